@@ -1,0 +1,261 @@
+"""Following the stable path of any engine: step control, critical points, change of branch.
+
+An engine shows itself as a `Problem`: it finds the equilibrium at a given displacement, and the neighbouring
+branch at a bifurcation. The rest is here, once for all engines.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from scipy.optimize import brentq
+
+from vjm.equilibrium import NoConvergenceError
+from vjm.paths import Equilibrium, Event, EventKind, Path, StationLabel
+from vjm.programme import Programme
+from vjm.rotations import Array
+
+EVENT_TOLERANCE = 1e-9
+"""Events are located to this fraction of the path's length; INTERFACES promise 1e-4 of the event's value."""
+
+
+class Problem(Protocol):
+    """What an engine must be able to do for its path to be followed."""
+
+    label: str
+    stations: tuple[StationLabel, ...]
+
+    def unloaded(self) -> Equilibrium:
+        """The state at zero displacement."""
+
+    def solve(self, s: float, start: Equilibrium, slope: Array | None = None) -> Equilibrium:
+        """Equilibrium at the path parameter ``s``, from the state of ``start``.
+
+        Args:
+            s: path parameter, at which the driven displacement is imposed.
+            start: a converged neighbour.
+            slope: derivative of the state by s, for a first guess; the engine may ignore it.
+
+        Raises:
+            NoConvergenceError: none was found.
+        """
+
+    def switch(self, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
+        """A state on the branch that crosses at a bifurcation, at the path parameter ``s`` just behind it.
+
+        Args:
+            critical: the state at the bifurcation.
+            s: a little more than ``critical.s``.
+            sign: which of the two mirrored branches, see `Programme.branch`.
+
+        Raises:
+            NoConvergenceError: the branch was not found, or none leads onwards from here.
+        """
+
+
+@dataclass(frozen=True)
+class StepControl:
+    """How far apart an adaptive path's points lie.
+
+    Attributes:
+        first: first step over the path's length.
+        largest: largest step over the path's length.
+        smallest: step at which the path is given up, over its length.
+        bend: how far a point may lie from the prolongation of the last two, over their distance.
+        behind: distance from a bifurcation to the first point on the new branch, over the bifurcation's s.
+    """
+
+    first: float = 0.005
+    largest: float = 0.02
+    smallest: float = 1e-6
+    bend: float = 0.25
+    behind: float = 2e-4
+
+
+def follow(
+    problem: Problem,
+    programme: Programme,
+    control: StepControl = StepControl(),  # noqa: B008 (frozen)
+    progress: Callable[[float], None] | None = None,
+) -> Path:
+    """Walk along the stable path from the unloaded state.
+
+    Bifurcations are located on the primary path, where the smallest eigenvalue passes zero, and left on the
+    branch that the programme asks for; limit points and bend-overs are located between stable points. A path
+    that cannot go on ends there and says why; what was found is kept.
+
+    Args:
+        problem: the engine at work on a chain in a posture.
+        programme: the ramp.
+        control: step control, for a programme without fixed steps.
+        progress: called with the fraction done.
+    """
+    return _Walk(problem, programme, control, progress).run()
+
+
+class _Walk:
+    """The state of one walk."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        programme: Programme,
+        control: StepControl,
+        progress: Callable[[float], None] | None,
+    ) -> None:
+        self.problem, self.programme, self.control, self.progress = problem, programme, control, progress
+        self.length = programme.length
+        self.points: list[Equilibrium] = [problem.unloaded()]
+        self.events: list[Event] = []
+        self.branch_start = 0
+        """Index of the first point on the present branch: no prolongation reaches across it."""
+
+    def run(self) -> Path:
+        started = time.perf_counter()
+        stopped = self._walk()
+        self._add_neighbour_stiffness()
+        return Path(
+            engine=self.problem.label,
+            model="",
+            programme=self.programme,
+            points=tuple(self.points),
+            events=tuple(self.events),
+            stations=self.problem.stations,
+            stopped=stopped,
+            seconds=time.perf_counter() - started,
+        )
+
+    def _walk(self) -> str:
+        grid = None
+        if self.programme.steps is not None:
+            grid = np.linspace(0.0, self.length, self.programme.steps + 1)[1:]
+        step = self.control.first * self.length
+        while self.points[-1].s < self.length * (1.0 - 1e-12):
+            here = self.points[-1]
+            if grid is not None:
+                wanted = float(grid[np.searchsorted(grid, here.s * (1.0 + 1e-12) + 1e-300, side="right")])
+                target = wanted if step >= wanted - here.s else here.s + step
+            else:
+                target = min(here.s + step, self.length)
+                if self.length - target < 0.3 * step:
+                    target = self.length
+            try:
+                there = self.problem.solve(target, here, self._slope())
+            except NoConvergenceError as failure:
+                step = 0.5 * (target - here.s)
+                if step < self.control.smallest * self.length:
+                    return f"no equilibrium found beyond {here.s:.6g}: {failure}"
+                continue
+            bend = self._bend(there)
+            if bend > self.control.bend and target - here.s > 1e3 * self.control.smallest * self.length:
+                step = max(0.5, 0.5 * self.control.bend / bend) * (target - here.s)
+                continue
+            if there.unstable > 0 and here.unstable <= 0:
+                reason = self._pass_bifurcation(here, there)
+                if reason:
+                    return reason
+                step = min(step, 2.0 * (self.points[-1].s - self.events[-1].s))
+                continue
+            self._find_smooth_events(here, there)
+            self.points.append(there)
+            if self.progress is not None:
+                self.progress(there.s / self.length)
+            done = target - here.s
+            largest = self.length if grid is not None else self.control.largest * self.length
+            step = min(largest, done * (2.0 if bend < 0.5 * self.control.bend else 1.2))
+        return ""
+
+    def _slope(self) -> Array | None:
+        if len(self.points) - self.branch_start < 2:
+            return None
+        a, b = self.points[-2:]
+        return (b.state - a.state) / (b.s - a.s)
+
+    def _bend(self, there: Equilibrium) -> float:
+        """How far the new shape lies from the prolongation of the last two, over the way to it."""
+        if len(self.points) - self.branch_start < 2:
+            return 0.0
+        a, b = self.points[-2:]
+        prolonged = b.shape + (b.shape - a.shape) * ((there.s - b.s) / (b.s - a.s))
+        way = float(np.linalg.norm(there.shape - b.shape)) + 1e-6 * self.length
+        return float(np.linalg.norm(there.shape - prolonged)) / way
+
+    def _between(self, a: Equilibrium, b: Equilibrium, value: Callable[[Equilibrium], float]) -> Equilibrium:
+        """The point between a and b, on their path, where a value that differs in sign there is zero."""
+        slope = (b.state - a.state) / (b.s - a.s)
+        seen: dict[float, Equilibrium] = {a.s: a, b.s: b}
+
+        def at(s: float) -> float:
+            if s not in seen:
+                near = min(seen.values(), key=lambda p: abs(p.s - s))
+                seen[s] = self.problem.solve(s, near, slope)
+            return value(seen[s])
+
+        root = brentq(at, a.s, b.s, xtol=EVENT_TOLERANCE * self.length, rtol=1e-12)
+        at(root)
+        return seen[root]
+
+    def _force(self, p: Equilibrium) -> float:
+        return float(np.sign(self.programme.to) * p.wrench[self.programme.component])
+
+    def _find_smooth_events(self, a: Equilibrium, b: Equilibrium) -> None:
+        if len(self.points) == self.branch_start and self.branch_start > 0:
+            return
+        half = 0.5 * self.points[0].tangent
+        wanted: list[tuple[EventKind, float]] = []
+        if a.tangent > 0.0 >= b.tangent:
+            wanted.append((EventKind.LIMIT, 0.0))
+        if a.tangent > half >= b.tangent and not self.events:
+            wanted.append((EventKind.BEND_OVER, half))
+        found = []
+        for kind, level in wanted:
+            point = self._between(a, b, lambda p, level=level: p.tangent - level)  # type: ignore[misc]
+            found.append(Event(kind, point.s, self._force(point), point=point))
+        self.events.extend(sorted(found, key=lambda event: event.s))
+
+    def _pass_bifurcation(self, a: Equilibrium, b: Equilibrium) -> str:
+        critical = self._between(a, b, lambda p: p.eigenvalue)
+        event = Event(
+            EventKind.BIFURCATION, critical.s, self._force(critical),
+            multiplicity=b.unstable - max(a.unstable, 0), point=critical,
+        )  # fmt: skip
+        self._find_smooth_events(a, critical)
+        self.events.append(event)
+        behind = min(critical.s * (1.0 + self.control.behind), self.length)
+        try:
+            there = self.problem.switch(critical, behind, self.programme.branch)
+        except NoConvergenceError as failure:
+            return f"bifurcation at {critical.s:.6g}, beyond which no stable branch was found: {failure}"
+        if there.unstable != 0:
+            return f"bifurcation at {critical.s:.6g}, but the branch that leads on is unstable"
+        self.events[-1] = replace(event, switched=True)
+        # the critical state belongs to both branches, and lies on neither side of stability
+        self.points.append(there)
+        self.branch_start = len(self.points) - 1
+        return ""
+
+    def _add_neighbour_stiffness(self) -> None:
+        """Fill in the tangents at 0.99 and 1.01 of each bifurcation's and limit's displacement."""
+        for i, event in enumerate(self.events):
+            if event.kind is EventKind.BEND_OVER:
+                continue
+            self.events[i] = replace(
+                event,
+                stiffness_before=self._tangent_at(0.99 * event.s, below=event.s),
+                stiffness_after=self._tangent_at(1.01 * event.s, above=event.s),
+            )
+
+    def _tangent_at(self, s: float, *, below: float = np.inf, above: float = 0.0) -> float | None:
+        near = [p for p in self.points if above < p.s < below or (above == 0.0 and p.s < below)]
+        if not near or s > self.points[-1].s * (1.0 + 1e-12):
+            return None
+        start = min(near, key=lambda p: abs(p.s - s))
+        try:
+            point = self.problem.solve(s, start, None)
+        except NoConvergenceError:
+            return None
+        return point.tangent if point.unstable <= 0 else None

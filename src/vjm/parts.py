@@ -1,0 +1,181 @@
+"""The parts of a chain: rigid offsets, actuators, beams and passive joints.
+
+Parts are the machine, not a model of it: the virtual joint method and every finite element engine read the
+same parts. A chain strings them from base to tool; each part begins at the *chain frame* where the one
+before it ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from vjm.rotations import Array, frame, rotate_matrix6, shift_compliance
+
+
+class Placement(StrEnum):
+    """Where the virtual spring sits in its segment of a beam."""
+
+    END = "end"
+    """At the far end, as the paper writes (21)."""
+    MIDDLE = "middle"
+    """At the elastic centre of the segment, where a uniform beam's compliance is diagonal."""
+    BEST = "best"
+    """At two thirds: the errors of end and middle in the critical load, +2 : −1 in 1/n², cancel."""
+
+    @property
+    def fraction(self) -> float:
+        """Distance from the segment's root over its length."""
+        return {"end": 1.0, "middle": 0.5, "best": 2.0 / 3.0}[self.value]
+
+
+@dataclass(frozen=True)
+class Section:
+    """Stiffness of a beam's cross-section about its own axes, x along the beam.
+
+    Attributes:
+        EA: axial stiffness, N.
+        GJ: torsional stiffness, N mm².
+        EIy: bending stiffness about y (deflection along z), N mm².
+        EIz: bending stiffness about z (deflection along y), N mm².
+        GAy: shear stiffness for deflection along y, N; infinite where shear is neglected.
+        GAz: the same along z.
+    """
+
+    EA: float
+    GJ: float
+    EIy: float
+    EIz: float
+    GAy: float = float("inf")
+    GAz: float = float("inf")
+
+    def times(self, count: int) -> Section:
+        """Section of ``count`` equal members side by side that share every load component."""
+        return Section(
+            self.EA * count, self.GJ * count, self.EIy * count, self.EIz * count,
+            self.GAy * count, self.GAz * count,
+        )  # fmt: skip
+
+    def compliance_at_middle(self, length: float) -> Array:
+        """Compliance ``(6, 6)`` of a straight piece of ``length`` mm, read at its middle, where it is diagonal.
+
+        Bernoulli and Timoshenko beam theory: with the wrench at the middle of the piece its two ends turn by
+        ``m h/EI`` and part by ``f h³/(12 EI) + f h/GA``.
+        """
+        h = length
+        return np.diag(
+            [
+                h / self.EA,
+                h**3 / (12.0 * self.EIz) + h / self.GAy,
+                h**3 / (12.0 * self.EIy) + h / self.GAz,
+                h / self.GJ,
+                h / self.EIy,
+                h / self.EIz,
+            ]
+        )
+
+    def compliance(self, length: float, at: float = 1.0) -> Array:
+        """Compliance ``(6, 6)`` of a straight piece, its root fixed, read at the fraction ``at`` of its length.
+
+        ``at=1`` is the cantilever of the textbooks: L³/3EI, L²/2EI, L/EI.
+        """
+        return shift_compliance(self.compliance_at_middle(length), [(at - 0.5) * length, 0.0, 0.0])
+
+
+@dataclass(frozen=True)
+class RigidOffset:
+    """A rigid piece: a constant transform ``(4, 4)``, mm."""
+
+    name: str
+    transform: Array = field(default_factory=lambda: np.eye(4))
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """A drive, held at its coordinate, that gives way along its axis.
+
+    Attributes:
+        axis: unit vector ``(3,)`` in the chain frame.
+        compliance: mm/N; zero for a rigid drive.
+    """
+
+    name: str
+    axis: Array
+    compliance: float = 0.0
+
+
+@dataclass(frozen=True)
+class PassiveJoint:
+    """A perfect revolute joint: no friction, no play.
+
+    Attributes:
+        axis: unit vector ``(3,)`` in the chain frame.
+    """
+
+    name: str
+    axis: Array
+
+
+@dataclass(frozen=True)
+class Beam:
+    """An elastic part: a straight uniform beam, perhaps with a rigid arm at its end, or a 6×6 compliance.
+
+    Attributes:
+        own_frame: rotation ``(3, 3)`` from the part's own axes, in which all else is given, to the chain frame.
+        section_frame: rotation ``(3, 3)`` from the section's axes (x along the beam) to the own axes.
+        length: of the elastic beam, mm.
+        end_offset: rigid arm from the beam's end to the part's tip, own axes, ``(3,)`` mm.
+        section: of one member, where the part is known as a beam.
+        compliance: of one member at its tip, own axes, ``(6, 6)`` in mm/N, rad/N, rad/(N mm), where known.
+        count: equal members side by side that share every load (a parallelogram as a bar of double stiffness).
+        segments: None: one virtual spring with ``compliance`` at the tip; n: the section in n segments.
+        placement: where a segment's spring sits.
+    """
+
+    name: str
+    length: float
+    own_frame: Array = field(default_factory=lambda: np.eye(3))
+    section_frame: Array = field(default_factory=lambda: np.eye(3))
+    end_offset: Array = field(default_factory=lambda: np.zeros(3))
+    section: Section | None = None
+    compliance: Array | None = None
+    count: int = 1
+    segments: int | None = None
+    placement: Placement = Placement.BEST
+
+    @property
+    def tip(self) -> Array:
+        """Vector ``(3,)`` from root to tip in the chain frame, mm."""
+        own = self.section_frame @ np.array([self.length, 0.0, 0.0]) + self.end_offset
+        result: Array = self.own_frame @ own
+        return result
+
+    @property
+    def section_in_chain(self) -> Array:
+        """Frame ``(4, 4)`` of the section's axes at the root, in the chain frame."""
+        return frame(self.own_frame @ self.section_frame)
+
+    def effective_section(self) -> Section:
+        """Section of all members together.
+
+        Raises:
+            ValueError: the part is known by its compliance matrix only.
+        """
+        if self.section is None:
+            raise ValueError(f"part '{self.name}' has no section: it cannot be split or meshed")
+        return self.section.times(self.count)
+
+    def beam_compliance(self) -> Array:
+        """Compliance ``(6, 6)`` of all members at the tip, own axes, from the section by beam theory."""
+        at_end = rotate_matrix6(self.effective_section().compliance(self.length), self.section_frame)
+        return shift_compliance(at_end, self.end_offset)
+
+    def tip_compliance(self) -> Array:
+        """Compliance ``(6, 6)`` of all members at the tip, own axes: the given matrix, else beam theory."""
+        return self.beam_compliance() if self.compliance is None else self.compliance / self.count
+
+
+Part = RigidOffset | Actuator | PassiveJoint | Beam
+"""Anything that a chain is made of."""

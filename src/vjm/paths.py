@@ -1,0 +1,165 @@
+"""Load paths: equilibria in a row, with what is known of each, and the events between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from vjm.programme import Programme
+from vjm.rotations import Array
+
+
+class EventKind(StrEnum):
+    """What can happen along a path of imposed displacement, in the order of precedence at a tie."""
+
+    BIFURCATION = "bifurcation"
+    """The smallest stability eigenvalue passes zero."""
+    LIMIT = "limit"
+    """The force has a maximum."""
+    BEND_OVER = "bend-over"
+    """Neither, but the tangent stiffness falls through half of its unloaded value."""
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """One converged state, whoever solved it.
+
+    Attributes:
+        s: path parameter: magnitude of the driven displacement, mm or rad.
+        displacement: ``(6,)`` of the end-effector from its unloaded pose, mm, rad, world axes.
+        wrench: ``(6,)`` that the chain needs at the end-effector, N, N mm, world axes.
+        tangent: derivative of the driven wrench component by the driven displacement, the rest of the pose
+            held; nan where not computed.
+        stiffness: the whole ``(6, 6)`` loaded stiffness K^F, where computed.
+        eigenvalue: smallest eigenvalue of the tangent on the constraints' null space, in the engine's own
+            units; nan where not computed.
+        unstable: number of negative eigenvalues, −1 where not computed.
+        iterations: of the solver.
+        residual: relative, in the engine's own scaling.
+        shape: positions ``(k, 3)`` of the stations, mm, world.
+        state: the engine's own coordinates ``(n,)``.
+    """
+
+    s: float
+    displacement: Array
+    wrench: Array
+    tangent: float
+    eigenvalue: float
+    unstable: int
+    iterations: int
+    residual: float
+    shape: Array
+    state: Array
+    stiffness: Array | None = None
+
+
+@dataclass(frozen=True)
+class Event:
+    """A critical point, located.
+
+    Attributes:
+        kind: what happens.
+        s: path parameter there.
+        force: magnitude of the driven wrench component there.
+        stiffness_before: tangent at 0.99 s on the stable path; None for a bend-over or off the path.
+        stiffness_after: tangent at 1.01 s on the stable path; likewise.
+        multiplicity: number of eigenvalues that pass zero together.
+        point: the state at the event, for its shape.
+        switched: for a bifurcation: whether a stable branch was found and taken.
+    """
+
+    kind: EventKind
+    s: float
+    force: float
+    stiffness_before: float | None = None
+    stiffness_after: float | None = None
+    multiplicity: int = 1
+    point: Equilibrium | None = None
+    switched: bool = False
+
+
+@dataclass(frozen=True)
+class StationLabel:
+    """Which material point a row of a shape is: part name and fraction of its elastic length."""
+
+    part: str
+    fraction: float
+
+
+@dataclass(frozen=True)
+class Path:
+    """The stable equilibria that a chain passes through.
+
+    Attributes:
+        engine: label of the engine.
+        model: name of the model.
+        model_sha256: hash of its file.
+        programme: what was done.
+        points: the equilibria in the order of the path, the unloaded one first. All are converged; each says
+            whether it is stable.
+        events: located critical points in the order of the path.
+        stations: labels of the rows of the shapes.
+        stopped: why the path ends before its programme does; empty where it does not.
+        seconds: wall time.
+    """
+
+    engine: str
+    model: str
+    programme: Programme
+    points: tuple[Equilibrium, ...]
+    events: tuple[Event, ...] = ()
+    stations: tuple[StationLabel, ...] = ()
+    stopped: str = ""
+    seconds: float = 0.0
+    model_sha256: str = ""
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def s(self) -> Array:
+        """Path parameter of every point ``(n,)``, mm or rad."""
+        return np.array([p.s for p in self.points])
+
+    @property
+    def force(self) -> Array:
+        """Magnitude of the driven wrench component ``(n,)``: positive where the chain resists the ramp."""
+        sign = np.sign(self.programme.to)
+        return np.array([sign * p.wrench[self.programme.component] for p in self.points])
+
+    @property
+    def tangent(self) -> Array:
+        """Tangent stiffness ``(n,)`` along the driven component."""
+        return np.array([p.tangent for p in self.points])
+
+    @property
+    def displacement(self) -> Array:
+        """Displacements ``(n, 6)``, mm, rad."""
+        return np.array([p.displacement for p in self.points])
+
+    @property
+    def wrench(self) -> Array:
+        """Wrenches ``(n, 6)``, N, N mm."""
+        return np.array([p.wrench for p in self.points])
+
+    @property
+    def unstable(self) -> np.ndarray:
+        """Number of unstable modes ``(n,)``, −1 where not computed."""
+        return np.array([p.unstable for p in self.points], dtype=int)
+
+    @property
+    def eigenvalue_relative(self) -> Array:
+        """Smallest stability eigenvalue over its unloaded value ``(n,)``; nan where not computed."""
+        values = np.array([p.eigenvalue for p in self.points])
+        return values / values[0]
+
+    @property
+    def critical(self) -> Event | None:
+        """The first event, by precedence at a tie."""
+        return self.events[0] if self.events else None
+
+    @property
+    def complete(self) -> bool:
+        """Whether the path reached the end of its programme."""
+        return not self.stopped

@@ -1,0 +1,108 @@
+"""Rotations and rigid transforms, as plain arrays.
+
+A *frame* is a homogeneous 4×4 matrix; a *twist* or pose difference is a 6-vector (linear mm, angular rad),
+both in world axes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+"""A real array; its shape stands in the docstring of whatever takes or returns it."""
+
+AXES: dict[str, Array] = {"x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2]}
+"""The unit vectors by name."""
+
+
+def skew(v: ArrayLike) -> Array:
+    """Cross-product matrix: ``skew(a) @ b == cross(a, b)``; ``(3,)`` to ``(3, 3)``."""
+    x, y, z = np.asarray(v, dtype=float)
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def rotation_from_vector(v: ArrayLike) -> Array:
+    """Rotation matrix ``(3, 3)`` of a rotation vector ``(3,)`` in rad (Rodrigues' formula)."""
+    v = np.asarray(v, dtype=float)
+    angle = float(np.sqrt(v @ v))
+    S = skew(v)
+    # sinc forms stay exact through angle = 0
+    a = np.sinc(angle / np.pi)
+    b = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
+    result: Array = np.eye(3) + a * S + b * (S @ S)
+    return result
+
+
+def rotation_vector(R: Array) -> Array:
+    """Rotation vector ``(3,)`` in rad of a rotation matrix, for angles below π."""
+    w = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    sine = float(np.sqrt(w @ w))
+    cosine = 0.5 * (float(np.trace(R)) - 1.0)
+    if sine < 1e-9 and cosine > 0.0:
+        return w
+    if sine < 1e-9:
+        raise ValueError("rotation by a half turn has no unique rotation vector")
+    result: Array = w * (np.arctan2(sine, cosine) / sine)
+    return result
+
+
+def frame(R: Array | None = None, p: ArrayLike | None = None) -> Array:
+    """Homogeneous matrix ``(4, 4)`` from a rotation ``(3, 3)`` and a position ``(3,)`` in mm."""
+    T = np.eye(4)
+    if R is not None:
+        T[:3, :3] = R
+    if p is not None:
+        T[:3, 3] = p
+    return T
+
+
+def translation(p: ArrayLike) -> Array:
+    """Frame ``(4, 4)`` shifted by ``p`` (3,) in mm."""
+    return frame(p=p)
+
+
+def turn(axis: ArrayLike, angle: float) -> Array:
+    """Frame ``(4, 4)`` turned by ``angle`` rad about the unit vector ``axis`` (3,)."""
+    return frame(rotation_from_vector(np.asarray(axis, dtype=float) * angle))
+
+
+def inverse_frame(T: Array) -> Array:
+    """Inverse of a homogeneous matrix ``(4, 4)``."""
+    R = T[:3, :3].T
+    return frame(R, -R @ T[:3, 3])
+
+
+def displaced(T: Array, displacement: ArrayLike) -> Array:
+    """Frame ``(4, 4)`` moved by a displacement ``(6,)``: shift in mm and rotation vector in rad, world axes."""
+    d = np.asarray(displacement, dtype=float)
+    return frame(rotation_from_vector(d[3:]) @ T[:3, :3], T[:3, 3] + d[:3])
+
+
+def displacement_between(T_from: Array, T_to: Array) -> Array:
+    """Displacement ``(6,)`` that takes one frame to another; the inverse of `displaced`."""
+    return np.concatenate(
+        [T_to[:3, 3] - T_from[:3, 3], rotation_vector(T_to[:3, :3] @ T_from[:3, :3].T)]
+    )
+
+
+def shift_compliance(compliance: Array, offset: ArrayLike) -> Array:
+    """Compliance ``(6, 6)`` of the same elastic body read at a point shifted by ``offset`` (3,) mm.
+
+    A rigid arm is welded between the old point and the new one: the new point moves by
+    ``u + φ × offset``, and a force there brings the moment ``offset × f`` to the old point.
+    """
+    A = np.eye(6)
+    A[:3, 3:] = -skew(offset)
+    result: Array = A @ compliance @ A.T
+    return result
+
+
+def rotate_matrix6(matrix: Array, R: Array) -> Array:
+    """A 6×6 compliance or stiffness ``(6, 6)`` given in a frame, expressed in the frame's parent."""
+    B: Any = np.zeros((6, 6))
+    B[:3, :3] = B[3:, 3:] = R
+    result: Array = B @ matrix @ B.T
+    return result
