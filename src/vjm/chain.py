@@ -100,7 +100,6 @@ class Chain:
         return replace(
             self,
             parts=tuple(
-                replace(part, compliance=compliance) if isinstance(part, Actuator) else part
-                for part in self.parts
+                replace(part, compliance=compliance) if isinstance(part, Actuator) else part for part in self.parts
             ),
         )

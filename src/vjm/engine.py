@@ -20,9 +20,7 @@ class Engine(Protocol):
     @property
     def label(self) -> str: ...  # noqa: D102
 
-    def walk(
-        self, chain: Chain, programme: Programme, progress: Callable[[float], None] | None = None
-    ) -> Path:
+    def walk(self, chain: Chain, programme: Programme, progress: Callable[[float], None] | None = None) -> Path:
         """Take the chain through the programme, staying on the stable path.
 
         Args:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import LinAlgWarning, lu_factor, lu_solve
 
 from vjm.lumped import Kinematics, LumpedModel
 from vjm.rotations import Array, displacement_between
@@ -69,6 +68,13 @@ def residual(model: LumpedModel, x: Array, wrench: Array, target: Array) -> tupl
     return k, k.jacobian.T @ wrench - model.stiffness @ x, displacement_between(k.end, target)
 
 
+def scaled_norm(model: LumpedModel, statics: Array, gap: Array) -> float:
+    """Largest component of the residuals ``(m,)`` and ``(6,)``, made dimensionless by the model's scales."""
+    energy = model.wrench_scale[3]
+    largest = max(np.abs(statics * model.coordinate_scale).max(), np.abs(gap * model.wrench_scale).max())
+    return float(largest / energy)
+
+
 def newton_matrix(model: LumpedModel, k: Kinematics, wrench: Array) -> Array:
     """Scaled tangent ``(m + 6, m + 6)`` of statics and geometry: ``[H − K, Jᵀ; J, 0]``.
 
@@ -86,8 +92,9 @@ def newton_matrix(model: LumpedModel, k: Kinematics, wrench: Array) -> Array:
 
 
 def newton_scale(model: LumpedModel) -> Array:
-    """Units of the unknowns ``(m + 6,)``, divided by the square root of the energy unit so that scaling
-    the tangent from both sides leaves it dimensionless.
+    """Units of the unknowns ``(m + 6,)`` over the square root of the energy unit.
+
+    Scaled by them from both sides, the tangent is dimensionless.
     """
     root_energy = np.sqrt(model.wrench_scale[3])
     return np.concatenate([model.coordinate_scale, model.wrench_scale]) / root_energy
@@ -106,29 +113,121 @@ def solve_newton(
         max_iterations: after which it gives up.
 
     Raises:
-        NoConvergenceError: the residual did not fall below `TOLERANCE`.
+        NoConvergenceError: the scaled residual did not fall below `TOLERANCE`.
     """
     scale = newton_scale(model)
     m = model.size
-    error = np.inf
     for iteration in range(max_iterations + 1):
-        k, statics, gap = residual(model, x, wrench, target)
-        r = np.concatenate([statics, gap]) * scale
-        error = float(np.max(np.abs(r))) / np.sqrt(model.wrench_scale[3])
+        try:
+            k, statics, gap = residual(model, x, wrench, target)
+        except ValueError:
+            raise NoConvergenceError("Newton left the neighbourhood of the target pose") from None
+        error = scaled_norm(model, statics, gap)
         if error < TOLERANCE:
             return Configuration(model, x, wrench, error, iteration)
         if not np.isfinite(error) or error > 1e6:
             break
-        r[:m] *= -1.0
         try:
-            step = solve_scaled(newton_matrix(model, k, wrench), r) * scale
+            step = np.linalg.solve(newton_matrix(model, k, wrench), np.concatenate([-statics, gap]) * scale)
         except np.linalg.LinAlgError:
             break
-        x = x + step[:m]
-        wrench = wrench + step[m:]
+        x = x + scale[:m] * step[:m]
+        wrench = wrench + scale[m:] * step[m:]
     raise NoConvergenceError(f"Newton stopped after {iteration} iterations at a scaled residual of {error:.1e}")
 
 
-def solve_scaled(A: Array, b: Array) -> Array:
-    result: Array = np.linalg.solve(A, b)
-    return result
+def solve_paper(
+    model: LumpedModel,
+    target: Array,
+    x: Array,
+    *,
+    max_iterations: int = 200,
+    noise: float = 0.0,
+    rng: np.random.Generator | None = None,
+) -> Configuration:
+    """Equilibrium at an imposed pose by the paper's iteration (13), its misprints repaired.
+
+    With the Jacobians frozen at ``(q_i, θ_i)`` one linear solve gives the next wrench and passive coordinates:
+
+        [ J_θ k_θ J_θᵀ  J_q ] [ F ]   [ t − g + J_q q_i + J_θ θ_i ]
+        [ J_qᵀ           0  ] [ q ] = [ 0                         ],   θ = k_θ J_θᵀ F
+
+    It contracts by about F/F_cr an iteration and diverges where the equilibrium sought is unstable.
+
+    Args:
+        model: the lumped model.
+        target: end-effector frame ``(4, 4)`` to be held, mm.
+        x: joint coordinates ``(m,)`` to start from.
+        max_iterations: after which it gives up.
+        noise: standard deviation of the disturbance that the paper adds to the coordinates at each iteration,
+            in units of `LumpedModel.coordinate_scale`. It halves with every iteration, so that the
+            iteration can still converge.
+        rng: where the noise comes from.
+
+    Raises:
+        NoConvergenceError: the scaled residual did not fall below `TOLERANCE`.
+        ValueError: noise without a generator.
+    """
+    if noise > 0.0 and rng is None:
+        raise ValueError("noise needs a random generator, so that the result can be repeated")
+    elastic, passive = model.elastic, model.passive
+    unit = model.wrench_scale
+    passive_unit = model.coordinate_scale[passive] / unit[3]
+    for iteration in range(1, max_iterations + 1):
+        if rng is not None and noise > 0.0:
+            x = x + noise * 0.5 ** (iteration - 1) * model.coordinate_scale * rng.standard_normal(model.size)
+        k = model.kinematics(x)
+        J_theta, J_q = k.jacobian[:, elastic], k.jacobian[:, passive]
+        A = np.zeros((6 + len(passive), 6 + len(passive)))
+        A[:6, :6] = J_theta @ model.compliance @ J_theta.T
+        A[:6, 6:] = J_q
+        A[6:, :6] = J_q.T
+        try:
+            b = np.concatenate([displacement_between(k.end, target) + k.jacobian @ x, np.zeros(len(passive))])
+            scale = np.concatenate([unit / np.sqrt(unit[3]), passive_unit * np.sqrt(unit[3])])
+            solution = scale * np.linalg.solve(A * scale[:, None] * scale, b * scale)
+            wrench = solution[:6]
+            x = model.configuration(solution[6:], model.compliance @ (J_theta.T @ wrench))
+            _, statics, gap = residual(model, x, wrench, target)
+        except (np.linalg.LinAlgError, ValueError):
+            raise NoConvergenceError(f"the paper's iteration (13) broke down after {iteration} steps") from None
+        error = scaled_norm(model, statics, gap)
+        if error < TOLERANCE:
+            return Configuration(model, x, wrench, error, iteration)
+    raise NoConvergenceError(
+        f"the paper's iteration (13) stopped after {max_iterations} steps at a scaled residual of {error:.1e}"
+    )
+
+
+def solve_under_wrench(model: LumpedModel, wrench: Array, x: Array, *, max_iterations: int = 60) -> Configuration:
+    """Equilibrium of the free end-effector under a dead wrench: the converse of an imposed pose.
+
+    Newton-Raphson on ``Jᵀ F = K x``. A single chain resists only wrenches that leave its passive joints
+    without torque; under any other it swings until they do, and motions that the wrench does not see (a tool
+    that turns about its own joint) stay where they are: steps are the shortest that solve the equations.
+
+    Args:
+        model: the lumped model.
+        wrench: ``(6,)`` N, N mm, fixed in the world.
+        x: joint coordinates ``(m,)`` to start from.
+        max_iterations: after which it gives up.
+
+    Raises:
+        NoConvergenceError: the chain found no position in which it balances the wrench.
+    """
+    scale = newton_scale(model)[: model.size]
+    root_energy = np.sqrt(model.wrench_scale[3])
+    for iteration in range(max_iterations + 1):
+        k = model.kinematics(x)
+        statics = k.jacobian.T @ wrench - model.stiffness @ x
+        error = scaled_norm(model, statics, np.zeros(6))
+        if error < TOLERANCE:
+            return Configuration(model, x, wrench, error, iteration)
+        A = (k.force_hessian(wrench) - model.stiffness) * scale[:, None] * scale
+        step = np.linalg.lstsq(A, -statics * scale, rcond=1e-11)[0] / root_energy
+        # a swinging chain goes in steps of at most a third of a radian
+        step *= min(1.0, 0.3 / max(float(np.max(np.abs(step))), 1e-300))
+        x = x + model.coordinate_scale * step
+    raise NoConvergenceError(
+        f"the chain did not balance this wrench within {max_iterations} iterations (scaled residual {error:.1e})"
+    )

@@ -79,7 +79,7 @@ class StepControl:
 def follow(
     problem: Problem,
     programme: Programme,
-    control: StepControl = StepControl(),  # noqa: B008 (frozen)
+    control: StepControl = StepControl(),
     progress: Callable[[float], None] | None = None,
 ) -> Path:
     """Walk along the stable path from the unloaded state.
@@ -155,7 +155,15 @@ class _Walk:
                 step = max(0.5, 0.5 * self.control.bend / bend) * (target - here.s)
                 continue
             if there.unstable > 0 and here.unstable <= 0:
-                reason = self._pass_bifurcation(here, there)
+                try:
+                    critical = self._bifurcation(here, there)
+                except NoConvergenceError as failure:
+                    # the step led to another, unstable branch, which no bifurcation connects with this one
+                    step = 0.25 * (target - here.s)
+                    if step < self.control.smallest * self.length:
+                        return f"stability is lost beyond {here.s:.6g} without a bifurcation: {failure}"
+                    continue
+                reason = self._leave_at(critical, here, there.unstable - max(here.unstable, 0))
                 if reason:
                     return reason
                 step = min(step, 2.0 * (self.points[-1].s - self.events[-1].s))
@@ -200,7 +208,7 @@ class _Walk:
         return seen[root]
 
     def _force(self, p: Equilibrium) -> float:
-        return float(np.sign(self.programme.to) * p.wrench[self.programme.component])
+        return float(self.programme.direction @ p.wrench)
 
     def _find_smooth_events(self, a: Equilibrium, b: Equilibrium) -> None:
         if len(self.points) == self.branch_start and self.branch_start > 0:
@@ -217,13 +225,27 @@ class _Walk:
             found.append(Event(kind, point.s, self._force(point), point=point))
         self.events.extend(sorted(found, key=lambda event: event.s))
 
-    def _pass_bifurcation(self, a: Equilibrium, b: Equilibrium) -> str:
+    def _bifurcation(self, a: Equilibrium, b: Equilibrium) -> Equilibrium:
+        """The point between a stable and an unstable one where the smallest eigenvalue passes zero.
+
+        Raises:
+            NoConvergenceError: it does not pass zero but jumps: the two are not on one path.
+        """
         critical = self._between(a, b, lambda p: p.eigenvalue)
+        if abs(critical.eigenvalue) > 1e-4 * max(abs(a.eigenvalue), abs(b.eigenvalue)):
+            raise NoConvergenceError("the smallest eigenvalue jumps")
+        return critical
+
+    def _leave_at(self, critical: Equilibrium, before: Equilibrium, multiplicity: int) -> str:
+        """Record a bifurcation and go on along the branch that crosses there; returns why not, if not."""
+        self._find_smooth_events(before, critical)
         event = Event(
-            EventKind.BIFURCATION, critical.s, self._force(critical),
-            multiplicity=b.unstable - max(a.unstable, 0), point=critical,
-        )  # fmt: skip
-        self._find_smooth_events(a, critical)
+            EventKind.BIFURCATION,
+            critical.s,
+            self._force(critical),
+            multiplicity=multiplicity,
+            point=critical,
+        )
         self.events.append(event)
         behind = min(critical.s * (1.0 + self.control.behind), self.length)
         try:

@@ -104,7 +104,7 @@ class LumpedModel:
         self.axis = np.array(self._axis).reshape(-1, 3)
         self.before = np.array(self._before).reshape(-1, 4, 4)
         self.tail = self._rigid
-        self._skew = np.array([skew(a) for a in self.axis]).reshape(-1, 3, 3)
+        self._skew: Array = np.array([skew(a) for a in self.axis]).reshape(-1, 3, 3)
         self._skew2 = self._skew @ self._skew
 
     @property
@@ -121,7 +121,8 @@ class LumpedModel:
     def stiffness(self) -> Array:
         """``K_θ`` of (3) among all joints ``(m, m)``, zero on the passive ones."""
         K = np.zeros((self.size, self.size))
-        K[np.ix_(self.elastic, self.elastic)] = _block_diagonal([np.linalg.inv(k) for k in self.springs])
+        blocks: list[Array] = [np.linalg.inv(k) for k in self.springs]  # type: ignore[misc]
+        K[np.ix_(self.elastic, self.elastic)] = _block_diagonal(blocks)
         return K
 
     @cached_property

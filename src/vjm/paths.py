@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 
@@ -31,8 +30,7 @@ class Equilibrium:
         s: path parameter: magnitude of the driven displacement, mm or rad.
         displacement: ``(6,)`` of the end-effector from its unloaded pose, mm, rad, world axes.
         wrench: ``(6,)`` that the chain needs at the end-effector, N, N mm, world axes.
-        tangent: derivative of the driven wrench component by the driven displacement, the rest of the pose
-            held; nan where not computed.
+        tangent: derivative of the driven force by the path parameter, the rest of the pose held.
         stiffness: the whole ``(6, 6)`` loaded stiffness K^F, where computed.
         eigenvalue: smallest eigenvalue of the tangent on the constraints' null space, in the engine's own
             units; nan where not computed.
@@ -115,7 +113,6 @@ class Path:
     stopped: str = ""
     seconds: float = 0.0
     model_sha256: str = ""
-    notes: dict[str, Any] = field(default_factory=dict)
 
     @property
     def s(self) -> Array:
@@ -124,9 +121,9 @@ class Path:
 
     @property
     def force(self) -> Array:
-        """Magnitude of the driven wrench component ``(n,)``: positive where the chain resists the ramp."""
-        sign = np.sign(self.programme.to)
-        return np.array([sign * p.wrench[self.programme.component] for p in self.points])
+        """Driven force ``(n,)``: the wrench along the ramp, positive where the chain resists it."""
+        result: Array = self.wrench @ self.programme.direction
+        return result
 
     @property
     def tangent(self) -> Array:

@@ -14,12 +14,12 @@ COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 
 @dataclass(frozen=True)
 class Programme:
-    """A ramp of one component of the end-effector's displacement, the rest of the pose held.
+    """A straight ramp of the end-effector's displacement, the rest of the pose held.
 
     Attributes:
         posture: label of the posture to start from, unloaded.
         to: end of the ramp, signed, in mm or rad.
-        axis: the driven component, one of `COMPONENTS`.
+        axis: the driven component, one of `COMPONENTS`, or a displacement ``(6,)`` per unit of ``to``.
         steps: number of equal steps; None where the engine chooses, finer around critical points.
         branch: +1 or −1: which of two mirrored branches to take at a bifurcation. On +1 the largest component
             of the buckling mode's deflection is positive.
@@ -27,13 +27,16 @@ class Programme:
 
     posture: str
     to: float
-    axis: str = "x"
+    axis: str | tuple[float, ...] = "x"
     steps: int | None = None
     branch: int = 1
 
     def __post_init__(self) -> None:
-        if self.axis not in COMPONENTS:
-            raise ValueError(f"axis '{self.axis}' is none of {', '.join(COMPONENTS)}")
+        if isinstance(self.axis, str):
+            if self.axis not in COMPONENTS:
+                raise ValueError(f"axis '{self.axis}' is none of {', '.join(COMPONENTS)}")
+        elif len(self.axis) != 6 or not np.all(np.isfinite(self.axis)) or not any(self.axis):
+            raise ValueError("a ramp's direction is six finite numbers, not all zero")
         if not np.isfinite(self.to) or self.to == 0.0:
             raise ValueError(f"the ramp must end at a finite displacement other than zero, not {self.to}")
         if self.steps is not None and self.steps < 1:
@@ -44,14 +47,22 @@ class Programme:
     @property
     def component(self) -> int:
         """Index of the driven component in a displacement or wrench."""
+        if not isinstance(self.axis, str):
+            raise ValueError("a ramp in several components drives no single one")
         return COMPONENTS.index(self.axis)
 
     @property
     def direction(self) -> Array:
-        """Displacement ``(6,)`` per unit of the path parameter, which runs from 0 to ``abs(to)``."""
-        d = np.zeros(6)
-        d[self.component] = np.sign(self.to)
-        return d
+        """Displacement ``(6,)`` per unit of the path parameter, which runs from 0 to ``abs(to)``.
+
+        Its product with the wrench is the driven force, positive where the chain resists the ramp.
+        """
+        d = np.eye(6)[self.component] if isinstance(self.axis, str) else np.array(self.axis)
+        return np.sign(self.to) * d
+
+    def displacement(self, s: float) -> Array:
+        """Displacement ``(6,)`` of the end-effector at the path parameter ``s``, mm, rad, world axes."""
+        return s * self.direction + 0.0  # no negative zeros
 
     @property
     def length(self) -> float:

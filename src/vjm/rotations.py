@@ -83,9 +83,7 @@ def displaced(T: Array, displacement: ArrayLike) -> Array:
 
 def displacement_between(T_from: Array, T_to: Array) -> Array:
     """Displacement ``(6,)`` that takes one frame to another; the inverse of `displaced`."""
-    return np.concatenate(
-        [T_to[:3, 3] - T_from[:3, 3], rotation_vector(T_to[:3, :3] @ T_from[:3, :3].T)]
-    )
+    return np.concatenate([T_to[:3, 3] - T_from[:3, 3], rotation_vector(T_to[:3, :3] @ T_from[:3, :3].T)])
 
 
 def shift_compliance(compliance: Array, offset: ArrayLike) -> Array:

@@ -1,0 +1,170 @@
+"""The virtual joint method as an engine: springs, equilibrium, stability and branches of a lumped chain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.chain import FOOT, Chain
+from vjm.equilibrium import (
+    TOLERANCE,
+    Configuration,
+    NoConvergenceError,
+    newton_matrix,
+    newton_scale,
+    residual,
+    scaled_norm,
+    solve_newton,
+)
+from vjm.following import follow
+from vjm.lumped import LumpedModel
+from vjm.parts import Placement
+from vjm.paths import Equilibrium, Path, StationLabel
+from vjm.programme import Programme
+from vjm.rotations import Array, displaced
+from vjm.stability import critical_mode, stability
+from vjm.stiffness import loaded_stiffness
+
+
+class LumpedProblem:
+    """A lumped model in a posture under a ramp: the `vjm.following.Problem` of the virtual joint method."""
+
+    def __init__(self, model: LumpedModel, programme: Programme, label: str) -> None:
+        self.model = model
+        self.label = label
+        self.programme = programme
+        self.stations = tuple(StationLabel(s.part, s.fraction) for s in model.stations)
+        self._x0 = model.configuration(model.chain.posture(programme.posture))
+        self._pose0 = model.kinematics(self._x0).end
+
+    def target(self, s: float) -> Array:
+        """End-effector frame ``(4, 4)`` that is imposed at the path parameter ``s``."""
+        return displaced(self._pose0, self.programme.displacement(s))
+
+    def unloaded(self) -> Equilibrium:
+        """The posture as drawn."""
+        return self.equilibrium(0.0, Configuration(self.model, self._x0, np.zeros(6), 0.0, 0))
+
+    def solve(self, s: float, start: Equilibrium, slope: Array | None = None) -> Equilibrium:
+        """Equilibrium at ``s`` by Newton-Raphson from a neighbour, prolonged along its slope."""
+        state = start.state if slope is None else start.state + slope * (s - start.s)
+        m = self.model.size
+        return self.equilibrium(s, solve_newton(self.model, self.target(s), state[:m], state[m:]))
+
+    def switch(self, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
+        """A state at ``s`` on the branch that crosses at a bifurcation, without an imperfection.
+
+        The branch is entered by its own amplitude: the component of the motion along the critical mode is
+        imposed and the end-effector's displacement is what results. It grows with the amplitude squared,
+        which gives the amplitude that belongs to ``s``.
+        """
+        at = self.configuration(critical)
+        mode = sign * critical_mode(at)
+        amplitude = 1e-3
+        beyond, _ = self._on_branch(at, mode, amplitude, critical.s)
+        rise = beyond - critical.s
+        if rise <= 0.0:
+            raise NoConvergenceError("the crossing branch turns back: the bifurcation is subcritical")
+        amplitude *= np.sqrt((s - critical.s) / rise)
+        beyond, near = self._on_branch(at, mode, amplitude, critical.s)
+        there = self.solve(s, self.equilibrium(beyond, near))
+        along = mode @ ((there.state[: self.model.size] - at.x) / self.model.coordinate_scale**2)
+        if along < 0.5 * amplitude:
+            raise NoConvergenceError("Newton fell back from the crossing branch")
+        return there
+
+    def configuration(self, point: Equilibrium) -> Configuration:
+        """The joint coordinates and the wrench of a point of this problem's path."""
+        m = self.model.size
+        return Configuration(self.model, point.state[:m], point.state[m:], point.residual, point.iterations)
+
+    def equilibrium(self, s: float, at: Configuration) -> Equilibrium:
+        """What the path keeps of a configuration: stiffness (18), stability, shape."""
+        K = loaded_stiffness(at)
+        verdict = stability(at)
+        direction = self.programme.direction
+        return Equilibrium(
+            s=s,
+            displacement=self.programme.displacement(s),
+            wrench=at.wrench,
+            tangent=float(direction @ K @ direction),
+            eigenvalue=verdict.eigenvalue,
+            unstable=verdict.unstable,
+            iterations=at.iterations,
+            residual=at.residual,
+            shape=self.model.shape(at.kinematics),
+            state=np.concatenate([at.x, at.wrench]),
+            stiffness=K,
+        )
+
+    def _on_branch(
+        self, at: Configuration, mode: Array, amplitude: float, s: float, max_iterations: int = 30
+    ) -> tuple[float, Configuration]:
+        """Displacement and configuration at which the motion from ``at`` along ``mode`` has an amplitude."""
+        model, m = self.model, self.model.size
+        x, wrench = at.x + amplitude * mode, at.wrench
+        row = mode / model.coordinate_scale**2
+        scale = newton_scale(model)
+        root_energy = np.sqrt(model.wrench_scale[3])
+        s_unit = 1.0 / float(np.linalg.norm(self.programme.direction * model.wrench_scale) / model.wrench_scale[3])
+        A = np.zeros((m + 7, m + 7))
+        for iteration in range(max_iterations):
+            k, statics, gap = residual(model, x, wrench, self.target(s))
+            missing = amplitude - row @ (x - at.x)
+            error = scaled_norm(model, statics, gap)
+            if error < TOLERANCE and abs(missing) < TOLERANCE:
+                return s, Configuration(model, x, wrench, error, iteration)
+            A[: m + 6, : m + 6] = newton_matrix(model, k, wrench)
+            A[m : m + 6, m + 6] = -self.programme.direction * scale[m:] * s_unit
+            A[m + 6, :m] = row * scale[:m] * root_energy
+            b = np.concatenate([np.concatenate([-statics, gap]) * scale, [missing * root_energy]])
+            step = np.linalg.solve(A, b)
+            x = x + scale[:m] * step[:m]
+            wrench = wrench + scale[m:] * step[m : m + 6]
+            s = s + s_unit * step[m + 6]
+        raise NoConvergenceError(f"no state found on the crossing branch (scaled residual {error:.1e})")
+
+
+@dataclass(frozen=True)
+class VjmEngine:
+    """The virtual joint method with any number of springs.
+
+    Attributes:
+        segments: springs in every beam but the foot; None: one spring with the printed 6×6 compliance at the
+            far end of each link, the paper's model.
+        foot_segments: springs in the foot; None or 1: its 6×6 compliance at its tip, by (22).
+        placement: where a spring sits in its segment.
+    """
+
+    segments: int | None = None
+    foot_segments: int | None = None
+    placement: Placement = Placement.BEST
+
+    @property
+    def label(self) -> str:
+        """``vjm-paper``, ``vjm-16`` or ``vjm-16f16``, with the placement where it is not the best."""
+        if self.segments is None:
+            return "vjm-paper"
+        foot = f"f{self.foot_segments}" if self.foot_segments and self.foot_segments > 1 else ""
+        place = "" if self.placement is Placement.BEST else f"-{self.placement}"
+        return f"vjm-{self.segments}{foot}{place}"
+
+    def model(self, chain: Chain) -> LumpedModel:
+        """The chain with this engine's springs.
+
+        Raises:
+            ValueError: a beam that is to be split has no section.
+        """
+        if self.segments is not None:
+            chain = chain.refined(self.segments, self.placement)
+        if self.foot_segments is not None and self.foot_segments > 1:
+            chain = chain.refined({FOOT: self.foot_segments}, self.placement)
+        return LumpedModel(chain)
+
+    def walk(self, chain: Chain, programme: Programme, progress: Callable[[float], None] | None = None) -> Path:
+        """Take the chain through the programme, staying on the stable path; see `vjm.following.follow`."""
+        problem = LumpedProblem(self.model(chain), programme, self.label)
+        path = follow(problem, programme, progress=progress)
+        return replace(path, model=chain.name, model_sha256=chain.sha256)
