@@ -1,0 +1,1 @@
+"""Files in and out: the model files that describe a machine."""

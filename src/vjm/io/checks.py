@@ -1,0 +1,186 @@
+"""What no type can check: whether a compliance, a beam or a posture makes mechanical sense."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vjm.chain import Chain
+from vjm.io.errors import printed
+from vjm.lumped import LumpedModel
+from vjm.parts import Beam, Section
+from vjm.rotations import Array
+
+SYMMETRY = 1e-6
+"""Largest difference of mirrored entries over √(c_ii c_jj): both are typed, or printed by a finite element
+program to some seven digits, so anything larger is a misprint and not rounding."""
+
+DEFINITE = 1e-9
+"""Smallest eigenvalue of a compliance scaled to a unit diagonal. Below it the matrix is singular to the
+digits that a file carries, and its inverse, the stiffness, is noise."""
+
+SMALLEST = 1e-30
+"""Of a compliance's diagonal: less is no number that a part has (1 mm of 1 m² of steel: 1e-16 rad/(N mm))."""
+
+FACTOR = 30.0
+"""Between a given compliance and beam theory. The wrong unit is off by 1000; the shape of a real part is not
+off by 30, or it is no beam."""
+
+METRES = 1e-5
+"""Smallest plausible translation over rotation times length², as squares sum. About 0.1 for a beam, 1e-3 for
+one of a soft open section; a matrix in m, N and rad has 1e-7."""
+
+SLENDEREST = 2e4
+"""Length over radius of gyration: a foil of 0.1 mm has 1e4 over 300 mm; an EI in N m² gives a bar 5e4."""
+
+REGULAR = 1e-6
+"""Smallest singular value of a passive Jacobian over its largest, lengths in the longest beam's."""
+
+_UNITS = "mm/N, 1/N and rad/(N mm)"
+
+
+def checked_compliance(matrix: Array) -> Array:
+    """A compliance ``(6, 6)``, made exactly symmetric.
+
+    Raises:
+        ValueError: not symmetric or not positive definite; the text goes on after the word 'compliance'.
+    """
+    for i in range(6):
+        if matrix[i, i] <= SMALLEST:
+            raise ValueError(
+                f"has ({i + 1},{i + 1}) = {printed(matrix[i, i])} on its diagonal: it must be above 0, "
+                "as a load moves its point its own way"
+            )
+    # unit diagonal: entries of different units become comparable
+    scale = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
+    scaled = matrix / scale
+    skewness = np.abs(scaled - scaled.T)
+    i, j = sorted(int(k) for k in np.unravel_index(np.argmax(skewness), (6, 6)))
+    if skewness[i, j] > SYMMETRY:
+        raise ValueError(
+            f"is not symmetric: ({i + 1},{j + 1}) = {printed(matrix[i, j])} "
+            f"but ({j + 1},{i + 1}) = {printed(matrix[j, i])}; make them equal"
+        )
+    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
+    if values[0] < DEFINITE:
+        raise ValueError(
+            f"is not positive definite: its smallest eigenvalue, scaled to a unit diagonal, is "
+            f"{printed(float(values[0]), 3)}; {_culprit(matrix, scaled, vectors[:, 0])}"
+        )
+    result: Array = 0.5 * (matrix + matrix.T)
+    return result
+
+
+def _culprit(matrix: Array, scaled: Array, vector: Array) -> str:
+    """Which entries make a matrix indefinite: a pair above its diagonal, or the rows of the bad mode."""
+    coupling = np.abs(scaled - np.diag(np.diag(scaled)))
+    i, j = sorted(int(k) for k in np.unravel_index(np.argmax(coupling), (6, 6)))
+    if coupling[i, j] >= 1.0 - DEFINITE:
+        limit = float(np.sqrt(matrix[i, i] * matrix[j, j]))
+        return (
+            f"({i + 1},{j + 1}) = {printed(matrix[i, j])} must stay below {printed(limit)} in size, "
+            f"√(({i + 1},{i + 1})·({j + 1},{j + 1}))"
+        )
+    rows = [str(k + 1) for k in range(6) if abs(vector[k]) > 0.2]
+    return f"check the entries among rows {', '.join(rows)}"
+
+
+def check_compliance_units(beam: Beam) -> None:
+    """Refuse a compliance whose translations and rotations cannot be in mm, N and rad.
+
+    Raises:
+        ValueError: naming the sums that do not fit.
+    """
+    assert beam.compliance is not None
+    diagonal = np.diag(beam.compliance)
+    reach = max(beam.length, float(np.linalg.norm(beam.tip)))
+    translation, rotation = float(np.sum(diagonal[:3])), float(np.sum(diagonal[3:])) * reach**2
+    if translation < METRES * rotation:
+        raise ValueError(
+            f"compliance sums to {printed(translation, 3)} over its first three diagonal entries, but its "
+            f"rotations over {printed(reach)} mm make {printed(rotation, 3)}: is it in metres? Give {_UNITS}"
+        )
+
+
+def check_section_units(section: Section, length: float) -> None:
+    """Refuse a section that no beam of this length has.
+
+    Raises:
+        ValueError: the radius of gyration does not suit the length, or torsion does not suit bending.
+    """
+    for axis, EI in (("y", section.EIy), ("z", section.EIz)):
+        gyration = float(np.sqrt(EI / section.EA))
+        what = f"section has a radius of gyration √(EI{axis}/EA) of {printed(gyration, 3)} mm"
+        if gyration > length:
+            raise ValueError(
+                f"{what}, above length_mm = {printed(length)}: is the length in metres, or EI or EA in "
+                "another unit? Give mm, N and N mm²"
+            )
+        if gyration * SLENDEREST < length:
+            raise ValueError(
+                f"{what}, less than 1/{SLENDEREST:.0f} of length_mm = {printed(length)}: is EI in N m²? "
+                "Give mm, N and N mm²"
+            )
+    ratio = section.GJ / (section.EIy + section.EIz)
+    # GJ ≤ E(Iy + Iz)/2 for every isotropic material that narrows when pulled
+    if ratio > FACTOR:
+        raise ValueError(
+            f"section has GJ = {printed(section.GJ)}, {printed(ratio, 2)} times EIy + EIz, where "
+            "an isotropic beam has at most half of it: is the unit right? Give N mm²"
+        )
+
+
+def check_against_section(beam: Beam) -> None:
+    """Refuse a compliance that is far from the same part's section by beam theory.
+
+    Raises:
+        ValueError: naming the entry, 1-based, with both values.
+    """
+    given = beam.tip_compliance() * beam.count
+    theory = beam.beam_compliance() * beam.count
+    scale = np.sqrt(np.outer(np.diag(theory), np.diag(theory)))
+    for i in range(6):
+        for j in [i, *range(i)]:
+            # couplings that are small in beam theory are small differences or absent in the real part
+            if abs(theory[i, j]) < 0.3 * scale[i, j]:
+                continue
+            name = f"({min(i, j) + 1},{max(i, j) + 1})"
+            values = f"compliance {name} = {printed(given[i, j])} but the section gives {printed(theory[i, j])}"
+            ratio = abs(given[i, j] / theory[i, j])
+            if not 1.0 / FACTOR < ratio < FACTOR:
+                times = f"{printed(ratio, 2)} times" if ratio else "nothing of"
+                raise ValueError(f"{values}, so it is {times} beam theory: is the unit right ({_UNITS})?")
+            if given[i, j] * theory[i, j] < 0.0:
+                raise ValueError(f"{values}, of the other sign: do both use the part's own axes?")
+
+
+def check_postures(chain: Chain) -> None:
+    """Refuse a posture in which the passive joints do not move the tool independently.
+
+    There ``J_q`` loses rank, the paper's matrix in (18) is singular, and a joint can turn with the tool held.
+
+    Raises:
+        ValueError: naming the posture and the joints.
+    """
+    model = LumpedModel(chain)
+    names = [joint.name for joint in chain.joints]
+    if not names:
+        return
+    for label, q in chain.postures.items():
+        J = model.kinematics(model.configuration(q)).jacobian[:, model.passive].copy()
+        J[:3] /= chain.characteristic_length
+        values, right = np.linalg.svd(J)[1:]
+        if len(names) <= 6 and values[-1] > REGULAR * values[0]:
+            continue
+        for i in range(len(names)):
+            for j in range(i):
+                pair = np.linalg.svd(J[:, [j, i]], compute_uv=False)
+                if pair[1] <= REGULAR * pair[0]:
+                    raise ValueError(
+                        f"posture '{label}': joints {names[j]} and {names[i]} turn about the same line: "
+                        "the chain folds; change the posture or leave one joint out"
+                    )
+        moving = [name for name, rate in zip(names, right[-1], strict=True) if abs(rate) > REGULAR]
+        raise ValueError(
+            f"posture '{label}': joints {', '.join(moving)} can turn together with the tool held: "
+            "the chain is not determined; change the posture or leave one joint out"
+        )

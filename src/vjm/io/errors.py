@@ -1,0 +1,163 @@
+"""How a wrong model file is reported: one line that names the file, the key and the remedy."""
+
+from __future__ import annotations
+
+import difflib
+import reprlib
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import pydantic
+from pydantic_core import ErrorDetails
+
+
+class ModelFileError(ValueError):
+    """A model file cannot be read or describes no sane machine; its text is one line."""
+
+    def __init__(self, message: str) -> None:
+        # a quoted key may hold a line break
+        super().__init__(" ".join(message.split()))
+
+
+def printed(value: float, digits: int = 6) -> str:
+    """A number as people write it: ``1.1e-4``, not ``0.00011`` or ``1.1e-04``."""
+    value = float(f"{value:.{digits}g}")
+    if value == 0.0 or 1e-2 <= abs(value) < 1e6:
+        return f"{value:.6g}"
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)}"
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """``"; did you mean 'x'?"`` where something known is close to ``word``, else nothing."""
+    close = difflib.get_close_matches(word, list(known), n=1)
+    return f"; did you mean '{close[0]}'?" if close else ""
+
+
+def one_line(
+    error: pydantic.ValidationError, document: Mapping[str, Any], known_keys: Callable[[str], Iterable[str]]
+) -> str:
+    """The first thing that is wrong with a document, and how many more there are.
+
+    Args:
+        error: what pydantic found.
+        document: the document as read, for the parts' names.
+        known_keys: the keys that a table may have, by the table's tag: a kind of part, a kind of section, the
+            name of another table, or the empty string for the document itself.
+    """
+    # a misspelt key is also a missing one: the misspelling is the better news
+    details = sorted(error.errors(include_url=False), key=lambda one: one["type"] != "extra_forbidden")
+    more = f" (and {len(details) - 1} more)" if len(details) > 1 else ""
+    return _sentence(details[0], document, known_keys) + more
+
+
+def _sentence(detail: ErrorDetails, document: Mapping[str, Any], known_keys: Callable[[str], Iterable[str]]) -> str:
+    where, path, table = _place(detail["loc"], document)
+    if detail["type"] == "extra_forbidden":
+        *parents, key = path
+        inside = _key(parents)
+        text = f"unknown key '{key}'" + (f" in {inside}" if inside else "")
+        if inside == "section" and str(key) in known_keys("beam"):
+            text += ": it belongs to the part, so write it above [parts.section]"
+        else:
+            known = list(known_keys(table))
+            text += did_you_mean(str(key), known) or f"; known are {', '.join(known)}"
+    else:
+        text = f"{_key(path)} {_phrase(detail)}".strip()
+    return f"{where}: {text}" if where else text
+
+
+def _place(loc: tuple[int | str, ...], document: Mapping[str, Any]) -> tuple[str, list[int | str], str]:
+    """Where an error lies: the part or table in words, the path of keys inside it, the table's tag."""
+    path = list(loc)
+    if len(path) >= 2 and path[0] == "parts":
+        index = int(path[1])
+        raw = document["parts"][index]
+        name = raw.get("name") if isinstance(raw, dict) else None
+        where = f"part '{name}'" if isinstance(name, str) else f"part {index + 1}"
+        # pydantic names the chosen kind of part, and of section, on the way to the key
+        table = str(path[2]) if len(path) > 2 else ""
+        inner = path[3:]
+        if len(inner) > 1 and inner[0] == "section":
+            table = str(inner.pop(1))
+        elif len(inner) > 2 and isinstance(inner[1], int):
+            table = "turn"
+        return where, inner, table
+    if len(path) >= 2 and path[0] == "postures":
+        # pydantic's way to say that the key itself is wrong
+        return f"posture '{path[1]}'", ["its label" if step == "[key]" else step for step in path[2:]], ""
+    if len(path) >= 2 and path[0] in ("units", "base"):
+        return f"[{path[0]}]", path[1:], "turn" if "turns" in path[:-1] else str(path[0])
+    return "", path, ""
+
+
+def _key(path: list[int | str]) -> str:
+    """``section.width_mm``, ``compliance (2,6)``, ``end_offset_mm entry 2``; entries count from 1."""
+    names = ""
+    entries: list[int] = []
+    for step in path:
+        if isinstance(step, int):
+            entries.append(step + 1)
+        else:
+            names += (f"{_entry(entries)}." if names else "") + step
+            entries = []
+    return (names + _entry(entries)).strip()
+
+
+def _entry(entries: list[int]) -> str:
+    if len(entries) > 1:
+        return f" ({','.join(map(str, entries))})"
+    return f" entry {entries[0]}" if entries else ""
+
+
+_LIMITS = {
+    "greater_than": ("above", "gt"),
+    "greater_than_equal": ("at least", "ge"),
+    "less_than": ("below", "lt"),
+    "less_than_equal": ("at most", "le"),
+}
+_WANTED = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "string_type": "a text in quotes",
+    "list_type": "a list [...]",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "finite_number": "finite",
+}
+
+
+def _phrase(detail: ErrorDetails) -> str:
+    """What is wrong with a key, as the rest of a sentence that begins with it."""
+    kind, context, given = detail["type"], detail.get("ctx", {}), detail["input"]
+    if kind == "value_error":
+        return str(context["error"])
+    if kind == "missing":
+        return "is missing: add it"
+    if kind in _WANTED:
+        return f"must be {_WANTED[kind]}, got {reprlib.repr(given)}"
+    if kind in _LIMITS:
+        word, bound = _LIMITS[kind]
+        return f"must be {word} {printed(context[bound])}, got {_number(given)}"
+    if kind in ("too_short", "too_long"):
+        word, count = ("at least", "min_length") if kind == "too_short" else ("at most", "max_length")
+        entries = "entry" if context[count] == 1 else "entries"
+        return f"must have {word} {context[count]} {entries}, got {context['actual_length']}"
+    if kind == "string_pattern_mismatch":
+        return f"must start with a letter and go on with letters, digits, '_' or '-', got {reprlib.repr(given)}"
+    if kind == "string_too_short":
+        return "must not be empty"
+    if kind == "literal_error":
+        remedy = "convert the numbers" if detail["loc"][0] == "units" else "this release reads no other"
+        return f"must be {context['expected']}, got {reprlib.repr(given)}: {remedy}"
+    if kind == "union_tag_invalid":
+        return f"kind must be one of {context['expected_tags']}, got '{context['tag']}'"
+    if kind == "union_tag_not_found":
+        return "kind is missing: add it"
+    return detail["msg"]
+
+
+def _number(given: float) -> str:
+    """A number of any size; TOML's integers have no limit."""
+    return reprlib.repr(given) if isinstance(given, int) else printed(given)

@@ -1,0 +1,144 @@
+"""Model files: the chain of a machine from TOML, by a library name or a path.
+
+The format is described in `vjm.io.schema`, and by example in the library's ``orthoglide-chain.toml``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pydantic
+
+from vjm.chain import Chain
+from vjm.io.errors import ModelFileError, did_you_mean, one_line
+from vjm.io.schema import ModelFile, known_keys
+
+__all__ = [
+    "Entry",
+    "ModelDocument",
+    "ModelFileError",
+    "build_chain",
+    "library",
+    "load_chain",
+    "model_schema",
+    "read_document",
+]
+
+
+class Entry(NamedTuple):
+    """A model of the library: what to call it by, and one line for people."""
+
+    name: str
+    title: str
+
+
+class ModelDocument(NamedTuple):
+    """A model file as read, not yet checked.
+
+    Attributes:
+        file: its name, for messages.
+        content: the TOML document.
+        sha256: of the file's bytes.
+    """
+
+    file: str
+    content: dict[str, Any]
+    sha256: str
+
+
+def load_chain(name_or_path: str | Path) -> Chain:
+    """The chain of a model file.
+
+    Args:
+        name_or_path: a model of the library, such as ``orthoglide-chain``, or a path to a TOML file.
+
+    Raises:
+        ModelFileError: no such file or model, no TOML, or no sane machine; one line that says how to mend it.
+    """
+    document = read_document(name_or_path)
+    return build_chain(document.content, document.file, document.sha256)
+
+
+def library() -> list[Entry]:
+    """The models that come with the package, by name."""
+    return [
+        Entry(file.name.removesuffix(".toml"), str(_parse(file.name, file.read_bytes()).content["title"]))
+        for file in _library_files()
+    ]
+
+
+def model_schema() -> dict[str, Any]:
+    """JSON Schema of a model file."""
+    return ModelFile.model_json_schema()
+
+
+def read_document(name_or_path: str | Path) -> ModelDocument:
+    """A model file as read, to be changed or checked, see `build_chain`.
+
+    Raises:
+        ModelFileError: no such file or model, or no TOML.
+    """
+    if isinstance(name_or_path, str):
+        for file in _library_files():
+            if file.name == f"{name_or_path}.toml":
+                return _parse(file.name, file.read_bytes())
+    path = Path(name_or_path)
+    if not path.exists():
+        known = [file.name.removesuffix(".toml") for file in _library_files()]
+        hint = did_you_mean(path.name.removesuffix(".toml"), known)
+        # a bare word was meant as a name
+        if isinstance(name_or_path, str) and path.name == name_or_path and path.suffix != ".toml":
+            raise ModelFileError(f"no model '{name_or_path}' in the library, which has {', '.join(known)}{hint}")
+        raise ModelFileError(f"{path}: no such file; give a path to a TOML file or one of {', '.join(known)}")
+    if path.is_dir():
+        raise ModelFileError(f"{path}: is a directory; give the model file in it")
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise ModelFileError(f"{path}: cannot be read: {error.strerror}") from error
+    return _parse(path.name, raw)
+
+
+def build_chain(content: Mapping[str, Any], file: str, sha256: str = "") -> Chain:
+    """The chain of a model document, such as one that a test sheet has changed.
+
+    Args:
+        content: as TOML gives it; not changed.
+        file: name for messages.
+        sha256: of the file, kept in the chain.
+
+    Raises:
+        ModelFileError: as `load_chain`.
+    """
+    try:
+        return ModelFile.model_validate(content).chain(sha256)
+    except pydantic.ValidationError as error:
+        raise ModelFileError(f"{file}: {one_line(error, content, known_keys)}") from error
+    except ValueError as error:
+        raise ModelFileError(f"{file}: {error}") from error
+
+
+def _library_files() -> list[Traversable]:
+    files = resources.files("vjm").joinpath("models").iterdir()
+    return sorted((file for file in files if file.name.endswith(".toml")), key=lambda file: file.name)
+
+
+def _parse(file: str, raw: bytes) -> ModelDocument:
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw[: error.start].count(b"\n") + 1
+        raise ModelFileError(f"{file}: not UTF-8 text (line {line}); save it as UTF-8") from error
+    if not text.strip():
+        raise ModelFileError(f"{file}: the file is empty; start from the library's orthoglide-chain.toml")
+    try:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ModelFileError(f"{file}: not valid TOML: {' '.join(str(error).split())}") from error
+    return ModelDocument(file, content, hashlib.sha256(raw).hexdigest())

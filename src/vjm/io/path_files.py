@@ -1,0 +1,161 @@
+"""Load paths as files: CSV for people and scripts, and a whole record that a run resumes from."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import asdict, fields
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from vjm import __version__
+from vjm.io.files import write_whole
+from vjm.paths import Equilibrium, Event, EventKind, Path, StationLabel
+from vjm.programme import Programme
+
+DISPLACEMENT_COLUMNS = ("ux_mm", "uy_mm", "uz_mm", "rx_rad", "ry_rad", "rz_rad")
+"""Columns of the end-effector's displacement, world axes."""
+WRENCH_COLUMNS = ("fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm")
+"""Columns of the wrench at the end-effector, world axes."""
+COLUMNS = (
+    "step", *DISPLACEMENT_COLUMNS, *WRENCH_COLUMNS, "k_N_per_mm", "unstable_modes", "lambda_min_rel", "iterations",
+)  # fmt: skip
+"""Columns of a curve file. The stiffness is in N mm/rad where a rotation is driven."""
+
+
+def curve_csv(path: Path) -> str:
+    """The path as CSV text: a comment line with model, engine, version and hash, then a row a point."""
+    head = {
+        "model": path.model,
+        "engine": path.engine,
+        "version": __version__,
+        "model_sha256": path.model_sha256,
+        **{k: v for k, v in asdict(path.programme).items() if v is not None},
+    }
+    out = io.StringIO()
+    out.write("# " + " ".join(f"{key}={value}" for key, value in head.items()) + "\n")
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    relative = path.eigenvalue_relative
+    for step, p in enumerate(path.points):
+        row: list[str | int] = [step]
+        row += [f"{v:.12g}" for v in (*p.displacement, *p.wrench, p.tangent)]
+        row += ["" if p.unstable < 0 else p.unstable]
+        row += ["" if np.isnan(relative[step]) else f"{relative[step]:.9g}", p.iterations]
+        writer.writerow(row)
+    return out.getvalue()
+
+
+def write_curve(path: Path, file: FilePath) -> None:
+    """Write `curve_csv` to a file, whole or not at all."""
+    write_whole(file, curve_csv(path))
+
+
+def read_curve(file: FilePath) -> Path:
+    """Read a curve file back: the path without its shapes, events and engine states.
+
+    Raises:
+        ValueError: the file is no curve file; the message names it and what is missing.
+    """
+    lines = file.read_text(encoding="utf-8").splitlines()
+    if len(lines) < 2 or not lines[0].startswith("# "):
+        raise ValueError(f"{file}: no curve file: the first line must start with '# model='")
+    head = dict(item.split("=", 1) for item in lines[0][2:].split(" ") if "=" in item)
+    rows = list(csv.DictReader(lines[1:]))
+    missing = [c for c in COLUMNS if not rows or c not in rows[0]]
+    if missing:
+        raise ValueError(f"{file}: no curve file: missing column {missing[0]}")
+    programme = Programme(
+        posture=head["posture"],
+        to=float(head["to"]),
+        axis=head["axis"],
+        steps=int(head["steps"]) if "steps" in head else None,
+        branch=int(head["branch"]),
+    )
+    points = []
+    for row in rows:
+        displacement = np.array([float(row[c]) for c in DISPLACEMENT_COLUMNS])
+        points.append(
+            Equilibrium(
+                s=abs(float(displacement[programme.component])),
+                displacement=displacement,
+                wrench=np.array([float(row[c]) for c in WRENCH_COLUMNS]),
+                tangent=float(row["k_N_per_mm"]),
+                eigenvalue=float(row["lambda_min_rel"] or "nan"),
+                unstable=int(row["unstable_modes"] or -1),
+                iterations=int(row["iterations"]),
+                residual=float("nan"),
+                shape=np.empty((0, 3)),
+                state=np.empty(0),
+            )
+        )
+    return Path(head["engine"], head["model"], programme, tuple(points), model_sha256=head["model_sha256"])
+
+
+_POINT_ARRAYS = [f.name for f in fields(Equilibrium) if f.name != "stiffness"]
+
+
+def save_path(path: Path, file: FilePath) -> None:
+    """Write everything that is known of a path, shapes and events included, as a numpy archive."""
+    event_points = [e.point for e in path.events if e.point is not None]
+    everything = (*path.points, *event_points)
+    arrays = {name: np.array([getattr(p, name) for p in everything]) for name in _POINT_ARRAYS}
+    if all(p.stiffness is not None for p in everything):
+        arrays["stiffness"] = np.array([p.stiffness for p in everything])
+    meta = {
+        "engine": path.engine,
+        "model": path.model,
+        "model_sha256": path.model_sha256,
+        "programme": asdict(path.programme),
+        "points": len(path.points),
+        "events": [
+            {f.name: getattr(e, f.name) for f in fields(e) if f.name != "point"}
+            | {"has_point": e.point is not None}
+            for e in path.events
+        ],
+        "stations": [asdict(s) for s in path.stations],
+        "stopped": path.stopped,
+        "seconds": path.seconds,
+    }
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, meta=np.array(json.dumps(meta)), **arrays)  # type: ignore[arg-type]
+    write_whole(file, buffer.getvalue())
+
+
+def load_path(file: FilePath) -> Path:
+    """Read what `save_path` wrote.
+
+    Raises:
+        ValueError: the file is damaged or of another kind.
+    """
+    try:
+        with np.load(file) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        meta = json.loads(str(arrays.pop("meta")))
+        stiffness = arrays.pop("stiffness", None)
+        everything = [
+            Equilibrium(
+                **{
+                    name: values[i] if values.ndim > 1 or name == "state" else values[i].item()
+                    for name, values in arrays.items()
+                },
+                stiffness=None if stiffness is None else stiffness[i],
+            )
+            for i in range(len(arrays["s"]))
+        ]
+        n = meta["points"]
+        left = iter(everything[n:])
+        events = [
+            Event(**{**e, "kind": EventKind(e["kind"])}, point=next(left) if has_point else None)
+            for e in meta["events"]
+            for has_point in [e.pop("has_point")]
+        ]
+        return Path(
+            meta["engine"], meta["model"], Programme(**meta["programme"]), tuple(everything[:n]), tuple(events),
+            tuple(StationLabel(**s) for s in meta["stations"]), meta["stopped"], meta["seconds"],
+            meta["model_sha256"],
+        )  # fmt: skip
+    except (OSError, KeyError, TypeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{file}: no record of a path: {error}") from error

@@ -1,0 +1,340 @@
+"""Every refusal of a model file: one line that names the file, the key and the remedy."""
+# ruff: noqa: E501 (a message is easier to judge on one line)
+
+import copy
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vjm.io.model_file import ModelFileError, build_chain, load_chain, read_document
+
+ORTHOGLIDE = read_document("orthoglide-chain").content
+COLUMN = read_document("pinned-column").content
+FOOT, Q1, Q2, LINK = 1, 2, 3, 4
+
+
+def refusal(original: dict[str, Any], path: str, value: Any) -> str:
+    """What is said of a document with one entry changed, added, or (value ...) left out."""
+    content = copy.deepcopy(original)
+    *parents, last = [int(step) if step.isdigit() else step for step in path.split("/")]
+    table: Any = content
+    for step in parents:
+        table = table[step]
+    if value is ...:
+        del table[last]
+    else:
+        table[last] = value
+    with pytest.raises(ModelFileError) as caught:
+        build_chain(content, "m.toml")
+    text = str(caught.value)
+    assert "\n" not in text
+    prefix = "m.toml: "
+    assert text.startswith(prefix)
+    return text.removeprefix(prefix)
+
+
+def changed(rows: list[list[float]], entries: dict[tuple[int, int], float]) -> list[list[float]]:
+    """A matrix with entries changed, 1-based."""
+    matrix = copy.deepcopy(rows)
+    for (i, j), value in entries.items():
+        matrix[i - 1][j - 1] = value
+    return matrix
+
+
+BAR = ORTHOGLIDE["parts"][LINK]["compliance"]
+METRES = (np.array(BAR) * np.kron([[1e-3, 1.0], [1.0, 1e3]], np.ones((3, 3)))).tolist()
+THREE = changed(np.diag([1e-3] * 3 + [1e-7] * 3).tolist(), {(1, 2): -9e-4, (1, 3): -9e-4, (2, 3): -9e-4,
+                (2, 1): -9e-4, (3, 1): -9e-4, (3, 2): -9e-4})  # fmt: skip
+
+REFUSALS = {
+    # keys and types
+    "unknown key": ("parts/4/lenght_mm", 310.0, "part 'link': unknown key 'lenght_mm'; did you mean 'length_mm'?"),
+    "unknown top key": (
+        "zzz", 1,
+        "unknown key 'zzz'; known are format, name, title, source, units, base, parts, postures",
+    ),
+    "unknown unit key": ("units/mass", "kg", "[units]: unknown key 'mass'; known are length, force, angle"),
+    "unknown turn key": (
+        "parts/4/own_axes/0/angle_rad", 1.0,
+        "part 'link': unknown key 'angle_rad' in own_axes entry 1; did you mean 'angle_deg'?",
+    ),
+    "key below the section": (
+        "parts/4/section/compliance", BAR,
+        "part 'link': unknown key 'compliance' in section: it belongs to the part, so write it above [parts.section]",
+    ),
+    "missing": ("parts/4/length_mm", ..., "part 'link': length_mm is missing: add it"),
+    "missing in section": ("parts/4/section/EA_N", ..., "part 'link': section.EA_N is missing: add it"),
+    "missing top": ("units", ..., "units is missing: add it"),
+    "no number": ("parts/4/length_mm", "310", "part 'link': length_mm must be a number, got '310'"),
+    "bool": ("parts/4/length_mm", True, "part 'link': length_mm must be a number, got True"),
+    "nan": ("parts/4/section/EA_N", math.nan, "part 'link': section.EA_N must be finite, got nan"),
+    "inf in matrix": (
+        "parts/4/compliance/1/5", math.inf, "part 'link': compliance (2,6) must be finite, got inf",
+    ),
+    "nan in axis": ("parts/2/axis", [math.nan, 0.0, 1.0],
+        "part 'q1': axis must be 'x', 'y', 'z' or a unit vector [x, y, z], got [nan, 0.0, 1.0]"),
+    "nan in posture": ("postures/A/1", math.nan, "posture 'A': entry 2 must be finite, got nan"),
+    "negative stiffness": ("parts/4/section/EA_N", -1.0, "part 'link': section.EA_N must be at least 1e-3, got -1"),
+    "format": ("format", 2, "format must be 1, got 2: this release reads no other"),
+    "kind": (
+        "parts/2/kind", "hinge",
+        "part 'q1': kind must be one of 'offset', 'actuator', 'beam', 'joint', got 'hinge'",
+    ),
+    "no kind": ("parts/2/kind", ..., "part 'q1': kind is missing: add it"),
+    "part name": (
+        "parts/2/name", "q 1",
+        "part 'q 1': name must start with a letter and go on with letters, digits, '_' or '-', got 'q 1'",
+    ),
+    "nameless part": ("parts/2/name", ..., "part 3: name is missing: add it"),
+    "short vector": (
+        "parts/1/end_offset_mm", [1.0, 2.0], "part 'foot': end_offset_mm must have at least 3 entries, got 2",
+    ),
+    "long limits": (
+        "parts/2/limits_rad", [0.0, 1.0, 2.0], "part 'q1': limits_rad must have at most 2 entries, got 3",
+    ),
+    "section no table": ("parts/4/section", "rectangle", "part 'link': section must be a table, got 'rectangle'"),
+    "count": ("parts/4/count", 0, "part 'link': count must be at least 1, got 0"),
+    "count no integer": ("parts/4/count", 1.5, "part 'link': count must be a whole number, got 1.5"),
+    "angle": ("parts/4/own_axes/0/angle_deg", 720.0,
+        "part 'link': own_axes entry 1.angle_deg must be at most 360, got 720"),
+    "parts no list": ("parts", {}, "parts must be a list [...], got {}"),
+    "title": ("title", 3, "title must be a text in quotes, got 3"),
+    "empty title": ("title", "", "title must not be empty"),
+    # units
+    "metres": ("units/length", "m", "[units]: length must be 'mm', got 'm': convert the numbers"),
+    "degrees": ("units/angle", "deg", "[units]: angle must be 'rad', got 'deg': convert the numbers"),
+    "newtons": ("units/force", "kN", "[units]: force must be 'N', got 'kN': convert the numbers"),
+    "short length": ("parts/4/length_mm", 0.031,
+        "part 'link': length_mm = 0.031 is below 0.1 mm: is it in metres? Write it in mm"),
+    "negative length": ("parts/4/length_mm", -310.0, "part 'link': length_mm must be above 0, got -310"),
+    "long length": ("parts/4/length_mm", 310000.0,
+        "part 'link': length_mm = 310000 is above 100000 mm: is it in µm? Write it in mm"),
+    "far base": ("base/position_mm", [2e5, 0.0, 0.0],
+        "[base]: position_mm = [200000.0, 0.0, 0.0] goes beyond 100000 mm: write it in mm"),
+    "length in metres": ("parts/4/length_mm", 0.31,
+        "part 'link': section has a radius of gyration √(EIy/EA) of 5.54 mm, above length_mm = 0.31: "
+        "is the length in metres, or EI or EA in another unit? Give mm, N and N mm²"),
+    "EI in N m2": ("parts/4/section/EIz_Nmm2", 43.1,
+        "part 'link': section has a radius of gyration √(EIz/EA) of 2.53e-3 mm, less than 1/20000 of "
+        "length_mm = 310: is EI in N m²? Give mm, N and N mm²"),
+    "GJ": ("parts/4/section/GJ_Nmm2", 1.07e13,
+        "part 'link': section has GJ = 1.07e13, 43000 times EIy + EIz, where an isotropic beam has at most "
+        "half of it: is the unit right? Give N mm²"),
+    "compliance against section": ("parts/4/section/EIz_Nmm2", 4.31e5,
+        "part 'link': compliance (2,2) = 0.23 but the section gives 23.0402, so it is 0.01 times beam theory: "
+        "is the unit right (mm/N, 1/N and rad/(N mm))?"),
+    "compliance in metres": ("parts/4/compliance", METRES,
+        "part 'link': compliance sums to 2.81e-4 over its first three diagonal entries, but its rotations over "
+        "310 mm make 3620: is it in metres? Give mm/N, 1/N and rad/(N mm)"),
+    "compliance turned": ("parts/4/compliance", changed(BAR, {(2, 6): -11e-4, (6, 2): -11e-4}),
+        "part 'link': compliance (2,6) = -1.1e-3 but the section gives 1.116e-3, of the other sign: "
+        "do both use the part's own axes?"),
+    # the compliance matrix
+    "five rows": ("parts/4/compliance", BAR[:5], "part 'link': compliance must be 6×6, got 5 rows"),
+    "short row": ("parts/4/compliance", [*BAR[:2], BAR[2][:5], *BAR[3:]],
+        "part 'link': compliance must be 6×6, but row 3 has 5 entries"),
+    "no matrix": ("parts/4/compliance", 3.0, "part 'link': compliance must be a list [...], got 3.0"),
+    "misprint of (20)": ("parts/4/compliance", changed(BAR, {(2, 6): 11e-5}),
+        "part 'link': compliance is not symmetric: (2,6) = 1.1e-4 but (6,2) = 1.1e-3; make them equal"),
+    "negative diagonal": ("parts/4/compliance", changed(BAR, {(3, 3): -51e-3}),
+        "part 'link': compliance has (3,3) = -0.051 on its diagonal: it must be above 0, as a load moves its "
+        "point its own way"),
+    "indefinite pair": ("parts/4/compliance", changed(BAR, {(2, 6): 2e-3, (6, 2): 2e-3}),
+        "part 'link': compliance is not positive definite: its smallest eigenvalue, scaled to a unit diagonal, "
+        "is -0.554; (2,6) = 2e-3 must stay below 1.28686e-3 in size, √((2,2)·(6,6))"),
+    "indefinite three": ("parts/4/compliance", THREE,
+        "part 'link': compliance is not positive definite: its smallest eigenvalue, scaled to a unit diagonal, "
+        "is -0.8; check the entries among rows 1, 2, 3"),
+    # parts
+    "no stiffness": ("parts/4", {k: v for k, v in ORTHOGLIDE["parts"][LINK].items()
+        if k not in ("section", "compliance")},
+        "part 'link': needs a [parts.section], a compliance, or both"),
+    "duplicate": ("parts/2/name", "q2", "part name 'q2' stands twice, as parts 3 and 4: rename one"),
+    "no beam": ("parts", [ORTHOGLIDE["parts"][Q1]],
+        "no part has kind = 'beam': a chain needs at least one, or nothing gives way"),
+    "no parts": ("parts", [], "parts must have at least 1 entry, got 0"),
+    "actuator": ("parts/0/compliance_mm_per_N", -1e-6,
+        "part 'actuator': compliance_mm_per_N must be at least 0, got -1e-6"),
+    "axis name": ("parts/2/axis", "w", "part 'q1': axis must be 'x', 'y', 'z' or a unit vector [x, y, z], got 'w'"),
+    "axis zero": ("parts/2/axis", [0, 0, 0],
+        "part 'q1': axis = [0, 0, 0] gives no direction: write 'x', 'y', 'z' or a unit vector"),
+    "axis not unit": ("parts/2/axis", [1.0, 1.0, 0.0],
+        "part 'q1': axis = [1.0, 1.0, 0.0] has length 1.41421: write the unit vector [0.7071068, 0.7071068, 0]"),
+    # postures
+    "no postures": ("postures", {}, "postures must have at least 1 entry, got 0"),
+    "posture label": ("postures/A B", [0.0] * 4,
+        "posture 'A B': its label must start with a letter and go on with letters, digits, '_' or '-', got 'A B'"),
+    "coordinates": ("postures/A", [0.0] * 3, "posture 'A': 3 coordinates for 4 passive joints (q1, q2, q3, q4): give one each"),
+    "beyond pi": ("postures/B/1", 30.0, "posture 'B': q2 = 30 rad is beyond ±π: is it in degrees?"),
+    "limits": ("parts/2/limits_rad", [1.0, -1.0], "part 'q1': limits_rad = [1.0, -1.0] must be [lower, upper]"),
+    "above limit": ("parts/3/limits_rad", [-0.5, 0.5],
+        "posture 'B': out of reach: q2 = 0.523599 exceeds its limit 0.5"),
+    "below limit": ("parts/5/limits_rad", [-0.5, 0.5],
+        "posture 'B': out of reach: q3 = -0.523599 is below its limit -0.5"),
+    "same line": ("parts/2/axis", "z",
+        "posture 'A': joints q1 and q2 turn about the same line: the chain folds; change the posture or leave "
+        "one joint out"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSALS)
+def test_refusal(name):
+    path, value, expected = REFUSALS[name]
+    assert refusal(ORTHOGLIDE, path, value) == expected
+
+
+SHAPE_REFUSALS = {
+    "shape": ("shape", "circle",
+        "part 'link': section has an unknown shape: write 'rectangle' or 'square_tube', or no shape but EA_N, "
+        "GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2"),
+    "width in metres": ("width_mm", 0.0254,
+        "part 'link': section.width_mm = 0.0254 is below 0.1 mm: is it in metres? Write it in mm"),
+    "modulus in Pa": ("youngs_modulus_MPa", 6.8948e10,
+        "part 'link': section.youngs_modulus_MPa = 6.8948e10 is outside 0.1 to 2e6 MPa: is it in Pa or GPa? "
+        "Write it in MPa (steel 2.1e5)"),
+    "modulus in GPa": ("youngs_modulus_MPa", 68.948,
+        "part 'link': section has yield_stress_MPa = 241.3, above a tenth of youngs_modulus_MPa = 68.948: "
+        "is one of them in another unit? Write both in MPa"),
+    "density": ("density_kg_per_m3", 2.7,
+        "part 'link': section.density_kg_per_m3 = 2.7 is outside 10 to 25000 kg/m³: is it in g/cm³? "
+        "Write it in kg/m³ (steel 7850)"),
+    "two moduli": ("shear_modulus_MPa", 26000.0,
+        "part 'link': section needs either poissons_ratio or shear_modulus_MPa, and not both"),
+    "no shear": ("poissons_ratio", ...,
+        "part 'link': section needs either poissons_ratio or shear_modulus_MPa, and not both"),
+    "poisson": ("poissons_ratio", 0.6, "part 'link': section.poissons_ratio must be at most 0.5, got 0.6"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SHAPE_REFUSALS)
+def test_shape_refusal(name):
+    key, value, expected = SHAPE_REFUSALS[name]
+    assert refusal(COLUMN, f"parts/1/section/{key}", value) == expected
+
+
+def test_tube_without_hole():
+    section = {k: v for k, v in COLUMN["parts"][1]["section"].items() if k != "thickness_mm"}
+    section |= {"shape": "square_tube", "width_mm": 6.35, "wall_mm": 3.175}
+    assert refusal(COLUMN, "parts/1/section", section) == (
+        "part 'link': section has wall_mm = 3.175, which leaves no hole in width_mm = 6.35: "
+        "give a thinner wall, or shape = 'rectangle'"
+    )
+
+
+def test_column_in_metres():
+    assert refusal(COLUMN, "parts/1/length_mm", 0.299085) == (
+        "part 'link': section has a radius of gyration √(EIy/EA) of 7.33 mm, above length_mm = 0.299085: "
+        "is the length in metres, or EI or EA in another unit? Give mm, N and N mm²"
+    )
+
+
+def test_more_errors_are_counted():
+    content = copy.deepcopy(ORTHOGLIDE)
+    del content["title"]
+    del content["source"]
+    content["parts"][LINK]["lenght_mm"] = content["parts"][LINK].pop("length_mm")
+    with pytest.raises(ModelFileError) as caught:
+        build_chain(content, "m.toml")
+    assert str(caught.value) == (
+        "m.toml: part 'link': unknown key 'lenght_mm'; did you mean 'length_mm'? (and 3 more)"
+    )
+
+
+def planar(postures: dict[str, list[float]], *lengths: float) -> dict[str, Any]:
+    """Joints about z, each followed by a beam along x."""
+    parts: list[dict[str, Any]] = []
+    for i, length in enumerate(lengths, 1):
+        parts += [
+            {"kind": "joint", "name": f"q{i}", "axis": "z"},
+            {"kind": "beam", "name": f"beam{i}", "length_mm": length,
+             "section": {"EA_N": 1e7, "GJ_Nmm2": 1e8, "EIy_Nmm2": 1e8, "EIz_Nmm2": 1e8}},
+        ]  # fmt: skip
+    units = {"length": "mm", "force": "N", "angle": "rad"}
+    head = {"format": 1, "name": "planar", "title": "t", "source": "s", "units": units}
+    return {**head, "parts": parts, "postures": postures}
+
+
+def test_folded_back_on_an_earlier_joint():
+    """q3 lands on q1's line when q2 folds the second of two equal links back on the first."""
+    content = planar({"open": [0.0, 1.0, 0.0], "X": [0.0, math.pi, 0.0]}, 200.0, 200.0, 200.0)
+    with pytest.raises(ModelFileError) as caught:
+        build_chain(content, "m.toml")
+    assert str(caught.value) == (
+        "m.toml: posture 'X': joints q1 and q3 turn about the same line: the chain folds; "
+        "change the posture or leave one joint out"
+    )
+
+
+def test_stretched_out_in_a_plane():
+    """Three parallel hinges in one plane: the middle one can snap through with the tool held."""
+    content = planar({"open": [0.0, 1.0, 0.0], "S": [0.0, 0.0, 0.0]}, 200.0, 300.0, 200.0)
+    with pytest.raises(ModelFileError) as caught:
+        build_chain(content, "m.toml")
+    assert str(caught.value) == (
+        "m.toml: posture 'S': joints q1, q2, q3 can turn together with the tool held: the chain is not "
+        "determined; change the posture or leave one joint out"
+    )
+
+
+def test_more_joints_than_the_tool_has_freedoms():
+    content = planar({"S": [0.3] * 7}, *[100.0] * 7)
+    with pytest.raises(ModelFileError, match=r"posture 'S': joints .* can turn together with the tool held"):
+        build_chain(content, "m.toml")
+
+
+# --- files --------------------------------------------------------------------------------------------------
+
+
+def said_of(path: Any) -> str:
+    with pytest.raises(ModelFileError) as caught:
+        load_chain(path)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_file_that_is_no_model(tmp_path):
+    file = tmp_path / "m.toml"
+    file.write_text("format = 1\nname \n")
+    assert said_of(file).startswith("m.toml: not valid TOML: ")
+    assert "line 2" in said_of(file)
+    file.write_text("a = 1\na = 2\n")
+    assert said_of(file).startswith("m.toml: not valid TOML: Cannot overwrite a value")
+    file.write_text(" \n")
+    assert said_of(file) == "m.toml: the file is empty; start from the library's orthoglide-chain.toml"
+    file.write_bytes("format = 1\ntitle = 'é'".encode("latin-1"))
+    assert said_of(file) == "m.toml: not UTF-8 text (line 2); save it as UTF-8"
+
+
+def test_missing_file_and_directory(tmp_path):
+    known = "orthoglide-chain, pinned-column"
+    missing = tmp_path / "none.toml"
+    assert said_of(missing) == f"{missing}: no such file; give a path to a TOML file or one of {known}"
+    assert said_of(str(missing)) == said_of(missing)
+    assert said_of(tmp_path) == f"{tmp_path}: is a directory; give the model file in it"
+
+
+def test_unknown_library_name():
+    said = said_of("orthoglid-chain")
+    assert said.startswith(
+        "no model 'orthoglid-chain' in the library, which has orthoglide-chain, pinned-column"
+    )
+    assert said.endswith("; did you mean 'orthoglide-chain'?")
+    assert "did you mean" not in said_of("quadruped")
+
+
+def test_a_path_works_wherever_a_name_does(tmp_path):
+    text = (
+        'format = 1\nname = "cantilever"\ntitle = "t"\nsource = "s"\n'
+        'units = { length = "mm", force = "N", angle = "rad" }\n'
+        '[[parts]]\nkind = "beam"\nname = "beam"\nlength_mm = 100\n'
+        "section = { EA_N = 1e7, GJ_Nmm2 = 1e8, EIy_Nmm2 = 1e8, EIz_Nmm2 = 2e8 }\n"
+        "[postures]\nonly = []\n"
+    )
+    file = tmp_path / "mine.toml"
+    file.write_bytes(b"\xef\xbb\xbf" + text.encode())  # some editors put a byte order mark first
+    chain = load_chain(str(file))
+    assert chain.name == "cantilever"
+    assert chain.beams[0].tip_compliance()[1, 1] == pytest.approx(100.0**3 / (3 * 2e8))
+    assert chain.posture("only").shape == (0,)
