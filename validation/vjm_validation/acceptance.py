@@ -1,0 +1,99 @@
+"""What the solvers must do for a run to be accepted: convergence, stability, agreement of converged engines.
+
+That a model or the paper is wrong is a finding, not a failure, and has no row here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from vjm.paths import EventKind, Path
+from vjm_validation.comparison import force_difference, shape_difference
+from vjm_validation.run import Direction, Key
+
+RESIDUAL = 1e-8
+"""Scaled equilibrium residual; the lumped solver stops at 1e-11, Exudyn at 1e-9 of its own norm."""
+FROZEN = "vjm-unloaded-jacobian"
+"""The engine that stops at its first event by its nature."""
+SHARP_POSTURES = ("A", "C")
+"""Postures of the paper's chain whose compression has a sharp critical point."""
+LOAD_AGREEMENT = 1e-3
+"""Of critical forces between converged engines: their discretisation errors at 16 are below 1e-4."""
+CURVE_AGREEMENT = 5e-3
+"""Of forces at equal displacement over the critical force, critical displacements and deflected shapes."""
+
+
+class AcceptanceRow(BaseModel):
+    """One requirement and whether it holds."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    requirement: str
+    value: float | str
+    passed: bool
+
+
+def _at_most(name: str, value: float, limit: float, unit: str = "") -> AcceptanceRow:
+    return AcceptanceRow(
+        name=name, requirement=f"at most {limit:g}{unit}", value=value, passed=bool(value <= limit)
+    )
+
+
+def solver_rows(paths: Mapping[Key, Path]) -> list[AcceptanceRow]:
+    """Every path reached its end, every point is an equilibrium, every point that was kept is stable."""
+    followed = {key: path for key, path in paths.items() if key.engine != FROZEN}
+    early = [f"{key.stem}: {path.stopped}" for key, path in followed.items() if not path.complete]
+    residuals = [p.residual for path in followed.values() for p in path.points]
+    unstable = [f"{key.stem} at {p.s:.4g}" for key, path in followed.items() for p in path.points if p.unstable > 0]
+    lost = [
+        f"{key.stem} at {event.s:.4g}"
+        for key, path in followed.items()
+        for event in path.events
+        if event.kind is EventKind.BIFURCATION and not event.switched
+    ]
+    return [
+        _empty("paths complete", "every path reaches the end of its programme", early),
+        _at_most("equilibrium residual", float(np.max(residuals, initial=0.0)), RESIDUAL, " (scaled)"),
+        _empty("stability", "no point of a path is unstable", unstable),
+        _empty("branches", "behind every bifurcation the stable branch was found", lost),
+    ]
+
+
+def _empty(name: str, requirement: str, offenders: Iterable[str]) -> AcceptanceRow:
+    found = list(offenders)
+    return AcceptanceRow(name=name, requirement=requirement, value="; ".join(found) or "all", passed=not found)
+
+
+def agreement_rows(paths: Mapping[Key, Path]) -> list[AcceptanceRow]:
+    """Converged lumped models against finite elements of the same parts, where both are in the run."""
+    rows = []
+    for posture in SHARP_POSTURES:
+        for lumped, elements in (("vjm-16", "exudyn-footspring"), ("vjm-16f16", "exudyn")):
+            path = paths.get(Key(posture, Direction.COMPRESSION, lumped))
+            reference = paths.get(Key(posture, Direction.COMPRESSION, elements))
+            if path is None or reference is None:
+                continue
+            name = f"{posture} compression, {lumped} against {elements}"
+            ours, theirs = path.critical, reference.critical
+            if ours is None or theirs is None or ours.kind is not theirs.kind:
+                rows.append(_empty(name, "the same kind of critical point", [f"{ours} and {theirs}"]))
+                continue
+            rows.append(_at_most(f"{name}: critical force", abs(ours.force / theirs.force - 1.0), LOAD_AGREEMENT))
+            if elements != "exudyn":
+                continue
+            # the two laws for a lumped foot differ at finite rotation, the refined feet must not
+            rows.append(_at_most(f"{name}: critical displacement", abs(ours.s / theirs.s - 1.0), CURVE_AGREEMENT))
+            apart = force_difference(path, reference) / theirs.force
+            rows.append(_at_most(f"{name}: force at equal displacement over F_cr", apart, CURVE_AGREEMENT))
+            rows.append(
+                _at_most(
+                    f"{name}: deflected shape over its amplitude",
+                    shape_difference(path, reference),
+                    CURVE_AGREEMENT,
+                )
+            )
+    return rows

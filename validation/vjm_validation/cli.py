@@ -1,0 +1,320 @@
+"""The `validate` command."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path as FilePath
+from typing import Annotated, Literal
+
+from cyclopts import App, CycloptsError, Parameter
+
+from vjm import __version__
+from vjm.chain import Chain
+from vjm.equilibrium import NoConvergenceError
+from vjm.io.model_file import library, load_chain
+from vjm.io.path_files import write_curve
+from vjm.parts import Placement
+from vjm.paths import Path
+from vjm.programme import Programme
+from vjm.vjm_engine import VjmEngine
+from vjm_validation import show
+from vjm_validation.acceptance import FROZEN
+from vjm_validation.documents import BucklingDocument
+from vjm_validation.engines import DESCRIPTIONS, EngineOptions, engine_by_name
+from vjm_validation.loaded import under_displacement, under_wrench
+from vjm_validation.metrics import PathMetrics, path_metrics
+from vjm_validation.run import Direction
+from vjm_validation.run_all import COMPARISONS, Options, run_all
+from vjm_validation.summary import as_json
+from vjm_validation.sweeps import ramp_end
+
+OK, NOT_ACCEPTED, BAD_INPUT, GAVE_UP, INTERRUPTED = 0, 1, 2, 3, 130
+
+app = App(
+    name="validate",
+    help="Stiffness of robot manipulators under load: the virtual joint method against finite elements.",
+    version=__version__,
+    result_action="return_value",
+)
+
+Segments = Annotated[
+    int | None, Parameter(name="--segments", help="Springs or elements in every beam but the foot.")
+]
+FootSegments = Annotated[int | None, Parameter(name="--foot-segments", help="Springs in the foot; 1 by default.")]
+PlacementOption = Annotated[
+    Placement, Parameter(name="--placement", help="Where a spring sits in its segment: end, middle or best.")
+]
+Shear = Annotated[bool, Parameter(name="--shear", negative="", help="Let finite elements shear.")]
+Json = Annotated[bool, Parameter(name="--json", negative="", help="Print one JSON document and nothing else.")]
+Model = Annotated[str, Parameter(help="A model of the library, or a path to a model file.")]
+
+
+class UsageError(ValueError):
+    """A request that makes no sense; one line that says what and where."""
+
+
+@app.command(name="all")
+def all_(
+    *,
+    out: Annotated[
+        FilePath | None, Parameter(help="Folder of the run; a run that was cut off goes on there.")
+    ] = None,
+    jobs: Annotated[int, Parameter(help="Processes; one a core by default.")] = 0,
+    quick: Annotated[bool, Parameter(negative="", help="Postures A and B only, no reach of the rounding.")] = False,
+    only: Annotated[
+        tuple[str, ...], Parameter(consume_multiple=True, help="Comparisons, see `validate list`.")
+    ] = (),
+    steps: Annotated[int | None, Parameter(help="Equal steps of every path; 4000 is the paper's grid.")] = None,
+) -> int:
+    """Run every comparison and write the report."""
+    unknown = [name for name in only if name not in COMPARISONS]
+    if unknown:
+        raise UsageError(f"--only: no comparison '{unknown[0]}' (there are {', '.join(COMPARISONS)})")
+    _positive("--steps", steps)
+    folder = out or FilePath("reports") / "runs" / time.strftime("%Y%m%d-%H%M%S")
+    options = Options(
+        out=folder,
+        jobs=_jobs(jobs),
+        quick=quick,
+        only=only,
+        steps=steps,
+        command=_command(quick, only, steps),
+    )
+    try:
+        with show.progress() as progress:
+            summary = run_all(options, progress)
+    except KeyboardInterrupt:
+        show.error(
+            f"interrupted; what is finished is in {folder}: `validate all --out {folder}` goes on from there"
+        )
+        return INTERRUPTED
+    console = show.console()
+    console.print(show.acceptance_table(summary))
+    console.print(f"report: {folder / 'index.html'}", soft_wrap=True)
+    return OK if all(row.passed for row in summary.acceptance) else NOT_ACCEPTED
+
+
+def _command(quick: bool, only: Sequence[str], steps: int | None) -> str:
+    words = ["validate", "all"]
+    words += ["--quick"] if quick else []
+    words += [f"--steps={steps}"] if steps else []
+    words += ["--only", *only] if only else []
+    return shlex.join(words)
+
+
+@app.command(name="list")
+def list_() -> int:
+    """Show the models, engines and comparisons that there are."""
+    console = show.console()
+    console.print(show.two_columns("Models", {entry.name: entry.title for entry in library()}))
+    console.print(show.two_columns("Engines", DESCRIPTIONS))
+    console.print(show.two_columns("Comparisons of `validate all`", COMPARISONS))
+    return OK
+
+
+@app.command
+def curve(
+    model: Model,
+    *,
+    to: Annotated[float, Parameter(help="End of the ramp, mm or rad; -4 is compression for posture A.")],
+    posture: Annotated[str | None, Parameter(help="Label of a posture of the model.")] = None,
+    axis: Annotated[
+        Literal["x", "y", "z", "rx", "ry", "rz"], Parameter(help="Driven component of the displacement.")
+    ] = "x",
+    steps: Annotated[int | None, Parameter(help="Equal steps; adaptive by default.")] = None,
+    engine: Annotated[str, Parameter(help="See `validate list`.")] = "vjm",
+    segments: Segments = None,
+    foot_segments: FootSegments = None,
+    placement: PlacementOption = Placement.BEST,
+    shear: Shear = False,
+    branch: Annotated[Literal["+", "-"], Parameter(help="Which of two mirrored branches.")] = "+",
+    csv: Annotated[FilePath | None, Parameter(help="Write the path to this file.")] = None,
+) -> int:
+    """Walk one load path and show it."""
+    _positive("--steps", steps)
+    chain = load_chain(model)
+    label = _postures(chain, (posture,) if posture else ())[0]
+    programme = Programme(label, to, axis, steps, 1 if branch == "+" else -1)
+    _within_reach("--to", chain, programme.displacement(programme.length))
+    walker = engine_by_name(engine, _options(segments, foot_segments, placement, shear))
+    with show.progress() as progress:
+        path = walker.walk(chain, programme, lambda done: progress("path", round(100 * done), 100))
+    if csv is not None:
+        write_curve(path, csv)
+    console = show.console()
+    console.print(show.path_table(path))
+    for line in show.event_lines(path):
+        console.print(line, soft_wrap=True)
+    if csv is not None:
+        console.print(f"path: {csv}", soft_wrap=True)
+    return _gave_up([path])
+
+
+@app.command
+def buckling(
+    model: Model,
+    *,
+    posture: Annotated[tuple[str, ...], Parameter(consume_multiple=True, help="Labels; all by default.")] = (),
+    direction: Annotated[
+        Literal["+", "-"] | None, Parameter(help="Tension or compression; both by default.")
+    ] = None,
+    engine: Annotated[tuple[str, ...], Parameter(consume_multiple=True, help="See `validate list`.")] = ("vjm",),
+    segments: Segments = None,
+    foot_segments: FootSegments = None,
+    placement: PlacementOption = Placement.BEST,
+    shear: Shear = False,
+    to: Annotated[float | None, Parameter(help="How far to go, mm; 4 by default, 14 where that says more.")] = None,
+    json: Json = False,
+) -> int:
+    """Stiffness, critical points and post-buckling stiffness."""
+    if to is not None and not to > 0.0:
+        raise UsageError(f"--to: the reach must be positive, not {to}; --direction gives the sign")
+    chain = load_chain(model)
+    options = _options(segments, foot_segments, placement, shear)
+    walkers = [engine_by_name(name, options) for name in engine]
+    directions = (
+        [Direction.TENSION if direction == "+" else Direction.COMPRESSION] if direction else list(Direction)
+    )
+    labels = _postures(chain, posture)
+    found: dict[str, dict[str, dict[str, PathMetrics]]] = {}
+    paths: list[Path] = []
+    total = len(labels) * len(directions) * len(walkers)
+    with show.progress(quiet=json) as progress:
+        for label in labels:
+            for way in directions:
+                end = way.sign * to if to is not None else ramp_end(chain, label, way)
+                _within_reach("--to", chain, [end, 0.0, 0.0, 0.0, 0.0, 0.0])
+                for walker in walkers:
+                    path = walker.walk(chain, Programme(label, end))
+                    paths.append(path)
+                    found.setdefault(label, {}).setdefault(str(way), {})[walker.label] = path_metrics(path)
+                    progress("paths", len(paths), total)
+    document = BucklingDocument(model=chain.name, model_sha256=chain.sha256, version=__version__, chain=found)
+    if json:
+        sys.stdout.write(as_json(document))
+    else:
+        show.console().print(show.metrics_table(document))
+    return _gave_up(paths)
+
+
+@app.command
+def stiffness(
+    model: Model,
+    *,
+    posture: Annotated[str | None, Parameter(help="Label of a posture of the model.")] = None,
+    wrench: Annotated[
+        str | None,
+        Parameter(allow_leading_hyphen=True, help="fx,fy,fz,mx,my,mz in N and N mm on the free end-effector."),
+    ] = None,
+    displacement: Annotated[
+        str | None, Parameter(allow_leading_hyphen=True, help="ux,uy,uz,rx,ry,rz in mm and rad, imposed.")
+    ] = None,
+    engine: Annotated[str, Parameter(help="vjm-paper, vjm, or vjm-<n>f<m>.")] = "vjm",
+    segments: Segments = None,
+    foot_segments: FootSegments = None,
+    placement: PlacementOption = Placement.BEST,
+    json: Json = False,
+) -> int:
+    """The loaded equilibrium: deflection, wrench, 6×6 stiffness (18) and the unloaded one, stability."""
+    if wrench is not None and displacement is not None:
+        raise UsageError("give --wrench or --displacement, not both: one imposes the other")
+    chain = load_chain(model)
+    walker = engine_by_name(engine, _options(segments, foot_segments, placement, shear=False))
+    if not isinstance(walker, VjmEngine):
+        raise UsageError(f"--engine {engine}: `validate stiffness` needs vjm-paper, vjm or vjm-<n>f<m>")
+    label = _postures(chain, (posture,) if posture else ())[0]
+    if wrench is not None:
+        document = under_wrench(chain, walker, label, _six("--wrench", wrench))
+    else:
+        imposed = _six("--displacement", displacement or "0,0,0,0,0,0")
+        _within_reach("--displacement", chain, imposed)
+        document = under_displacement(chain, walker, label, imposed)
+    if json:
+        sys.stdout.write(as_json(document))
+    else:
+        show.stiffness(show.console(), document)
+    return OK
+
+
+def _options(segments: int | None, foot_segments: int | None, placement: Placement, shear: bool) -> EngineOptions:
+    _positive("--segments", segments)
+    _positive("--foot-segments", foot_segments)
+    return EngineOptions(segments, foot_segments, placement, shear)
+
+
+def _positive(name: str, value: int | None) -> None:
+    if value is not None and value < 1:
+        raise UsageError(f"{name}: must be at least 1, not {value}")
+
+
+def _jobs(jobs: int) -> int:
+    if jobs < 0:
+        raise UsageError(f"--jobs: must be at least 1, not {jobs}")
+    return jobs or len(os.sched_getaffinity(0))
+
+
+def _postures(chain: Chain, wanted: Sequence[str]) -> list[str]:
+    for label in wanted:
+        if label not in chain.postures:
+            raise UsageError(
+                f"--posture: {chain.name} has no posture '{label}' (it has {', '.join(chain.postures)})"
+            )
+    return list(wanted or chain.postures)
+
+
+def _six(name: str, text: str) -> list[float]:
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError:
+        raise UsageError(f"{name}: '{text}' is not six numbers separated by commas") from None
+    if len(values) != 6:
+        raise UsageError(f"{name}: needs six numbers separated by commas, got {len(values)}")
+    if not all(abs(value) < float("inf") for value in values):
+        raise UsageError(f"{name}: must be finite, got '{text}'")
+    return values
+
+
+def _within_reach(name: str, chain: Chain, displacement: Sequence[float]) -> None:
+    """Refuse displacements that leave the machine's own size: no spring is linear there."""
+    size, reach = max(abs(v) for v in displacement[:3]), chain.characteristic_length
+    if size > reach:
+        raise UsageError(f"{name}: {size:g} mm is out of reach: {chain.name}'s longest part has {reach:g} mm")
+    turn = max(abs(v) for v in displacement[3:])
+    if turn > 3.0:
+        raise UsageError(f"{name}: {turn:g} rad is out of reach: rotations end short of half a turn, at 3 rad")
+
+
+def _gave_up(paths: Sequence[Path]) -> int:
+    """Say where paths ended early; an engine that stops at its first event by its nature has not given up."""
+    early = [path for path in paths if not path.complete and path.engine != FROZEN]
+    for path in early:
+        show.error(f"{path.engine}, posture {path.programme.posture}: {path.stopped}")
+    return GAVE_UP if early else OK
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command and exit with its status."""
+    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command and return its exit status; errors become one line."""
+    try:
+        result = app(arguments, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        show.error(" ".join(str(error).split()))
+        return BAD_INPUT
+    except NoConvergenceError as error:
+        show.error(str(error))
+        return GAVE_UP
+    except (ValueError, OSError) as error:
+        show.error(show.one_line(error))
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        show.error("interrupted")
+        return INTERRUPTED
+    return result if isinstance(result, int) else OK

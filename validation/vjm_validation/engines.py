@@ -1,0 +1,76 @@
+"""The engines by name."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from vjm_fea.exudyn_engine import ExudynEngine
+
+from vjm.baselines import LinearEngine, MsaEngine, UnloadedJacobianEngine
+from vjm.engine import Engine
+from vjm.parts import Placement
+from vjm.vjm_engine import VjmEngine
+
+DESCRIPTIONS = {
+    "vjm-paper": "the paper's model: one spring a link, at its far end, with the printed matrices",
+    "vjm": "virtual joint method with --segments n and --foot-segments m; also as vjm-<n> or vjm-<n>f<m>",
+    "vjm-linear": "linear stiffness, eq. (5)",
+    "vjm-unloaded-jacobian": "loaded stiffness on the unloaded posture's Jacobians, the earlier literature",
+    "msa": "matrix structural analysis: linear beams, the foot as its 6x6 matrix",
+    "exudyn": "geometrically exact beam finite elements, foot and bars",
+    "exudyn-footspring": "the same with the foot as its 6x6 spring",
+}
+"""Every engine's name and what it is."""
+
+DEFAULT_SEGMENTS = 16
+
+
+@dataclass(frozen=True)
+class EngineOptions:
+    """What the command line can say about an engine.
+
+    Attributes:
+        segments: springs or elements in every beam but the foot; None for the engine's own default.
+        foot_segments: springs in the foot; None for one. Finite elements split it like any beam.
+        placement: where a spring sits in its segment.
+        shear: whether finite element sections keep their shear flexibility.
+    """
+
+    segments: int | None = None
+    foot_segments: int | None = None
+    placement: Placement = Placement.BEST
+    shear: bool = False
+
+
+def engine_by_name(name: str, options: EngineOptions = EngineOptions()) -> Engine:
+    """The engine of a name.
+
+    Raises:
+        ValueError: there is none; the message lists those that there are.
+    """
+    split = re.fullmatch(r"vjm-(\d+)(?:f(\d+))?(?:-(end|middle|best))?", name)
+    if split:
+        n, m, placement = split.groups()
+        return VjmEngine(int(n), int(m) if m else options.foot_segments, Placement(placement or options.placement))
+    match name:
+        case "vjm-paper":
+            return VjmEngine()
+        case "vjm":
+            return VjmEngine(options.segments or DEFAULT_SEGMENTS, options.foot_segments, options.placement)
+        case "vjm-linear":
+            return LinearEngine()
+        case "vjm-unloaded-jacobian":
+            return UnloadedJacobianEngine()
+        case "msa":
+            return MsaEngine()
+        case "exudyn" | "exudyn-footspring":
+            return ExudynEngine(
+                foot_spring=name.endswith("footspring"),
+                elements=options.segments or DEFAULT_SEGMENTS,
+                shear=options.shear,
+            )
+    near = get_close_matches(name, DESCRIPTIONS, 1)
+    hint = f"; did you mean '{near[0]}'?" if near else ""
+    raise ValueError(f"unknown engine '{name}'{hint} (there are {', '.join(DESCRIPTIONS)})")

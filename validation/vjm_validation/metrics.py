@@ -1,0 +1,90 @@
+"""The numbers by which paths are compared: stiffness before and after, critical point, end of the path."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from vjm.paths import EventKind, Path
+
+
+class PathMetrics(BaseModel):
+    """Metrics of one path, N and mm along the driven component, magnitudes."""
+
+    model_config = ConfigDict(frozen=True)
+
+    K0: float
+    """Unloaded stiffness."""
+    K1: float | None
+    """Stiffness at 0.99 of the critical displacement; null for a bend-over."""
+    critical: EventKind | None
+    """Kind of the first event on the path."""
+    F_cr: float | None
+    """Force there."""
+    d_cr: float | None
+    """Displacement there."""
+    K2: float | None
+    """Stiffness at 1.01 of the critical displacement, on the stable branch; null for a bend-over."""
+    F_end: float
+    """Force at the end of the path."""
+    d_end: float
+    """Displacement at the end of the path."""
+    K3: float
+    """Stiffness at the end of the path."""
+    stopped: str
+    """Why the path ends early; empty where it does not."""
+
+
+def path_metrics(path: Path) -> PathMetrics:
+    """Metrics of a path as the suite's files define them."""
+    event = path.critical
+    return PathMetrics(
+        K0=path.points[0].tangent,
+        K1=event.stiffness_before if event else None,
+        critical=event.kind if event else None,
+        F_cr=event.force if event else None,
+        d_cr=event.s if event else None,
+        K2=event.stiffness_after if event else None,
+        F_end=float(path.force[-1]),
+        d_end=path.points[-1].s,
+        K3=path.points[-1].tangent,
+        stopped=path.stopped,
+    )
+
+
+def force_at(path: Path, s: float) -> float:
+    """Force of a path at the displacement ``s``, by cubic Hermite interpolation with the known tangents.
+
+    The critical point, where the tangent jumps, is a node of the interpolation.
+
+    Raises:
+        ValueError: the path does not reach ``s``.
+    """
+    nodes_s, force, left, right = _nodes(path)
+    if not nodes_s[0] <= s <= nodes_s[-1] * (1.0 + 1e-12):
+        raise ValueError(f"{path.engine}: the path ends at {nodes_s[-1]:.6g}, before {s:.6g}")
+    i = int(np.clip(np.searchsorted(nodes_s, s) - 1, 0, len(nodes_s) - 2))
+    h = nodes_s[i + 1] - nodes_s[i]
+    t = (s - nodes_s[i]) / h
+    return float(
+        (1 + 2 * t) * (1 - t) ** 2 * force[i]
+        + t * (1 - t) ** 2 * h * right[i]
+        + t**2 * (3 - 2 * t) * force[i + 1]
+        - t**2 * (1 - t) * h * left[i + 1]
+    )
+
+
+def _nodes(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Displacements, forces and the tangents on the left and right of each node."""
+    s, force, tangent = path.s, path.force, path.tangent
+    left, right = tangent.copy(), tangent.copy()
+    for event in path.events:
+        if event.kind is not EventKind.BIFURCATION or not event.switched:
+            continue
+        i = int(np.searchsorted(s, event.s))
+        before = event.point.tangent if event.point is not None else left[i - 1]
+        s = np.insert(s, i, event.s)
+        force = np.insert(force, i, event.force)
+        left = np.insert(left, i, before)
+        right = np.insert(right, i, right[i])
+    return s, force, left, right

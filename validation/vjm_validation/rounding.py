@@ -1,0 +1,152 @@
+"""What the rounding of the printed matrices (19) and (20) can reach.
+
+Each printed entry stands for an interval of half a unit of its last digit to either side. A figure's reach is
+sought over that box, inside the cone of positive definite matrices, which cuts through it: three of the foot's
+entries are nearly dependent. The figure is linearised, and computed at the point of box and cone where the
+linear model is furthest, so that what is reported can be reached for certain. (Linearising again at that point
+does not move it for any figure of Table II.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import linprog
+
+from vjm.chain import Chain
+from vjm.equilibrium import NoConvergenceError
+from vjm.parts import Beam
+from vjm.rotations import Array
+from vjm_validation.table2 import QUANTITIES, table_figures
+
+PRINTED_DIGITS = 2
+"""Significant digits of (19) and (20)."""
+DIFFERENCE_STEP = 0.05
+"""Of the central differences, in half units: figures change by per cents over one, so that 0.05 errs by 1e-5."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A printed entry of a compliance matrix, with its mirror image.
+
+    Attributes:
+        part: name of the beam.
+        row: zero-based.
+        column: zero-based, not below the row.
+        half_unit: half a unit of the last printed digit.
+    """
+
+    part: str
+    row: int
+    column: int
+    half_unit: float
+
+
+def printed_entries(chain: Chain) -> list[Entry]:
+    """The entries other than zero of the chain's compliance matrices; zeros follow from the parts' symmetry."""
+    return [
+        Entry(
+            beam.name,
+            i,
+            j,
+            0.5 * 10.0 ** (np.floor(np.log10(abs(beam.compliance[i, j]))) - PRINTED_DIGITS + 1),
+        )
+        for beam in chain.beams
+        if beam.compliance is not None
+        for i in range(6)
+        for j in range(i, 6)
+        if beam.compliance[i, j] != 0.0
+    ]
+
+
+def perturbed(chain: Chain, entries: list[Entry], amounts: Array) -> Chain:
+    """The chain with its printed entries moved by ``amounts`` ``(n,)`` half units."""
+
+    def change(beam: Beam) -> Beam:
+        if beam.compliance is None:
+            return beam
+        C = beam.compliance.copy()
+        for entry, amount in zip(entries, amounts, strict=True):
+            if entry.part == beam.name:
+                C[entry.row, entry.column] += amount * entry.half_unit
+                C[entry.column, entry.row] = C[entry.row, entry.column]
+        return replace(beam, compliance=C)
+
+    return replace(chain, parts=tuple(change(p) if isinstance(p, Beam) else p for p in chain.parts))
+
+
+def reach(chain: Chain, posture: str) -> dict[str, tuple[float, float]]:
+    """Lowest and highest value of each figure of a row of Table II within the rounding.
+
+    Args:
+        chain: the paper's chain.
+        posture: its row.
+
+    Returns:
+        By quantity, the interval in N and mm.
+    """
+    entries = printed_entries(chain)
+    names = list(QUANTITIES)
+
+    def figures(amounts: Array) -> Array:
+        try:
+            values = table_figures(perturbed(chain, entries, amounts), posture).values
+        except (ValueError, NoConvergenceError, np.linalg.LinAlgError):
+            return np.full(len(names), np.nan)
+        return np.array([values[name] for name in names])
+
+    cone = _Cone(chain, entries)
+    nominal = figures(np.zeros(len(entries)))
+    steps = DIFFERENCE_STEP * np.eye(len(entries))
+    slopes = np.array([(figures(step) - figures(-step)) / (2.0 * DIFFERENCE_STEP) for step in steps]).T
+    result = {}
+    for k, name in enumerate(names):
+        ends = [figures(cone.furthest(sign * slopes[k]))[k] for sign in (-1.0, 1.0)]
+        result[name] = (float(np.nanmin([*ends, nominal[k]])), float(np.nanmax([*ends, nominal[k]])))
+    return result
+
+
+class _Cone:
+    """The box of roundings cut by positive definiteness."""
+
+    margin = 0.01
+    """Smallest admissible eigenvalue over its nominal value."""
+
+    def __init__(self, chain: Chain, entries: list[Entry]) -> None:
+        self.entries = entries
+        self.blocks: list[tuple[Array, list[tuple[int, Array]], float]] = []
+        for beam in chain.beams:
+            if beam.compliance is None:
+                continue
+            d = 1.0 / np.sqrt(np.diag(beam.compliance))
+            nominal = beam.compliance * d[:, None] * d
+            directions = []
+            for k, entry in enumerate(entries):
+                if entry.part == beam.name:
+                    E = np.zeros((6, 6))
+                    E[entry.row, entry.column] = E[entry.column, entry.row] = entry.half_unit
+                    directions.append((k, E * d[:, None] * d))
+            self.blocks.append((nominal, directions, self.margin * float(np.linalg.eigvalsh(nominal)[0])))
+
+    def furthest(self, slope: Array) -> Array:
+        """Point ``(n,)`` of box and cone at which a linear function is largest, by cutting planes."""
+        cuts: list[Array] = []
+        limits: list[float] = []
+        while True:
+            found = linprog(-slope, A_ub=np.array(cuts) if cuts else None, b_ub=limits or None, bounds=(-1.0, 1.0))
+            amounts = np.asarray(found.x)
+            enough = True
+            for nominal, directions, floor in self.blocks:
+                M = nominal + sum(amounts[k] * E for k, E in directions)
+                values, vectors = np.linalg.eigh(M)
+                for value, v in zip(values, vectors.T, strict=True):
+                    if value < 0.5 * floor:
+                        cut = np.zeros(len(self.entries))
+                        for k, E in directions:
+                            cut[k] = -v @ E @ v
+                        cuts.append(cut)
+                        limits.append(float(v @ nominal @ v) - floor)
+                        enough = False
+            if enough:
+                return amounts

@@ -1,0 +1,71 @@
+"""A run: every path of every engine on one chain, and what was found, before it becomes files and pages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from vjm.chain import Chain
+from vjm.paths import Path
+
+
+class Direction(StrEnum):
+    """Sign of the driven displacement: for posture A, pull or push."""
+
+    TENSION = "tension"
+    COMPRESSION = "compression"
+
+    @property
+    def sign(self) -> int:
+        """+1 for tension, −1 for compression."""
+        return 1 if self is Direction.TENSION else -1
+
+
+@dataclass(frozen=True, order=True)
+class Key:
+    """Which path of a run: posture label, direction, engine label."""
+
+    posture: str
+    direction: Direction
+    engine: str
+
+    @property
+    def stem(self) -> str:
+        """Name of the path's files without their ending."""
+        return f"{self.posture}_{self.direction}_{self.engine}"
+
+
+@dataclass(frozen=True)
+class LumpingStudy:
+    """Critical force of one posture against the number and the placement of the bar's springs.
+
+    Attributes:
+        posture: label.
+        direction: of the ramp.
+        reference: critical force of the finite elements, N; None where they have none on the path.
+        rows: (placement, number of springs, critical force in N or None where the path has no bifurcation).
+    """
+
+    posture: str
+    direction: Direction
+    reference: float | None
+    rows: tuple[tuple[str, int, float | None], ...]
+
+
+@dataclass
+class Run:
+    """What `validate all` computed.
+
+    Attributes:
+        chain: the machine.
+        paths: by posture, direction and engine.
+        lumping: the study that names the tension artefact's cause, one per direction.
+        summary: the content of ``summary.json``.
+    """
+
+    chain: Chain
+    paths: dict[Key, Path] = field(default_factory=dict)
+    lumping: tuple[LumpingStudy, ...] = ()
+    summary: Mapping[str, Any] = field(default_factory=dict)

@@ -1,0 +1,175 @@
+"""``validate all``: every comparison on the paper's chain, from the model file to the report."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+
+from vjm.chain import Chain
+from vjm.io.files import write_whole
+from vjm.io.model_file import load_chain
+from vjm.paths import Path
+from vjm_validation.acceptance import AcceptanceRow, agreement_rows, solver_rows
+from vjm_validation.lumping import lumping_study
+from vjm_validation.rounding import reach
+from vjm_validation.run import Direction, Key, LumpingStudy, Run
+from vjm_validation.summary import Summary, as_json, summarise
+from vjm_validation.sweeps import ENGINES, PathStore, chain_tasks, run_sweep, worker_pool
+from vjm_validation.table2 import TABLE_II, PublishedFigure, published_figures
+from vjm_validation.verification import VerificationRow, column_rows, foot_rows
+
+MODEL = "orthoglide-chain"
+COMPARISONS = {
+    "chain": "force-displacement paths of every engine in postures A to D, both directions",
+    "table2": "every figure of the paper's Table II, and what the rounding of its inputs can reach",
+    "link_lumping": "critical force against number and placement of the bar's springs",
+    "verification": "cases with a known answer",
+}
+"""What ``--only`` can pick."""
+STUDIED_POSTURE = "A"
+
+
+@dataclass(frozen=True)
+class Options:
+    """What ``validate all`` was asked for.
+
+    Attributes:
+        out: the run's folder.
+        jobs: processes.
+        quick: without the reach of the rounding, postures A and B only.
+        only: names of `COMPARISONS`; empty for all.
+        steps: equal steps of every path; None where they adapt.
+        command: how to run it again.
+    """
+
+    out: FilePath
+    jobs: int = 1
+    quick: bool = False
+    only: tuple[str, ...] = ()
+    steps: int | None = None
+    command: str = "validate all"
+
+    def wants(self, comparison: str) -> bool:
+        """Whether a comparison is asked for."""
+        return not self.only or comparison in self.only
+
+
+Progress = Callable[[str, int, int], None]
+"""Called with a stage's name, how much of it is done, and of how much."""
+
+
+def run_all(options: Options, progress: Progress) -> Summary:
+    """Run the comparisons and write the run's folder.
+
+    What an earlier, interrupted run in the same folder has finished is used again.
+
+    Raises:
+        OSError: the folder cannot be written to.
+    """
+    started = time.perf_counter()
+    write_whole(options.out / ".writable", "")
+    (options.out / ".writable").unlink()
+    chain = load_chain(MODEL)
+    postures = ["A", "B"] if options.quick else list(chain.postures)
+    run = Run(chain)
+    notes: list[str] = []
+    store = PathStore(options.out)
+
+    if options.wants("chain"):
+        run.paths = _paths(chain, postures, options, store, progress)
+    else:
+        notes.append("the chain's paths were left out by --only")
+    if options.wants("link_lumping"):
+        run.lumping = _lumping(run, progress)
+    published: list[PublishedFigure] = []
+    if options.wants("table2"):
+        published = _table2(chain, options, progress)
+        if options.quick:
+            notes.append("--quick: the reach of the rounding was not sought, and postures C and D were left out")
+    verification: list[VerificationRow] = []
+    if options.wants("verification"):
+        progress("verification", 0, 1)
+        verification = [*column_rows(chain), *foot_rows(chain)]
+        progress("verification", 1, 1)
+
+    acceptance = [*solver_rows(run.paths), *agreement_rows(run.paths), *_verification_rows(verification)]
+    run.summary = summarise(
+        run,
+        command=options.command,
+        published=published,
+        verification=verification,
+        acceptance=acceptance,
+        curves={key.stem + ".csv": store.curve(key).read_bytes() for key in run.paths},
+        seconds=time.perf_counter() - started,
+        notes=notes,
+    ).model_dump(mode="json")
+    progress("report", 0, 1)
+    from vjm_validation.report import write_report  # matplotlib and pyvista take seconds to import
+
+    write_report(run, options.out)
+    summary = Summary.model_validate(run.summary)
+    write_whole(options.out / "summary.json", as_json(summary))
+    progress("report", 1, 1)
+    return summary
+
+
+def _paths(
+    chain: Chain, postures: Sequence[str], options: Options, store: PathStore, progress: Progress
+) -> dict[Key, Path]:
+    tasks = chain_tasks(chain, postures, ENGINES, options.steps)
+    finished = 0
+
+    def done(key: Key, path: Path) -> None:
+        nonlocal finished
+        finished += 1
+        progress("paths", finished, len(tasks))
+
+    progress("paths", 0, len(tasks))
+    return run_sweep(tasks, store, options.jobs, done)
+
+
+def _lumping(run: Run, progress: Progress) -> tuple[LumpingStudy, ...]:
+    studies = []
+    total = len(Direction) * 18
+    finished = 0
+
+    def done() -> None:
+        nonlocal finished
+        finished += 1
+        progress("link lumping", finished, total)
+
+    for direction in Direction:
+        elements = run.paths.get(Key(STUDIED_POSTURE, direction, "exudyn-footspring"))
+        event = elements.critical if elements is not None else None
+        reference = event.force if event is not None else None
+        studies.append(lumping_study(run.chain, STUDIED_POSTURE, direction, reference, done))
+    return tuple(studies)
+
+
+def _table2(chain: Chain, options: Options, progress: Progress) -> list[PublishedFigure]:
+    if options.quick:
+        return published_figures(chain)
+    progress("rounding", 0, len(TABLE_II))
+    intervals = {}
+    with worker_pool(options.jobs) as pool:
+        waiting = {posture: pool.submit(reach, chain, posture) for posture in TABLE_II}
+        for posture, future in waiting.items():
+            intervals[posture] = future.result()
+            progress("rounding", len(intervals), len(TABLE_II))
+    return published_figures(chain, intervals)
+
+
+def _verification_rows(rows: Sequence[VerificationRow]) -> list[AcceptanceRow]:
+    if not rows:
+        return []
+    failed = [row.name for row in rows if not row.passed]
+    return [
+        AcceptanceRow(
+            name="verification",
+            requirement="every case with a known answer is met",
+            value="; ".join(failed) or "all",
+            passed=not failed,
+        )
+    ]

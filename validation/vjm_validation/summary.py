@@ -1,0 +1,143 @@
+"""``summary.json``: the numbers of a run, and the schema that they keep to."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from vjm import __version__
+from vjm_validation.acceptance import AcceptanceRow
+from vjm_validation.metrics import PathMetrics, path_metrics
+from vjm_validation.run import Run
+from vjm_validation.table2 import PublishedFigure
+from vjm_validation.verification import VerificationRow
+
+PACKAGES = ("numpy", "scipy", "exudyn", "matplotlib", "pyvista")
+"""Whose versions can change a number or a picture."""
+
+
+class LumpingRow(BaseModel):
+    """Critical force of one lumped bar, or null where the path has no bifurcation."""
+
+    model_config = ConfigDict(frozen=True)
+
+    posture: str
+    direction: str
+    placement: str
+    springs: int
+    F_cr: float | None
+    reference: float | None
+
+
+class Timings(BaseModel):
+    """Seconds of wall time."""
+
+    model_config = ConfigDict(frozen=True)
+
+    paths: dict[str, float]
+    """Of each path, by the name of its files."""
+    engines: dict[str, float]
+    """Of all paths of an engine."""
+    total: float
+
+
+class Summary(BaseModel):
+    """The content of ``summary.json``; N, mm."""
+
+    model_config = ConfigDict(frozen=True)
+
+    command: str
+    """How to run it again."""
+    chain: dict[str, dict[str, dict[str, PathMetrics]]]
+    """By posture, ``tension`` or ``compression``, and engine label."""
+    published: list[PublishedFigure]
+    lumping: list[LumpingRow]
+    verification: list[VerificationRow]
+    acceptance: list[AcceptanceRow]
+    timings: Timings
+    versions: dict[str, str]
+    hashes: dict[str, str]
+    """SHA-256 of the model file and of every curve file, by name."""
+    notes: list[str] = Field(default_factory=list)
+    """What was left out of this run, and why."""
+
+
+def summarise(
+    run: Run,
+    *,
+    command: str,
+    published: Sequence[PublishedFigure],
+    verification: Sequence[VerificationRow],
+    acceptance: Sequence[AcceptanceRow],
+    curves: dict[str, bytes],
+    seconds: float,
+    notes: Sequence[str] = (),
+) -> Summary:
+    """Gather a run's numbers.
+
+    Args:
+        run: its paths and studies.
+        command: how to run it again.
+        published: figures of Table II.
+        verification: rows of cases with known answers.
+        acceptance: rows that decide the exit status.
+        curves: content of the curve files by name.
+        seconds: wall time of the run so far.
+        notes: what was left out, and why.
+    """
+    chain: dict[str, dict[str, dict[str, PathMetrics]]] = {}
+    engines: dict[str, float] = {}
+    for key, path in run.paths.items():
+        chain.setdefault(key.posture, {}).setdefault(str(key.direction), {})[key.engine] = path_metrics(path)
+        engines[key.engine] = engines.get(key.engine, 0.0) + path.seconds
+    hashes = {run.chain.name: run.chain.sha256}
+    hashes |= {name: hashlib.sha256(content).hexdigest() for name, content in sorted(curves.items())}
+    return Summary(
+        command=command,
+        chain=chain,
+        published=list(published),
+        lumping=[
+            LumpingRow(
+                posture=study.posture,
+                direction=study.direction,
+                placement=placement,
+                springs=n,
+                F_cr=force,
+                reference=study.reference,
+            )
+            for study in run.lumping
+            for placement, n, force in study.rows
+        ],
+        verification=list(verification),
+        acceptance=list(acceptance),
+        timings=Timings(paths={k.stem: p.seconds for k, p in run.paths.items()}, engines=engines, total=seconds),
+        versions=versions(),
+        hashes=hashes,
+        notes=list(notes),
+    )
+
+
+def versions() -> dict[str, str]:
+    """Versions of this suite, of Python and of what computes for it."""
+    found = {
+        "vjm-stiffness": __version__,
+        "python": platform.python_version(),
+        "machine": platform.platform(),
+    }
+    return found | {name: version(name) for name in PACKAGES}
+
+
+def as_json(document: BaseModel) -> str:
+    """A JSON document as text; what is not a number becomes null."""
+    return json.dumps(document.model_dump(mode="json"), indent=1, allow_nan=False) + "\n"
+
+
+def schema(document: type[BaseModel]) -> dict[str, Any]:
+    """JSON Schema of a document."""
+    return document.model_json_schema(mode="serialization")
