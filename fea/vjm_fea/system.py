@@ -1,0 +1,276 @@
+"""A chain in a posture as a system of Exudyn: nodes, geometrically exact beams, joints, springs.
+
+Every rigid piece is one node; a joint acts between markers on two of them, at the joint's place. The
+coordinates are those of the reference configuration plus displacements; the reference configuration is the
+given posture, unloaded and free of stress.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.chain import FOOT, Chain
+from vjm.parts import Actuator, Beam, Part, PassiveJoint, RigidOffset
+from vjm.paths import StationLabel
+from vjm.rotations import Array, frame, inverse_frame, translation, turn
+from vjm_fea.backend import Item, exu, items
+from vjm_fea.mesh import Mesh
+from vjm_fea.quaternions import quaternion
+
+LOCKED = (1, 1, 1, 1, 1, 1)
+REVOLUTE = (1, 1, 1, 1, 1, 0)
+"""Turns about z of the markers."""
+UNIVERSAL = (1, 1, 1, 1, 0, 0)
+"""Keeps y of the first marker at right angles to z of the second: two revolute joints that cross."""
+PRISMATIC = (0, 1, 1, 1, 1, 1)
+"""Slides along x of the markers."""
+
+PERPENDICULAR = 1e-9
+"""Cosine below which two revolute axes in a row make a universal joint."""
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """A rigid piece.
+
+    Attributes:
+        node: index of its node, −1 for the ground.
+        item: number of the object that carries markers.
+        reference: frame ``(4, 4)`` of the node in the reference configuration.
+    """
+
+    node: int
+    item: Item
+    reference: Array
+
+
+@dataclass(frozen=True)
+class Station:
+    """A material point of which the shape is made: ``offset`` ``(3,)`` mm in the axes of the node."""
+
+    label: StationLabel
+    node: int
+    offset: Array
+
+
+Connect = Callable[[Item], None]
+"""Closes a joint that is open at its far side, given the marker there."""
+
+
+class ExudynSystem:
+    """The assembled system and where things are in it.
+
+    Attributes:
+        mbs: Exudyn's main system.
+        reference: coordinates ``(n, 7)`` of the nodes in the reference configuration: position in mm, unit
+            quaternion.
+        connected: nodes on which joints or springs act, increasing.
+        stations: in the order along the chain.
+        tool: node of the end-effector, in the world's axes in the reference configuration.
+        end: frame ``(4, 4)`` of the end-effector in the reference configuration.
+    """
+
+    def __init__(self, chain: Chain, q: Array, mesh: Mesh) -> None:
+        if len(q) != len(chain.joints):
+            raise ValueError(
+                f"{chain.name}: {len(chain.joints)} passive joints but {len(q)} coordinates in the posture"
+            )
+        exu.config.printToConsole = False
+        # the container owns the system: without it the system dies
+        self._container = exu.SystemContainer()
+        self.mbs = self._container.AddSystem()
+        self.mesh = mesh
+        self._frames: list[Array] = []
+        self._connected: set[int] = set()
+        self.stations: list[Station] = []
+        self._waiting: list[tuple[StationLabel, Array]] = []
+        self._frame = chain.base
+        self._rigid = Rigid(-1, self.mbs.AddObject(items.ObjectGround()), np.eye(4))
+        self._open: Connect | None = None
+        angles = iter(np.asarray(q, dtype=float))
+        parts = list(chain.parts)
+        while parts:
+            part = parts.pop(0)
+            behind = parts[0] if parts else None
+            if not isinstance(part, PassiveJoint):
+                self._add(part)
+            elif isinstance(behind, PassiveJoint) and _crossing(part, behind):
+                parts.pop(0)
+                self._add_universal(part, next(angles), behind, next(angles))
+            else:
+                self._add_revolute(part, next(angles))
+        # an end-effector on a piece whose node lies elsewhere gets a node of its own, locked to it
+        self.tool = self._at(frame(p=self._frame[:3, 3])).node
+        self.reference = np.array([np.concatenate([T[:3, 3], quaternion(T[:3, :3])]) for T in self._frames])
+        self.end = self._frame
+        self.connected = sorted(self._connected)
+        self.mbs.Assemble()
+
+    # --- parts --------------------------------------------------------------------------------------------
+
+    def _add(self, part: Part) -> None:
+        match part:
+            case RigidOffset():
+                self._mark(part.name, 0.0)
+                self._frame = self._frame @ part.transform
+            case Actuator():
+                if part.compliance > 0.0:
+                    self._add_drive(part)
+            case Beam() if self.mesh.foot_spring and part.name == FOOT:
+                self._add_spring(part)
+            case Beam():
+                self._add_beam(part)
+
+    def _add_beam(self, beam: Beam) -> None:
+        n = self.mesh.elements
+        h = beam.length / n
+        data = exu.BeamSection()
+        data.stiffnessMatrix = self.mesh.section_stiffness(beam.effective_section(), h, beam.name)
+        root = self._frame @ beam.section_in_chain
+        node = self._at(root).node
+        self._mark(beam.name, 0.0, root)
+        for i in range(1, n + 1):
+            T = root @ translation([i * h, 0.0, 0.0])
+            following = self._node(T)
+            self.mbs.AddObject(
+                items.ObjectBeamGeometricallyExact(nodeNumbers=[node, following], length=h, sectionData=data)
+            )
+            node = following
+            self._rigid = self._carrier(node, T) if i == n else Rigid(node, None, T)
+            self._mark(beam.name, i / n, T)
+        self._frame = self._frame @ translation(beam.tip)
+        if np.any(beam.end_offset):
+            self._mark(beam.name, 1.0 + float(np.linalg.norm(beam.end_offset)) / beam.length)
+
+    def _add_spring(self, beam: Beam) -> None:
+        self._mark(beam.name, 0.0)
+        self._frame = self._frame @ translation(beam.tip)
+        at = self._frame @ frame(beam.own_frame)
+        before = self._marker(self._at(), at)
+        stiffness = np.linalg.inv(beam.tip_compliance())
+
+        def connect(behind: Item) -> None:
+            self.mbs.AddObject(
+                items.RigidBodySpringDamper(
+                    markerNumbers=[before, behind], stiffness=stiffness, useIntrinsicFormulation=True
+                )
+            )  # fmt: skip
+
+        self._leave_open(at, connect)
+        self._mark(beam.name, 1.0)
+
+    def _add_drive(self, drive: Actuator) -> None:
+        at = self._frame @ frame(_axes_with(drive.axis, 0))
+        before = self._marker(self._at(), at)
+
+        def connect(behind: Item) -> None:
+            self._joint(before, behind, PRISMATIC)
+            self.mbs.AddObject(
+                items.RigidBodySpringDamper(
+                    markerNumbers=[before, behind], stiffness=np.diag([1.0 / drive.compliance] + [0.0] * 5)
+                )
+            )  # fmt: skip
+
+        self._leave_open(at, connect)
+
+    def _add_revolute(self, joint: PassiveJoint, angle: float) -> None:
+        axes = frame(_axes_with(joint.axis, 2))
+        before = self._marker(self._at(), self._frame @ axes)
+        self._frame = self._frame @ turn(joint.axis, angle)
+        self._leave_open(self._frame @ axes, lambda behind: self._joint(before, behind, REVOLUTE))
+
+    def _add_universal(self, first: PassiveJoint, angle: float, second: PassiveJoint, angle2: float) -> None:
+        # the first axis stays in the piece before as its marker's y, the second in the piece behind as z
+        axes = frame(np.column_stack([np.cross(first.axis, second.axis), first.axis, second.axis]))
+        before = self._marker(self._at(), self._frame @ axes)
+        self._frame = self._frame @ turn(first.axis, angle) @ turn(second.axis, angle2)
+        self._leave_open(self._frame @ axes, lambda behind: self._joint(before, behind, UNIVERSAL))
+
+    # --- rigid pieces -------------------------------------------------------------------------------------
+
+    def _leave_open(self, at: Array, connect: Connect) -> None:
+        """A joint ends at the frame ``at``; the next part makes the piece behind it, its node where it likes."""
+        self._open_at = at
+        self._open = connect
+
+    def _at(self, T: Array | None = None) -> Rigid:
+        """The rigid piece at the present place; where ``T`` is given, one whose node lies there."""
+        if self._open is not None:
+            connect, self._open = self._open, None
+            T = self._open_at if T is None else T
+            self._rigid = self._carrier(self._node(T), T)
+            connect(self._marker(self._rigid, self._open_at))
+            for label, position in self._waiting:
+                self._place(label, position)
+            self._waiting.clear()
+        elif T is not None and (self._rigid.node < 0 or not np.allclose(T, self._rigid.reference, atol=1e-12)):
+            before, grounded = self._marker(self._rigid, T), self._rigid.node < 0
+            self._rigid = self._carrier(self._node(T), T)
+            self._joint(before, self._marker(self._rigid, T), LOCKED)
+            if grounded:
+                # a node that cannot move has no columns worth differencing
+                self._connected.discard(self._rigid.node)
+        return self._rigid
+
+    def _node(self, T: Array) -> int:
+        self.mbs.AddNode(
+            items.NodeRigidBodyEP(
+                referenceCoordinates=[*T[:3, 3], *quaternion(T[:3, :3])],
+                # unit quaternions are kept by the solver, which turns them by rotation vectors
+                addConstraintEquation=False,
+            )
+        )
+        self._frames.append(T)
+        return len(self._frames) - 1
+
+    def _carrier(self, node: int, T: Array) -> Rigid:
+        # statics: the mass means nothing, but Exudyn wants one
+        item = self.mbs.AddObject(items.ObjectRigidBody(mass=1.0, inertia=[1, 1, 1, 0, 0, 0], nodeNumber=node))
+        return Rigid(node, item, T)
+
+    def _marker(self, rigid: Rigid, T: Array) -> Item:
+        """A marker on a rigid piece, at the world frame ``T`` in the reference configuration."""
+        local = inverse_frame(rigid.reference) @ T
+        if rigid.node >= 0:
+            self._connected.add(rigid.node)
+        return self.mbs.AddMarker(
+            items.MarkerBodyRigid(
+                bodyNumber=rigid.item, localHT=exu.HT(rotation=local[:3, :3], translation=local[:3, 3])
+            )
+        )
+
+    def _joint(self, before: Item, behind: Item, constrained: tuple[int, ...]) -> None:
+        self.mbs.AddObject(
+            items.GenericJoint(
+                markerNumbers=[before, behind], constrainedAxes=list(constrained)
+            )
+        )  # fmt: skip
+
+    # --- stations -----------------------------------------------------------------------------------------
+
+    def _mark(self, part: str, fraction: float, T: Array | None = None) -> None:
+        label = StationLabel(part, fraction)
+        position = (self._frame if T is None else T)[:3, 3]
+        if self._open is not None:
+            self._waiting.append((label, position))
+        else:
+            self._place(label, position)
+
+    def _place(self, label: StationLabel, position: Array) -> None:
+        R, p = self._rigid.reference[:3, :3], self._rigid.reference[:3, 3]
+        self.stations.append(Station(label, self._rigid.node, R.T @ (position - p)))
+
+
+def _crossing(a: PassiveJoint, b: PassiveJoint) -> bool:
+    return abs(float(np.dot(a.axis, b.axis))) < PERPENDICULAR
+
+
+def _axes_with(axis: Array, column: int) -> Array:
+    """A rotation ``(3, 3)`` with the unit vector ``axis`` as one of its columns."""
+    side = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    side /= np.linalg.norm(side)
+    cyclic = [np.asarray(axis, dtype=float), side, np.cross(axis, side)]
+    return np.column_stack([cyclic[(i - column) % 3] for i in range(3)])
