@@ -152,7 +152,7 @@ class _Walk:
                 continue
             bend = self._bend(there)
             if bend > self.control.bend and target - here.s > 1e3 * self.control.smallest * self.length:
-                step = max(0.5, 0.5 * self.control.bend / bend) * (target - here.s)
+                step = 0.5 * (target - here.s)
                 continue
             if there.unstable > 0 and here.unstable <= 0:
                 try:

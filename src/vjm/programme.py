@@ -45,19 +45,12 @@ class Programme:
             raise ValueError(f"branch is +1 or -1, not {self.branch}")
 
     @property
-    def component(self) -> int:
-        """Index of the driven component in a displacement or wrench."""
-        if not isinstance(self.axis, str):
-            raise ValueError("a ramp in several components drives no single one")
-        return COMPONENTS.index(self.axis)
-
-    @property
     def direction(self) -> Array:
         """Displacement ``(6,)`` per unit of the path parameter, which runs from 0 to ``abs(to)``.
 
         Its product with the wrench is the driven force, positive where the chain resists the ramp.
         """
-        d = np.eye(6)[self.component] if isinstance(self.axis, str) else np.array(self.axis)
+        d = np.eye(6)[COMPONENTS.index(self.axis)] if isinstance(self.axis, str) else np.array(self.axis)
         return np.sign(self.to) * d
 
     def displacement(self, s: float) -> Array:

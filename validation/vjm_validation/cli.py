@@ -15,6 +15,7 @@ from cyclopts import App, CycloptsError, Parameter
 from vjm import __version__
 from vjm.chain import Chain
 from vjm.equilibrium import NoConvergenceError
+from vjm.io.files import check_writable
 from vjm.io.model_file import library, load_chain
 from vjm.io.path_files import write_curve
 from vjm.parts import Placement
@@ -131,7 +132,9 @@ def curve(
     foot_segments: FootSegments = None,
     placement: PlacementOption = Placement.BEST,
     shear: Shear = False,
-    branch: Annotated[Literal["+", "-"], Parameter(help="Which of two mirrored branches.")] = "+",
+    branch: Annotated[
+        Literal["+", "-"], Parameter(allow_leading_hyphen=True, help="Which of two mirrored branches.")
+    ] = "+",
     csv: Annotated[FilePath | None, Parameter(help="Write the path to this file.")] = None,
 ) -> int:
     """Walk one load path and show it."""
@@ -141,6 +144,8 @@ def curve(
     programme = Programme(label, to, axis, steps, 1 if branch == "+" else -1)
     _within_reach("--to", chain, programme.displacement(programme.length))
     walker = engine_by_name(engine, _options(segments, foot_segments, placement, shear))
+    if csv is not None:
+        check_writable(csv.parent)
     with show.progress() as progress:
         path = walker.walk(chain, programme, lambda done: progress("path", round(100 * done), 100))
     if csv is not None:
@@ -160,7 +165,8 @@ def buckling(
     *,
     posture: Annotated[tuple[str, ...], Parameter(consume_multiple=True, help="Labels; all by default.")] = (),
     direction: Annotated[
-        Literal["+", "-"] | None, Parameter(help="Tension or compression; both by default.")
+        Literal["+", "-"] | None,
+        Parameter(allow_leading_hyphen=True, help="Tension or compression; both by default."),
     ] = None,
     engine: Annotated[tuple[str, ...], Parameter(consume_multiple=True, help="See `validate list`.")] = ("vjm",),
     segments: Segments = None,

@@ -6,12 +6,11 @@ import re
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-from vjm_fea.exudyn_engine import ExudynEngine
-
 from vjm.baselines import LinearEngine, MsaEngine, UnloadedJacobianEngine
 from vjm.engine import Engine
 from vjm.parts import Placement
 from vjm.vjm_engine import VjmEngine
+from vjm_fea.exudyn_engine import ExudynEngine
 
 DESCRIPTIONS = {
     "vjm-paper": "the paper's model: one spring a link, at its far end, with the printed matrices",

@@ -82,7 +82,7 @@ def _nodes(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         if event.kind is not EventKind.BIFURCATION or not event.switched:
             continue
         i = int(np.searchsorted(s, event.s))
-        before = event.point.tangent if event.point is not None else left[i - 1]
+        before = left[i - 1] if event.stiffness_before is None else event.stiffness_before
         s = np.insert(s, i, event.s)
         force = np.insert(force, i, event.force)
         left = np.insert(left, i, before)

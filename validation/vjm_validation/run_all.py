@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 
 from vjm.chain import Chain
-from vjm.io.files import write_whole
+from vjm.io.files import check_writable, write_whole
 from vjm.io.model_file import load_chain
 from vjm.paths import Path
 from vjm_validation.acceptance import AcceptanceRow, agreement_rows, solver_rows
@@ -69,8 +69,7 @@ def run_all(options: Options, progress: Progress) -> Summary:
         OSError: the folder cannot be written to.
     """
     started = time.perf_counter()
-    write_whole(options.out / ".writable", "")
-    (options.out / ".writable").unlink()
+    check_writable(options.out)
     chain = load_chain(MODEL)
     postures = ["A", "B"] if options.quick else list(chain.postures)
     run = Run(chain)

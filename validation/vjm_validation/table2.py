@@ -74,8 +74,8 @@ class TableFigures:
     sharp: bool
 
 
-COARSE = StepControl(first=0.05, largest=0.2, bend=0.5)
-"""Events are located and points solved whatever the steps between them: large ones suffice for single figures."""
+COARSE = StepControl(first=0.02, largest=0.1)
+"""Events are located and points solved whatever the steps between them: larger ones serve for single figures."""
 
 
 def table_figures(chain: Chain, posture: str, control: StepControl = COARSE) -> TableFigures:

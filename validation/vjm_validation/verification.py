@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
-from vjm_fea.exudyn_engine import ExudynEngine
 
 from vjm.chain import FOOT, Chain
 from vjm.engine import Engine
@@ -15,6 +14,7 @@ from vjm.paths import EventKind
 from vjm.programme import Programme
 from vjm.rotations import AXES
 from vjm.vjm_engine import VjmEngine
+from vjm_fea.exudyn_engine import ExudynEngine
 from vjm_validation.rounding import printed_entries
 
 MESHES = (4, 8, 16)

@@ -34,6 +34,8 @@ def curve_csv(path: Path) -> str:
         "model_sha256": path.model_sha256,
         **{k: v for k, v in asdict(path.programme).items() if v is not None},
     }
+    if not isinstance(path.programme.axis, str):
+        head["axis"] = ",".join(f"{v:.12g}" for v in path.programme.axis)
     out = io.StringIO()
     out.write("# " + " ".join(f"{key}={value}" for key, value in head.items()) + "\n")
     writer = csv.writer(out, lineterminator="\n")
@@ -67,31 +69,35 @@ def read_curve(file: FilePath) -> Path:
     missing = [c for c in COLUMNS if not rows or c not in rows[0]]
     if missing:
         raise ValueError(f"{file}: no curve file: missing column {missing[0]}")
-    programme = Programme(
-        posture=head["posture"],
-        to=float(head["to"]),
-        axis=head["axis"],
-        steps=int(head["steps"]) if "steps" in head else None,
-        branch=int(head["branch"]),
-    )
-    points = []
-    for row in rows:
-        displacement = np.array([float(row[c]) for c in DISPLACEMENT_COLUMNS])
-        points.append(
-            Equilibrium(
-                s=abs(float(displacement[programme.component])),
-                displacement=displacement,
-                wrench=np.array([float(row[c]) for c in WRENCH_COLUMNS]),
-                tangent=float(row["k_N_per_mm"]),
-                eigenvalue=float(row["lambda_min_rel"] or "nan"),
-                unstable=int(row["unstable_modes"] or -1),
-                iterations=int(row["iterations"]),
-                residual=float("nan"),
-                shape=np.empty((0, 3)),
-                state=np.empty(0),
-            )
+    try:
+        programme = Programme(
+            posture=head["posture"],
+            to=float(head["to"]),
+            axis=tuple(float(v) for v in head["axis"].split(",")) if "," in head["axis"] else head["axis"],
+            steps=int(head["steps"]) if "steps" in head else None,
+            branch=int(head["branch"]),
         )
-    return Path(head["engine"], head["model"], programme, tuple(points), model_sha256=head["model_sha256"])
+        points = tuple(_point(row, programme) for row in rows)
+        return Path(head["engine"], head["model"], programme, points, model_sha256=head["model_sha256"])
+    except (KeyError, ValueError) as error:
+        raise ValueError(f"{file}: no curve file: {error}") from error
+
+
+def _point(row: dict[str, str], programme: Programme) -> Equilibrium:
+    displacement = np.array([float(row[c]) for c in DISPLACEMENT_COLUMNS])
+    along = programme.direction
+    return Equilibrium(
+        s=float(displacement @ along / (along @ along)),
+        displacement=displacement,
+        wrench=np.array([float(row[c]) for c in WRENCH_COLUMNS]),
+        tangent=float(row["k_N_per_mm"]),
+        eigenvalue=float(row["lambda_min_rel"] or "nan"),
+        unstable=int(row["unstable_modes"] or -1),
+        iterations=int(row["iterations"]),
+        residual=float("nan"),
+        shape=np.empty((0, 3)),
+        state=np.empty(0),
+    )
 
 
 _POINT_ARRAYS = [f.name for f in fields(Equilibrium) if f.name != "stiffness"]

@@ -1,0 +1,36 @@
+"""The JSON Schemas of every JSON file that the suite writes or prints.
+
+``python -m vjm_validation.schemas FOLDER`` writes them; the published ones are in ``docs/schemas``.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from vjm.io.files import write_whole
+from vjm.io.model_file import model_schema
+from vjm_validation.documents import BucklingDocument, StiffnessDocument
+from vjm_validation.summary import Summary, schema
+
+
+def schemas() -> dict[str, dict[str, Any]]:
+    """JSON Schemas by file name."""
+    return {
+        "summary.schema.json": schema(Summary),
+        "buckling.schema.json": schema(BucklingDocument),
+        "stiffness.schema.json": schema(StiffnessDocument),
+        "model.schema.json": model_schema(),
+    }
+
+
+def main(folder: Path) -> None:
+    """Write every schema into a folder."""
+    for name, content in schemas().items():
+        write_whole(folder / name, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
