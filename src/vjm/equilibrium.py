@@ -68,11 +68,14 @@ def residual(model: LumpedModel, x: Array, wrench: Array, target: Array) -> tupl
     return k, k.jacobian.T @ wrench - model.stiffness @ x, displacement_between(k.end, target)
 
 
-def scaled_norm(model: LumpedModel, statics: Array, gap: Array) -> float:
-    """Largest component of the residuals ``(m,)`` and ``(6,)``, made dimensionless by the model's scales."""
+def scaled_norm(model: LumpedModel, statics: Array, gap: Array, wrench: Array) -> float:
+    """Largest component of the residuals ``(m,)`` and ``(6,)``, made dimensionless by the model's scales.
+
+    Under a wrench of more than one unit it is relative to that wrench, as rounding is.
+    """
     energy = model.wrench_scale[3]
     largest = max(np.abs(statics * model.coordinate_scale).max(), np.abs(gap * model.wrench_scale).max())
-    return float(largest / energy)
+    return float(largest / energy / max(1.0, np.abs(wrench / model.wrench_scale).max()))
 
 
 def newton_matrix(model: LumpedModel, k: Kinematics, wrench: Array) -> Array:
@@ -122,7 +125,7 @@ def solve_newton(
             k, statics, gap = residual(model, x, wrench, target)
         except ValueError:
             raise NoConvergenceError("Newton left the neighbourhood of the target pose") from None
-        error = scaled_norm(model, statics, gap)
+        error = scaled_norm(model, statics, gap, wrench)
         if error < TOLERANCE:
             return Configuration(model, x, wrench, error, iteration)
         if not np.isfinite(error) or error > 1e6:
@@ -191,7 +194,7 @@ def solve_paper(
             _, statics, gap = residual(model, x, wrench, target)
         except (np.linalg.LinAlgError, ValueError):
             raise NoConvergenceError(f"the paper's iteration (13) broke down after {iteration} steps") from None
-        error = scaled_norm(model, statics, gap)
+        error = scaled_norm(model, statics, gap, wrench)
         if error < TOLERANCE:
             return Configuration(model, x, wrench, error, iteration)
     raise NoConvergenceError(
@@ -220,7 +223,7 @@ def solve_under_wrench(model: LumpedModel, wrench: Array, x: Array, *, max_itera
     for iteration in range(max_iterations + 1):
         k = model.kinematics(x)
         statics = k.jacobian.T @ wrench - model.stiffness @ x
-        error = scaled_norm(model, statics, np.zeros(6))
+        error = scaled_norm(model, statics, np.zeros(6), wrench)
         if error < TOLERANCE:
             return Configuration(model, x, wrench, error, iteration)
         A = (k.force_hessian(wrench) - model.stiffness) * scale[:, None] * scale

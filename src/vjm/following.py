@@ -21,6 +21,10 @@ from vjm.rotations import Array
 
 EVENT_TOLERANCE = 1e-9
 """Events are located to this fraction of the path's length; INTERFACES promise 1e-4 of the event's value."""
+TIE = 1e-6
+"""Events closer than this, relative, are one, which goes by the name of the first in `EventKind`'s order."""
+JUMP = 1.0
+"""Of a fixed step only one that ends further from the prolongation than it is long is not believed."""
 
 
 class Problem(Protocol):
@@ -133,7 +137,7 @@ class _Walk:
         grid = None
         if self.programme.steps is not None:
             grid = np.linspace(0.0, self.length, self.programme.steps + 1)[1:]
-        step = self.control.first * self.length
+        step = self.length if grid is not None else self.control.first * self.length
         while self.points[-1].s < self.length * (1.0 - 1e-12):
             here = self.points[-1]
             if grid is not None:
@@ -151,7 +155,8 @@ class _Walk:
                     return f"no equilibrium found beyond {here.s:.6g}: {failure}"
                 continue
             bend = self._bend(there)
-            if bend > self.control.bend and target - here.s > 1e3 * self.control.smallest * self.length:
+            allowed = self.control.bend if grid is None else JUMP
+            if bend > allowed and target - here.s > 1e3 * self.control.smallest * self.length:
                 step = 0.5 * (target - here.s)
                 continue
             if there.unstable > 0 and here.unstable <= 0:
@@ -163,10 +168,12 @@ class _Walk:
                     if step < self.control.smallest * self.length:
                         return f"stability is lost beyond {here.s:.6g} without a bifurcation: {failure}"
                     continue
-                reason = self._leave_at(critical, here, there.unstable - max(here.unstable, 0))
+                # the stiffness at the critical point itself is singular: look across it on the primary path
+                self._find_smooth_events(here, there, before=critical.s)
+                reason = self._leave_at(critical, there.unstable - max(here.unstable, 0))
                 if reason:
                     return reason
-                step = min(step, 2.0 * (self.points[-1].s - self.events[-1].s))
+                step = self.length if grid is not None else 2.0 * (self.points[-1].s - critical.s)
                 continue
             self._find_smooth_events(here, there)
             self.points.append(there)
@@ -210,19 +217,20 @@ class _Walk:
     def _force(self, p: Equilibrium) -> float:
         return float(self.programme.direction @ p.wrench)
 
-    def _find_smooth_events(self, a: Equilibrium, b: Equilibrium) -> None:
-        if len(self.points) == self.branch_start and self.branch_start > 0:
-            return
+    def _find_smooth_events(self, a: Equilibrium, b: Equilibrium, before: float = np.inf) -> None:
+        """Locate limit points and the bend-over between two points of a path, as far as ``before``."""
         half = 0.5 * self.points[0].tangent
         wanted: list[tuple[EventKind, float]] = []
         if a.tangent > 0.0 >= b.tangent:
             wanted.append((EventKind.LIMIT, 0.0))
-        if a.tangent > half >= b.tangent and not self.events:
+        if a.tangent > half >= b.tangent and half > 0.0 and not self.events:
             wanted.append((EventKind.BEND_OVER, half))
         found = []
         for kind, level in wanted:
             point = self._between(a, b, lambda p, level=level: p.tangent - level)  # type: ignore[misc]
             found.append(Event(kind, point.s, self._force(point), point=point))
+        # at a tie the bifurcation is the event, then the limit point
+        found = [event for event in found if event.s < before * (1.0 - TIE)]
         self.events.extend(sorted(found, key=lambda event: event.s))
 
     def _bifurcation(self, a: Equilibrium, b: Equilibrium) -> Equilibrium:
@@ -236,15 +244,10 @@ class _Walk:
             raise NoConvergenceError("the smallest eigenvalue jumps")
         return critical
 
-    def _leave_at(self, critical: Equilibrium, before: Equilibrium, multiplicity: int) -> str:
+    def _leave_at(self, critical: Equilibrium, multiplicity: int) -> str:
         """Record a bifurcation and go on along the branch that crosses there; returns why not, if not."""
-        self._find_smooth_events(before, critical)
         event = Event(
-            EventKind.BIFURCATION,
-            critical.s,
-            self._force(critical),
-            multiplicity=multiplicity,
-            point=critical,
+            EventKind.BIFURCATION, critical.s, self._force(critical), multiplicity=multiplicity, point=critical
         )
         self.events.append(event)
         behind = min(critical.s * (1.0 + self.control.behind), self.length)

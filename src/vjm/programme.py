@@ -20,7 +20,8 @@ class Programme:
         posture: label of the posture to start from, unloaded.
         to: end of the ramp, signed, in mm or rad.
         axis: the driven component, one of `COMPONENTS`, or a displacement ``(6,)`` per unit of ``to``.
-        steps: number of equal steps; None where the engine chooses, finer around critical points.
+        steps: number of equal steps; None where the engine chooses, finer around critical points. Behind a
+            bifurcation there is a point besides, where the new branch begins, and more where a step fails.
         branch: +1 or −1: which of two mirrored branches to take at a bifurcation. On +1 the largest component
             of the buckling mode's deflection is positive.
     """
@@ -32,6 +33,8 @@ class Programme:
     branch: int = 1
 
     def __post_init__(self) -> None:
+        if not isinstance(self.axis, str):
+            object.__setattr__(self, "axis", tuple(self.axis))
         if isinstance(self.axis, str):
             if self.axis not in COMPONENTS:
                 raise ValueError(f"axis '{self.axis}' is none of {', '.join(COMPONENTS)}")

@@ -16,6 +16,10 @@ from vjm.rotations import Array
 
 NEUTRAL = 1e-12
 """Eigenvalues below this fraction of the largest are zero but for rounding."""
+STILL = 1e-6
+"""Deflection of a unit mode, over the characteristic length, below which the stations do not move."""
+COINCIDENT = 1e-3
+"""Two eigenvalues vanish together where the second is below this fraction of the third."""
 
 
 @dataclass(frozen=True)
@@ -32,24 +36,39 @@ class Stability:
 
 
 def stability(at: Configuration) -> Stability:
-    """Smallest eigenvalue and number of negative ones of the second variation on the null space of J."""
+    """Smallest eigenvalue and number of negative ones of the second variation on the null space of J.
+
+    Where J leaves no motion at all there is nothing to be unstable: nan and none.
+    """
     values = np.linalg.eigvalsh(_reduced(at)[0])
-    return Stability(float(values[0]), int(np.count_nonzero(values < 0.0)))
+    if values.size == 0:
+        return Stability(float("nan"), 0)
+    # a bar that bends alike in all planes turns freely about its chord: zero but for rounding is not unstable
+    return Stability(float(values[0]), int(np.count_nonzero(values < -NEUTRAL * np.abs(values).max())))
 
 
-def critical_mode(at: Configuration) -> Array:
-    """Motion ``(m,)`` of the joints along the smallest eigenvalue's eigenvector.
+def critical_modes(at: Configuration) -> list[Array]:
+    """Motions ``(m,)`` of the joints along which a critical point loses its stability: one, or two at once.
 
-    Scaled by the model's coordinate units it has length one; its sign makes the largest component of the
-    deflection that it causes positive.
+    Eigenvectors of the smallest eigenvalue, and of the next where it vanishes together with it (a bar that
+    bends alike in both planes). Scaled by the model's coordinate units each has length one. Its sign makes the
+    largest component of the deflection that it causes positive, or, where no station moves (one spring a
+    link), of the motion itself.
     """
     reduced, q_factor, tau = _reduced(at)
-    _, vectors = eigh(reduced, subset_by_index=[0, 0])
-    inside = np.concatenate([np.zeros(6), vectors[:, 0]])[:, None]
-    mode = at.model.coordinate_scale * _apply(q_factor, tau, inside, transpose=False)[:, 0]
-    deflection = at.model.shape_rate(at.kinematics, mode).ravel()
-    result: Array = mode * np.sign(deflection[np.argmax(np.abs(deflection))])
-    return result
+    count = min(3, len(reduced))
+    values, vectors = eigh(reduced, subset_by_index=[0, count - 1])
+    together = 2 if count == 3 and values[1] < COINCIDENT * values[2] else 1
+    unit = at.model.coordinate_scale
+    modes = []
+    for vector in vectors.T[:together]:
+        inside = np.concatenate([np.zeros(6), vector])[:, None]
+        mode = unit * _apply(q_factor, tau, inside, transpose=False)[:, 0]
+        deflection = at.model.shape_rate(at.kinematics, mode).ravel()
+        if np.abs(deflection).max(initial=0.0) < STILL * at.model.chain.characteristic_length:
+            deflection = mode / unit
+        modes.append(mode * np.sign(deflection[np.argmax(np.abs(deflection))]))
+    return modes
 
 
 def _reduced(at: Configuration) -> tuple[Array, Array, Array]:

@@ -24,8 +24,13 @@ from vjm.parts import Placement
 from vjm.paths import Equilibrium, Path, StationLabel
 from vjm.programme import Programme
 from vjm.rotations import Array, displaced
-from vjm.stability import critical_mode, stability
+from vjm.stability import critical_modes, stability
 from vjm.stiffness import loaded_stiffness
+
+ROUNDING = 1e-10
+"""Stiffness, in the model's own units, below which an entry of K^F is zero but for rounding."""
+FIRST_AMPLITUDE = 1e-3
+"""Scaled amplitude of the critical mode at which a crossing branch is first looked for."""
 
 
 class LumpedProblem:
@@ -61,14 +66,18 @@ class LumpedProblem:
         which gives the amplitude that belongs to ``s``.
         """
         at = self.configuration(critical)
-        mode = sign * critical_mode(at)
-        amplitude = 1e-3
-        beyond, _ = self._on_branch(at, mode, amplitude, critical.s)
-        rise = beyond - critical.s
-        if rise <= 0.0:
+        # where two modes meet, the springs' order of turns tells which of them is stable
+        found = [self._branch(at, sign * mode, critical.s, s) for mode in critical_modes(at)]
+        return min(found, key=lambda point: point.unstable)
+
+    def _branch(self, at: Configuration, mode: Array, critical: float, s: float) -> Equilibrium:
+        """A state at ``s`` on the branch that leaves ``at``, the state at ``critical``, along ``mode``."""
+        amplitude = FIRST_AMPLITUDE
+        beyond, _ = self._on_branch(at, mode, amplitude, critical)
+        if beyond <= critical:
             raise NoConvergenceError("the crossing branch turns back: the bifurcation is subcritical")
-        amplitude *= np.sqrt((s - critical.s) / rise)
-        beyond, near = self._on_branch(at, mode, amplitude, critical.s)
+        amplitude *= np.sqrt((s - critical) / (beyond - critical))
+        beyond, near = self._on_branch(at, mode, amplitude, critical)
         there = self.solve(s, self.equilibrium(beyond, near))
         along = mode @ ((there.state[: self.model.size] - at.x) / self.model.coordinate_scale**2)
         if along < 0.5 * amplitude:
@@ -82,7 +91,7 @@ class LumpedProblem:
 
     def equilibrium(self, s: float, at: Configuration) -> Equilibrium:
         """What the path keeps of a configuration: stiffness (18), stability, shape."""
-        K = loaded_stiffness(at)
+        K = self._stiffness(at)
         verdict = stability(at)
         direction = self.programme.direction
         return Equilibrium(
@@ -99,6 +108,16 @@ class LumpedProblem:
             stiffness=K,
         )
 
+    def _stiffness(self, at: Configuration) -> Array:
+        """K^F (18) ``(6, 6)``: what is zero but for rounding is zero, and nan at a critical point."""
+        try:
+            K = loaded_stiffness(at)
+        except np.linalg.LinAlgError:
+            return np.full((6, 6), np.nan)
+        unit = self.model.wrench_scale
+        K[np.abs(K) < ROUNDING * unit[:, None] * unit / unit[3]] = 0.0
+        return K
+
     def _on_branch(
         self, at: Configuration, mode: Array, amplitude: float, s: float, max_iterations: int = 30
     ) -> tuple[float, Configuration]:
@@ -113,14 +132,17 @@ class LumpedProblem:
         for iteration in range(max_iterations):
             k, statics, gap = residual(model, x, wrench, self.target(s))
             missing = amplitude - row @ (x - at.x)
-            error = scaled_norm(model, statics, gap)
+            error = scaled_norm(model, statics, gap, wrench)
             if error < TOLERANCE and abs(missing) < TOLERANCE:
                 return s, Configuration(model, x, wrench, error, iteration)
             A[: m + 6, : m + 6] = newton_matrix(model, k, wrench)
             A[m : m + 6, m + 6] = -self.programme.direction * scale[m:] * s_unit
             A[m + 6, :m] = row * scale[:m] * root_energy
             b = np.concatenate([np.concatenate([-statics, gap]) * scale, [missing * root_energy]])
-            step = np.linalg.solve(A, b)
+            try:
+                step = np.linalg.solve(A, b)
+            except np.linalg.LinAlgError:
+                break
             x = x + scale[:m] * step[:m]
             wrench = wrench + scale[m:] * step[m : m + 6]
             s = s + s_unit * step[m + 6]

@@ -7,14 +7,14 @@ import itertools
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from vjm_fea import ExudynEngine
-from vjm_fea.backend import exu, items
 
 from vjm.chain import Chain
 from vjm.parts import Beam, PassiveJoint, Section
 from vjm.paths import EventKind
 from vjm.programme import Programme
 from vjm.rotations import AXES, displaced, frame, rotation_from_vector
+from vjm_fea import ExudynEngine
+from vjm_fea.backend import exu, items
 
 LENGTH = 310.0
 EA, EIY, EIZ, GJ = 6.74e6, 2.07e8, 4.3e7, 1.07e7

@@ -6,10 +6,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from vjm_fea import ExudynEngine
 
 from vjm.paths import EventKind
 from vjm.programme import Programme
+from vjm_fea import ExudynEngine
 
 BEAM, SPRING = ExudynEngine(), ExudynEngine(foot_spring=True)
 ENGINES = {engine.label: engine for engine in (BEAM, SPRING)}

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from vjm_fea import ExudynEngine
-from vjm_fea.quaternions import quaternion, rotation_matrices
 
 from vjm.chain import Chain
 from vjm.equilibrium import NoConvergenceError
@@ -14,6 +12,8 @@ from vjm.parts import Actuator, Beam, PassiveJoint, RigidOffset, Section
 from vjm.paths import StationLabel
 from vjm.programme import Programme
 from vjm.rotations import frame, rotation_from_vector
+from vjm_fea import ExudynEngine
+from vjm_fea.quaternions import quaternion, rotation_matrices
 
 # wrench and stiffness in units of 300 mm, so that forces and moments weigh the same
 ARM = np.array([1.0, 1.0, 1.0, 300.0, 300.0, 300.0])

@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv
 import io
 import json
+import zlib
 from dataclasses import asdict, fields
 from pathlib import Path as FilePath
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -79,7 +81,7 @@ def read_curve(file: FilePath) -> Path:
         )
         points = tuple(_point(row, programme) for row in rows)
         return Path(head["engine"], head["model"], programme, points, model_sha256=head["model_sha256"])
-    except (KeyError, ValueError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{file}: no curve file: {error}") from error
 
 
@@ -137,7 +139,7 @@ def load_path(file: FilePath) -> Path:
         ValueError: the file is damaged or of another kind.
     """
     try:
-        with np.load(file) as archive:
+        with file.open("rb") as stream, np.load(stream) as archive:
             arrays = {name: archive[name] for name in archive.files}
         meta = json.loads(str(arrays.pop("meta")))
         stiffness = arrays.pop("stiffness", None)
@@ -163,5 +165,5 @@ def load_path(file: FilePath) -> Path:
             tuple(StationLabel(**s) for s in meta["stations"]), meta["stopped"], meta["seconds"],
             meta["model_sha256"],
         )  # fmt: skip
-    except (OSError, KeyError, TypeError, json.JSONDecodeError) as error:
+    except (OSError, EOFError, KeyError, TypeError, ValueError, BadZipFile, zlib.error) as error:
         raise ValueError(f"{file}: no record of a path: {error}") from error

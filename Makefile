@@ -1,0 +1,82 @@
+# Everything happens in .venv, against what is installed there, never against the working directory.
+#   ARGS     passed on: make validate ARGS=--quick, make test ARGS="-k column"
+#   PYTHON   the interpreter that .venv is made with: make test PYTHON=python3.12
+
+PYTHON = python3
+VENV = .venv
+BIN = $(VENV)/bin
+PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input
+# The directories count too: a deleted module changes only its directory's time.
+SOURCES := $(shell find src fea validation -not -name __pycache__ -not -name '*.pyc')
+
+# The matrices here are small (6 to a few hundred rows): BLAS threads cost more than they save, 5 to 100
+# times as much in the eigenproblems, and they compete with the worker processes of `validate --jobs`.
+export OMP_NUM_THREADS = 1
+export OPENBLAS_NUM_THREADS = 1
+export MKL_NUM_THREADS = 1
+
+.NOTPARALLEL:
+.DELETE_ON_ERROR:
+.PHONY: help validate test test-all bench lint lock clean
+
+help:
+	@echo 'make validate   every comparison (validate all $$ARGS); says where the report is'
+	@echo 'make test       ruff, mypy and the tests that are not slow'
+	@echo 'make test-all   ruff, mypy and all tests'
+	@echo 'make bench      the benchmarks; writes bench.json'
+	@echo 'make lint       ruff and mypy only'
+	@echo 'make lock       constraints.txt anew, from the ranges in pyproject.toml'
+	@echo 'make clean      removes .venv and the caches'
+
+validate: $(VENV)/.project
+	$(BIN)/validate all $(ARGS)
+
+test: lint $(VENV)/.project
+	$(BIN)/pytest -m 'not slow' --ignore=tests/benchmarks $(ARGS)
+
+test-all: lint $(VENV)/.project
+	$(BIN)/pytest $(ARGS)
+
+bench: $(VENV)/.test $(VENV)/.project
+	$(BIN)/pytest tests/benchmarks $(ARGS)
+
+lint: $(VENV)/.test
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+# What it takes to run. The build backend is in .venv too, so that it is pinned like everything else and a
+# changed source is reinstalled without asking the package index.
+$(VENV)/.runtime: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v < (3, 15) else "Python 3.11 to 3.14 is needed, $(PYTHON) is %d.%d: say make PYTHON=python3.12, for example" % v)'
+	@echo 'Installing the dependencies into $(VENV): a minute or two, 1.5 GB.'
+	@$(PYTHON) -m venv $(VENV)
+	@$(PIP_INSTALL) -c constraints.txt hatchling
+	@$(PIP_INSTALL) -c constraints.txt --no-build-isolation .
+	@$(BIN)/python -c 'import exudyn' || { echo 'exudyn does not load. Where libGL.so.1 is missing, install it (Debian: apt-get install libgl1).' >&2; exit 1; }
+	@touch $@
+
+# What it takes to test, on top.
+$(VENV)/.test: $(VENV)/.runtime
+	@$(PIP_INSTALL) -c constraints.txt --no-build-isolation '.[test]'
+	@touch $@
+
+# The project as it now stands.
+$(VENV)/.project: $(VENV)/.runtime $(SOURCES)
+	@$(PIP_INSTALL) --no-build-isolation --no-deps --force-reinstall .
+	@touch $@
+
+# The newest versions that the ranges allow, with the oldest Python that the project supports: they have to
+# exist for that one. The project is installed to be resolved, and left out of the list.
+lock:
+	rm -rf $(VENV)-lock
+	$(PYTHON) -m venv $(VENV)-lock
+	$(VENV)-lock/bin/python -m pip install --quiet --disable-pip-version-check --no-input hatchling '.[test]'
+	@{ echo '# Exact versions of everything that is installed, the test tools and the build backend included.'; \
+	   echo '# Made by `make lock` on Linux with Python 3.11; they also install on 3.12, 3.13 and 3.14.'; \
+	   $(VENV)-lock/bin/python -m pip freeze --exclude vjm-stiffness; } > constraints.txt.new
+	mv constraints.txt.new constraints.txt
+	rm -rf $(VENV)-lock
+
+clean:
+	rm -rf $(VENV) $(VENV)-lock constraints.txt.new build dist bench.json .pytest_cache .mypy_cache .ruff_cache .hypothesis

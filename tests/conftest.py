@@ -1,0 +1,8 @@
+"""Settings that must be in place before numpy and matplotlib are imported."""
+
+import os
+
+# One BLAS thread, for the reason given in the Makefile, and figures without a display.
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+os.environ.setdefault("MPLBACKEND", "Agg")

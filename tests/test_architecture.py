@@ -1,0 +1,185 @@
+"""The house keeps its shape: which way imports point, what an install holds, what a file may not say."""
+
+from __future__ import annotations
+
+import ast
+import importlib.metadata
+import importlib.util
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import vjm
+
+ROOT = Path(__file__).parents[1]
+SOURCES = {
+    "vjm": ROOT / "src/vjm",
+    "vjm_fea": ROOT / "fea/vjm_fea",
+    "vjm_validation": ROOT / "validation/vjm_validation",
+}
+
+# What a package may import besides itself and the standard library. Its absence from this table is what
+# forbids a name: `vjm_fea` in `vjm`, say, or `tests` anywhere.
+MAY_IMPORT = {
+    "vjm": {"numpy", "scipy", "numba"},
+    "vjm.io": {"numpy", "scipy", "pydantic", "pydantic_core"},  # pydantic's error types live in its core
+    "vjm_fea": {"vjm", "numpy", "scipy", "exudyn"},
+    "vjm_validation": {
+        *("vjm", "vjm_fea", "numpy", "scipy", "pydantic"),
+        *("matplotlib", "pyvista", "jinja2", "cyclopts", "rich"),
+    },
+}
+
+LONGEST_MODULE = 400
+
+# Paths of one machine and hosts of package registries: true where they were written and nowhere else.
+LOCAL_NAMES = re.compile(
+    r"(?<![\w.~-])/(?:work|root|farm)/|(?<![\w.~-])/home/\w|/tmp/(?:probe|bash_)|/opt/(?:pypi|wheels)"
+    r"|\bpypi\.|pythonhosted\.org|\bdeb\.debian\.org|registry\.npmjs"
+)
+# Files that have to name them: this one.
+MAY_NAME_LOCAL = {"tests/test_architecture.py"}
+
+
+def imported_names(source: str, module: str, *, is_package: bool = False) -> set[str]:
+    """Full names of the modules that a source imports, wherever in it the import stands."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(source)):
+        match node:
+            case ast.Import():
+                names.update(alias.name for alias in node.names)
+            case ast.ImportFrom(level=0):
+                names.add(str(node.module))
+            case ast.ImportFrom():
+                package = module.split(".") if is_package else module.split(".")[:-1]
+                base = package[: len(package) - node.level + 1]
+                names.add(".".join([*base, *([node.module] if node.module else [])]))
+            case ast.Call(
+                func=ast.Name(id="__import__" | "import_module") | ast.Attribute(attr="import_module"),
+                args=[ast.Constant(value=str(name)), *_],
+            ):
+                names.add(name)
+    return names
+
+
+def forbidden_imports(source: str, module: str, *, is_package: bool = False) -> set[str]:
+    """The imported names that the table does not allow in this module."""
+    package = module.split(".")[0]
+    nearest = max((key for key in MAY_IMPORT if f"{module}.".startswith(f"{key}.")), key=len)
+    allowed = {package, *MAY_IMPORT[nearest], *sys.stdlib_module_names}
+    names = imported_names(source, module, is_package=is_package)
+    return {name for name in names if name.split(".")[0] not in allowed}
+
+
+def installed(package: str) -> Path:
+    """The folder from which the package is imported."""
+    spec = importlib.util.find_spec(package)
+    assert spec is not None, f"{package} is not installed"
+    assert spec.origin is not None, f"{package} has no __init__.py"
+    return Path(spec.origin).parent
+
+
+def files_in(folder: Path) -> set[str]:
+    """Every file below a folder, relative to it, without the interpreter's caches."""
+    files = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+    return {file.as_posix() for file in files if "__pycache__" not in file.parts}
+
+
+@pytest.mark.parametrize("package", SOURCES)
+def test_imports_point_one_way(package: str):
+    folder = installed(package)
+    offences = []
+    for path in sorted(folder.rglob("*.py")):
+        parts = (package, *path.relative_to(folder).with_suffix("").parts)
+        is_package = parts[-1] == "__init__"
+        module = ".".join(parts[:-1] if is_package else parts)
+        forbidden = forbidden_imports(path.read_text(encoding="utf-8"), module, is_package=is_package)
+        offences += [f"{module} imports {name}" for name in sorted(forbidden)]
+    assert offences == []
+
+
+def test_offending_imports_are_found():
+    source = """
+from __future__ import annotations
+import math, numpy.linalg
+from typing import TYPE_CHECKING
+from . import parts
+from .io import read
+from scipy.linalg import solve
+if TYPE_CHECKING:
+    from vjm_fea.beams import Beam
+def late():
+    import exudyn as exu
+    from tests.conftest import chain
+    from ..outside import name
+    importlib.import_module("vjm_validation.cases")
+    __import__("pydantic")
+"""
+    assert forbidden_imports(source, "vjm.made_up") == {
+        *("vjm_fea.beams", "exudyn", "tests.conftest", "outside", "vjm_validation.cases", "pydantic"),
+    }
+    assert "pydantic" not in forbidden_imports(source, "vjm.io.made_up")
+    assert forbidden_imports("import vjm_validation, vjm", "vjm_fea.made_up") == {"vjm_validation"}
+    assert forbidden_imports("import vjm_fea, vjm", "vjm_validation", is_package=True) == set()
+    # A name that only begins like an allowed one.
+    assert forbidden_imports("import pydantic", "vjm.iota") == {"pydantic"}
+
+
+@pytest.mark.parametrize(("package", "folder"), SOURCES.items())
+def test_install_holds_every_file_of_the_source(package: str, folder: Path):
+    files = files_in(installed(package))
+    assert files == files_in(folder)
+    assert "py.typed" in files
+
+
+def test_model_files_are_installed():
+    models = {path.stem for path in (installed("vjm") / "models").glob("*.toml")}
+    assert {"orthoglide-chain", "pinned-column"} <= models
+
+
+def test_validate_is_a_command():
+    (command,) = importlib.metadata.entry_points(group="console_scripts", name="validate")
+    assert command.value == "vjm_validation.cli:main"
+
+
+def test_one_version_everywhere():
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert importlib.metadata.version("vjm-stiffness") == vjm.__version__
+    assert f"\nversion: {vjm.__version__}\n" in citation
+
+
+def test_modules_fit_in_one_reading():
+    folders = [*SOURCES.values(), ROOT / "tests"]
+    lengths = {
+        path.relative_to(ROOT).as_posix(): len(path.read_text(encoding="utf-8").splitlines())
+        for folder in folders
+        for path in folder.rglob("*.py")
+    }
+    assert {name: length for name, length in lengths.items() if length > LONGEST_MODULE} == {}
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="git knows which files count; this is no checkout")
+def test_no_file_names_one_machine_or_a_registry():
+    # A checkout may belong to someone else than who runs the tests, in a container for example.
+    command = ["git", "-c", "safe.directory=*", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, check=True, capture_output=True).stdout.decode().split("\0")
+    names = (name for name in listed if name and name not in MAY_NAME_LOCAL and (ROOT / name).is_file())
+    offences = [
+        f"{name}: {found.group()}"
+        for name in names
+        for found in LOCAL_NAMES.finditer((ROOT / name).read_text(encoding="utf-8", errors="ignore"))
+    ]
+    assert offences == []
+
+
+@pytest.mark.parametrize("text", ["see /work/main/a.py", "'/root/x'", "/tmp/probe/v", "https://pypi.org/simple"])
+def test_names_of_one_machine_are_found(text: str):
+    assert LOCAL_NAMES.search(text)
+
+
+@pytest.mark.parametrize("text", ["https://example.org/work/1", "frame/work/x", "~/work/x", "PyPI.", "home/a"])
+def test_ordinary_names_are_let_through(text: str):
+    assert not LOCAL_NAMES.search(text)

@@ -1,0 +1,159 @@
+"""The words follow the data: claims appear, change and vanish with it."""
+
+import pytest
+
+from vjm_validation.report.findings import findings
+from vjm_validation.report.lumping_words import tip_rotation
+from vjm_validation.report.style import listed, number, percent
+from vjm_validation.run import Direction, Key
+
+
+def words(run, **kwargs):
+    return "\n".join("\n".join([f.title, *f.sentences]) for f in findings(run, **kwargs))
+
+
+def metric(run, direction, label):
+    return run.summary["chain"]["A"][direction][label]
+
+
+def without(run, *labels):
+    run.paths = {key: path for key, path in run.paths.items() if key.engine not in labels}
+    for rows in run.summary["chain"]["A"].values():
+        for label in labels:
+            rows.pop(label, None)
+
+
+def test_the_artefact_is_named_with_its_cause(run):
+    text = words(run)
+    assert "link_lumping" in text
+    assert "Pulled, exudyn has no critical point within 4 mm in A." in text
+    assert "Cause: a translational spring at the end of a rigid link" in text
+    paper, fe = metric(run, "tension", "vjm-paper"), metric(run, "compression", "exudyn")
+    assert f"bifurcation at {paper['F_cr']:.0f} N" in text
+    assert f"bifurcation at {fe['F_cr']:.0f} N" in text
+
+
+def test_finite_elements_that_buckle_in_tension_end_the_claim(run):
+    metric(run, "tension", "exudyn").update(critical="bifurcation", F_cr=2700.0, d_cr=0.8, K1=3300.0, K2=8.7)
+    text = words(run)
+    assert "Pulled, exudyn has no critical point" not in text
+    assert "Pulled, exudyn has a critical point too: bifurcation at 2700 N, 0.8000 mm in A" in text
+    assert "link_lumping" not in text
+    assert "Cause: a translational spring" not in text
+
+
+def test_a_paper_model_that_also_buckles_in_compression_ends_the_claim(run):
+    metric(run, "compression", "vjm-paper").update(critical="limit", F_cr=9000.0, d_cr=3.0)
+    assert "link_lumping" not in words(run)
+    assert "never lets go" not in words(run)
+
+
+def test_without_finite_elements_nothing_is_said_about_them(run):
+    without(run, "exudyn", "exudyn-footspring")
+    run.lumping = ()
+    text = words(run)
+    assert "Nothing here is compared with finite elements" in text
+    assert "link_lumping" not in text
+    assert "Pulled, exudyn" not in text
+    assert "agrees with the finite elements" not in text
+
+
+def test_lumped_and_finite_elements_agree_until_they_do_not(run):
+    assert "the lumped model agrees with the finite elements within" in words(run)
+    metric(run, "compression", "vjm-16f16")["F_cr"] = 1.1 * metric(run, "compression", "exudyn")["F_cr"]
+    assert "the lumped model differs from the finite elements by up to 10 %" in words(run)
+
+
+def test_the_kind_of_critical_point_must_agree(run):
+    metric(run, "compression", "vjm-16f16")["critical"] = "limit"
+    text = words(run)
+    assert "The kind of the first critical point differs: posture A in compression." in text
+    assert "agrees with the finite elements within" not in text
+
+
+def test_the_foot_as_a_beam_is_right_only_if_the_beams_agree(run):
+    assert "the foot as a beam is right" in words(run)
+    metric(run, "compression", "vjm-16f16")["d_cr"] *= 1.05
+    text = words(run)
+    assert "the foot as a beam is right" not in text
+    assert "does not decide which law of the lumped foot is right" in text
+
+
+def test_tip_rotation_is_that_of_the_foot(run):
+    path = run.paths[Key("A", Direction.COMPRESSION, "vjm-16f16")]
+    assert tip_rotation(path) == pytest.approx(0.036, abs=0.004)
+    assert tip_rotation(run.paths[Key("A", Direction.TENSION, "exudyn")]) is None
+    assert tip_rotation(None) is None
+
+
+def test_the_paper_s_force_is_reproduced_or_not(run):
+    assert "reproduces its published buckling force within" in words(run)
+    run.summary["published"][0]["published"] = 2000.0
+    text = words(run)
+    assert "reproduces" not in text
+    assert "misses the published one by up to" in text
+
+
+def test_a_failed_acceptance_row_comes_first(run):
+    run.summary["acceptance"].append(
+        {"name": "agreement", "requirement": "within 1 %", "value": 0.25, "passed": False}
+    )
+    first = findings(run)[0]
+    assert first.tone == "failed"
+    assert first.title.startswith("1 of 2 acceptance rows failed")
+    assert first.sentences == ("agreement: required within 1 %, found 0.2500.",)
+    assert all(f.tone != "failed" for f in findings(run)[1:])
+
+
+def test_table_ii_counts_only_what_can_be_compared(run):
+    text = words(run)
+    assert "1 of 2 comparable figures of Table II" in text
+    assert "d_cr of A (published 0.82 mm" in text
+    run.summary["published"][1]["inside"] = True
+    assert "Not reached" not in words(run)
+
+
+def test_table_ii_without_reach_claims_no_reach(run):
+    for row in run.summary["published"]:
+        row.update(reach_low=None, reach_high=None, inside=None)
+    text = words(run)
+    assert "lie within what the rounding" not in text
+    assert "Ours differ from 2 comparable figures of Table II by up to" in text
+
+
+def test_what_the_run_left_out_is_said(run):
+    assert "Left out of this run" not in words(run)
+    run.summary["notes"] = ["--quick: postures C and D were left out"]
+    assert "Left out of this run\n--quick: postures C and D were left out." in words(run)
+
+
+def test_a_run_without_one_side_claims_no_contradiction(run):
+    del run.summary["chain"]["A"]["tension"]
+    text = words(run)
+    assert "link_lumping" not in text
+    assert "do not show the published buckling to be an artefact" not in text
+
+
+def test_an_empty_run_says_so_without_failing(run):
+    run.paths, run.lumping, run.summary = {}, (), {}
+    assert [f.title for f in findings(run)] == ["Nothing here is compared with finite elements"]
+
+
+def test_missing_renders_are_said(run):
+    assert "No renders" not in words(run)
+    assert "exit status -11" in words(run, no_renders="exit status -11")
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(8849.2, "8849"), (0.15443, "0.1544"), (3e-12, "3.00×10⁻¹²"), (9.999e-12, "1.00×10⁻¹¹"), (9.99996, "10.00"),
+     (-0.43, "−0.4300"), (None, "–"), (float("nan"), "–"), (0.0, "0"), (7, "7"), (True, "yes"), ("limit", "limit")],
+)  # fmt: skip
+def test_numbers_as_people_write_them(value, text):
+    assert number(value) == text
+
+
+def test_percent_and_lists():
+    assert percent(-0.0132) == "1.3 %"
+    assert percent(1e-7) == "less than 0.001 %"
+    assert (listed([]), listed(["A"]), listed(["A", "B", "C"])) == ("", "A", "A, B and C")

@@ -1,0 +1,121 @@
+"""What the figures and renders draw."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vjm_validation.report import renders
+from vjm_validation.report.figures import (
+    Window,
+    difference_to,
+    reference_force,
+    stiffness_with_drops,
+    worst_difference,
+)
+from vjm_validation.report.skeleton import Camera, Skeleton, magnification, picture_axes, skeleton
+from vjm_validation.run import Direction, Key
+
+PULLED, PUSHED = Direction.TENSION, Direction.COMPRESSION
+
+
+def path_of(run, direction, label):
+    return run.paths[Key("A", direction, label)]
+
+
+def test_difference_to_itself_is_zero_and_scales_with_the_norm(run):
+    path = path_of(run, PUSHED, "exudyn")
+    assert worst_difference(path, path) == 0.0
+    stiffer = replace(
+        path, points=tuple(replace(p, wrench=1.02 * p.wrench) for p in path.points),
+        events=tuple(replace(e, force=1.02 * e.force) for e in path.events),
+    )  # fmt: skip
+    s, difference = difference_to(stiffer, path)
+    at = np.searchsorted(s, path.critical.s)
+    assert difference[at] == pytest.approx(0.02, rel=1e-6)
+
+
+def test_difference_sees_the_kink_of_either_path(run):
+    """A path without its points around the bifurcation still has it as an event: no false difference there."""
+    path = path_of(run, PUSHED, "exudyn")
+    event = path.critical
+    near = [p for p in path.points if abs(p.s - event.s) > 0.1]
+    assert len(near) < len(path.points)
+    assert worst_difference(replace(path, points=tuple(near)), path) < 2e-3
+
+
+def test_norm_is_the_critical_force_else_the_largest(run):
+    pushed, pulled = path_of(run, PUSHED, "exudyn"), path_of(run, PULLED, "exudyn")
+    assert reference_force(pushed) == pushed.critical.force
+    assert reference_force(pulled) == np.max(pulled.force)
+
+
+def test_stiffness_drops_straight_at_a_bifurcation(run):
+    path = path_of(run, PUSHED, "exudyn")
+    force, stiffness = stiffness_with_drops(path)
+    at = np.flatnonzero(force == path.critical.force)
+    assert len(at) == 2
+    assert stiffness[at[0]] == path.critical.stiffness_before
+    assert stiffness[at[1]] == path.critical.stiffness_after
+
+
+def test_window_shows_the_plateau_and_the_critical_point(run):
+    paths = {label: path_of(run, PULLED, label) for label in ("vjm-paper", "exudyn")}
+    window = Window.around(paths)
+    paper = paths["vjm-paper"]
+    assert paper.critical.s < window.s < paper.s[-1]
+    assert paper.force[-1] < window.force < paths["exudyn"].force[-1]
+
+
+def test_magnification_keeps_the_machine_recognisable():
+    points = np.array([[0.0, 0.0, 0.0], [300.0, 0.0, 0.0]])
+
+    def moved(by):
+        return Skeleton(points, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, by]]), ((0, 2, False),), (), beads=False)
+
+    assert magnification([moved(50.0)]) == 1
+    assert magnification([moved(5.0)]) == 10
+    assert magnification([moved(0.01)]) == 1000
+
+
+def test_skeleton_opens_the_gap_of_the_paper_s_spring(run):
+    path = path_of(run, PULLED, "vjm-paper")
+    lines = skeleton(run.chain, path, path.points[-1])
+    gap = lines.at(1.0)[-1] - lines.at(1.0)[-2]
+    assert np.linalg.norm(gap) > 20.0
+    rest = lines.at(0.0)
+    assert np.linalg.norm(rest[-1] - rest[-2]) == pytest.approx(0.0, abs=1e-9)
+    link = lines.at(1.0)[-2] - lines.at(1.0)[-3]
+    assert np.linalg.norm(link) == pytest.approx(310.0)
+    assert lines.pieces == ((0, 2, False), (1, 4, True), (3, 5, False), (4, 6, True))
+
+
+def test_skeleton_of_beams_is_thin_on_the_rigid_arm_and_has_the_joints(run):
+    path = path_of(run, PUSHED, "exudyn")
+    lines = skeleton(run.chain, path, path.points[-1])
+    assert [thin for *_, thin in lines.pieces] == [False, True, False]
+    foot_tip, tool = lines.points[list(lines.joints)]
+    np.testing.assert_allclose(tool - foot_tip, [310.0, 0.0, 0.0], atol=1e-9)
+
+
+def test_camera_faces_the_sideways_motion_with_the_tool_on_the_right(run):
+    path = path_of(run, PUSHED, "exudyn")
+    lines = skeleton(run.chain, path, path.points[-1])
+    right, up = picture_axes([lines])
+    camera = Camera.framing(right, up, [lines], 5)
+    np.testing.assert_allclose([right @ right, up @ up, right @ up], [1.0, 1.0, 0.0], atol=1e-12)
+    assert (lines.points[-1] - lines.points[0]) @ right > 0.0
+    seen = lines.at(5) - camera.focus
+    assert np.max(np.abs(seen @ right)) <= camera.half_width + 1e-9
+    assert np.max(np.abs(seen @ up)) <= camera.half_height + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("program", "reason"),
+    [("import os; os.abort()", "exit status -6"), ("raise ImportError('no libGL')", "no libGL"),
+     ("import time; time.sleep(60)", "TimeoutExpired")],
+)  # fmt: skip
+def test_a_machine_that_cannot_render_is_found_out_in_another_process(monkeypatch, program, reason):
+    monkeypatch.setattr(renders, "PROBE", program)
+    monkeypatch.setattr(renders, "PROBE_SECONDS", 1.0)
+    assert reason in renders.impossible()

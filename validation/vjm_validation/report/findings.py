@@ -1,0 +1,312 @@
+"""What a run found, in words. Every number and every claim comes from the run; without data, no sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from vjm_validation.report.figures import worst_difference
+from vjm_validation.report.lumping_words import foot_law, lumping_evidence
+from vjm_validation.report.style import FE, FROZEN, LINEAR, MSA, PAPER, REFINED, listed, number, percent
+from vjm_validation.report.words import (
+    SHARP,
+    at_critical,
+    bends,
+    critical_points,
+    engine_metrics,
+    short,
+    within,
+)
+from vjm_validation.run import Direction, Key, Run
+
+AGREEMENT = 0.02
+"""Up to this relative difference two engines are said to agree."""
+REPRODUCTION = 0.05
+"""Up to this relative difference a force of the paper, whose input has two digits, is said to be reproduced."""
+
+
+class Tone(StrEnum):
+    """What a finding is about; the page marks each in its own way."""
+
+    FAILED = "failed"
+    AGREES = "agrees"
+    DIFFERS = "differs"
+    CAUSE = "cause"
+    NOTE = "note"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that the run shows.
+
+    Attributes:
+        tone: what it is about.
+        title: one sentence.
+        sentences: what stands behind it.
+    """
+
+    tone: Tone
+    title: str
+    sentences: tuple[str, ...]
+
+
+def findings(run: Run, no_renders: str = "") -> list[Finding]:
+    """All findings in the order in which a reader needs them.
+
+    Args:
+        run: what was computed.
+        no_renders: why there are no renders, empty where there are.
+    """
+    parts: Sequence[Callable[[Run], Finding | None]] = (
+        failed_acceptance, no_finite_elements, paper_model, link_lumping, refined_agreement, foot, published,
+        conventional, stopped_paths, left_out,
+    )  # fmt: skip
+    found = [finding for part in parts if (finding := part(run)) is not None]
+    if no_renders:
+        text = f"Off-screen rendering is impossible on this machine: {no_renders}. All numbers are complete."
+        found.append(Finding(Tone.NOTE, "No renders in this report", (text,)))
+    return found
+
+
+def failed_acceptance(run: Run) -> Finding | None:
+    """Acceptance rows that do not hold."""
+    rows = run.summary.get("acceptance", ())
+    failed = [row for row in rows if not row["passed"]]
+    if not failed:
+        return None
+    sentences = (f"{row['name']}: required {row['requirement']}, found {number(row['value'])}." for row in failed)
+    title = f"{len(failed)} of {len(rows)} acceptance rows failed: do not rely on this run before they are mended"
+    return Finding(Tone.FAILED, title, tuple(sentences))
+
+
+def no_finite_elements(run: Run) -> Finding | None:
+    """Said where the comparison's other side is missing."""
+    if any(key.engine == FE for key in run.paths):
+        return None
+    text = f"This run has no path of {FE}. What follows compares lumped models and the paper only."
+    return Finding(Tone.NOTE, "Nothing here is compared with finite elements", (text,))
+
+
+def paper_model(run: Run) -> Finding | None:
+    """Whether the paper's own model buckles as published."""
+    pulled, pushed = (engine_metrics(run, direction, PAPER) for direction in Direction)
+    if not pulled:
+        return None
+    sharp = {p: m for p, m in pulled.items() if m["critical"] in SHARP}
+    table = {(row["posture"], row["quantity"]): row["published"] for row in run.summary.get("published", ())}
+    sentences, misses = [], []
+    for posture, m in sharp.items():
+        text = f"Posture {posture}: {at_critical(m)}"
+        force, shift = table.get((posture, "F_cr")), table.get((posture, "d_cr"))
+        if force and shift:
+            misses.append(abs(m["F_cr"] / force - 1.0))
+            text += f" (published: {force:g} N, {shift:g} mm)"
+        if m["K1"] is not None and m["K2"] is not None:
+            text += f"; its stiffness falls from {number(m['K1'])} to {number(m['K2'])} N/mm"
+        sentences.append(text + ".")
+    sentences += bends(pulled)
+    quiet = {p: m for p, m in pushed.items() if m["critical"] is None}
+    if sharp and quiet:
+        sentences.append(f"Pushed, it has no critical point {within(quiet)}.")
+    if not sharp:
+        title, tone = "The paper's model has no sharp critical point in tension", Tone.DIFFERS
+    elif misses and max(misses) <= REPRODUCTION:
+        title = (
+            f"The paper's model ({PAPER}) reproduces its published buckling force within "
+            f"{percent(max(misses))}, in tension"
+        )
+        tone = Tone.AGREES
+    else:
+        title, tone = f"The paper's model ({PAPER}) buckles in tension", Tone.DIFFERS
+        if misses:
+            title += f", but its force misses the published one by up to {percent(max(misses))}"
+    return Finding(tone, title, tuple(sentences))
+
+
+def link_lumping(run: Run) -> Finding | None:
+    """What the same parts do as beams, and why the lumped link does the opposite."""
+    pulled, pushed = (engine_metrics(run, direction, FE) for direction in Direction)
+    paper_pulled, paper_pushed = (engine_metrics(run, direction, PAPER) for direction in Direction)
+    if not pulled and not pushed:
+        return None
+    sentences = []
+    free = {p: m for p, m in pulled.items() if m["critical"] is None}
+    if free and len(free) == len(pulled):
+        sentences.append(f"Pulled, {FE} has no critical point {within(free)}.")
+    elif pulled:
+        loose = {p: m for p, m in pulled.items() if p not in free}
+        sentences.append(f"Pulled, {FE} has a critical point too: {critical_points(loose)}.")
+    sharp = {p: m for p, m in pushed.items() if m["critical"] in SHARP}
+    if sharp:
+        sentences.append(f"Pushed, {FE} buckles: {critical_points(sharp)}.")
+        falls = [
+            f"from {number(m['K1'])} to {number(m['K2'])} N/mm in {p}"
+            for p, m in sharp.items()
+            if m["K1"] is not None and m["K2"] is not None
+        ]
+        if falls:
+            sentences.append(f"Its stiffness falls {listed(falls)}.")
+    sentences += bends(pushed)
+    never = [
+        f"{number(paper_pushed[p]['F_end'])} N at {short(paper_pushed[p]['d_end'])} mm in {p}"
+        for p, m in pushed.items()
+        if m["critical"] and p in paper_pushed and paper_pushed[p]["critical"] is None
+    ]
+    if never:
+        sentences.append(f"There {PAPER} never lets go: it carries {listed(never)}, which a real chain would not.")
+    proof = [
+        p
+        for p, m in paper_pulled.items()
+        if m["critical"] in SHARP
+        and p in free
+        and pushed.get(p, {}).get("critical") in SHARP
+        and paper_pushed.get(p, {"critical": "unknown"})["critical"] is None
+    ]
+    if not proof and all((pulled, pushed, paper_pulled, paper_pushed)):
+        title = "The finite elements do not show the published buckling to be an artefact of the lumping"
+        return Finding(Tone.DIFFERS, title, tuple(sentences))
+    if not proof:
+        return Finding(Tone.NOTE, "What the finite elements do on the paths of this run", tuple(sentences))
+    where = f"{'posture' if len(proof) == 1 else 'postures'} {listed(proof)}"
+    title = f"The buckling in tension is an artefact: beams buckle in compression (link_lumping, {where})"
+    cause = (
+        "Cause: a translational spring at the end of a rigid link moves the pins apart when it gives way "
+        "sideways, whatever its sign. Pulling therefore makes the link lean and pushing holds it straight. A "
+        "beam does the opposite: bending brings its ends together."
+    )
+    return Finding(Tone.CAUSE, title, (cause, *sentences, *lumping_evidence(run)))
+
+
+def refined_agreement(run: Run) -> Finding | None:
+    """How far the lumped model with many springs is from the finite elements."""
+    worst: dict[str, tuple[float, str]] = {}
+    kinds = []
+
+    def keep(what: str, value: float, where: str) -> None:
+        worst[what] = max(worst.get(what, (0.0, where)), (value, where))
+
+    for direction in Direction:
+        ours, theirs = (engine_metrics(run, direction, label) for label in (REFINED, FE))
+        for p in ours.keys() & theirs.keys():
+            where = f"posture {p} in {direction}"
+            lumped, reference = (run.paths.get(Key(p, direction, label)) for label in (REFINED, FE))
+            if lumped is not None and reference is not None:
+                keep("Force at equal displacement differs", worst_difference(lumped, reference), where)
+            if ours[p]["critical"] != theirs[p]["critical"]:
+                kinds.append(where)
+            elif ours[p]["critical"]:
+                keep("Critical force differs", abs(ours[p]["F_cr"] / theirs[p]["F_cr"] - 1.0), where)
+                keep("Critical displacement differs", abs(ours[p]["d_cr"] / theirs[p]["d_cr"] - 1.0), where)
+    if not worst:
+        return None
+    largest = percent(max(value for value, _ in worst.values()))
+    sentences = [f"{what} by at most {percent(value)} ({where})." for what, (value, where) in worst.items()]
+    if kinds:
+        sentences.append(f"The kind of the first critical point differs: {listed(sorted(kinds))}.")
+    if not kinds and max(value for value, _ in worst.values()) <= AGREEMENT:
+        title = f"With enough springs ({REFINED}) the lumped model agrees with the finite elements within {largest}"
+        return Finding(Tone.AGREES, title, tuple(sentences))
+    title = (
+        f"Even with many springs ({REFINED}) the lumped model differs from the finite elements by up to {largest}"
+    )
+    return Finding(Tone.DIFFERS, title, tuple(sentences))
+
+
+def foot(run: Run) -> Finding | None:
+    """Which law of the lumped foot is right."""
+    words = foot_law(run)
+    if words is None:
+        return None
+    title, sentences, decided = words
+    return Finding(Tone.CAUSE if decided else Tone.DIFFERS, title, sentences)
+
+
+def published(run: Run) -> Finding | None:
+    """Which figures of Table II are reached."""
+    rows = [row for row in run.summary.get("published", ()) if row["ours"] is not None]
+    fair = [row for row in rows if not row["definition_differs"]]
+    if not fair:
+        return None
+    sought = [row for row in fair if row["inside"] is not None]
+    outside = [row for row in sought if not row["inside"]]
+    sentences = []
+    if outside:
+        sentences.append(f"Not reached: {'; '.join(_outside(row) for row in outside)}.")
+    if other := [row for row in rows if row["definition_differs"]]:
+        names = listed([f"{row['quantity']} of {row['posture']}" for row in other])
+        sentences.append(f"Not counted, because there is no sharp critical point to read them at: {names}.")
+    if not sought:
+        farthest = max(fair, key=lambda row: abs(row["ratio"] - 1.0))
+        title = (
+            f"Ours differ from {len(fair)} comparable figures of Table II by up to "
+            f"{percent(farthest['ratio'] - 1.0)} ({farthest['quantity']} of {farthest['posture']})"
+        )
+        sentences.append("What the rounding of the printed matrices can reach was not sought in this run.")
+        return Finding(Tone.NOTE, title, tuple(sentences))
+    title = (
+        f"{len(sought) - len(outside)} of {len(sought)} comparable figures of Table II lie within what the "
+        "rounding of the printed matrices can reach"
+    )
+    return Finding(Tone.DIFFERS if outside else Tone.AGREES, title, tuple(sentences))
+
+
+def _outside(row: Mapping[str, Any]) -> str:
+    reach = ""
+    if row["reach_low"] is not None and row["reach_high"] is not None:
+        reach = f", reach {number(row['reach_low'])} to {number(row['reach_high'])}"
+    return (
+        f"{row['quantity']} of {row['posture']} (published {row['published']:g} {row['unit']}, ours "
+        f"{number(row['ours'])}{reach})"
+    )
+
+
+def conventional(run: Run) -> Finding | None:
+    """What the usual models say."""
+    sentences = []
+    for label in (LINEAR, MSA):
+        ours, theirs = (engine_metrics(run, Direction.COMPRESSION, name) for name in (label, FE))
+        both = sorted(ours.keys() & theirs.keys())
+        if both:
+            start = max(abs(ours[p]["K0"] / theirs[p]["K0"] - 1.0) for p in both)
+            end = {p: ours[p]["K0"] * theirs[p]["d_end"] / theirs[p]["F_end"] for p in both}
+            p = max(end, key=lambda posture: end[posture])
+            sentences.append(
+                f"{label} has the unloaded stiffness of {FE} within {percent(start)} and knows no critical "
+                f"point: pushed to {short(theirs[p]['d_end'])} mm, posture {p} would carry {number(end[p], 2)} "
+                "times the force."
+            )
+    frozen = {p: m for p, m in engine_metrics(run, Direction.TENSION, FROZEN).items() if m["critical"]}
+    paper = engine_metrics(run, Direction.TENSION, PAPER)
+    if frozen:
+        text = f"{FROZEN} finds critical points in tension: {critical_points(frozen)}"
+        alone = [
+            p
+            for p, m in frozen.items()
+            if m["critical"] in SHARP and p in paper and paper[p]["critical"] not in SHARP
+        ]
+        if alone:
+            text += f"; in {listed(alone)} not even {PAPER} has a sharp one on the true geometry"
+        sentences.append(text + ".")
+    if not sentences:
+        return None
+    return Finding(Tone.NOTE, "What the conventional models say", tuple(sentences))
+
+
+def left_out(run: Run) -> Finding | None:
+    """What the run itself says that it left out."""
+    notes = run.summary.get("notes", ())
+    return Finding(Tone.NOTE, "Left out of this run", tuple(f"{note}." for note in notes)) if notes else None
+
+
+def stopped_paths(run: Run) -> Finding | None:
+    """Paths that did not reach their end; the frozen Jacobians stop at their first event by definition."""
+    stopped = [
+        f"Posture {key.posture} in {key.direction}, {key.engine}: ends at {short(path.s[-1])} mm, {path.stopped}."
+        for key, path in sorted(run.paths.items())
+        if path.stopped and key.engine != FROZEN
+    ]
+    if not stopped:
+        return None
+    return Finding(Tone.NOTE, f"{len(stopped)} paths end before their programme does", tuple(stopped))

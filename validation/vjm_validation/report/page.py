@@ -1,0 +1,170 @@
+"""The page: figures, renders, findings and tables of a run as one file that needs nothing else."""
+
+from __future__ import annotations
+
+import base64
+import pathlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+
+import jinja2
+import numpy as np
+
+from vjm.io.files import write_whole
+from vjm_validation.report.figures import posture_pictures, postures
+from vjm_validation.report.findings import findings
+from vjm_validation.report.proofs import foot_picture, lumping_pictures, published_picture
+from vjm_validation.report.renders import impossible, render_pictures
+from vjm_validation.report.style import Picture, engine_order, engine_style, number
+from vjm_validation.run import Direction, Run
+
+METRICS = ("K0", "K1", "critical", "F_cr", "d_cr", "K2", "F_end", "d_end", "K3")
+"""Columns of the tables of ``summary.json``'s ``chain``."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """All that the page shows of one posture.
+
+    Attributes:
+        posture: label.
+        figures: of its curves.
+        renders: of its shapes.
+        tables: rows of metrics by direction.
+    """
+
+    posture: str
+    figures: list[Picture]
+    renders: list[Picture]
+    tables: dict[str, list[dict[str, Any]]]
+
+
+def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
+    """Write ``index.html``, ``figures/*.png`` and ``renders/*.png`` of a run.
+
+    Every file is written whole or not at all. Where the machine cannot render off the screen the report is
+    complete but for the renders, and says so.
+
+    Args:
+        run: what was computed.
+        out: folder of the run; made where it is missing.
+
+    Returns:
+        Path of ``index.html``.
+    """
+    proofs = lumping_pictures(run)
+    foot, table2 = foot_picture(run), published_picture(run)
+    curves = {posture: posture_pictures(run, posture) for posture in postures(run)}
+    renders, no_renders = _renders(run)
+    figures = [picture for picture in (*proofs, foot, table2, *chain.from_iterable(curves.values())) if picture]
+    for folder, pictures in (("figures", figures), ("renders", renders)):
+        for picture in pictures:
+            write_whole(out / folder / f"{picture.name}.png", picture.content)
+    sections = [
+        Section(
+            posture,
+            pictures,
+            [picture for picture in renders if picture.name.startswith(f"{posture}_")],
+            _metric_tables(run, posture),
+        )
+        for posture, pictures in curves.items()
+    ]
+    page = _environment().get_template("index.html.j2").render(
+        chain=run.chain,
+        published=run.summary.get("published", ()),
+        acceptance=run.summary.get("acceptance", ()),
+        verification=run.summary.get("verification", ()),
+        command=run.summary.get("command"),
+        records={
+            title: run.summary.get(key)
+            for title, key in (("Timings, s", "timings"), ("Versions", "versions"), ("Hashes", "hashes"))
+        },
+        findings=findings(run, no_renders),
+        proofs=proofs,
+        foot=foot,
+        table2=table2,
+        sections=sections,
+        metrics=METRICS,
+        engines=_engine_rows(run),
+        no_renders=no_renders,
+    )  # fmt: skip
+    index = out / "index.html"
+    write_whole(index, page.encode())
+    return index
+
+
+def _renders(run: Run) -> tuple[list[Picture], str]:
+    """The renders, or why there are none."""
+    reason = impossible()
+    if reason:
+        return [], reason
+    try:
+        return render_pictures(run), ""
+    except (RuntimeError, OSError, ImportError) as failure:
+        return [], f"{type(failure).__name__}: {failure}"
+
+
+def _metric_tables(run: Run, posture: str) -> dict[str, list[dict[str, Any]]]:
+    by_direction: Mapping[str, Any] = run.summary.get("chain", {}).get(posture, {})
+    return {
+        str(direction): [{"engine": label, **rows[label]} for label in sorted(rows, key=engine_order)]
+        for direction in Direction
+        if (rows := by_direction.get(str(direction)))
+    }
+
+
+def _engine_rows(run: Run) -> list[dict[str, Any]]:
+    """What each engine is and what its paths cost."""
+    rows = []
+    for label in sorted({key.engine for key in run.paths}, key=engine_order):
+        paths = [path for key, path in run.paths.items() if key.engine == label]
+        points = [point for path in paths for point in path.points]
+        residuals = [point.residual for point in points if np.isfinite(point.residual)]
+        rows.append(
+            {
+                "engine": label,
+                "title": engine_style(label).title,
+                "colour": engine_style(label).colour,
+                "paths": len(paths),
+                "equilibria": len(points),
+                "iterations": sum(point.iterations for point in points),
+                "residual": max(residuals, default=None),
+                "seconds": sum(path.seconds for path in paths),
+            }
+        )
+    return rows
+
+
+def _environment() -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("vjm_validation.report"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["number"] = number
+    environment.filters["given"] = lambda value: number(None) if value is None else f"{value:g}"
+    environment.filters["data_uri"] = _data_uri
+    environment.filters["flat"] = lambda tree: list(_flat(tree))
+    environment.globals["symbols"] = {
+        "K0": ("K", "0"), "K1": ("K", "1"), "K2": ("K", "2"), "K3": ("K", "3"), "F1": ("F", "1"),
+        "F_cr": ("F", "cr"), "d_cr": ("Δ", "cr"), "F_end": ("F", "end"), "d_end": ("Δ", "end"),
+    }  # fmt: skip
+    environment.globals["units"] = {"K": "N/mm", "F": "N", "d": "mm"}
+    return environment
+
+
+def _data_uri(picture: Picture) -> str:
+    return f"data:image/png;base64,{base64.b64encode(picture.content).decode()}"
+
+
+def _flat(tree: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:  # noqa: ANN401
+    """Leaves of nested mappings with their keys joined: ('paths / A / tension', 0.2)."""
+    if isinstance(tree, Mapping):
+        for key, value in tree.items():
+            yield from _flat(value, f"{prefix} / {key}" if prefix else str(key))
+    else:
+        yield prefix, tree

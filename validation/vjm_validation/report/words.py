@@ -1,0 +1,55 @@
+"""Small pieces of sentences about the metrics of ``summary.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from vjm.paths import EventKind
+from vjm_validation.report.style import listed, number
+from vjm_validation.run import Direction, Run
+
+Metrics = Mapping[str, Any]
+"""One engine's row: K0, K1, critical, F_cr, d_cr, K2, F_end, d_end, K3, each perhaps None."""
+
+SHARP = (EventKind.BIFURCATION, EventKind.LIMIT)
+"""Critical points that one can point at, unlike a bend-over."""
+
+
+def engine_metrics(run: Run, direction: Direction, label: str) -> dict[str, Metrics]:
+    """Rows of one engine in one direction by posture."""
+    chain: Mapping[str, Any] = run.summary.get("chain", {})
+    rows = {posture: by.get(str(direction), {}).get(label) for posture, by in sorted(chain.items())}
+    return {posture: row for posture, row in rows.items() if row is not None}
+
+
+def at_critical(metrics: Metrics) -> str:
+    """Kind and place of a critical point."""
+    return f"{metrics['critical']} at {number(metrics['F_cr'])} N, {number(metrics['d_cr'])} mm"
+
+
+def critical_points(metrics: Mapping[str, Metrics]) -> str:
+    """Critical points of several postures."""
+    return listed([f"{at_critical(m)} in {p}" for p, m in metrics.items()])
+
+
+def within(metrics: Mapping[str, Metrics]) -> str:
+    """How far the paths without a critical point reach: within 4 mm in A and C, within 14 mm in B and D."""
+    ends: dict[str, list[str]] = {}
+    for posture, row in metrics.items():
+        ends.setdefault(short(row["d_end"]), []).append(posture)
+    return listed([f"within {end} mm in {listed(labels)}" for end, labels in ends.items()])
+
+
+def short(value: float) -> str:
+    """A length that somebody chose, without idle digits: 4, 14, 0.3."""
+    return f"{value:.3g}"
+
+
+def bends(metrics: Mapping[str, Metrics]) -> list[str]:
+    """A sentence about the postures whose stiffness fades without a sharp point, where there are any."""
+    soft = {p: m for p, m in metrics.items() if m["critical"] == EventKind.BEND_OVER}
+    if not soft:
+        return []
+    where = listed([f"{number(m['F_cr'])} N, {number(m['d_cr'])} mm in {p}" for p, m in soft.items()])
+    return [f"No sharp point, but a stiffness that falls through half of its unloaded value: at {where}."]
