@@ -17,19 +17,28 @@ export MKL_NUM_THREADS = 1
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help validate test test-all bench lint lock clean
+.PHONY: help validate report test test-all bench lint schemas lock clean
 
 help:
 	@echo 'make validate   every comparison (validate all $$ARGS); says where the report is'
+	@echo 'make report     the same, and the reference report in reports/reference anew'
 	@echo 'make test       ruff, mypy and the tests that are not slow'
 	@echo 'make test-all   ruff, mypy and all tests'
 	@echo 'make bench      the benchmarks; writes bench.json'
 	@echo 'make lint       ruff and mypy only'
+	@echo 'make schemas    the JSON schemas in docs/schemas anew'
 	@echo 'make lock       constraints.txt anew, from the ranges in pyproject.toml'
 	@echo 'make clean      removes .venv and the caches'
 
 validate: $(VENV)/.project
 	$(BIN)/validate all $(ARGS)
+
+# The reference report that is kept in git: words and the figures that they rest on.
+report: $(VENV)/.project
+	$(BIN)/validate all --out reports/runs/reference $(ARGS)
+	mkdir -p reports/reference/figures
+	cp reports/runs/reference/findings.md reports/reference/README.md
+	cd reports/runs/reference/figures && cp link_lumping.png lumping_convergence.png foot_law.png published.png $(CURDIR)/reports/reference/figures/
 
 test: lint $(VENV)/.project
 	$(BIN)/pytest -m 'not slow' --ignore=tests/benchmarks $(ARGS)
@@ -68,6 +77,9 @@ $(VENV)/.project: $(VENV)/.runtime $(SOURCES)
 
 # The newest versions that the ranges allow, with the oldest Python that the project supports: they have to
 # exist for that one. The project is installed to be resolved, and left out of the list.
+schemas: $(VENV)/.project
+	$(BIN)/python -m vjm_validation.schemas docs/schemas
+
 lock:
 	rm -rf $(VENV)-lock
 	$(PYTHON) -m venv $(VENV)-lock

@@ -142,7 +142,7 @@ def curve(
     chain = load_chain(model)
     label = _postures(chain, (posture,) if posture else ())[0]
     programme = Programme(label, to, axis, steps, 1 if branch == "+" else -1)
-    _within_reach("--to", chain, programme.displacement(programme.length))
+    _within_reach("--to", chain, programme.displacement(programme.length).tolist())
     walker = engine_by_name(engine, _options(segments, foot_segments, placement, shear))
     if csv is not None:
         check_writable(csv.parent)

@@ -15,6 +15,7 @@ import numpy as np
 from vjm.io.files import write_whole
 from vjm_validation.report.figures import posture_pictures, postures
 from vjm_validation.report.findings import findings
+from vjm_validation.report.markdown import findings_markdown
 from vjm_validation.report.proofs import foot_picture, lumping_pictures, published_picture
 from vjm_validation.report.renders import impossible, render_pictures
 from vjm_validation.report.style import Picture, engine_order, engine_style, number
@@ -42,7 +43,7 @@ class Section:
 
 
 def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
-    """Write ``index.html``, ``figures/*.png`` and ``renders/*.png`` of a run.
+    """Write ``index.html``, ``findings.md``, ``figures/*.png`` and ``renders/*.png`` of a run.
 
     Every file is written whole or not at all. Where the machine cannot render off the screen the report is
     complete but for the renders, and says so.
@@ -71,6 +72,9 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         )
         for posture, pictures in curves.items()
     ]
+    found = findings(run, no_renders)
+    proof = [picture for picture in (*proofs, foot, table2) if picture]
+    write_whole(out / "findings.md", findings_markdown(run, found, proof))
     page = _environment().get_template("index.html.j2").render(
         chain=run.chain,
         published=run.summary.get("published", ()),
@@ -81,7 +85,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
             title: run.summary.get(key)
             for title, key in (("Timings, s", "timings"), ("Versions", "versions"), ("Hashes", "hashes"))
         },
-        findings=findings(run, no_renders),
+        findings=found,
         proofs=proofs,
         foot=foot,
         table2=table2,
