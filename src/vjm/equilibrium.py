@@ -46,6 +46,11 @@ class Configuration:
         return self.model.kinematics(self.x)
 
     @cached_property
+    def stiffness(self) -> Array:
+        """Tangent stiffness ``(n, n)`` of the springs, zero on the passive joints."""
+        return self.model.stiffness_under(self.model.reactions(self.kinematics, self.wrench))
+
+    @cached_property
     def hessian(self) -> Array:
         """``H = ∂(Jᵀ F)/∂x`` ``(m, m)`` at constant wrench."""
         return self.kinematics.force_hessian(self.wrench)
@@ -61,11 +66,22 @@ def residual(model: LumpedModel, x: Array, wrench: Array, target: Array) -> tupl
         target: end-effector frame ``(4, 4)``.
 
     Returns:
-        The kinematics at ``x``; ``Jᵀ F − K x`` ``(m,)``, eq. (9), zero at equilibrium; the displacement
+        The kinematics at ``x``; ``Jᵀ F − K θ`` ``(n,)``, eq. (9), zero at equilibrium; the displacement
         ``(6,)`` still missing to the target.
     """
     k = model.kinematics(x)
-    return k, k.jacobian.T @ wrench - model.stiffness @ x, displacement_between(k.end, target)
+    return k, statics_residual(model, k, x, wrench), displacement_between(k.end, target)
+
+
+def statics_residual(model: LumpedModel, k: Kinematics, x: Array, wrench: Array) -> Array:
+    """``Jᵀ F − K θ`` ``(n,)``, eq. (9); ``K (θ(Jᵀ F) − θ)`` with the tangent stiffness where a law is nonlinear."""
+    reactions = model.reactions(k, wrench)
+    passive = np.zeros(model.size)
+    passive[model.passive] = reactions[model.passive]
+    sprung = model.strain(reactions) - x
+    sprung[model.passive] = 0.0
+    result: Array = passive + model.stiffness_under(reactions) @ sprung
+    return result
 
 
 def scaled_norm(model: LumpedModel, statics: Array, gap: Array, wrench: Array) -> float:
@@ -86,7 +102,7 @@ def newton_matrix(model: LumpedModel, k: Kinematics, wrench: Array) -> Array:
     """
     m = model.size
     A = np.zeros((m + 6, m + 6))
-    A[:m, :m] = k.force_hessian(wrench) - model.stiffness
+    A[:m, :m] = k.force_hessian(wrench) - model.stiffness_under(model.reactions(k, wrench))
     A[:m, m:] = k.jacobian.T
     A[m:, :m] = k.jacobian
     scale = newton_scale(model)
@@ -118,25 +134,10 @@ def solve_newton(
     Raises:
         NoConvergenceError: the scaled residual did not fall below `TOLERANCE`.
     """
-    scale = newton_scale(model)
-    m = model.size
-    for iteration in range(max_iterations + 1):
-        try:
-            k, statics, gap = residual(model, x, wrench, target)
-        except ValueError:
-            raise NoConvergenceError("Newton left the neighbourhood of the target pose") from None
-        error = scaled_norm(model, statics, gap, wrench)
-        if error < TOLERANCE:
-            return Configuration(model, x, wrench, error, iteration)
-        if not np.isfinite(error) or error > 1e6:
-            break
-        try:
-            step = np.linalg.solve(newton_matrix(model, k, wrench), np.concatenate([-statics, gap]) * scale)
-        except np.linalg.LinAlgError:
-            break
-        x = x + scale[:m] * step[:m]
-        wrench = wrench + scale[m:] * step[m:]
-    raise NoConvergenceError(f"Newton stopped after {iteration} iterations at a scaled residual of {error:.1e}")
+    x, wrench, error, iterations, failure = model.compiled.newton(target, x, wrench, TOLERANCE, max_iterations)
+    if failure:
+        raise NoConvergenceError(f"Newton stopped {failure} at a scaled residual of {error:.1e}")
+    return Configuration(model, x, wrench, error, iterations)
 
 
 def solve_paper(
@@ -171,6 +172,8 @@ def solve_paper(
         NoConvergenceError: the scaled residual did not fall below `TOLERANCE`.
         ValueError: noise without a generator.
     """
+    if not model.linear:
+        raise ValueError("the paper's iteration (13) is for linear springs: it has no tangent to go along")
     if noise > 0.0 and rng is None:
         raise ValueError("noise needs a random generator, so that the result can be repeated")
     elastic, passive = model.elastic, model.passive
@@ -222,11 +225,12 @@ def solve_under_wrench(model: LumpedModel, wrench: Array, x: Array, *, max_itera
     root_energy = np.sqrt(model.wrench_scale[3])
     for iteration in range(max_iterations + 1):
         k = model.kinematics(x)
-        statics = k.jacobian.T @ wrench - model.stiffness @ x
+        statics = statics_residual(model, k, x, wrench)
         error = scaled_norm(model, statics, np.zeros(6), wrench)
         if error < TOLERANCE:
             return Configuration(model, x, wrench, error, iteration)
-        A = (k.force_hessian(wrench) - model.stiffness) * scale[:, None] * scale
+        K = model.stiffness_under(model.reactions(k, wrench))
+        A = (k.force_hessian(wrench) - K) * scale[:, None] * scale
         step = np.linalg.lstsq(A, -statics * scale, rcond=1e-11)[0] / root_energy
         # a swinging chain goes in steps of at most a third of a radian
         step *= min(1.0, 0.3 / max(float(np.max(np.abs(step))), 1e-300))

@@ -101,6 +101,49 @@ def follow(
     return _Walk(problem, programme, control, progress).run()
 
 
+def locate(
+    problem: Problem, a: Equilibrium, b: Equilibrium, value: Callable[[Equilibrium], float], tolerance: float
+) -> Equilibrium:
+    """The point between two of one path where a value that differs in sign at them is zero.
+
+    Args:
+        problem: whose path it is.
+        a: the nearer end.
+        b: the further end.
+        value: of a point.
+        tolerance: of its path parameter.
+
+    Raises:
+        NoConvergenceError: an equilibrium between them was not found.
+    """
+    slope = (b.state - a.state) / (b.s - a.s)
+    seen: dict[float, Equilibrium] = {a.s: a, b.s: b}
+
+    def at(s: float) -> float:
+        if s not in seen:
+            near = min(seen.values(), key=lambda p: abs(p.s - s))
+            seen[s] = problem.solve(s, near, slope)
+        return value(seen[s])
+
+    root = brentq(at, a.s, b.s, xtol=tolerance, rtol=1e-12)
+    at(root)
+    return seen[root]
+
+
+def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium, tolerance: float) -> Equilibrium:
+    """The point between a stable and an unstable one where the smallest eigenvalue passes zero.
+
+    Raises:
+        NoConvergenceError: it does not pass zero but jumps: the two are not on one path.
+    """
+    if a.eigenvalue <= 0.0:
+        return a
+    critical = locate(problem, a, b, lambda p: p.eigenvalue, tolerance)
+    if abs(critical.eigenvalue) > 1e-4 * max(abs(a.eigenvalue), abs(b.eigenvalue)):
+        raise NoConvergenceError("the smallest eigenvalue jumps")
+    return critical
+
+
 class _Walk:
     """The state of one walk."""
 
@@ -161,7 +204,7 @@ class _Walk:
                 continue
             if there.unstable > 0 and here.unstable <= 0:
                 try:
-                    critical = self._bifurcation(here, there)
+                    critical = bifurcation(self.problem, here, there, EVENT_TOLERANCE * self.length)
                 except NoConvergenceError as failure:
                     # the step led to another, unstable branch, which no bifurcation connects with this one
                     step = 0.25 * (target - here.s)
@@ -201,18 +244,7 @@ class _Walk:
 
     def _between(self, a: Equilibrium, b: Equilibrium, value: Callable[[Equilibrium], float]) -> Equilibrium:
         """The point between a and b, on their path, where a value that differs in sign there is zero."""
-        slope = (b.state - a.state) / (b.s - a.s)
-        seen: dict[float, Equilibrium] = {a.s: a, b.s: b}
-
-        def at(s: float) -> float:
-            if s not in seen:
-                near = min(seen.values(), key=lambda p: abs(p.s - s))
-                seen[s] = self.problem.solve(s, near, slope)
-            return value(seen[s])
-
-        root = brentq(at, a.s, b.s, xtol=EVENT_TOLERANCE * self.length, rtol=1e-12)
-        at(root)
-        return seen[root]
+        return locate(self.problem, a, b, value, EVENT_TOLERANCE * self.length)
 
     def _force(self, p: Equilibrium) -> float:
         return float(self.programme.direction @ p.wrench)
@@ -232,17 +264,6 @@ class _Walk:
         # at a tie the bifurcation is the event, then the limit point
         found = [event for event in found if event.s < before * (1.0 - TIE)]
         self.events.extend(sorted(found, key=lambda event: event.s))
-
-    def _bifurcation(self, a: Equilibrium, b: Equilibrium) -> Equilibrium:
-        """The point between a stable and an unstable one where the smallest eigenvalue passes zero.
-
-        Raises:
-            NoConvergenceError: it does not pass zero but jumps: the two are not on one path.
-        """
-        critical = self._between(a, b, lambda p: p.eigenvalue)
-        if abs(critical.eigenvalue) > 1e-4 * max(abs(a.eigenvalue), abs(b.eigenvalue)):
-            raise NoConvergenceError("the smallest eigenvalue jumps")
-        return critical
 
     def _leave_at(self, critical: Equilibrium, multiplicity: int) -> str:
         """Record a bifurcation and go on along the branch that crosses there; returns why not, if not."""

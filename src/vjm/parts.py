@@ -16,19 +16,21 @@ from vjm.rotations import Array, frame, rotate_matrix6, shift_compliance
 
 
 class Placement(StrEnum):
-    """Where the virtual spring sits in its segment of a beam."""
+    """Where the virtual spring sits in its segment of a beam, and which law it has there."""
 
     END = "end"
-    """At the far end, as the paper writes (21)."""
+    """At the far end, as the paper writes (21), by (22)."""
     MIDDLE = "middle"
-    """At the elastic centre of the segment, where a uniform beam's compliance is diagonal."""
+    """At the elastic centre of the segment, where a uniform beam's compliance is diagonal, by (22)."""
+    TWO_THIRDS = "two-thirds"
+    """By (22) where the errors of end and middle in the critical load, +2 : −1 in 1/n², cancel."""
     BEST = "best"
-    """At two thirds: the errors of end and middle in the critical load, +2 : −1 in 1/n², cancel."""
+    """At the middle with the beam-column's load-dependent compliance, its shifts in the half-turned axes."""
 
     @property
     def fraction(self) -> float:
         """Distance from the segment's root over its length."""
-        return {"end": 1.0, "middle": 0.5, "best": 2.0 / 3.0}[self.value]
+        return {"end": 1.0, "middle": 0.5, "two-thirds": 2.0 / 3.0, "best": 0.5}[self.value]
 
 
 @dataclass(frozen=True)

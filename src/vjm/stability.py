@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import eigh, lapack
 
 from vjm.equilibrium import Configuration
 from vjm.rotations import Array
@@ -27,7 +26,7 @@ class Stability:
     """The second variation's verdict.
 
     Attributes:
-        eigenvalue: the smallest, in units of the model's energy scale.
+        eigenvalue: the smallest, or of several negative ones the one nearest zero; units of the model's energy.
         unstable: number of negative eigenvalues.
     """
 
@@ -38,13 +37,24 @@ class Stability:
 def stability(at: Configuration) -> Stability:
     """Smallest eigenvalue and number of negative ones of the second variation on the null space of J.
 
-    Where J leaves no motion at all there is nothing to be unstable: nan and none.
+    The number comes from the pivots of the factorisation. On a stable path the eigenvalue nearest zero is the
+    smallest, and it is the one that passes zero at a bifurcation. Where J leaves no motion at all there is
+    nothing to be unstable: nan and none.
     """
-    values = np.linalg.eigvalsh(_reduced(at)[0])
-    if values.size == 0:
+    model = at.model
+    if model.size <= 6:
         return Stability(float("nan"), 0)
-    # a bar that bends alike in all planes turns freely about its chord: zero but for rounding is not unstable
-    return Stability(float(values[0]), int(np.count_nonzero(values < -NEUTRAL * np.abs(values).max())))
+    compiled = model.compiled
+    unstable = compiled.visit(at.x, at.wrench)
+    if unstable < 0:
+        return Stability(0.0, 0)
+    eigenvalue = compiled.smallest(at.x, at.wrench)
+    count = 2 * unstable
+    while unstable and eigenvalue > 0.0 and count < 2 * model.size:
+        # a positive one lies nearer to zero: look further
+        count *= 2
+        eigenvalue = float(compiled.modes(at.x, at.wrench, count)[0].min())
+    return Stability(eigenvalue, unstable)
 
 
 def critical_modes(at: Configuration) -> list[Array]:
@@ -55,40 +65,20 @@ def critical_modes(at: Configuration) -> list[Array]:
     largest component of the deflection that it causes positive, or, where no station moves (one spring a
     link), of the motion itself.
     """
-    reduced, q_factor, tau = _reduced(at)
-    count = min(3, len(reduced))
-    values, vectors = eigh(reduced, subset_by_index=[0, count - 1])
-    together = 2 if count == 3 and values[1] < COINCIDENT * values[2] else 1
     unit = at.model.coordinate_scale
+    try:
+        values, motions = at.model.compiled.modes(at.x, at.wrench, 3)
+    except np.linalg.LinAlgError:
+        # singular to the last digit: a wrench that differs in the tenth has the same modes
+        values, motions = at.model.compiled.modes(at.x, at.wrench * (1.0 + 1e-10), 3)
+    together = 2 if len(values) == 3 and abs(values[1]) < COINCIDENT * abs(values[2]) else 1
     modes = []
-    for vector in vectors.T[:together]:
-        inside = np.concatenate([np.zeros(6), vector])[:, None]
-        mode = unit * _apply(q_factor, tau, inside, transpose=False)[:, 0]
+    for mode in motions.T[:together]:
         deflection = at.model.shape_rate(at.kinematics, mode).ravel()
         if np.abs(deflection).max(initial=0.0) < STILL * at.model.chain.characteristic_length:
             deflection = mode / unit
         modes.append(mode * np.sign(deflection[np.argmax(np.abs(deflection))]))
     return modes
-
-
-def _reduced(at: Configuration) -> tuple[Array, Array, Array]:
-    """Second variation ``(m − 6, m − 6)`` on the null space, with the Householder factors that span it."""
-    model = at.model
-    unit = model.coordinate_scale
-    A = (model.stiffness - at.hessian) * unit[:, None] * unit / model.wrench_scale[3]
-    A = 0.5 * (A + A.T)
-    q_factor, tau, _, _ = lapack.dgeqrf((at.kinematics.jacobian * unit).T)
-    A = _apply(q_factor, tau, A, transpose=True)
-    A = _apply(q_factor, tau, np.ascontiguousarray(A.T), transpose=True)
-    return A[6:, 6:], q_factor, tau
-
-
-def _apply(q_factor: Array, tau: Array, matrix: Array, *, transpose: bool) -> Array:
-    """Product of the orthogonal factor of Jᵀ, or its transpose, with a matrix ``(m, k)``."""
-    trans = "T" if transpose else "N"
-    result, _, _ = lapack.dormqr("L", trans, q_factor, tau, matrix, 64 * max(matrix.shape[1], 1))
-    product: Array = result
-    return product
 
 
 def free_stability(at: Configuration) -> Stability:
@@ -98,7 +88,7 @@ def free_stability(at: Configuration) -> Stability:
     """
     model = at.model
     unit = model.coordinate_scale
-    A = (model.stiffness - at.hessian) * unit[:, None] * unit / model.wrench_scale[3]
+    A = (at.stiffness - at.hessian) * unit[:, None] * unit / model.wrench_scale[3]
     values = np.linalg.eigvalsh(0.5 * (A + A.T))
     felt = values[np.abs(values) > NEUTRAL * np.max(np.abs(values))]
     return Stability(float(felt[0]), int(np.count_nonzero(felt < 0.0)))

@@ -12,8 +12,6 @@ from vjm.equilibrium import (
     TOLERANCE,
     Configuration,
     NoConvergenceError,
-    newton_matrix,
-    newton_scale,
     residual,
     scaled_norm,
     solve_newton,
@@ -29,6 +27,11 @@ from vjm.stiffness import loaded_stiffness
 
 ROUNDING = 1e-10
 """Stiffness, in the model's own units, below which an entry of K^F is zero but for rounding."""
+NEUTRAL = 1e-6
+"""Eigenvalue over the smallest unloaded one up to which a motion costs nothing. A bowed bar that bends alike in all
+planes turns freely about its chord; that the springs' order of turns prefers one plane is not instability."""
+DIRECTIONS = 8
+"""In which a branch is looked for where two modes lose their stability at once, over half a turn between them."""
 FIRST_AMPLITUDE = 1e-3
 """Scaled amplitude of the critical mode at which a crossing branch is first looked for."""
 
@@ -43,6 +46,7 @@ class LumpedProblem:
         self.stations = tuple(StationLabel(s.part, s.fraction) for s in model.stations)
         self._x0 = model.configuration(model.chain.posture(programme.posture))
         self._pose0 = model.kinematics(self._x0).end
+        self._softest = stability(Configuration(model, self._x0, np.zeros(6), 0.0, 0)).eigenvalue
 
     def target(self, s: float) -> Array:
         """End-effector frame ``(4, 4)`` that is imposed at the path parameter ``s``."""
@@ -66,9 +70,22 @@ class LumpedProblem:
         which gives the amplitude that belongs to ``s``.
         """
         at = self.configuration(critical)
-        # where two modes meet, the springs' order of turns tells which of them is stable
-        found = [self._branch(at, sign * mode, critical.s, s) for mode in critical_modes(at)]
-        return min(found, key=lambda point: point.unstable)
+        modes = critical_modes(at)
+        if len(modes) == 1:
+            return self._branch(at, sign * modes[0], critical.s, s)
+        # where two modes meet, any mixture of them leads to a branch: take the one that is firmest
+        angles = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+        failure = NoConvergenceError("no branch was found where two modes lose their stability at once")
+        found = []
+        for angle in angles:
+            mode = np.cos(angle) * modes[0] + np.sin(angle) * modes[1]
+            try:
+                found.append(self._branch(at, sign * mode, critical.s, s))
+            except NoConvergenceError as error:
+                failure = error
+        if not found:
+            raise failure
+        return min(found, key=lambda point: (point.unstable, -point.eigenvalue))
 
     def _branch(self, at: Configuration, mode: Array, critical: float, s: float) -> Equilibrium:
         """A state at ``s`` on the branch that leaves ``at``, the state at ``critical``, along ``mode``."""
@@ -84,6 +101,10 @@ class LumpedProblem:
             raise NoConvergenceError("Newton fell back from the crossing branch")
         return there
 
+    def point(self, s: float, x: Array, wrench: Array) -> Equilibrium:
+        """What the path keeps of an equilibrium at ``s``, coordinates ``(n,)`` and wrench ``(6,)``."""
+        return self.equilibrium(s, Configuration(self.model, x, wrench, 0.0, 0))
+
     def configuration(self, point: Equilibrium) -> Configuration:
         """The joint coordinates and the wrench of a point of this problem's path."""
         m = self.model.size
@@ -93,6 +114,9 @@ class LumpedProblem:
         """What the path keeps of a configuration: stiffness (18), stability, shape."""
         K = self._stiffness(at)
         verdict = stability(at)
+        unstable = verdict.unstable
+        if unstable and abs(verdict.eigenvalue) < NEUTRAL * self._softest:
+            unstable -= 1
         direction = self.programme.direction
         return Equilibrium(
             s=s,
@@ -100,10 +124,10 @@ class LumpedProblem:
             wrench=at.wrench,
             tangent=float(direction @ K @ direction),
             eigenvalue=verdict.eigenvalue,
-            unstable=verdict.unstable,
+            unstable=unstable,
             iterations=at.iterations,
             residual=at.residual,
-            shape=self.model.shape(at.kinematics),
+            shape=self.model.compiled.shape(at.x),
             state=np.concatenate([at.x, at.wrench]),
             stiffness=K,
         )
@@ -122,30 +146,26 @@ class LumpedProblem:
         self, at: Configuration, mode: Array, amplitude: float, s: float, max_iterations: int = 30
     ) -> tuple[float, Configuration]:
         """Displacement and configuration at which the motion from ``at`` along ``mode`` has an amplitude."""
-        model, m = self.model, self.model.size
+        model = self.model
         x, wrench = at.x + amplitude * mode, at.wrench
         row = mode / model.coordinate_scale**2
-        scale = newton_scale(model)
-        root_energy = np.sqrt(model.wrench_scale[3])
-        s_unit = 1.0 / float(np.linalg.norm(self.programme.direction * model.wrench_scale) / model.wrench_scale[3])
-        A = np.zeros((m + 7, m + 7))
+        error = np.inf
         for iteration in range(max_iterations):
-            k, statics, gap = residual(model, x, wrench, self.target(s))
+            _, statics, gap = residual(model, x, wrench, self.target(s))
             missing = amplitude - row @ (x - at.x)
             error = scaled_norm(model, statics, gap, wrench)
             if error < TOLERANCE and abs(missing) < TOLERANCE:
                 return s, Configuration(model, x, wrench, error, iteration)
-            A[: m + 6, : m + 6] = newton_matrix(model, k, wrench)
-            A[m : m + 6, m + 6] = -self.programme.direction * scale[m:] * s_unit
-            A[m + 6, :m] = row * scale[:m] * root_energy
-            b = np.concatenate([np.concatenate([-statics, gap]) * scale, [missing * root_energy]])
+            # bordered by the amplitude's condition, for which the displacement s is free
             try:
-                step = np.linalg.solve(A, b)
+                dx, dF = model.compiled.response(x, wrench, statics, gap)
+                dx_ds, dF_ds = model.compiled.response(x, wrench, np.zeros(model.size), self.programme.direction)
             except np.linalg.LinAlgError:
                 break
-            x = x + scale[:m] * step[:m]
-            wrench = wrench + scale[m:] * step[m : m + 6]
-            s = s + s_unit * step[m + 6]
+            ds = float((missing - row @ dx) / (row @ dx_ds))
+            x = x + dx + ds * dx_ds
+            wrench = wrench + dF + ds * dF_ds
+            s = s + ds
         raise NoConvergenceError(f"no state found on the crossing branch (scaled residual {error:.1e})")
 
 

@@ -1,0 +1,294 @@
+"""Compiled entry points: what Python calls, each with a model and its workspace in flat buffers."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from vjm.condensation import factor, substitute
+from vjm.factors import bunch_parlett_solve
+from vjm.kernels import Arrays, Floats, Ints, Work, forward, missing, model_of, work_of
+
+CONVERGED, DIVERGED, SINGULAR, UNSTABLE = 0, 1, 2, 3
+"""How an iteration or a march ends."""
+
+
+@njit(cache=True, error_model="numpy")
+def _newton_step(model: Arrays, work: Work, x: Floats, force: Floats) -> None:
+    """Move a state by the solution of its factored system."""
+    substitute(model, work, work.residual, work.gap)
+    for i in range(len(x)):
+        x[i] += work.step[i]
+    m0, m1, m2, r0, r1, r2 = force[3], force[4], force[5], work.gap[3], work.gap[4], work.gap[5]
+    for i in range(6):
+        force[i] += work.right[i]
+    # the moment turns with nothing: the half of its coupling that is not symmetric
+    force[3] -= 0.5 * (m1 * r2 - m2 * r1)
+    force[4] -= 0.5 * (m2 * r0 - m0 * r2)
+    force[5] -= 0.5 * (m0 * r1 - m1 * r0)
+
+
+@njit(cache=True, error_model="numpy")
+def _iterate(
+    model: Arrays,
+    work: Work,
+    R_to: Floats,
+    p_to: Floats,
+    x: Floats,
+    force: Floats,
+    tolerance: float,
+    max_iterations: int,
+) -> tuple[int, int, float, int]:
+    """Newton-Raphson at an imposed pose; see `newton`."""
+    error, negative = np.inf, -1
+    for iteration in range(max_iterations + 1):
+        forward(model, x, work)
+        if not missing(work, R_to, p_to):
+            return DIVERGED, iteration, error, -1
+        negative = factor(model, x, force, work)
+        error, heavy = 0.0, 1.0
+        for i in range(len(work.residual)):
+            error = max(error, abs(work.residual[i]))
+        for i in range(6):
+            error = max(error, abs(work.gap[i]))
+            heavy = max(heavy, abs(force[i]))
+        error /= heavy
+        if error < tolerance:
+            return CONVERGED, iteration, error, negative
+        if not error < 1e6:
+            return DIVERGED, iteration, error, -1
+        if negative < 0:
+            return SINGULAR, iteration, error, -1
+        if iteration == max_iterations:
+            break
+        _newton_step(model, work, x, force)
+    return DIVERGED, max_iterations, error, negative
+
+
+@njit(cache=True, error_model="numpy")
+def newton(
+    integers: Ints,
+    numbers: Floats,
+    work_integers: Ints,
+    work_numbers: Floats,
+    target: Floats,
+    x: Floats,
+    force: Floats,
+    tolerance: float,
+    max_iterations: int,
+) -> tuple[int, int, float, int]:
+    """Equilibrium with the end-effector at a frame, from ``x`` (n,) and ``force`` (6,), both overwritten.
+
+    Args:
+        integers: see `vjm.kernels.Buffers`.
+        numbers: likewise.
+        work_integers: likewise.
+        work_numbers: likewise.
+        target: ``(12,)`` the frame: rotation row by row, then position.
+        x: coordinates.
+        force: wrench.
+        tolerance: scaled residual at which it ends.
+        max_iterations: after which it gives up.
+
+    Returns:
+        How it ended, iterations, scaled residual, and the number of negative eigenvalues there. The factors in
+        the workspace are those of the state returned.
+    """
+    model = model_of(integers, numbers)
+    work = work_of(integers, work_integers, work_numbers)
+    return _iterate(model, work, target[:9].reshape((3, 3)), target[9:], x, force, tolerance, max_iterations)
+
+
+@njit(cache=True, error_model="numpy")
+def linearise(
+    integers: Ints, numbers: Floats, work_integers: Ints, work_numbers: Floats, x: Floats, force: Floats
+) -> int:
+    """Factor at a state; number of negative eigenvalues, −1 where singular."""
+    model = model_of(integers, numbers)
+    work = work_of(integers, work_integers, work_numbers)
+    forward(model, x, work)
+    return factor(model, x, force, work)
+
+
+@njit(cache=True, error_model="numpy")
+def respond(
+    integers: Ints, numbers: Floats, work_integers: Ints, work_numbers: Floats, load: Floats, gap: Floats
+) -> None:
+    """`vjm.condensation.substitute` with the present factors."""
+    model = model_of(integers, numbers)
+    substitute(model, work_of(integers, work_integers, work_numbers), load, gap)
+
+
+@njit(cache=True, error_model="numpy")
+def _end_stiffness(work: Work, force: Floats, K: Floats) -> None:
+    b = work.right
+    for i in range(6):
+        b[:] = 0.0
+        b[i] = 1.0
+        bunch_parlett_solve(work.F, work.swaps, work.pivots, b)
+        for j in range(6):
+            K[j, i] = b[j]
+    m0, m1, m2 = 0.5 * force[3], 0.5 * force[4], 0.5 * force[5]
+    K[3, 4] += m2
+    K[3, 5] -= m1
+    K[4, 3] -= m2
+    K[4, 5] += m0
+    K[5, 3] += m1
+    K[5, 4] -= m0
+
+
+@njit(cache=True, error_model="numpy")
+def end_stiffness(
+    integers: Ints, numbers: Floats, work_integers: Ints, work_numbers: Floats, force: Floats, K: Floats
+) -> None:
+    """``K^F`` (6, 6) of (18) with the present factors."""
+    _end_stiffness(work_of(integers, work_integers, work_numbers), force, K)
+
+
+@njit(cache=True, error_model="numpy")
+def smallest(
+    integers: Ints,
+    numbers: Floats,
+    work_integers: Ints,
+    work_numbers: Floats,
+    modes: Floats,
+    tolerance: float,
+    max_iterations: int,
+) -> float:
+    """Eigenvalue nearest zero of the second variation on the null space of J, with the present factors.
+
+    Subspace iteration with the inverse, from the rows of ``modes`` (k, n), which become eigenvectors, nearest zero
+    first. More than one, because the modes of a chain's halves or of a bar's two planes may lie close together.
+    """
+    model = model_of(integers, numbers)
+    work = work_of(integers, work_integers, work_numbers)
+    gap = np.zeros(6)
+    k, n = modes.shape
+    image = np.empty((k, n))
+    value = np.inf
+    for _ in range(max_iterations):
+        _orthonormal(modes)
+        for r in range(k):
+            substitute(model, work, modes[r], gap)
+            for i in range(n):
+                image[r, i] = work.step[i]
+        product = modes @ image.T
+        if not np.all(np.isfinite(product)):
+            return 0.0  # singular to the last digit
+        inverse, turn = np.linalg.eigh(0.5 * (product + product.T))
+        order = np.argsort(-np.abs(inverse))
+        modes[:, :] = np.ascontiguousarray(turn[:, order].T) @ image
+        old, value = value, 1.0 / inverse[order[0]]
+        if abs(value - old) <= tolerance * abs(value):
+            break
+    return value
+
+
+@njit(cache=True, error_model="numpy")
+def _orthonormal(V: Floats) -> None:
+    """Gram and Schmidt on the rows of V (k, n)."""
+    for r in range(V.shape[0]):
+        for other in range(r):
+            along = 0.0
+            for i in range(V.shape[1]):
+                along += V[other, i] * V[r, i]
+            for i in range(V.shape[1]):
+                V[r, i] -= along * V[other, i]
+        size = 0.0
+        for i in range(V.shape[1]):
+            size += V[r, i] * V[r, i]
+        size = np.sqrt(size)
+        for i in range(V.shape[1]):
+            V[r, i] /= size
+
+
+@njit(cache=True, error_model="numpy")
+def march(
+    integers: Ints,
+    numbers: Floats,
+    work_integers: Ints,
+    work_numbers: Floats,
+    R_0: Floats,
+    p_0: Floats,
+    direction: Floats,
+    s: Floats,
+    known: int,
+    tolerance: float,
+    max_iterations: int,
+    x: Floats,
+    force: Floats,
+    K: Floats,
+    error: Floats,
+    iterations: Ints,
+    negative: Ints,
+) -> tuple[int, int]:
+    """Equilibria, stiffness and stability along a grid, each predicted from up to three before it.
+
+    Args:
+        integers: see `vjm.kernels.Buffers`.
+        numbers: likewise.
+        work_integers: likewise.
+        work_numbers: likewise.
+        R_0: ``(3, 3)`` and
+        p_0: ``(3,)`` the unloaded pose.
+        direction: ``(6,)`` displacement per unit of s.
+        s: ``(g,)`` the grid.
+        known: how many of its points are given, at least one.
+        tolerance: scaled residual at which an equilibrium counts as found.
+        max_iterations: of Newton's method.
+        x: ``(g, n)`` coordinates and
+        force: ``(g, 6)`` wrenches; the known ones given, the others written.
+        K: ``(g, 6, 6)`` loaded stiffness.
+        error: ``(g,)`` scaled residuals.
+        iterations: ``(g,)``.
+        negative: ``(g,)`` numbers of negative eigenvalues.
+
+    Returns:
+        How it ended, and the number of points that are good: stable equilibria.
+    """
+    model = model_of(integers, numbers)
+    work = work_of(integers, work_integers, work_numbers)
+    R_to, p_to, turn = np.empty((3, 3)), np.empty(3), np.empty(3)
+    angle = np.sqrt(direction[3] ** 2 + direction[4] ** 2 + direction[5] ** 2)
+    if angle > 0.0:
+        for a in range(3):
+            turn[a] = direction[3 + a] / angle
+    n = x.shape[1]
+    for i in range(known, len(s)):
+        order = min(i, 3)
+        for c in range(n):
+            x[i, c] = 0.0
+        for c in range(6):
+            force[i, c] = 0.0
+        for k in range(order):
+            weight = 1.0
+            for other in range(order):
+                if other != k:
+                    weight *= (s[i] - s[i - 1 - other]) / (s[i - 1 - k] - s[i - 1 - other])
+            for c in range(n):
+                x[i, c] += weight * x[i - 1 - k, c]
+            for c in range(6):
+                force[i, c] += weight * force[i - 1 - k, c]
+        for a in range(3):
+            p_to[a] = p_0[a] + s[i] * direction[a]
+            for b in range(3):
+                R_to[a, b] = R_0[a, b]
+        if angle > 0.0:
+            cosine, sine = np.cos(angle * s[i]), np.sin(angle * s[i])
+            for b in range(3):
+                r0, r1, r2 = R_0[0, b], R_0[1, b], R_0[2, b]
+                d = (1.0 - cosine) * (turn[0] * r0 + turn[1] * r1 + turn[2] * r2)
+                R_to[0, b] = cosine * r0 + sine * (turn[1] * r2 - turn[2] * r1) + d * turn[0]
+                R_to[1, b] = cosine * r1 + sine * (turn[2] * r0 - turn[0] * r2) + d * turn[1]
+                R_to[2, b] = cosine * r2 + sine * (turn[0] * r1 - turn[1] * r0) + d * turn[2]
+        how, iterations[i], error[i], negative[i] = _iterate(
+            model, work, R_to, p_to, x[i], force[i], tolerance, max_iterations
+        )
+        if how != CONVERGED:
+            return how, i
+        _end_stiffness(work, force[i], K[i])
+        if negative[i] > 0:
+            return UNSTABLE, i
+        # once more with the factors at hand: extrapolation multiplies what is left of the error by seven a point
+        _newton_step(model, work, x[i], force[i])
+    return CONVERGED, len(s)
