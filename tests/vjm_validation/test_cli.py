@@ -25,7 +25,14 @@ def test_the_published_schemas_are_the_present_ones(name):
 def test_list_names_models_and_engines():
     finished = validate("list")
     assert finished.status == 0
-    for name in ("orthoglide-chain", "pinned-column", "vjm-paper", "exudyn-footspring", "link_lumping"):
+    for name in (
+        "orthoglide-chain",
+        "pinned-column",
+        "vjm-paper",
+        "exudyn-footspring",
+        "link_lumping",
+        "iterations",
+    ):
         assert name in finished.out
 
 

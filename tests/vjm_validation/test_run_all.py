@@ -8,6 +8,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
+from vjm.parts import Placement
 from vjm_validation.schemas import schemas
 from vjm_validation.sweeps import ENGINES
 
@@ -122,3 +123,25 @@ def test_the_lumping_study_tells_the_placements_apart(summary):
     assert found["tension", "end", 1] == pytest.approx(2688, rel=1e-3)  # L³/3EI: 6 EI/L² of one bar
     assert found["compression", "middle", 4] < 8849 < found["compression", "end", 4]
     assert all(found["tension", "best", n] is None for n in (4, 8, 16, 32))
+    assert {place for _, place, _ in found} == set(Placement)
+    # 32 springs by the suite's rule stand for the limit: the next coarser is 4e-8 from it
+    limit = found["compression", "best", 32]
+    assert found["compression", "best", 16] == pytest.approx(limit, rel=1e-7)
+    assert found["compression", "best", 4] == pytest.approx(limit, rel=3e-5)
+    assert found["compression", "two-thirds", 8] == pytest.approx(limit, rel=4e-4)
+
+
+def test_iterations_contract_by_the_force_over_the_critical_force(summary):
+    study = summary["iterations"]
+    assert (study["tolerance"], study["loose_tolerance"]) == (1e-11, 1e-6)
+    rows = study["rows"]
+    assert {row["posture"] for row in rows} == set("ABCD")
+    sharp = [row for row in rows if row["predicted"] is not None]
+    assert {row["posture"] for row in sharp} == {"A", "C"}
+    for row in sharp:
+        assert row["contraction"] == pytest.approx(row["predicted"], rel=1e-3)
+    assert max(row["newton"] for row in rows) <= 8
+    # on the symmetric path the start has nothing of the critical mode; behind the bifurcation (13) feels it
+    assert max(row["paper"] for row in sharp) <= 4
+    assert any(row["paper"] is None for row in rows if row["posture"] == "A" and row["predicted"] is None)
+    assert all(row["paper"] is not None for row in rows if row["posture"] == "B")

@@ -54,6 +54,56 @@ class LumpingStudy:
     rows: tuple[tuple[str, int, float | None], ...]
 
 
+@dataclass(frozen=True)
+class IterationPoint:
+    """What it took to find one equilibrium: iterations, None where the solver did not get there.
+
+    Attributes:
+        s: displacement, mm.
+        force: N.
+        contraction: by what (13) multiplies a small error here; above 1 it diverges.
+        predicted: F/F_cr, what the contraction should be before a bifurcation; None elsewhere.
+        paper: iterations of (13) from the neighbouring point, to the suite's tolerance.
+        paper_loose: the same to the loose tolerance.
+        disturbed: iterations of (13) from a disturbed start, to the suite's tolerance.
+        disturbed_loose: the same to the loose tolerance.
+        newton: iterations of Newton-Raphson from the neighbouring point, to the suite's tolerance.
+        newton_loose: the same to the loose tolerance.
+    """
+
+    s: float
+    force: float
+    contraction: float
+    predicted: float | None
+    paper: int | None
+    paper_loose: int | None
+    disturbed: int | None
+    disturbed_loose: int | None
+    newton: int | None
+    newton_loose: int | None
+
+
+@dataclass(frozen=True)
+class IterationStudy:
+    """Iterations along one path of the paper's model.
+
+    Attributes:
+        posture: label.
+        direction: of the ramp.
+        points: in the order of the path.
+        critical: kind of the first event, None without one.
+        d_cr: its displacement, mm.
+        stopped: why the path ends early; empty where it does not.
+    """
+
+    posture: str
+    direction: Direction
+    points: tuple[IterationPoint, ...]
+    critical: str | None
+    d_cr: float | None
+    stopped: str = ""
+
+
 @dataclass
 class Run:
     """What `validate all` computed.
@@ -62,10 +112,12 @@ class Run:
         chain: the machine.
         paths: by posture, direction and engine.
         lumping: the study that names the tension artefact's cause, one per direction.
+        iterations: what the paper's iteration and Newton-Raphson take, one study per posture.
         summary: the content of ``summary.json``.
     """
 
     chain: Chain
     paths: dict[Key, Path] = field(default_factory=dict)
     lumping: tuple[LumpingStudy, ...] = ()
+    iterations: tuple[IterationStudy, ...] = ()
     summary: Mapping[str, Any] = field(default_factory=dict)

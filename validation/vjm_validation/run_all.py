@@ -10,11 +10,13 @@ from pathlib import Path as FilePath
 from vjm.chain import Chain
 from vjm.io.files import check_writable, write_whole
 from vjm.io.model_file import load_chain
+from vjm.parts import Placement
 from vjm.paths import Path
 from vjm_validation.acceptance import AcceptanceRow, agreement_rows, solver_rows
-from vjm_validation.lumping import lumping_study
+from vjm_validation.iterations import iteration_study
+from vjm_validation.lumping import SPRINGS, lumping_study
 from vjm_validation.rounding import reach
-from vjm_validation.run import Direction, Key, LumpingStudy, Run
+from vjm_validation.run import Direction, IterationStudy, Key, LumpingStudy, Run
 from vjm_validation.summary import Summary, as_json, summarise
 from vjm_validation.sweeps import ENGINES, PathStore, chain_tasks, run_sweep, worker_pool
 from vjm_validation.table2 import TABLE_II, PublishedFigure, published_figures
@@ -25,6 +27,7 @@ COMPARISONS = {
     "chain": "force-displacement paths of every engine in postures A to D, both directions",
     "table2": "every figure of the paper's Table II, and what the rounding of its inputs can reach",
     "link_lumping": "critical force against number and placement of the bar's springs",
+    "iterations": "iterations of the paper's (13) and of Newton-Raphson along the paper's paths",
     "verification": "cases with a known answer",
 }
 """What ``--only`` can pick."""
@@ -82,6 +85,8 @@ def run_all(options: Options, progress: Progress) -> Summary:
         notes.append("the chain's paths were left out by --only")
     if options.wants("link_lumping"):
         run.lumping = _lumping(run, progress)
+    if options.wants("iterations"):
+        run.iterations = _iterations(chain, postures, options, progress)
     published: list[PublishedFigure] = []
     if options.wants("table2"):
         published = _table2(chain, options, progress)
@@ -131,7 +136,7 @@ def _paths(
 
 def _lumping(run: Run, progress: Progress) -> tuple[LumpingStudy, ...]:
     studies = []
-    total = len(Direction) * 18
+    total = len(Direction) * len(Placement) * len(SPRINGS)
     finished = 0
 
     def done() -> None:
@@ -144,6 +149,18 @@ def _lumping(run: Run, progress: Progress) -> tuple[LumpingStudy, ...]:
         event = elements.critical if elements is not None else None
         reference = event.force if event is not None else None
         studies.append(lumping_study(run.chain, STUDIED_POSTURE, direction, reference, done))
+    return tuple(studies)
+
+
+def _iterations(
+    chain: Chain, postures: Sequence[str], options: Options, progress: Progress
+) -> tuple[IterationStudy, ...]:
+    progress("iterations", 0, len(postures))
+    studies = []
+    with worker_pool(options.jobs) as pool:
+        for future in [pool.submit(iteration_study, chain, posture) for posture in postures]:
+            studies.append(future.result())
+            progress("iterations", len(studies), len(postures))
     return tuple(studies)
 
 

@@ -6,13 +6,16 @@ import hashlib
 import json
 import platform
 from collections.abc import Sequence
+from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from vjm import __version__
+from vjm.equilibrium import TOLERANCE
 from vjm_validation.acceptance import AcceptanceRow
+from vjm_validation.iterations import LIMIT, LOOSE, NOISE, STEP_MM
 from vjm_validation.metrics import PathMetrics, path_metrics
 from vjm_validation.run import Run
 from vjm_validation.table2 import PublishedFigure
@@ -33,6 +36,48 @@ class LumpingRow(BaseModel):
     springs: int
     F_cr: float | None
     reference: float | None
+
+
+class IterationRow(BaseModel):
+    """Iterations to one equilibrium on the paper's path; null where the solver did not get there."""
+
+    model_config = ConfigDict(frozen=True)
+
+    posture: str
+    direction: str
+    s: float
+    force: float
+    contraction: float
+    """By what (13) multiplies a small error there."""
+    predicted: float | None
+    """F/F_cr, before a bifurcation."""
+    paper: int | None
+    """By (13) from the neighbouring point."""
+    paper_loose: int | None
+    disturbed: int | None
+    """By (13) from a disturbed start."""
+    disturbed_loose: int | None
+    newton: int | None
+    """By Newton-Raphson from the neighbouring point."""
+    newton_loose: int | None
+
+
+class Iterations(BaseModel):
+    """How many iterations the paper's (13) and Newton-Raphson take along the paper's paths."""
+
+    model_config = ConfigDict(frozen=True)
+
+    tolerance: float = TOLERANCE
+    """Scaled residual to which an equilibrium is found."""
+    loose_tolerance: float = LOOSE
+    """The same for the columns that end in ``_loose``."""
+    limit: int = LIMIT
+    """Iterations after which a solver has failed."""
+    step: float = STEP_MM
+    """Distance of the start from the point sought."""
+    noise: float = NOISE
+    """Standard deviation of the disturbed start, in units of the model's coordinates."""
+    rows: list[IterationRow]
 
 
 class Timings(BaseModel):
@@ -58,6 +103,8 @@ class Summary(BaseModel):
     """By posture, ``tension`` or ``compression``, and engine label."""
     published: list[PublishedFigure]
     lumping: list[LumpingRow]
+    iterations: Iterations | None
+    """Null where they were left out."""
     verification: list[VerificationRow]
     acceptance: list[AcceptanceRow]
     timings: Timings
@@ -114,6 +161,7 @@ def summarise(
             for study in run.lumping
             for placement, n, force in study.rows
         ],
+        iterations=_iterations(run),
         verification=list(verification),
         acceptance=list(acceptance),
         timings=Timings(paths={k.stem: p.seconds for k, p in run.paths.items()}, engines=engines, total=seconds),
@@ -121,6 +169,15 @@ def summarise(
         hashes=hashes,
         notes=list(notes),
     )
+
+
+def _iterations(run: Run) -> Iterations | None:
+    rows = [
+        IterationRow(posture=study.posture, direction=study.direction, **asdict(point))
+        for study in run.iterations
+        for point in study.points
+    ]
+    return Iterations(rows=rows) if rows else None
 
 
 def versions() -> dict[str, str]:

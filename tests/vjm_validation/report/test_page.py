@@ -2,6 +2,7 @@
 
 import base64
 import io
+import os
 import re
 import shutil
 import subprocess
@@ -12,6 +13,7 @@ import pytest
 from PIL import Image
 
 from vjm_validation.report import page, write_report
+from vjm_validation.report.findings import findings
 from vjm_validation.report.renders import impossible
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -52,6 +54,7 @@ def bare(monkeypatch):
     monkeypatch.setattr(page, "lumping_pictures", lambda run: [])
     monkeypatch.setattr(page, "foot_picture", lambda run: None)
     monkeypatch.setattr(page, "published_picture", lambda run: None)
+    monkeypatch.setattr(page, "iteration_picture", lambda run: None)
 
 
 def test_no_external_reference(text):
@@ -80,9 +83,8 @@ def test_every_image_decodes_and_shows_something(text, folder):
         assert min(pixels.shape) > 300
         assert 0.005 < np.mean(pixels < 200) < 0.5
     assert sorted(embedded) == sorted(file.read_bytes() for file in files)
-    assert {"force_A.png", "stiffness_A.png", "difference_A.png", "link_lumping.png", "foot_law.png"} <= {
-        file.name for file in files
-    }
+    assert {"force_A.png", "stiffness_A.png", "difference_A.png", "link_lumping.png", "foot_law.png",
+            "lumping_convergence.png", "iterations.png"} <= {file.name for file in files}  # fmt: skip
 
 
 def test_renders_show_compression_and_the_artefact(folder):
@@ -92,7 +94,32 @@ def test_renders_show_compression_and_the_artefact(folder):
 
 
 def test_no_temporary_file_is_left(folder):
-    assert not [file for file in folder.rglob("*") if file.is_file() and file.suffix not in {".png", ".html"}]
+    """Pictures, the page, the findings, and nothing else."""
+    assert {file.name for file in folder.iterdir()} <= {"index.html", "findings.md", "figures", "renders"}
+    pictures = [*(folder / "figures").iterdir(), *(folder / "renders").iterdir()]
+    assert not [file for file in pictures if file.suffix != ".png" or file.name.startswith(".")]
+
+
+def test_findings_md_needs_nothing_but_its_figures(folder, computed):
+    text = (folder / "findings.md").read_text()
+    links = re.findall(r"!?\[[^\]]*\]\(([^)]*)\)", text)
+    assert {"figures/link_lumping.png", "figures/foot_law.png", "figures/iterations.png"} <= set(links)
+    for link in links:
+        assert (folder / link).resolve().is_relative_to(folder / "figures")
+        Image.open(folder / link).verify()
+    assert not re.search(r"\w+://|<\w|^\s*\[[^\]]+\]:", text, re.MULTILINE)
+    titles = re.findall(r"^## (.*)$", text, re.MULTILINE)
+    assert titles == [finding.title for finding in findings(computed)]
+
+
+def test_long_tables_of_the_record_are_folded_away(run, bare, tmp_path):
+    run.summary["hashes"] = {f"A_{n}.csv": "ab" * 32 for n in range(64)}
+    text = write_report(run, tmp_path).read_text()
+    tables = re.findall(r"<details( open)?>\s*<summary>(\w+)", text)
+    assert ("", "Hashes") in tables
+    assert (" open", "Versions") in tables
+    assert text.count("<details") == text.count("</details>") == len(tables)
+    assert text.count("ab" * 32) == 64
 
 
 def test_absent_values_are_dashes(text):
@@ -136,20 +163,29 @@ def test_a_renderer_that_fails_after_the_probe_does_not_fail_the_report(run, bar
 
 def test_an_empty_run_has_a_page(run, tmp_path, monkeypatch):
     monkeypatch.setattr(page, "impossible", lambda: "a test says so")
-    run.paths, run.lumping, run.summary = {}, (), {}
+    run.paths, run.lumping, run.iterations, run.summary = {}, (), (), {}
     text = write_report(run, tmp_path).read_text()
     assert "no rows in this run" in text
 
 
-def test_a_report_that_fails_leaves_the_old_page(run, bare, monkeypatch, tmp_path):
+@pytest.mark.parametrize("fails", ["findings.md", "index.html"])
+def test_a_report_that_fails_leaves_the_old_page(run, bare, monkeypatch, tmp_path, fails):
     index = write_report(run, tmp_path)
-    old = index.read_bytes()
+    failing = tmp_path / fails
+    old = index.read_bytes(), failing.read_bytes()
     run.summary["command"] = "another"
-    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
+    replace = os.replace
+
+    def full_disk(source, target):
+        if os.fspath(target) == os.fspath(failing):
+            raise OSError("disk full")
+        replace(source, target)
+
+    monkeypatch.setattr("os.replace", full_disk)
     with pytest.raises(OSError, match="disk full"):
         write_report(run, tmp_path)
-    assert index.read_bytes() == old
-    assert list(tmp_path.iterdir()) == [index]
+    assert (index.read_bytes(), failing.read_bytes()) == old
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["findings.md", "index.html"]
 
 
 def browse(tmp_path, *arguments):

@@ -1,10 +1,13 @@
 """What the figures and renders draw."""
 
+import io
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
 
+from vjm.parts import Placement
 from vjm_validation.report import renders
 from vjm_validation.report.figures import (
     Window,
@@ -13,7 +16,10 @@ from vjm_validation.report.figures import (
     stiffness_with_drops,
     worst_difference,
 )
+from vjm_validation.report.iteration_figures import iteration_picture
+from vjm_validation.report.lumping_figures import MARKS, PLACES, converged, lumping_pictures
 from vjm_validation.report.skeleton import Camera, Skeleton, magnification, picture_axes, skeleton
+from vjm_validation.report.style import number
 from vjm_validation.run import Direction, Key
 
 PULLED, PUSHED = Direction.TENSION, Direction.COMPRESSION
@@ -119,3 +125,45 @@ def test_a_machine_that_cannot_render_is_found_out_in_another_process(monkeypatc
     monkeypatch.setattr(renders, "PROBE", program)
     monkeypatch.setattr(renders, "PROBE_SECONDS", 1.0)
     assert reason in renders.impossible()
+
+
+def pictures(run):
+    return {picture.name: picture for picture in (*lumping_pictures(run), iteration_picture(run)) if picture}
+
+
+def test_every_placement_has_a_name_and_a_mark_of_its_own():
+    assert set(PLACES) == set(MARKS) == set(Placement)
+    assert len({*PLACES.values()}) == len({*MARKS.values()}) == len(Placement)
+
+
+def test_convergence_is_measured_by_the_suite_s_own_converged_force(run):
+    compression = run.lumping[1]
+    n, force = converged(compression)
+    assert (n, force) == (16, dict(row[1:] for row in compression.rows if row[0] == "best")[16])
+    caption = pictures(run)["lumping_convergence"].caption
+    assert f"against {force:.6g} N, to which the suite's rule itself has converged with 16 springs" in caption
+    assert "The black line is how far the finite elements are from it: 3.0×10⁻⁸." in caption
+
+
+def test_convergence_without_a_fine_model_is_measured_by_the_finite_elements(run):
+    tension, compression = run.lumping
+    coarse = tuple(row for row in compression.rows if row[1] < 16)
+    run.lumping = (tension, replace(compression, rows=coarse))
+    assert converged(run.lumping[1]) is None
+    caption = pictures(run)["lumping_convergence"].caption
+    assert f"against that of the finite elements ({number(compression.reference)} N)" in caption
+    run.lumping = (tension, replace(compression, rows=coarse, reference=None))
+    assert set(pictures(run)) == {"link_lumping", "iterations"}
+    run.lumping, run.iterations = (), ()
+    assert pictures(run) == {}
+
+
+def test_pictures_of_counts_decode_with_failures_and_without_events(run):
+    study = run.iterations[0]
+    lost = tuple(replace(point, paper=None, newton=None, predicted=None) for point in study.points)
+    run.iterations = (study, replace(study, posture="B", points=lost, d_cr=None, critical=None))
+    picture = iteration_picture(run)
+    pixels = np.asarray(Image.open(io.BytesIO(picture.content)).convert("L"))
+    assert min(pixels.shape) > 300
+    assert 0.01 < np.mean(pixels < 200) < 0.5
+    assert "Grey band: the paper's 3 to 5." in picture.caption

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from enum import StrEnum
 from typing import Any
 
 from vjm_validation.report.figures import worst_difference
+from vjm_validation.report.iteration_words import iterations
 from vjm_validation.report.lumping_words import foot_law, lumping_evidence
 from vjm_validation.report.style import FE, FROZEN, LINEAR, MSA, PAPER, REFINED, listed, number, percent
 from vjm_validation.report.words import (
     SHARP,
+    Finding,
+    Tone,
     at_critical,
     bends,
     critical_points,
@@ -27,31 +28,6 @@ REPRODUCTION = 0.05
 """Up to this relative difference a force of the paper, whose input has two digits, is said to be reproduced."""
 
 
-class Tone(StrEnum):
-    """What a finding is about; the page marks each in its own way."""
-
-    FAILED = "failed"
-    AGREES = "agrees"
-    DIFFERS = "differs"
-    CAUSE = "cause"
-    NOTE = "note"
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that the run shows.
-
-    Attributes:
-        tone: what it is about.
-        title: one sentence.
-        sentences: what stands behind it.
-    """
-
-    tone: Tone
-    title: str
-    sentences: tuple[str, ...]
-
-
 def findings(run: Run, no_renders: str = "") -> list[Finding]:
     """All findings in the order in which a reader needs them.
 
@@ -61,7 +37,7 @@ def findings(run: Run, no_renders: str = "") -> list[Finding]:
     """
     parts: Sequence[Callable[[Run], Finding | None]] = (
         failed_acceptance, no_finite_elements, paper_model, link_lumping, refined_agreement, foot, published,
-        conventional, stopped_paths, left_out,
+        conventional, iterations, stopped_paths, left_out,
     )  # fmt: skip
     found = [finding for part in parts if (finding := part(run)) is not None]
     if no_renders:

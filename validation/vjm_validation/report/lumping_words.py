@@ -6,13 +6,16 @@ import numpy as np
 
 from vjm.chain import FOOT
 from vjm.paths import Path
-from vjm_validation.report.proofs import FOOT_ENGINES, PLACES, lumping_pair
+from vjm_validation.report.lumping_figures import converged, forces, lumping_pair, place_name, places
+from vjm_validation.report.proofs import FOOT_ENGINES
 from vjm_validation.report.style import FE, FE_FOOT_SPRING, FOOT_SPRING, REFINED, listed, number, percent
 from vjm_validation.report.words import SHARP, engine_metrics
 from vjm_validation.run import Direction, Key, LumpingStudy, Run
 
 SAME_FOOT = 0.01
 """Up to this relative difference in displacement two feet are said to be the same."""
+CLOSE = 1e-3
+"""Relative error of a critical force that is said to be close: far below what the data of a real machine allow."""
 
 FOOT_TITLES = {
     FOOT_SPRING: "one spring by (22)",
@@ -27,35 +30,54 @@ def lumping_evidence(run: Run) -> list[str]:
     tension, compression = lumping_pair(run)
     sentences = []
     if compression is not None:
-        for place, title in PLACES.items():
-            rows = _rows(compression, place)
-            if rows:
-                sentences.append(_approach(compression, title, rows))
+        sentences += [_approach(compression, place) for place in places(compression)]
+        sentences += _needed(compression)
     if tension is not None:
-        rows = _rows(tension, "end")
-        found = {n: force for n, force in rows.items() if force is not None}
-        gone = [n for n, force in rows.items() if force is None and n > max(found, default=0)]
-        if found:
-            forces = listed([f"{number(force)} N with {n}" for n, force in found.items()])
-            after = f", and is off the path from {gone[0]} springs on" if gone else ""
-            sentences.append(f"The bifurcation in tension (springs at far ends) moves away: {forces}{after}.")
+        spurious = [text for place in places(tension) if (text := _spurious(tension, place))]
+        if spurious:
+            sentences.append(f"The bifurcation in tension moves away as springs are added: {'; '.join(spurious)}.")
     return sentences
 
 
-def _rows(study: LumpingStudy, place: str) -> dict[int, float | None]:
-    return {n: force for at, n, force in sorted(study.rows, key=lambda row: row[1]) if at == place}
-
-
-def _approach(study: LumpingStudy, title: str, rows: dict[int, float | None]) -> str:
+def _approach(study: LumpingStudy, place: str) -> str:
+    rows = forces(study, place)
     n, last = list(rows.items())[-1]
     never = [str(count) for count, force in rows.items() if force is None]
-    text = f"Springs {title}, posture {study.posture} in {study.direction}: "
+    text = f"Posture {study.posture} in {study.direction}, {place_name(place)}: "
     if never:
         text += f"with {listed(never)} none buckles; "
     text += f"with {n} " + (f"the critical force is {number(last)} N" if last is not None else "none is found")
     if last is not None and study.reference is not None:
         text += f", {percent(last / study.reference - 1.0)} from the finite elements"
     return text + "."
+
+
+def _needed(study: LumpingStudy) -> list[str]:
+    """How many springs each placement takes to come close to the converged force."""
+    finest = converged(study)
+    if finest is None:
+        return []
+    most = max(n for _, n, _ in study.rows)
+    needed = []
+    for place in places(study):
+        off = [n for n, f in forces(study, place).items() if f is None or abs(f / finest[1] - 1.0) > CLOSE]
+        enough = [n for n in forces(study, place) if n > max(off, default=0)]
+        needed.append(f"{place_name(place)}: {enough[0] if enough else f'more than {most}'}")
+    return [
+        f"Number of springs, of those tried, from which the critical force is within {percent(CLOSE)} of the "
+        f"converged {number(finest[1])} N: {'; '.join(needed)}."
+    ]
+
+
+def _spurious(study: LumpingStudy, place: str) -> str:
+    """Bifurcations that one placement has in tension; empty where it has none."""
+    rows = forces(study, place)
+    found = {n: force for n, force in rows.items() if force is not None}
+    if not found:
+        return ""
+    gone = [n for n, force in rows.items() if force is None and n > max(found)]
+    after = f", none on the path from {gone[0]} on" if gone else ""
+    return f"{place_name(place)} {listed([f'{number(force)} N with {n}' for n, force in found.items()])}{after}"
 
 
 def foot_law(run: Run) -> tuple[str, tuple[str, ...], bool] | None:

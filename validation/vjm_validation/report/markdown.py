@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from vjm_validation.report.findings import Finding
 from vjm_validation.report.style import Picture
+from vjm_validation.report.words import Finding
 from vjm_validation.run import Run
 
 

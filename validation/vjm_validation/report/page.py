@@ -15,12 +15,16 @@ import numpy as np
 from vjm.io.files import write_whole
 from vjm_validation.report.figures import posture_pictures, postures
 from vjm_validation.report.findings import findings
+from vjm_validation.report.iteration_figures import iteration_picture
+from vjm_validation.report.lumping_figures import lumping_pictures
 from vjm_validation.report.markdown import findings_markdown
-from vjm_validation.report.proofs import foot_picture, lumping_pictures, published_picture
+from vjm_validation.report.proofs import foot_picture, published_picture
 from vjm_validation.report.renders import impossible, render_pictures
 from vjm_validation.report.style import Picture, engine_order, engine_style, number
 from vjm_validation.run import Direction, Run
 
+SHORT_TABLE = 12
+"""Rows up to which a table of the record is unfolded."""
 METRICS = ("K0", "K1", "critical", "F_cr", "d_cr", "K2", "F_end", "d_end", "K3")
 """Columns of the tables of ``summary.json``'s ``chain``."""
 
@@ -56,10 +60,11 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         Path of ``index.html``.
     """
     proofs = lumping_pictures(run)
-    foot, table2 = foot_picture(run), published_picture(run)
+    foot, table2, counts = foot_picture(run), published_picture(run), iteration_picture(run)
     curves = {posture: posture_pictures(run, posture) for posture in postures(run)}
     renders, no_renders = _renders(run)
-    figures = [picture for picture in (*proofs, foot, table2, *chain.from_iterable(curves.values())) if picture]
+    proof = [picture for picture in (*proofs, foot, table2, counts) if picture]
+    figures = [*proof, *chain.from_iterable(curves.values())]
     for folder, pictures in (("figures", figures), ("renders", renders)):
         for picture in pictures:
             write_whole(out / folder / f"{picture.name}.png", picture.content)
@@ -73,7 +78,6 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         for posture, pictures in curves.items()
     ]
     found = findings(run, no_renders)
-    proof = [picture for picture in (*proofs, foot, table2) if picture]
     write_whole(out / "findings.md", findings_markdown(run, found, proof))
     page = _environment().get_template("index.html.j2").render(
         chain=run.chain,
@@ -89,6 +93,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         proofs=proofs,
         foot=foot,
         table2=table2,
+        counts=counts,
         sections=sections,
         metrics=METRICS,
         engines=_engine_rows(run),
@@ -157,6 +162,7 @@ def _environment() -> jinja2.Environment:
         "K0": ("K", "0"), "K1": ("K", "1"), "K2": ("K", "2"), "K3": ("K", "3"), "F1": ("F", "1"),
         "F_cr": ("F", "cr"), "d_cr": ("Δ", "cr"), "F_end": ("F", "end"), "d_end": ("Δ", "end"),
     }  # fmt: skip
+    environment.globals["short_table"] = SHORT_TABLE
     environment.globals["units"] = {"K": "N/mm", "F": "N", "d": "mm"}
     return environment
 

@@ -138,13 +138,15 @@ def listed(words: list[str]) -> str:
 
 @contextmanager
 def figure(
-    height: float, columns: int = 2, *, sharey: bool = False, widths: list[float] | None = None
+    height: float, columns: int = 2, *, rows: int = 1, sharey: bool = False, widths: list[float] | None = None
 ) -> Iterator[tuple[Figure, list[Axes]]]:
-    """A figure of the page's width with one row of axes, in the report's style, without pyplot's state."""
+    """A figure of the page's width with its axes row by row, in the report's style, without pyplot's state."""
     with mpl.rc_context(RC):
         fig = Figure(figsize=(PAGE_WIDTH, height), layout="constrained")
-        axes = fig.subplots(1, columns, squeeze=False, sharey=sharey, width_ratios=widths)
-        yield fig, list(axes[0])
+        axes = fig.subplots(
+            rows, columns, squeeze=False, sharex="col", sharey="row" if sharey else False, width_ratios=widths
+        )
+        yield fig, list(axes.flat)
 
 
 def png(fig: Figure) -> bytes:

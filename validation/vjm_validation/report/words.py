@@ -1,8 +1,10 @@
-"""Small pieces of sentences about the metrics of ``summary.json``."""
+"""What a finding is, and small pieces of sentences about the metrics of ``summary.json``."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any
 
 from vjm.paths import EventKind
@@ -14,6 +16,31 @@ Metrics = Mapping[str, Any]
 
 SHARP = (EventKind.BIFURCATION, EventKind.LIMIT)
 """Critical points that one can point at, unlike a bend-over."""
+
+
+class Tone(StrEnum):
+    """What a finding is about; the page marks each in its own way."""
+
+    FAILED = "failed"
+    AGREES = "agrees"
+    DIFFERS = "differs"
+    CAUSE = "cause"
+    NOTE = "note"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that the run shows.
+
+    Attributes:
+        tone: what it is about.
+        title: one sentence.
+        sentences: what stands behind it.
+    """
+
+    tone: Tone
+    title: str
+    sentences: tuple[str, ...]
 
 
 def engine_metrics(run: Run, direction: Direction, label: str) -> dict[str, Metrics]:
