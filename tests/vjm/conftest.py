@@ -121,9 +121,9 @@ def walk(chain: Chain) -> Callable[..., Path]:
 def state(chain: Chain, walk) -> Callable[..., Configuration]:
     """The stable equilibrium of the paper's chain at a displacement, as a configuration."""
 
-    def at(posture: str, to: float, segments: int | None = None, **ramp) -> Configuration:
-        point = walk(posture, to, segments, **ramp).points[-1]
-        model = VjmEngine(segments).model(chain)
+    def at(posture: str, to: float, segments: int | None = None, placement: str = "best", **ramp) -> Configuration:
+        point = walk(posture, to, segments, placement=placement, **ramp).points[-1]
+        model = VjmEngine(segments, placement=Placement(placement)).model(chain)
         return Configuration(
             model, point.state[: model.size], point.state[model.size :], point.residual, point.iterations
         )

@@ -9,6 +9,7 @@ from vjm.chain import Chain
 from vjm.lumped import LumpedModel
 from vjm.parts import Beam, PassiveJoint, Placement, Section
 from vjm.rotations import AXES
+from vjm.springs import BeamColumnSpring
 
 ROUNDING = 1e-13
 """Of a few sums and products of entries, each compared with the size that its row and column give it."""
@@ -95,9 +96,9 @@ def test_link_as_a_beam_meets_20_but_for_the_stiff_plane(chain):
     assert off[2, 2] == pytest.approx(1 - 0.0480 / 0.051, abs=0.0001 / 0.051)
 
 
-def test_best_rule_puts_the_spring_at_two_thirds():
+def test_two_thirds_rule_puts_the_spring_there():
     section = Section(1e6, 1e7, 1e7, 1e7)
-    model = LumpedModel(Chain("beam", (Beam("b", 90.0, section=section),)).refined(1, "best"))
+    model = LumpedModel(Chain("beam", (Beam("b", 90.0, section=section),)).refined(1, "two-thirds"))
     # the first virtual joint stands 60 mm from the root, 30 mm before the tip
     assert model.before[0][:3, 3] == pytest.approx([60, 0, 0], rel=1e-15)
     assert model.tail[:3, 3] == pytest.approx([30, 0, 0], rel=1e-15)
@@ -131,3 +132,49 @@ def test_actuator_compliance_adds_to_the_chains_own(chain):
     added[0, 0] = c
     rigid = tip_compliance(LumpedModel(chain))
     assert np.abs(soft - rigid - added).max() < 1e-15 * np.abs(rigid).max()
+
+
+@given(
+    load=st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6),
+    axial=st.floats(-30.0, 30.0),
+)
+def test_beam_column_spring_is_conservative_and_firm_under_any_load(load, axial):
+    """Its compliance is the derivative of its strain, symmetric, and positive definite under any axial force."""
+    h = 20.0
+    section = Section(EA=1e6, GJ=2e6, EIy=3e6, EIz=1e6)
+    spring = BeamColumnSpring(section, h)
+    euler = np.pi**2 * section.EIz / h**2  # of the segment alone
+    unit = np.array([1e3, 1e3, 1e3, 1e4, 1e4, 1e4])
+    reaction = np.array(load) * unit
+    reaction[0] = axial * euler / 10.0
+    compliance = spring.compliance(reaction)
+    assert np.array_equal(compliance, compliance.T)
+    step = 1e-4 * unit
+    slope = [(spring.strain(reaction + d) - spring.strain(reaction - d)) / (2.0 * d.sum()) for d in np.diag(step)]
+    size = np.sqrt(np.outer(np.diag(spring.unloaded), np.diag(spring.unloaded)))
+    # central differences of a smooth law over 1e-4 of its loads, and rounding of the strain over that step
+    assert np.abs((np.array(slope).T - compliance) / size).max() < 1e-5 * np.abs(compliance / size).max()
+    without_moment = np.array([reaction[0], 0, 0, 0, 0, 0])
+    assert np.linalg.eigvalsh(spring.compliance(without_moment) / size)[0] > 0.0
+
+
+def test_beam_column_spring_is_the_exact_segment_to_the_fourth_order_in_its_load():
+    """φ = 1/(z + √z cot √z) and ψ = 3(1 − √z cot √z)/(z √z cot √z), from the stability functions of a strut."""
+    h, EI = 10.0, 2e6
+    section = Section(EA=1e15, GJ=1.0, EIy=EI, EIz=EI)
+    spring = BeamColumnSpring(section, h)
+    error = []
+    loads = np.array([0.1, 0.2, 0.4])
+    for z in loads:
+        root = np.sqrt(z)
+        G = root / np.tan(root)
+        compliance = spring.compliance(np.array([-4.0 * EI * z / h**2, 0, 0, 0, 0, 0]))
+        rotation, shift = 1.0 / (z + G), 3.0 * (1.0 - G) / (z * G)
+        error.append([
+            abs(compliance[5, 5] / (h / EI * rotation) - 1.0),
+            abs(compliance[1, 1] / (h**3 / (12 * EI) * shift) - 1.0),
+        ])  # fmt: skip
+    observed = np.polyfit(np.log(loads), np.log(np.array(error)), 1)[0]
+    # what is left out is of order z⁵; the next term, of z⁶, bends the slope at z = 0.4
+    assert np.all(observed > 4.7)
+    assert np.all(np.array(error)[0] < 1e-5)

@@ -16,7 +16,7 @@ def reduced_second_variation(at):
     unit = model.coordinate_scale
     J = at.kinematics.jacobian * unit / np.repeat([model.chain.characteristic_length, 1.0], 3)[:, None]
     N = null_space(J, rcond=1e-10)
-    A = (model.stiffness - at.hessian) * unit[:, None] * unit / model.wrench_scale[3]
+    A = (at.stiffness - at.hessian) * unit[:, None] * unit / model.wrench_scale[3]
     return N.T @ (0.5 * (A + A.T)) @ N, N
 
 
