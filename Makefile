@@ -73,6 +73,8 @@ $(VENV)/.test: $(VENV)/.runtime
 # The project as it now stands.
 $(VENV)/.project: $(VENV)/.runtime $(SOURCES)
 	@$(PIP_INSTALL) --no-build-isolation --no-deps --force-reinstall .
+	@echo 'Compiling the kernels: half a minute, once.'
+	@$(BIN)/python -m vjm.warm_up
 	@touch $@
 
 # The newest versions that the ranges allow, with the oldest Python that the project supports: they have to

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from vjm.compilation import kernel
 from vjm.kernels import Floats
 from vjm.springs import ROTATION, SHIFT
 
@@ -12,7 +12,7 @@ _RA, _RB, _RC, _RE = ROTATION
 _SA, _SB, _SC, _SE = SHIFT
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _bounded(z: float, z1: float, z2: float, a: float, b: float, c: float, e: float) -> tuple[float, float, float]:
     """`vjm.springs._bounded`."""
     root = np.sqrt(1.0 + z * z * (a + z * (b + z * c)))
@@ -22,7 +22,7 @@ def _bounded(z: float, z1: float, z2: float, a: float, b: float, c: float, e: fl
     return root + e * z, slope * z1, curvature * z1 * z1 + slope * z2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _plane(N: float, EA: float, EI: float, h: float) -> tuple[float, float, float, float, float, float]:
     """Rotational and bending part of the transverse compliance of one plane, with two derivatives by N."""
     kappa = h * h / (4.0 * EI)
@@ -43,7 +43,7 @@ def _plane(N: float, EA: float, EI: float, h: float) -> tuple[float, float, floa
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def beam_column(beam: Floats, t: Floats, theta: Floats, K: Floats, r: Floats) -> None:
     """Tangent stiffness ``K`` (6, 6) under reactions ``t`` (6,) and residual ``r = K (θ(t) − θ)``.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from vjm.kernels import BEAM_COLUMN, LINEAR, PASSIVE, Arrays, buffers, positions, work_of
 from vjm.rotations import Array
-from vjm.solving import CONVERGED, SINGULAR, UNSTABLE, end_stiffness, linearise, march, newton, respond, smallest
+from vjm.solving import CONVERGED, SINGULAR, UNSTABLE, end_stiffness, march, newton, respond, smallest
 from vjm.springs import BeamColumnSpring, LinearSpring
 
 if TYPE_CHECKING:
@@ -60,15 +60,20 @@ class Compiled:
         self.buffers = buffers(self.arrays)
         self._step, self._right = self._results()
         self._zero_gap = np.zeros(6)
-        self._x, self._force, self._negative = np.full(model.size, np.nan), np.full(6, np.nan), -1
+        self._negative = -1
+        self._remember(np.full(model.size, np.nan), np.full(6, np.nan))
+        self._anywhere = np.concatenate([np.eye(3).ravel(), np.zeros(3)])
         self._station_joint = np.array([s.joint for s in model.stations], dtype=np.int64)
         self._station_position = np.array([s.position for s in model.stations]).reshape(-1, 3) / self._length
-        # fixed, so that results repeat; with a share of every mode
-        self._start = np.cos(np.arange(model.size) ** 2.0)
-        width = min(SUBSPACE, model.size - 6)
-        self._starts = np.array([np.roll(self._start, 7 * k) for k in range(width)])
+        width = max(min(SUBSPACE, model.size - 6), 0)
+        self._starts = self._some_vectors(width)
         self._modes = self._starts.copy()
         self.stiffest = max((float(np.abs(K).max()) for K in self.arrays.K), default=1.0)
+
+    def _some_vectors(self, count: int) -> Array:
+        """Unit vectors ``(count, n)`` with a share of every mode, always the same, so that results repeat."""
+        vectors = np.random.default_rng(0).standard_normal((count, len(self.coordinate_unit)))
+        return vectors / np.linalg.norm(vectors, axis=1)[:, None]
 
     def _results(self) -> tuple[Array, Array]:
         """The workspace's last solution: step ``(n,)`` and right-hand side ``(6 + n_q,)``, as views."""
@@ -86,11 +91,12 @@ class Compiled:
         x, force = x / self.coordinate_unit, wrench / self.wrench_unit
         to = np.concatenate([target[:3, :3].ravel(), target[:3, 3] / self._length])
         how, iterations, error, self._negative = newton(*self.buffers, to, x, force, tolerance, max_iterations)
-        self._x, self._force = x, force
+        x, wrench = x * self.coordinate_unit, force * self.wrench_unit
+        self._remember(x, wrench)
         why = {CONVERGED: "", SINGULAR: "at a singular state"}.get(how, f"after {iterations} iterations")
         if why and not np.isfinite(error):
             why = "outside the neighbourhood of the target pose"
-        return x * self.coordinate_unit, force * self.wrench_unit, float(error), int(iterations), why
+        return x, wrench, float(error), int(iterations), why
 
     def march(
         self, pose: Array, direction: Array, s: Array, x: Array, wrench: Array, tolerance: float, most: int
@@ -116,7 +122,7 @@ class Compiled:
             np.concatenate([direction[:3] / self._length, direction[3:]]), np.ascontiguousarray(s, dtype=float), 1,
             tolerance, most, X, F, K, error, iterations, negative,
         )  # fmt: skip
-        self._x = np.full(n, np.nan)  # the factors are those of another state now
+        self._remember(np.full(n, np.nan), np.full(6, np.nan))  # the factors are those of another state now
         done = min(good + (how == UNSTABLE), g)
         K[:done] *= stiffness_unit
         K[0] = self.end_stiffness(x, wrench)
@@ -132,12 +138,18 @@ class Compiled:
             iterations[:done],
         )  # fmt: skip
 
+    def _remember(self, x: Array, wrench: Array) -> None:
+        """Which state the factors belong to."""
+        # copies: the caller may write to its own
+        self._x, self._wrench, self._force = x.copy(), wrench.copy(), wrench / self.wrench_unit
+
     def visit(self, x: Array, wrench: Array) -> int:
         """Factor at a state unless it is the last one; number of negative eigenvalues, −1 where singular."""
-        x, force = x / self.coordinate_unit, wrench / self.wrench_unit
-        if not (np.array_equal(x, self._x) and np.array_equal(force, self._force)):
-            self._negative = int(linearise(*self.buffers, x, force))
-            self._x, self._force = x, force
+        if not (np.array_equal(x, self._x) and np.array_equal(wrench, self._wrench)):
+            self._remember(x, wrench)
+            *_, self._negative = newton(
+                *self.buffers, self._anywhere, x / self.coordinate_unit, self._force, np.inf, 0
+            )
         return self._negative
 
     def _must_visit(self, x: Array, wrench: Array) -> None:
@@ -162,7 +174,7 @@ class Compiled:
             self._modes[:] = self._starts
         # the last modes are near, and a share of the others keeps them from missing one that has come nearer
         self._modes /= np.linalg.norm(self._modes, axis=1)[:, None]
-        self._modes += 0.01 / np.linalg.norm(self._start) * self._starts
+        self._modes += 0.01 * self._starts
         return float(smallest(*self.buffers, self._modes, EIGENVALUE_TOLERANCE, EIGENVALUE_ITERATIONS))
 
     def response(self, x: Array, wrench: Array, load: Array, gap: Array) -> tuple[Array, Array]:
@@ -200,7 +212,7 @@ class Compiled:
         self._must_visit(x, wrench)
         # more vectors than eigenvalues are wanted: the error falls with the ratio to the first one left out
         width = min(count + 2, free)
-        V = np.column_stack([np.roll(self._start, 7 * k) for k in range(width)])
+        V = self._some_vectors(width).T
         old = np.full(count, np.inf)
         for _ in range(EIGENVALUE_ITERATIONS):
             V, _ = np.linalg.qr(self._inverse(V))

@@ -5,14 +5,13 @@ See `vjm.kernels` for the recursion and the arrays.
 
 from __future__ import annotations
 
-from numba import njit
-
 from vjm.beam_kernel import beam_column
+from vjm.compilation import kernel
 from vjm.factors import bunch_parlett, bunch_parlett_solve, pivoted, pivoted_solve
 from vjm.kernels import LINEAR, PASSIVE, Arrays, Floats, Work
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _coupling(model: Arrays, block: int, force: Floats, work: Work, A: Floats) -> None:
     """Jacobian and coupling of a block's coordinates, and ``A = −H`` among them."""
     c0, c1 = model.first[block], model.first[block + 1]
@@ -56,7 +55,7 @@ def _coupling(model: Arrays, block: int, force: Floats, work: Work, A: Floats) -
                 A[d, c - c0] -= h
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def factor(model: Arrays, x: Floats, force: Floats, work: Work) -> int:
     """Linearise at coordinates ``x`` (n,) and wrench ``force`` (6,), and factor.
 
@@ -177,7 +176,7 @@ def factor(model: Arrays, x: Floats, force: Floats, work: Work) -> int:
     return negative + n_q - found
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def substitute(model: Arrays, work: Work, load: Floats, gap: Floats) -> None:
     """Solve the factored system: ``(K − H) δx − Jᵀ λ = load`` (n,), ``J δx = gap`` (6,).
 

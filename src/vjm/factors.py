@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from vjm.compilation import entry, kernel
 from vjm.kernels import Floats, Ints
 
 _ALPHA = 0.6403882032022076
 """(1 + √17)/8: where Bunch and Parlett (1971) prefer a 2×2 pivot."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def pivoted(A: Floats, k: int, L: Floats, D: Floats, order: Ints) -> int:
     """Factor a symmetric ``A[:k, :k]``, diagonal pivots largest first; how many are negative, −1 if one is zero."""
     negative = 0
@@ -47,7 +47,7 @@ def pivoted(A: Floats, k: int, L: Floats, D: Floats, order: Ints) -> int:
     return negative
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def pivoted_solve(L: Floats, D: Floats, order: Ints, k: int, b: Floats, x: Floats) -> None:
     """``A x = b`` with the factors of `_pivoted`; ``(k,)`` each, b is destroyed."""
     for i in range(k):
@@ -65,7 +65,7 @@ def pivoted_solve(L: Floats, D: Floats, order: Ints, k: int, b: Floats, x: Float
         x[i] = b[i]
 
 
-@njit(cache=True, error_model="numpy")
+@entry
 def bunch_parlett(T: Floats, F: Floats, swaps: Ints, pivots: Ints) -> int:
     """Factor a symmetric matrix, indefinite or not, with complete pivoting; its negative eigenvalues' number."""
     n = len(T)
@@ -121,7 +121,7 @@ def bunch_parlett(T: Floats, F: Floats, swaps: Ints, pivots: Ints) -> int:
     return negative
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _swap(F: Floats, i: int, j: int, n: int) -> None:
     if i == j:
         return
@@ -131,7 +131,7 @@ def _swap(F: Floats, i: int, j: int, n: int) -> None:
         F[c, i], F[c, j] = F[c, j], F[c, i]
 
 
-@njit(cache=True, error_model="numpy")
+@entry
 def bunch_parlett_solve(F: Floats, swaps: Ints, pivots: Ints, b: Floats) -> None:
     """``T x = b`` with the factor of `bunch_parlett`, in place."""
     n = len(b)
@@ -162,3 +162,38 @@ def bunch_parlett_solve(F: Floats, swaps: Ints, pivots: Ints, b: Floats) -> None
     for i in range(n - 1, -1, -1):
         j = swaps[i]
         b[i], b[j] = b[j], b[i]
+
+
+@kernel
+def jacobi(A: Floats) -> Floats:
+    """Diagonalise a small symmetric ``A`` (k, k) in place by Jacobi's rotations; its eigenvectors as columns."""
+    k = len(A)
+    V = np.eye(k)
+    for _ in range(50):
+        off, size = 0.0, 0.0
+        for r in range(k):
+            size += A[r, r] * A[r, r]
+            for c in range(r):
+                off += A[r, c] * A[r, c]
+        if off <= 1e-32 * size:
+            break
+        for r in range(1, k):
+            for c in range(r):
+                if A[r, c] == 0.0:
+                    continue
+                ratio = 0.5 * (A[r, r] - A[c, c]) / A[r, c]
+                t = 1.0 / (abs(ratio) + np.sqrt(ratio * ratio + 1.0))
+                if ratio < 0.0:
+                    t = -t
+                cosine = 1.0 / np.sqrt(t * t + 1.0)
+                sine = t * cosine
+                for i in range(k):
+                    p, q = A[i, c], A[i, r]
+                    A[i, c], A[i, r] = cosine * p - sine * q, sine * p + cosine * q
+                for i in range(k):
+                    p, q = A[c, i], A[r, i]
+                    A[c, i], A[r, i] = cosine * p - sine * q, sine * p + cosine * q
+                for i in range(k):
+                    p, q = V[i, c], V[i, r]
+                    V[i, c], V[i, r] = cosine * p - sine * q, sine * p + cosine * q
+    return V

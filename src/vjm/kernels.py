@@ -23,7 +23,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+
+from vjm.compilation import entry, kernel
 
 LINEAR, BEAM_COLUMN, PASSIVE = 0, 1, 2
 """Kinds of blocks."""
@@ -156,17 +157,17 @@ def buffers(model: Arrays) -> Buffers:
     )
 
 
-@njit(cache=True)
+@entry
 def _ints(flat: Ints, at: int, count: int) -> tuple[Ints, int]:
     return flat[at : at + count], at + count
 
 
-@njit(cache=True)
+@entry
 def _floats(flat: Floats, at: int, count: int) -> tuple[Floats, int]:
     return flat[at : at + count], at + count
 
 
-@njit(cache=True)
+@kernel
 def model_of(integers: Ints, numbers: Floats) -> Arrays:
     """The model's arrays as views of its buffers."""
     m, b = integers[0], integers[1]
@@ -193,7 +194,7 @@ def model_of(integers: Ints, numbers: Floats) -> Arrays:
     )  # fmt: skip
 
 
-@njit(cache=True)
+@entry
 def work_of(sizes: Ints, integers: Ints, numbers: Floats) -> Work:
     """The workspace as views of its buffers; ``sizes`` are the first four integers of the model."""
     m, b, n, q = sizes[0], sizes[1], sizes[2], sizes[3]
@@ -240,7 +241,7 @@ def work_of(sizes: Ints, integers: Ints, numbers: Floats) -> Work:
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def forward(model: Arrays, x: Floats, work: Work) -> None:
     """Kinematics (1), (2): joint axes, points on them, the end-effector's frame and velocities."""
     R, p, w, o, v = work.R, work.p, work.w, work.o, work.v
@@ -285,7 +286,7 @@ def forward(model: Arrays, x: Floats, work: Work) -> None:
                 v[j, a] = w[j, a]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _move(R: Floats, p: Floats, R0: Floats, p0: Floats) -> None:
     for a in range(3):
         p[a] += R[a, 0] * p0[0] + R[a, 1] * p0[1] + R[a, 2] * p0[2]
@@ -295,7 +296,7 @@ def _move(R: Floats, p: Floats, R0: Floats, p0: Floats) -> None:
         R[a, 0], R[a, 1], R[a, 2] = r0, r1, r2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _turn(R: Floats, w: Floats, angle: float) -> None:
     """Turn a frame about a world axis: each column by Rodrigues' formula."""
     c, s = np.cos(angle), np.sin(angle)
@@ -307,7 +308,7 @@ def _turn(R: Floats, w: Floats, angle: float) -> None:
         R[2, b] = c * r2 + s * (w[0] * r1 - w[1] * r0) + d * w[2]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def missing(work: Work, R_to: Floats, p_to: Floats) -> bool:
     """Displacement from the end-effector to a target frame; false where it is half a turn away."""
     R, gap = work.R, work.gap
@@ -332,7 +333,7 @@ def missing(work: Work, R_to: Floats, p_to: Floats) -> bool:
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@entry
 def positions(integers: Ints, numbers: Floats, x: Floats, joint: Ints, offset: Floats, out: Floats) -> None:
     """World positions ``(k, 3)`` of points fixed behind joints, in the order of the joints."""
     model = model_of(integers, numbers)

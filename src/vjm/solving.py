@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from vjm.compilation import entry, kernel
 from vjm.condensation import factor, substitute
-from vjm.factors import bunch_parlett_solve
+from vjm.factors import bunch_parlett_solve, jacobi
 from vjm.kernels import Arrays, Floats, Ints, Work, forward, missing, model_of, work_of
 
 CONVERGED, DIVERGED, SINGULAR, UNSTABLE = 0, 1, 2, 3
 """How an iteration or a march ends."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _newton_step(model: Arrays, work: Work, x: Floats, force: Floats) -> None:
     """Move a state by the solution of its factored system."""
     substitute(model, work, work.residual, work.gap)
@@ -28,44 +28,7 @@ def _newton_step(model: Arrays, work: Work, x: Floats, force: Floats) -> None:
     force[5] -= 0.5 * (m0 * r1 - m1 * r0)
 
 
-@njit(cache=True, error_model="numpy")
-def _iterate(
-    model: Arrays,
-    work: Work,
-    R_to: Floats,
-    p_to: Floats,
-    x: Floats,
-    force: Floats,
-    tolerance: float,
-    max_iterations: int,
-) -> tuple[int, int, float, int]:
-    """Newton-Raphson at an imposed pose; see `newton`."""
-    error, negative = np.inf, -1
-    for iteration in range(max_iterations + 1):
-        forward(model, x, work)
-        if not missing(work, R_to, p_to):
-            return DIVERGED, iteration, error, -1
-        negative = factor(model, x, force, work)
-        error, heavy = 0.0, 1.0
-        for i in range(len(work.residual)):
-            error = max(error, abs(work.residual[i]))
-        for i in range(6):
-            error = max(error, abs(work.gap[i]))
-            heavy = max(heavy, abs(force[i]))
-        error /= heavy
-        if error < tolerance:
-            return CONVERGED, iteration, error, negative
-        if not error < 1e6:
-            return DIVERGED, iteration, error, -1
-        if negative < 0:
-            return SINGULAR, iteration, error, -1
-        if iteration == max_iterations:
-            break
-        _newton_step(model, work, x, force)
-    return DIVERGED, max_iterations, error, negative
-
-
-@njit(cache=True, error_model="numpy")
+@entry
 def newton(
     integers: Ints,
     numbers: Floats,
@@ -87,7 +50,7 @@ def newton(
         target: ``(12,)`` the frame: rotation row by row, then position.
         x: coordinates.
         force: wrench.
-        tolerance: scaled residual at which it ends.
+        tolerance: scaled residual at which it ends; infinite to factor at the state that is given.
         max_iterations: after which it gives up.
 
     Returns:
@@ -96,21 +59,33 @@ def newton(
     """
     model = model_of(integers, numbers)
     work = work_of(integers, work_integers, work_numbers)
-    return _iterate(model, work, target[:9].reshape((3, 3)), target[9:], x, force, tolerance, max_iterations)
+    R_to, p_to = target[:9].reshape((3, 3)), target[9:]
+    error, negative = np.inf, -1
+    for iteration in range(max_iterations + 1):
+        forward(model, x, work)
+        if not missing(work, R_to, p_to) and tolerance < np.inf:
+            return DIVERGED, iteration, error, -1
+        negative = factor(model, x, force, work)
+        error, heavy = 0.0, 1.0
+        for i in range(len(work.residual)):
+            error = max(error, abs(work.residual[i]))
+        for i in range(6):
+            error = max(error, abs(work.gap[i]))
+            heavy = max(heavy, abs(force[i]))
+        error /= heavy
+        if error < tolerance and negative >= 0:
+            return CONVERGED, iteration, error, negative
+        if not error < 1e6:
+            return DIVERGED, iteration, error, -1
+        if negative < 0:
+            return SINGULAR, iteration, error, -1
+        if iteration == max_iterations:
+            break
+        _newton_step(model, work, x, force)
+    return DIVERGED, max_iterations, error, negative
 
 
-@njit(cache=True, error_model="numpy")
-def linearise(
-    integers: Ints, numbers: Floats, work_integers: Ints, work_numbers: Floats, x: Floats, force: Floats
-) -> int:
-    """Factor at a state; number of negative eigenvalues, −1 where singular."""
-    model = model_of(integers, numbers)
-    work = work_of(integers, work_integers, work_numbers)
-    forward(model, x, work)
-    return factor(model, x, force, work)
-
-
-@njit(cache=True, error_model="numpy")
+@entry
 def respond(
     integers: Ints, numbers: Floats, work_integers: Ints, work_numbers: Floats, load: Floats, gap: Floats
 ) -> None:
@@ -119,7 +94,7 @@ def respond(
     substitute(model, work_of(integers, work_integers, work_numbers), load, gap)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _end_stiffness(work: Work, force: Floats, K: Floats) -> None:
     b = work.right
     for i in range(6):
@@ -137,7 +112,7 @@ def _end_stiffness(work: Work, force: Floats, K: Floats) -> None:
     K[5, 4] -= m0
 
 
-@njit(cache=True, error_model="numpy")
+@entry
 def end_stiffness(
     integers: Ints, numbers: Floats, work_integers: Ints, work_numbers: Floats, force: Floats, K: Floats
 ) -> None:
@@ -145,7 +120,7 @@ def end_stiffness(
     _end_stiffness(work_of(integers, work_integers, work_numbers), force, K)
 
 
-@njit(cache=True, error_model="numpy")
+@entry
 def smallest(
     integers: Ints,
     numbers: Floats,
@@ -172,19 +147,30 @@ def smallest(
             substitute(model, work, modes[r], gap)
             for i in range(n):
                 image[r, i] = work.step[i]
-        product = modes @ image.T
-        if not np.all(np.isfinite(product)):
-            return 0.0  # singular to the last digit
-        inverse, turn = np.linalg.eigh(0.5 * (product + product.T))
-        order = np.argsort(-np.abs(inverse))
-        modes[:, :] = np.ascontiguousarray(turn[:, order].T) @ image
-        old, value = value, 1.0 / inverse[order[0]]
+        product = np.empty((k, k))
+        for r in range(k):
+            for c in range(k):
+                s = 0.0
+                for i in range(n):
+                    s += 0.5 * (modes[r, i] * image[c, i] + modes[c, i] * image[r, i])
+                if not np.isfinite(s):
+                    return 0.0  # singular to the last digit
+                product[r, c] = s
+        turn = jacobi(product)
+        order = np.argsort(-np.abs(np.diag(product)))
+        for r in range(k):
+            for i in range(n):
+                s = 0.0
+                for c in range(k):
+                    s += turn[c, order[r]] * image[c, i]
+                modes[r, i] = s
+        old, value = value, 1.0 / product[order[0], order[0]]
         if abs(value - old) <= tolerance * abs(value):
             break
     return value
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _orthonormal(V: Floats) -> None:
     """Gram and Schmidt on the rows of V (k, n)."""
     for r in range(V.shape[0]):
@@ -202,7 +188,7 @@ def _orthonormal(V: Floats) -> None:
             V[r, i] /= size
 
 
-@njit(cache=True, error_model="numpy")
+@entry
 def march(
     integers: Ints,
     numbers: Floats,
@@ -248,7 +234,8 @@ def march(
     """
     model = model_of(integers, numbers)
     work = work_of(integers, work_integers, work_numbers)
-    R_to, p_to, turn = np.empty((3, 3)), np.empty(3), np.empty(3)
+    to, turn = np.empty(12), np.empty(3)
+    R_to, p_to = to[:9].reshape((3, 3)), to[9:]
     angle = np.sqrt(direction[3] ** 2 + direction[4] ** 2 + direction[5] ** 2)
     if angle > 0.0:
         for a in range(3):
@@ -281,8 +268,8 @@ def march(
                 R_to[0, b] = cosine * r0 + sine * (turn[1] * r2 - turn[2] * r1) + d * turn[0]
                 R_to[1, b] = cosine * r1 + sine * (turn[2] * r0 - turn[0] * r2) + d * turn[1]
                 R_to[2, b] = cosine * r2 + sine * (turn[0] * r1 - turn[1] * r0) + d * turn[2]
-        how, iterations[i], error[i], negative[i] = _iterate(
-            model, work, R_to, p_to, x[i], force[i], tolerance, max_iterations
+        how, iterations[i], error[i], negative[i] = newton(
+            integers, numbers, work_integers, work_numbers, to, x[i], force[i], tolerance, max_iterations
         )
         if how != CONVERGED:
             return how, i

@@ -169,6 +169,23 @@ def test_d_in_compression_has_a_force_maximum(walk):
     assert limit.stiffness_before > 0.0 > limit.stiffness_after
 
 
+def test_force_maximum_of_d_converges_to_one_place_by_both_rules(walk):
+    """The figure of 13.1 mm is of sixteen two-thirds springs, of the first order where they twist."""
+    at = {}
+    for rule in ("two-thirds", "best"):
+        paths = [walk("D", -14.0, n, placement=rule) for n in (32, 64)]
+        at[rule] = np.array([[event.force, event.s] for path in paths for event in path.events[-1:]])
+    two_thirds = 2.0 * at["two-thirds"][1] - at["two-thirds"][0]
+    best = (4.0 * at["best"][1] - at["best"][0]) / 3.0
+    # Richardson with each rule's order; the next terms move the place by less than what is left between the two
+    assert best == pytest.approx(two_thirds, rel=1e-3)
+    assert best[0] == pytest.approx(two_thirds[0], rel=1e-5)
+    # sixteen best springs are within a per cent of it, in force within 1e-4
+    (limit,) = [event for event in walk("D", -14.0, 16).events if event.kind is EventKind.LIMIT]
+    assert limit.force == pytest.approx(best[0], rel=1e-4)
+    assert limit.s == pytest.approx(best[1], rel=1e-2)
+
+
 # --- the foot, lumped and refined -----------------------------------------------------------------
 
 

@@ -17,6 +17,7 @@ from vjm.parts import Beam, PassiveJoint, Placement, Section
 from vjm.paths import EventKind
 from vjm.programme import Programme
 from vjm.rotations import AXES
+from vjm.springs import BeamColumnSpring
 from vjm.stability import free_stability
 from vjm.vjm_engine import VjmEngine
 
@@ -113,6 +114,34 @@ def test_critical_load_of_an_inextensible_column_is_tenth_order(ends, n):
     error = np.array([critical_error(ends, k, EA=1e9) for k in n])
     show(f"critical load, {ends}, inextensible", n, error)
     assert order(n, error) == pytest.approx(10.0, abs=0.3)
+
+
+def segments_load(n, EA=1e6):
+    """Critical load of the pinned column from its segments' energies against their chords alone."""
+    h = L / n
+    spring = BeamColumnSpring(Section(EA, EI, EI, EI), h)
+
+    def smallest(load):
+        compliance = spring.compliance(np.array([-load, 0, 0, 0, 0, 0]))
+        length = h * (1.0 - load / EA)
+        K = np.zeros((2 * n + 2, 2 * n + 2))
+        for i in range(n):
+            # of both nodes' deflections and slopes: the slopes' difference, their mean off the chord, the chord
+            rows = np.array([[0, -1, 0, 1], [1 / length, 0.5, -1 / length, 0.5], [-1 / length, 0, 1 / length, 0]])
+            bend = 1.0 / compliance[5, 5] - load * h / 4.0
+            shear = length**2 / compliance[1, 1] + load * length
+            K[2 * i : 2 * i + 4, 2 * i : 2 * i + 4] += rows.T @ np.diag([bend, shear, -load * length]) @ rows
+        free = [i for i in range(2 * n + 2) if i not in (0, 2 * n)]
+        return np.linalg.eigvalsh(K[np.ix_(free, free)])[0]
+
+    return brentq(smallest, 0.5 * EULER, 1.5 * EULER, rtol=1e-13)
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 6, 8])
+def test_critical_load_is_that_of_the_segments_energies(n):
+    engines = closed_form("pinned", 1e6) * (1.0 + critical_error("pinned", n))
+    # located to 1e-9 of the ramp
+    assert engines == pytest.approx(segments_load(n), rel=1e-7)
 
 
 def test_conventional_placements_have_their_orders():

@@ -1,0 +1,24 @@
+"""How the kernels are compiled: once, kept on disk, and with a way in from Python only where Python calls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from numba import njit
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def kernel(function: Function) -> Function:
+    """Compile what only kernels call: unpacking its arguments from Python would take longest to compile."""
+    compiled: Function = njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)(
+        function
+    )
+    return compiled
+
+
+def entry(function: Function) -> Function:
+    """Compile what Python calls."""
+    compiled: Function = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)
+    return compiled
