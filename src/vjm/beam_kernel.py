@@ -6,15 +6,15 @@ import numpy as np
 
 from vjm.compilation import kernel
 from vjm.kernels import Floats
-from vjm.springs import ROTATION, SHIFT
+from vjm.springs import NEARLY_UNLOADED, ROTATION, SHIFT
 
 _RA, _RB, _RC, _RE = ROTATION
 _SA, _SB, _SC, _SE = SHIFT
 
 
 @kernel
-def _bounded(z: float, z1: float, z2: float, a: float, b: float, c: float, e: float) -> tuple[float, float, float]:
-    """`vjm.springs._bounded`."""
+def _rooted(z: float, z1: float, z2: float, a: float, b: float, c: float, e: float) -> tuple[float, float, float]:
+    """`vjm.springs._rooted`."""
     root = np.sqrt(1.0 + z * z * (a + z * (b + z * c)))
     half = 0.5 * z * (2.0 * a + z * (3.0 * b + 4.0 * c * z)) / root
     curvature = (a + z * (3.0 * b + 6.0 * c * z) - half * half) / root
@@ -23,21 +23,40 @@ def _bounded(z: float, z1: float, z2: float, a: float, b: float, c: float, e: fl
 
 
 @kernel
-def _plane(N: float, EA: float, EI: float, h: float) -> tuple[float, float, float, float, float, float]:
-    """Rotational and bending part of the transverse compliance of one plane, with two derivatives by N."""
-    kappa = h * h / (4.0 * EI)
-    stretch = 1.0 + N / EA
-    z, z1, z2 = -kappa * N * stretch, -kappa * (1.0 + 2.0 * N / EA), -2.0 * kappa / EA
-    q, q1, q2 = 1.0 + z * N / EA, (z1 * N + z) / EA, (z2 * N + 2.0 * z1) / EA
-    f, f1, f2 = _bounded(z, z1, z2, _RA, _RB, _RC, _RE)
-    g, g1, g2 = _bounded(z, z1, z2, _SA, _SB, _SC, _SE)
-    p, p1, p2 = stretch * stretch, 2.0 * stretch / EA, 2.0 / (EA * EA)
+def _shift(z: float, z1: float, z2: float) -> tuple[float, float, float]:
+    """`vjm.springs.shift`."""
+    if z >= -NEARLY_UNLOADED:
+        return _rooted(z, z1, z2, _SA, _SB, _SC, _SE)
+    root = np.sqrt(-z)
+    G = root / np.tanh(root)
+    G1 = (G - z - G * G) / (2.0 * z)
+    G2 = -(G1 + 1.0 + 2.0 * G * G1) / (2.0 * z)
+    f = 3.0 * (1.0 / G - 1.0) / z
+    f1 = (-3.0 * G1 / (G * G) - f) / z
+    f2 = (3.0 * (2.0 * G1 * G1 / (G * G * G) - G2 / (G * G)) - 2.0 * f1) / z
+    return f, f1 * z1, f2 * z1 * z1 + f1 * z2
+
+
+@kernel
+def _plane(
+    N: float, EA: float, EI: float, h: float, slip: float
+) -> tuple[float, float, float, float, float, float]:
+    """Rotational and transverse compliance of one plane, each with two derivatives by N; ``slip`` is h/GA."""
+    kappa, nu = h * h / (4.0 * EI), 1.0 / EA - slip / h
+    stretch = 1.0 + nu * N
+    z, z1, z2 = -kappa * N * stretch, -kappa * (1.0 + 2.0 * nu * N), -2.0 * kappa * nu
+    f, f1, f2 = _rooted(z, z1, z2, _RA, _RB, _RC, _RE)
+    g, g1, g2 = _shift(z, z1, z2)
+    k = 1.0 / f + kappa * nu * N * N
+    k1 = -f1 / (f * f) + 2.0 * kappa * nu * N
+    k2 = -f2 / (f * f) + 2.0 * f1 * f1 / (f * f * f) + 2.0 * kappa * nu
+    p, p1, p2 = stretch * stretch, 2.0 * nu * stretch, 2.0 * nu * nu
     c, d = h / EI, h**3 / (12.0 * EI)
     return (
-        c * f * q,
-        c * (f1 * q + f * q1),
-        c * (f2 * q + 2.0 * f1 * q1 + f * q2),
-        d * g * p,
+        c / k,
+        -c * k1 / (k * k),
+        c * (2.0 * k1 * k1 / (k * k * k) - k2 / (k * k)),
+        d * g * p + slip,
         d * (g1 * p + g * p1),
         d * (g2 * p + 2.0 * g1 * p1 + g * p2),
     )
@@ -51,10 +70,8 @@ def beam_column(beam: Floats, t: Floats, theta: Floats, K: Floats, r: Floats) ->
     """
     EA, GJ, EIy, EIz, h = beam[0], beam[1], beam[2], beam[3], beam[4]
     N, Qy, Qz, My, Mz = t[0], t[1], t[2], t[4], t[5]
-    cz, cz1, cz2, dy, dy1, dy2 = _plane(N, EA, EIz, h)
-    cy, cy1, cy2, dz, dz1, dz2 = _plane(N, EA, EIy, h)
-    dy += beam[5]
-    dz += beam[6]
+    cz, cz1, cz2, dy, dy1, dy2 = _plane(N, EA, EIz, h, beam[5])
+    cy, cy1, cy2, dz, dz1, dz2 = _plane(N, EA, EIy, h, beam[6])
     axial = h / EA + 0.5 * (cz2 * Mz * Mz + dy2 * Qy * Qy + cy2 * My * My + dz2 * Qz * Qz)
     # compliances 1 to 5 and their coupling to the axial one
     k1, k2, k3, k4, k5 = dy, dz, h / GJ, cy, cz

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -20,6 +20,13 @@ from vjm.rotations import Array
 # a = 2 f₂, b = 2 f₃, c = 2 f₄ + a²/4. √z cot √z = 1 − z/3 − z²/45 − 2z³/945 − z⁴/4725 − 2z⁵/93555.
 ROTATION = (14 / 15, -68 / 105, 9467 / 14175, -2 / 3)
 SHIFT = (34 / 105, 124 / 945, 5777 / 72765, 2 / 5)
+
+
+NEARLY_UNLOADED = 0.02
+"""−z up to which the root form of ψ is used in tension too: it is as near as 1e-10, and free of 0/0."""
+
+Number = Any
+"""A number, or an array of them."""
 
 
 class Spring(Protocol):
@@ -60,17 +67,18 @@ class BeamColumnSpring:
     """A segment of a beam, lumped at its middle so that a column buckles where the beam does.
 
     The segment is two rigid halves with this spring between them, its shifts counted in the axes half-way
-    between the two. Under an axial force N (tension positive) the exact segment of the extensible beam bends
-    like this spring does with a rotational and a transverse compliance that depend on N through
-    ``z = −N (1 + N/EA) h²/4EI``:
+    between the two. Under an axial force N (tension positive) the exact segment of the extensible, shearable beam
+    bends like this spring does with a rotational compliance c and a transverse one d:
 
-        c = h/EI φ(z) (1 + z N/EA),      φ = 1/(z + G),  G = √z cot √z
-        d = h³/12EI ψ(z) (1 + N/EA)²,    ψ = 3 (1 − G)/(z G)
+        1/c = EI/h (1/φ(z) + η),         φ = 1/(z + G),  G = √z cot √z
+        d = h³/12EI ψ(z) λ² + h/GA,      ψ = 3 (1 − G)/(z G)
 
-    Both have poles, far out (at n² times Euler's load and beyond). Here ``√(1 + a z² + b z³ + c z⁴) + e z`` stands
-    for each: the same to order z⁴, and positive for all loads. The complementary energy
+    with ``λ = 1 + N/EA − N/GA``, ``z = −N λ h²/4EI`` and ``η = N² h²/4EI (1/EA − 1/GA)``. Both factors have poles,
+    far out (from 0.6 n² times Euler's load). So ``√(1 + a z² + b z³ + c z⁴) + e z`` stands for φ, and for ψ in
+    compression: the same to order z⁴, and positive for all loads. In tension ψ has no pole and is used as it is;
+    there a root would bring back a bifurcation in tension. The complementary energy
 
-        Ψ = h N²/2EA + h T²/2GJ + Σ ½ c(N) M² + ½ (d(N) + h/GA) Q²
+        Ψ = h N²/2EA + h T²/2GJ + Σ ½ c(N) M² + ½ d(N) Q²
 
     over both planes makes the law conservative: its derivative by N is the shortening of the bowed segment.
     The derivation is in ``docs/virtual-springs.md``.
@@ -113,20 +121,48 @@ class BeamColumnSpring:
 
     def _plane(self, N: float, EI: float, GA: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Rotational and transverse compliance of one plane, each with its two derivatives by N."""
-        h, EA = self.length, self.section.EA
-        kappa = h**2 / (4.0 * EI)
-        stretch = 1.0 + N / EA
-        z, z1, z2 = -kappa * N * stretch, -kappa * (1.0 + 2.0 * N / EA), -2.0 * kappa / EA
-        q, q1, q2 = 1.0 + z * N / EA, (z1 * N + z) / EA, (z2 * N + 2.0 * z1) / EA
-        f, g = _bounded(z, z1, z2, ROTATION), _bounded(z, z1, z2, SHIFT)
-        p, p1, p2 = stretch**2, 2.0 * stretch / EA, 2.0 / EA**2
+        h = self.length
+        kappa, nu = h**2 / (4.0 * EI), 1.0 / self.section.EA - 1.0 / GA
+        stretch = 1.0 + nu * N
+        z, z1, z2 = -kappa * N * stretch, -kappa * (1.0 + 2.0 * nu * N), -2.0 * kappa * nu
+        f, f1, f2 = rotation(z, z1, z2)
+        g, g1, g2 = shift(z, z1, z2)
+        # 1/c = EI/h (1/φ + η)
+        k = 1.0 / f + kappa * nu * N**2
+        k1 = -f1 / f**2 + 2.0 * kappa * nu * N
+        k2 = -f2 / f**2 + 2.0 * f1**2 / f**3 + 2.0 * kappa * nu
+        p, p1, p2 = stretch**2, 2.0 * nu * stretch, 2.0 * nu**2
         c0, d0 = h / EI, h**3 / (12.0 * EI)
-        c = (c0 * f[0] * q, c0 * (f[1] * q + f[0] * q1), c0 * (f[2] * q + 2.0 * f[1] * q1 + f[0] * q2))
-        d = (d0 * g[0] * p, d0 * (g[1] * p + g[0] * p1), d0 * (g[2] * p + 2.0 * g[1] * p1 + g[0] * p2))
-        return c, (d[0] + h / GA, d[1], d[2])
+        c = (c0 / k, -c0 * k1 / k**2, c0 * (2.0 * k1**2 / k**3 - k2 / k**2))
+        d = (d0 * g * p + h / GA, d0 * (g1 * p + g * p1), d0 * (g2 * p + 2.0 * g1 * p1 + g * p2))
+        return c, d
 
 
-def _bounded(z: float, z1: float, z2: float, form: tuple[float, ...]) -> tuple[float, float, float]:
+def rotation(z: Number, z1: Number, z2: Number) -> tuple[Number, Number, Number]:
+    """φ and its two derivatives by a variable by which z has the derivatives z1 and z2."""
+    return _rooted(z, z1, z2, ROTATION)
+
+
+def shift(z: Number, z1: Number, z2: Number) -> tuple[Number, Number, Number]:
+    """ψ and its two derivatives by a variable by which z has the derivatives z1 and z2."""
+    value, slope, curvature = _rooted(z, z1, z2, SHIFT)
+    pulled = np.minimum(z, -NEARLY_UNLOADED)
+    root = np.sqrt(-pulled)
+    G = root / np.tanh(root)
+    G1 = (G - pulled - G * G) / (2.0 * pulled)
+    G2 = -(G1 + 1.0 + 2.0 * G * G1) / (2.0 * pulled)
+    f = 3.0 * (1.0 / G - 1.0) / pulled
+    f1 = (-3.0 * G1 / G**2 - f) / pulled
+    f2 = (3.0 * (2.0 * G1**2 / G**3 - G2 / G**2) - 2.0 * f1) / pulled
+    exact = z < -NEARLY_UNLOADED
+    return (
+        np.where(exact, f, value)[()],
+        np.where(exact, f1 * z1, slope)[()],
+        np.where(exact, f2 * z1 * z1 + f1 * z2, curvature)[()],
+    )
+
+
+def _rooted(z: Number, z1: Number, z2: Number, form: tuple[float, ...]) -> tuple[Number, Number, Number]:
     """``√(1 + a z² + b z³ + c z⁴) + e z`` and its derivatives by a variable by which z has z1 and z2."""
     a, b, c, e = form
     root = np.sqrt(1.0 + z * z * (a + z * (b + z * c)))

@@ -119,9 +119,11 @@ def test_a_grid_is_walked_as_one_by_one(chain, engine, posture, to):
 
 
 def test_a_grid_that_cannot_be_walked_keeps_what_it_has(chain):
-    """Two best springs lose their equilibrium under a pull that no beam bears either: 37 kN in posture C."""
-    problem = LumpedProblem(VjmEngine(2).model(chain), Programme("C", 4.0), "vjm-2")
-    found = walk_grid(problem, np.linspace(0.0, 4.0, 401))
-    assert found.stopped
-    assert 0.5 < found.s[-1] < 4.0
+    """Folded far beyond its buckling, on a grid too coarse for it, the chain lands on no neighbouring state."""
+    engine = VjmEngine(4, placement=Placement.TWO_THIRDS)
+    problem = LumpedProblem(engine.model(chain), Programme("A", -500.0), engine.label)
+    found = walk_grid(problem, np.linspace(0.0, 500.0, 2001))
+    assert "beyond" in found.stopped
+    assert 3.0 < found.s[-1] < 500.0
     assert len(found.s) == len(found.wrench) == len(found.stiffness)
+    assert len(found.bifurcations) >= 1
