@@ -1,4 +1,8 @@
-"""How the kernels are compiled: once, kept on disk, and with a way in from Python only where Python calls."""
+"""How the kernels are compiled: once, kept on disk, and with a way in from Python only where Python calls.
+
+Numba's cache looks at the file of the function itself, not at those that it calls. An installation writes all files
+anew; who edits a kernel in place has to empty ``__pycache__``.
+"""
 
 from __future__ import annotations
 

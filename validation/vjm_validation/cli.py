@@ -47,7 +47,8 @@ Segments = Annotated[
 ]
 FootSegments = Annotated[int | None, Parameter(name="--foot-segments", help="Springs in the foot; 1 by default.")]
 PlacementOption = Annotated[
-    Placement, Parameter(name="--placement", help="Where a spring sits in its segment: end, middle or best.")
+    Placement,
+    Parameter(name="--placement", help="Where a spring sits in its segment: end, middle, two-thirds or best."),
 ]
 Shear = Annotated[bool, Parameter(name="--shear", negative="", help="Let finite elements shear.")]
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print one JSON document and nothing else.")]
