@@ -14,7 +14,7 @@ from vjm.springs import BeamColumnSpring, LinearSpring
 if TYPE_CHECKING:
     from vjm.lumped import LumpedModel
 
-EIGENVALUE_TOLERANCE = 1e-10
+EIGENVALUE_TOLERANCE = 1e-9
 """Relative change at which an inverse iteration ends."""
 EIGENVALUE_ITERATIONS = 200
 SUBSPACE = 4
@@ -58,7 +58,8 @@ class Compiled:
         self._length = model.chain.characteristic_length
         self.arrays = _arrays(model)
         self.buffers = buffers(self.arrays)
-        self._step, self._right = self._results()
+        work = work_of(self.buffers.integers[:4], self.buffers.work_integers, self.buffers.work_numbers)
+        self._step, self._right, self._residual, self._gap = work.step, work.right, work.residual, work.gap
         self._zero_gap = np.zeros(6)
         self._negative = -1
         self._remember(np.full(model.size, np.nan), np.full(6, np.nan))
@@ -74,11 +75,6 @@ class Compiled:
         """Unit vectors ``(count, n)`` with a share of every mode, always the same, so that results repeat."""
         vectors = np.random.default_rng(0).standard_normal((count, len(self.coordinate_unit)))
         return vectors / np.linalg.norm(vectors, axis=1)[:, None]
-
-    def _results(self) -> tuple[Array, Array]:
-        """The workspace's last solution: step ``(n,)`` and right-hand side ``(6 + n_q,)``, as views."""
-        work = work_of(self.buffers.integers[:4], self.buffers.work_integers, self.buffers.work_numbers)
-        return work.step, work.right
 
     def newton(
         self, target: Array, x: Array, wrench: Array, tolerance: float, max_iterations: int
@@ -156,6 +152,19 @@ class Compiled:
         if self.visit(x, wrench) < 0:
             raise np.linalg.LinAlgError("the equilibrium is singular")
 
+    def residual(self, x: Array, wrench: Array, target: Array) -> tuple[Array, Array, float]:
+        """What statics and geometry lack at a state, which is factored on the way.
+
+        Returns:
+            ``K (θ(Jᵀ F) − θ)`` ``(n,)`` and the missing displacement ``(6,)``, see `vjm.equilibrium.residual`, and
+            the largest of them, scaled.
+        """
+        self._remember(x, wrench)
+        to = np.concatenate([target[:3, :3].ravel(), target[:3, 3] / self._length])
+        _, _, error, self._negative = newton(*self.buffers, to, x / self.coordinate_unit, self._force, np.inf, 0)
+        statics = self._residual * self.energy / self.coordinate_unit
+        return statics, self._gap * np.repeat([self._length, 1.0], 3), float(error)
+
     def end_stiffness(self, x: Array, wrench: Array) -> Array:
         """``K^F`` (18) ``(6, 6)``.
 
@@ -170,12 +179,19 @@ class Compiled:
     def smallest(self, x: Array, wrench: Array) -> float:
         """Eigenvalue nearest zero of the second variation on the null space of J, units of the model's energy."""
         self._must_visit(x, wrench)
+        return float(self._nearest(1)[0])
+
+    def _nearest(self, wanted: int) -> Array:
+        """The few eigenvalues nearest zero at the present state, so many good; their motions are in ``_modes``."""
         if not np.all(np.isfinite(self._modes)):
             self._modes[:] = self._starts
         # the last modes are near, and a share of the others keeps them from missing one that has come nearer
         self._modes /= np.linalg.norm(self._modes, axis=1)[:, None]
         self._modes += 0.01 * self._starts
-        return float(smallest(*self.buffers, self._modes, EIGENVALUE_TOLERANCE, EIGENVALUE_ITERATIONS))
+        values = np.zeros(len(self._modes))
+        if not smallest(*self.buffers, self._modes, values, wanted, EIGENVALUE_TOLERANCE, EIGENVALUE_ITERATIONS):
+            raise np.linalg.LinAlgError("the equilibrium is singular to the last digit")
+        return values
 
     def response(self, x: Array, wrench: Array, load: Array, gap: Array) -> tuple[Array, Array]:
         """Solve ``(K − H) δx − Jᵀ δF = load`` (n,), ``J δx = gap`` (6,) at a state.
@@ -210,6 +226,10 @@ class Compiled:
         if count < 1:
             return np.empty(0), np.empty((len(x), 0))
         self._must_visit(x, wrench)
+        if count < len(self._modes):
+            values = self._nearest(count)[:count]
+            V = self._modes[:count].T / np.linalg.norm(self._modes[:count], axis=1)
+            return values, V * self.coordinate_unit[:, None]
         # more vectors than eigenvalues are wanted: the error falls with the ratio to the first one left out
         width = min(count + 2, free)
         V = self._some_vectors(width).T

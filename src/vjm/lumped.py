@@ -144,7 +144,10 @@ class LumpedModel:
     @cached_property
     def stiffness(self) -> Array:
         """``K_θ`` of (3) among all coordinates ``(n, n)``, without load, zero on the passive joints."""
-        return self.stiffness_under(np.zeros(self.size))
+        K = np.zeros((self.size, self.size))
+        for spring, where in self.blocks:
+            K[where, where] = np.linalg.inv(spring.unloaded)
+        return K
 
     @cached_property
     def compliance(self) -> Array:

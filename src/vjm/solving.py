@@ -127,13 +127,19 @@ def smallest(
     work_integers: Ints,
     work_numbers: Floats,
     modes: Floats,
+    values: Floats,
+    wanted: int,
     tolerance: float,
     max_iterations: int,
-) -> float:
-    """Eigenvalue nearest zero of the second variation on the null space of J, with the present factors.
+) -> bool:
+    """Eigenvalues nearest zero of the second variation on the null space of J, with the present factors.
 
     Subspace iteration with the inverse, from the rows of ``modes`` (k, n), which become eigenvectors, nearest zero
-    first. More than one, because the modes of a chain's halves or of a bar's two planes may lie close together.
+    first; ``values`` (k,) become the eigenvalues. It ends when the ``wanted``-th stands still. More than one row,
+    because the modes of a chain's halves or of a bar's two planes may lie close together.
+
+    Returns:
+        False where the factors are singular to the last digit.
     """
     model = model_of(integers, numbers)
     work = work_of(integers, work_integers, work_numbers)
@@ -154,7 +160,7 @@ def smallest(
                 for i in range(n):
                     s += 0.5 * (modes[r, i] * image[c, i] + modes[c, i] * image[r, i])
                 if not np.isfinite(s):
-                    return 0.0  # singular to the last digit
+                    return False
                 product[r, c] = s
         turn = jacobi(product)
         order = np.argsort(-np.abs(np.diag(product)))
@@ -164,10 +170,12 @@ def smallest(
                 for c in range(k):
                     s += turn[c, order[r]] * image[c, i]
                 modes[r, i] = s
-        old, value = value, 1.0 / product[order[0], order[0]]
-        if abs(value - old) <= tolerance * abs(value):
+        for r in range(k):
+            values[r] = 1.0 / product[order[r], order[r]]
+        if abs(values[wanted - 1] - value) <= tolerance * abs(values[wanted - 1]):
             break
-    return value
+        value = values[wanted - 1]
+    return True
 
 
 @kernel

@@ -46,9 +46,10 @@ def stability(at: Configuration) -> Stability:
         return Stability(float("nan"), 0)
     compiled = model.compiled
     unstable = compiled.visit(at.x, at.wrench)
-    if unstable < 0:
+    try:
+        eigenvalue = compiled.smallest(at.x, at.wrench)
+    except np.linalg.LinAlgError:
         return Stability(0.0, 0)
-    eigenvalue = compiled.smallest(at.x, at.wrench)
     count = 2 * unstable
     while unstable and eigenvalue > 0.0 and count < 2 * model.size:
         # a positive one lies nearer to zero: look further

@@ -12,8 +12,6 @@ from vjm.equilibrium import (
     TOLERANCE,
     Configuration,
     NoConvergenceError,
-    residual,
-    scaled_norm,
     solve_newton,
 )
 from vjm.following import follow
@@ -151,9 +149,8 @@ class LumpedProblem:
         row = mode / model.coordinate_scale**2
         error = np.inf
         for iteration in range(max_iterations):
-            _, statics, gap = residual(model, x, wrench, self.target(s))
+            statics, gap, error = model.compiled.residual(x, wrench, self.target(s))
             missing = amplitude - row @ (x - at.x)
-            error = scaled_norm(model, statics, gap, wrench)
             if error < TOLERANCE and abs(missing) < TOLERANCE:
                 return s, Configuration(model, x, wrench, error, iteration)
             # bordered by the amplitude's condition, for which the displacement s is free
