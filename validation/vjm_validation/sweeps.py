@@ -99,12 +99,17 @@ class PathStore:
         except ValueError:
             return None
         same = path.programme == task.programme and path.model_sha256 == task.chain.sha256
-        return path if same and task.chain.sha256 else None
+        if not same or not task.chain.sha256:
+            return None
+        if not self.curve(task.key).exists():
+            # interrupted between the two files
+            write_curve(path, self.curve(task.key))
+        return path
 
     def keep(self, key: Key, path: Path) -> None:
-        """Write a path's files."""
-        write_curve(path, self.curve(key))
+        """Write a path's files: the record first, so that what has a curve is never computed again."""
         save_path(path, self.record(key))
+        write_curve(path, self.curve(key))
 
 
 @contextmanager

@@ -113,6 +113,7 @@ def save_path(path: Path, file: FilePath) -> None:
     if all(p.stiffness is not None for p in everything):
         arrays["stiffness"] = np.array([p.stiffness for p in everything])
     meta = {
+        "version": __version__,
         "engine": path.engine,
         "model": path.model,
         "model_sha256": path.model_sha256,
@@ -142,6 +143,8 @@ def load_path(file: FilePath) -> Path:
         with file.open("rb") as stream, np.load(stream) as archive:
             arrays = {name: archive[name] for name in archive.files}
         meta = json.loads(str(arrays.pop("meta")))
+        if meta["version"] != __version__:
+            raise ValueError(f"written by version {meta['version']}, this is {__version__}")
         stiffness = arrays.pop("stiffness", None)
         everything = [
             Equilibrium(
