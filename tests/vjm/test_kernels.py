@@ -61,9 +61,9 @@ def test_everything_about_a_state_agrees_with_the_dense_equations(chain, engine,
     assert np.abs((dF - dF_dense) / model.wrench_scale).max() < 100 * slack * size
     nearest = values[np.argsort(np.abs(values))]
     found, modes = compiled.modes(at.x, at.wrench, 2)
-    # the iteration ends at 1e-10 a step; the second one creeps where others lie as near
-    assert found[0] == pytest.approx(nearest[0], rel=1e-7 + 100 * slack)
-    assert abs(found[1]) == pytest.approx(abs(nearest[1]), rel=1e-3)
+    # equal segments without load have one eigenvalue many times, which a random state splits by per milles: the
+    # iteration ends among them. Where one is alone, beside critical points, `test_stability` asks for all digits.
+    assert np.abs(found) == pytest.approx(np.abs(nearest[:2]), rel=3e-3)
     assert np.abs(at.kinematics.jacobian @ modes / np.repeat([310.0, 1.0], 3)[:, None]).max() < 1e-7
     assert np.abs(compiled.shape(at.x) - model.shape(at.kinematics)).max() < 1e-9
 
