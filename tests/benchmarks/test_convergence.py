@@ -85,7 +85,6 @@ def test_order_of_convergence(record):
     error = np.abs([critical_force(chain, programme, int(k)) / load - 1.0 for k in n])
     assert error[-1] < 1e-9
     order = np.log2(error[:-1] / error[1:])
-    # few springs gain more than their order: their error changes its sign between n = 6 and 7
+    # from 16 springs on the error is rounding
     value = order[:2].min()
     record("critical_load_order", value, "", ">= 3.8", value >= 3.8)
-    record("critical_load_order_n16_n64", order[3:].min(), "", "", True)
