@@ -63,13 +63,12 @@ class Compiled:
         self._zero_gap = np.zeros(6)
         self._negative = -1
         self._remember(np.full(model.size, np.nan), np.full(6, np.nan))
-        self._anywhere = np.concatenate([np.eye(3).ravel(), np.zeros(3)])
+        self._anywhere = self._packed(np.eye(4))
         self._station_joint = np.array([s.joint for s in model.stations], dtype=np.int64)
         self._station_position = np.array([s.position for s in model.stations]).reshape(-1, 3) / self._length
         width = max(min(SUBSPACE, model.size - 6), 0)
         self._starts = self._some_vectors(width)
         self._modes = self._starts.copy()
-        self.stiffest = max((float(np.abs(K).max()) for K in self.arrays.K), default=1.0)
 
     def _some_vectors(self, count: int) -> Array:
         """Unit vectors ``(count, n)`` with a share of every mode, always the same, so that results repeat."""
@@ -85,7 +84,7 @@ class Compiled:
             Coordinates ``(n,)``, wrench ``(6,)``, scaled residual, iterations, and why it failed or nothing.
         """
         x, force = x / self.coordinate_unit, wrench / self.wrench_unit
-        to = np.concatenate([target[:3, :3].ravel(), target[:3, 3] / self._length])
+        to = self._packed(target)
         how, iterations, error, self._negative = newton(*self.buffers, to, x, force, tolerance, max_iterations)
         x, wrench = x * self.coordinate_unit, force * self.wrench_unit
         self._remember(x, wrench)
@@ -122,13 +121,7 @@ class Compiled:
         done = min(good + (how == UNSTABLE), g)
         K[:done] *= stiffness_unit
         K[0] = self.end_stiffness(x, wrench)
-        why = (
-            ""
-            if how == CONVERGED
-            else "unstable"
-            if how == UNSTABLE
-            else f"Newton did not converge in {most} steps"
-        )
+        why = {CONVERGED: "", UNSTABLE: "unstable"}.get(how, f"Newton did not converge in {most} steps")
         return March(
             good, why, X[:done] * self.coordinate_unit, F[:done] * self.wrench_unit, K[:done], error[:done],
             iterations[:done],
@@ -139,13 +132,20 @@ class Compiled:
         # copies: the caller may write to its own
         self._x, self._wrench, self._force = x.copy(), wrench.copy(), wrench / self.wrench_unit
 
+    def _packed(self, target: Array) -> Array:
+        """A frame ``(4, 4)`` as the kernels take it: ``(12,)`` rotation row by row, then scaled position."""
+        return np.concatenate([target[:3, :3].ravel(), target[:3, 3] / self._length])
+
+    def _factor(self, x: Array, wrench: Array, to: Array) -> float:
+        """Factor at a state as it is; its scaled residual against the packed frame ``to``."""
+        self._remember(x, wrench)
+        _, _, error, self._negative = newton(*self.buffers, to, x / self.coordinate_unit, self._force, np.inf, 0)
+        return float(error)
+
     def visit(self, x: Array, wrench: Array) -> int:
         """Factor at a state unless it is the last one; number of negative eigenvalues, −1 where singular."""
         if not (np.array_equal(x, self._x) and np.array_equal(wrench, self._wrench)):
-            self._remember(x, wrench)
-            *_, self._negative = newton(
-                *self.buffers, self._anywhere, x / self.coordinate_unit, self._force, np.inf, 0
-            )
+            self._factor(x, wrench, self._anywhere)
         return self._negative
 
     def _must_visit(self, x: Array, wrench: Array) -> None:
@@ -159,11 +159,9 @@ class Compiled:
             ``K (θ(Jᵀ F) − θ)`` ``(n,)`` and the missing displacement ``(6,)``, see `vjm.equilibrium.residual`, and
             the largest of them, scaled.
         """
-        self._remember(x, wrench)
-        to = np.concatenate([target[:3, :3].ravel(), target[:3, 3] / self._length])
-        _, _, error, self._negative = newton(*self.buffers, to, x / self.coordinate_unit, self._force, np.inf, 0)
+        error = self._factor(x, wrench, self._packed(target))
         statics = self._residual * self.energy / self.coordinate_unit
-        return statics, self._gap * np.repeat([self._length, 1.0], 3), float(error)
+        return statics, self._gap * np.repeat([self._length, 1.0], 3), error
 
     def end_stiffness(self, x: Array, wrench: Array) -> Array:
         """``K^F`` (18) ``(6, 6)``.

@@ -273,7 +273,7 @@ def forward(model: Arrays, x: Floats, work: Work) -> None:
                 R[a, k1] = c * r1 + s * r2
                 R[a, k2] = c * r2 - s * r1
         else:
-            _turn(R, w[j], value)
+            turn_about(R, w[j], value)
     _move(R, p, model.R_tail, model.p_tail)
     for j in range(len(model.rotary)):
         if model.rotary[j]:
@@ -297,7 +297,7 @@ def _move(R: Floats, p: Floats, R0: Floats, p0: Floats) -> None:
 
 
 @kernel
-def _turn(R: Floats, w: Floats, angle: float) -> None:
+def turn_about(R: Floats, w: Floats, angle: float) -> None:
     """Turn a frame about a world axis: each column by Rodrigues' formula."""
     c, s = np.cos(angle), np.sin(angle)
     for b in range(3):
@@ -347,7 +347,7 @@ def positions(integers: Ints, numbers: Floats, x: Floats, joint: Ints, offset: F
                 w[a] = R[a, 0] * model.axis[j, 0] + R[a, 1] * model.axis[j, 1] + R[a, 2] * model.axis[j, 2]
             value = model.factor[j] * x[model.coordinate[j]]
             if model.rotary[j]:
-                _turn(R, w, value)
+                turn_about(R, w, value)
             else:
                 for a in range(3):
                     p[a] += value * w[a]

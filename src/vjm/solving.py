@@ -7,7 +7,7 @@ import numpy as np
 from vjm.compilation import entry, kernel
 from vjm.condensation import factor, substitute
 from vjm.factors import bunch_parlett_solve, jacobi
-from vjm.kernels import Arrays, Floats, Ints, Work, forward, missing, model_of, work_of
+from vjm.kernels import Arrays, Floats, Ints, Work, forward, missing, model_of, turn_about, work_of
 
 CONVERGED, DIVERGED, SINGULAR, UNSTABLE = 0, 1, 2, 3
 """How an iteration or a march ends."""
@@ -242,7 +242,7 @@ def march(
     """
     model = model_of(integers, numbers)
     work = work_of(integers, work_integers, work_numbers)
-    to, turn = np.empty(12), np.empty(3)
+    to, turn = np.empty(12), np.zeros(3)
     R_to, p_to = to[:9].reshape((3, 3)), to[9:]
     angle = np.sqrt(direction[3] ** 2 + direction[4] ** 2 + direction[5] ** 2)
     if angle > 0.0:
@@ -268,14 +268,7 @@ def march(
             p_to[a] = p_0[a] + s[i] * direction[a]
             for b in range(3):
                 R_to[a, b] = R_0[a, b]
-        if angle > 0.0:
-            cosine, sine = np.cos(angle * s[i]), np.sin(angle * s[i])
-            for b in range(3):
-                r0, r1, r2 = R_0[0, b], R_0[1, b], R_0[2, b]
-                d = (1.0 - cosine) * (turn[0] * r0 + turn[1] * r1 + turn[2] * r2)
-                R_to[0, b] = cosine * r0 + sine * (turn[1] * r2 - turn[2] * r1) + d * turn[0]
-                R_to[1, b] = cosine * r1 + sine * (turn[2] * r0 - turn[0] * r2) + d * turn[1]
-                R_to[2, b] = cosine * r2 + sine * (turn[0] * r1 - turn[1] * r0) + d * turn[2]
+        turn_about(R_to, turn, angle * s[i])
         how, iterations[i], error[i], negative[i] = newton(
             integers, numbers, work_integers, work_numbers, to, x[i], force[i], tolerance, max_iterations
         )

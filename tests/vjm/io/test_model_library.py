@@ -7,6 +7,7 @@ Manipulators", (19), (20), (21), Tables I and II.
 import hashlib
 from importlib import resources
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -184,7 +185,6 @@ def test_shapes_stiffness():
 
 @pytest.mark.parametrize("name", [entry.name for entry in library()])
 def test_library_keeps_to_the_schema(name):
-    jsonschema = pytest.importorskip("jsonschema")
     validator = jsonschema.Draft202012Validator(model_schema())
     assert list(validator.iter_errors(read_document(name).content)) == []
     assert list(validator.iter_errors({**read_document(name).content, "format": 2})) != []
