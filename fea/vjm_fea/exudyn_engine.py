@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from vjm.chain import Chain
 from vjm.following import follow
 from vjm.paths import Path
-from vjm.programme import Programme
+from vjm.programme import Programme, refuse_unless_pose_only
 from vjm_fea.mesh import Mesh
 from vjm_fea.problem import ExudynProblem
 
@@ -55,5 +55,6 @@ class ExudynEngine:
 
     def walk(self, chain: Chain, programme: Programme, progress: Callable[[float], None] | None = None) -> Path:
         """Take the chain through the programme, staying on the stable path; see `vjm.engine.Engine`."""
+        refuse_unless_pose_only(self.label, programme)
         path = follow(self.problem(chain, programme), programme, progress=progress)
         return replace(path, model=chain.name, model_sha256=chain.sha256)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from vjm.arrays import Floats
 from vjm.compilation import kernel
-from vjm.kernels import Floats
 from vjm.springs import NEARLY_UNLOADED, ROTATION, SHIFT
 
 _RA, _RB, _RC, _RE = ROTATION

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from vjm.kernels import BEAM_COLUMN, LINEAR, PASSIVE, Arrays, buffers, positions, work_of
+from vjm.arrays import buffers, work_of
+from vjm.kernels import positions
+from vjm.packing import packed
 from vjm.rotations import Array
-from vjm.solving import CONVERGED, SINGULAR, UNSTABLE, end_stiffness, march, newton, respond, smallest
-from vjm.springs import BeamColumnSpring, LinearSpring
+from vjm.solving import CONVERGED, SINGULAR, UNSTABLE, end_stiffness, march, newton, place, pull, respond, smallest
 
 if TYPE_CHECKING:
     from vjm.lumped import LumpedModel
@@ -56,13 +57,16 @@ class Compiled:
         self.wrench_unit = model.wrench_scale
         self.energy = float(model.wrench_scale[3])
         self._length = model.chain.characteristic_length
-        self.arrays = _arrays(model)
+        self._gap_unit = np.repeat([self._length, 1.0], 3)
+        self.arrays = packed(model)
         self.buffers = buffers(self.arrays)
-        work = work_of(self.buffers.integers[:4], self.buffers.work_integers, self.buffers.work_numbers)
-        self._step, self._right, self._residual, self._gap = work.step, work.right, work.residual, work.gap
+        self._work = work_of(self.buffers.integers[:5], self.buffers.work_integers, self.buffers.work_numbers)
+        self._constant = model.loading.constant / self.wrench_unit
+        self._ramped = model.loading.ramped / self.wrench_unit
+        self._turning = model.loading.turning
         self._zero_gap = np.zeros(6)
         self._negative = -1
-        self._remember(np.full(model.size, np.nan), np.full(6, np.nan))
+        self._forget()
         self._anywhere = self._packed(np.eye(4))
         self._station_joint = np.array([s.joint for s in model.stations], dtype=np.int64)
         self._station_position = np.array([s.position for s in model.stations]).reshape(-1, 3) / self._length
@@ -76,22 +80,39 @@ class Compiled:
         return vectors / np.linalg.norm(vectors, axis=1)[:, None]
 
     def newton(
-        self, target: Array, x: Array, wrench: Array, tolerance: float, max_iterations: int
+        self, target: Array, x: Array, wrench: Array, load: float, tolerance: float, max_iterations: int
     ) -> tuple[Array, Array, float, int, str]:
-        """Equilibrium with the end-effector at the frame ``target`` (4, 4).
+        """Equilibrium with the end-effector at the frame ``target`` (4, 4) under the load factor ``load``.
 
         Returns:
             Coordinates ``(n,)``, wrench ``(6,)``, scaled residual, iterations, and why it failed or nothing.
         """
+        if len(self._turning):
+            return self._newton_bordered(target, x, wrench, load, tolerance, max_iterations)
         x, force = x / self.coordinate_unit, wrench / self.wrench_unit
         to = self._packed(target)
+        self._hang(load)
         how, iterations, error, self._negative = newton(*self.buffers, to, x, force, tolerance, max_iterations)
         x, wrench = x * self.coordinate_unit, force * self.wrench_unit
-        self._remember(x, wrench)
+        self._remember(x, wrench, load)
         why = {CONVERGED: "", SINGULAR: "at a singular state"}.get(how, f"after {iterations} iterations")
         if why and not np.isfinite(error):
             why = "outside the neighbourhood of the target pose"
         return x, wrench, float(error), int(iterations), why
+
+    def _newton_bordered(
+        self, target: Array, x: Array, wrench: Array, load: float, tolerance: float, max_iterations: int
+    ) -> tuple[Array, Array, float, int, str]:
+        """`newton` where loads turn: the compiled one has the symmetric part of their tangent only."""
+        for iteration in range(max_iterations + 1):
+            statics, gap, error = self.residual(x, wrench, target, load)
+            if error < tolerance:
+                return x, wrench, error, iteration, ""
+            if not error < 1e6 or self._negative < 0 or iteration == max_iterations:
+                break
+            dx, dF = self.response(x, wrench, statics, gap, load)
+            x, wrench = x + dx, wrench + dF
+        return x, wrench, error, iteration, f"after {iteration} iterations"
 
     def march(
         self, pose: Array, direction: Array, s: Array, x: Array, wrench: Array, tolerance: float, most: int
@@ -106,7 +127,12 @@ class Compiled:
             wrench: ``(6,)`` there.
             tolerance: scaled residual.
             most: Newton iterations at a point.
+
+        Raises:
+            ValueError: the model carries loads.
         """
+        if len(self._constant):
+            raise ValueError("a grid is marched without loads")
         g, n = len(s), len(x)
         X, F, K = np.empty((g, n)), np.empty((g, 6)), np.empty((g, 6, 6))
         error, iterations, negative = np.zeros(g), np.zeros(g, dtype=np.int64), np.zeros(g, dtype=np.int64)
@@ -117,7 +143,7 @@ class Compiled:
             np.concatenate([direction[:3] / self._length, direction[3:]]), np.ascontiguousarray(s, dtype=float), 1,
             tolerance, most, X, F, K, error, iterations, negative,
         )  # fmt: skip
-        self._remember(np.full(n, np.nan), np.full(6, np.nan))  # the factors are those of another state now
+        self._forget()  # the factors are those of another state now
         done = min(good + (how == UNSTABLE), g)
         K[:done] *= stiffness_unit
         K[0] = self.end_stiffness(x, wrench)
@@ -127,56 +153,110 @@ class Compiled:
             iterations[:done],
         )  # fmt: skip
 
-    def _remember(self, x: Array, wrench: Array) -> None:
+    def _remember(self, x: Array, wrench: Array, load: float) -> None:
         """Which state the factors belong to."""
         # copies: the caller may write to its own
-        self._x, self._wrench, self._force = x.copy(), wrench.copy(), wrench / self.wrench_unit
+        self._x, self._wrench, self._load = x.copy(), wrench.copy(), load
+        self._force = wrench / self.wrench_unit
+        self._border: tuple[Array, Array] | None = None
+
+    def _forget(self) -> None:
+        self._remember(np.full(len(self.coordinate_unit), np.nan), np.full(6, np.nan), np.nan)
+
+    def _hang(self, load: float) -> None:
+        if len(self._constant):
+            self._work.load[:] = self._constant + load * self._ramped
 
     def _packed(self, target: Array) -> Array:
         """A frame ``(4, 4)`` as the kernels take it: ``(12,)`` rotation row by row, then scaled position."""
         return np.concatenate([target[:3, :3].ravel(), target[:3, 3] / self._length])
 
-    def _factor(self, x: Array, wrench: Array, to: Array) -> float:
+    def _factor(self, x: Array, wrench: Array, load: float, to: Array) -> float:
         """Factor at a state as it is; its scaled residual against the packed frame ``to``."""
-        self._remember(x, wrench)
+        self._remember(x, wrench, load)
+        self._hang(load)
         _, _, error, self._negative = newton(*self.buffers, to, x / self.coordinate_unit, self._force, np.inf, 0)
         return float(error)
 
-    def visit(self, x: Array, wrench: Array) -> int:
+    def visit(self, x: Array, wrench: Array, load: float = 0.0) -> int:
         """Factor at a state unless it is the last one; number of negative eigenvalues, −1 where singular."""
-        if not (np.array_equal(x, self._x) and np.array_equal(wrench, self._wrench)):
-            self._factor(x, wrench, self._anywhere)
+        if not (load == self._load and np.array_equal(x, self._x) and np.array_equal(wrench, self._wrench)):
+            self._factor(x, wrench, load, self._anywhere)
         return self._negative
 
-    def _must_visit(self, x: Array, wrench: Array) -> None:
-        if self.visit(x, wrench) < 0:
+    def _must_visit(self, x: Array, wrench: Array, load: float) -> None:
+        if self.visit(x, wrench, load) < 0:
             raise np.linalg.LinAlgError("the equilibrium is singular")
 
-    def residual(self, x: Array, wrench: Array, target: Array) -> tuple[Array, Array, float]:
+    def residual(self, x: Array, wrench: Array, target: Array, load: float = 0.0) -> tuple[Array, Array, float]:
         """What statics and geometry lack at a state, which is factored on the way.
 
         Returns:
             ``K (θ(Jᵀ F) − θ)`` ``(n,)`` and the missing displacement ``(6,)``, see `vjm.equilibrium.residual`, and
             the largest of them, scaled.
         """
-        error = self._factor(x, wrench, self._packed(target))
-        statics = self._residual * self.energy / self.coordinate_unit
-        return statics, self._gap * np.repeat([self._length, 1.0], 3), error
+        error = self._factor(x, wrench, load, self._packed(target))
+        statics = self._work.residual * self.energy / self.coordinate_unit
+        return statics, self._work.gap * self._gap_unit, error
 
-    def end_stiffness(self, x: Array, wrench: Array) -> Array:
+    def pull(self, x: Array, wrench: Array, load: float, wrenches: Array) -> Array:
+        """Generalised forces ``(n,)`` of ``wrenches`` (l, 6) on the loaded points; world axes, at a state."""
+        self._must_visit(x, wrench, load)
+        return self._pull(wrenches / self.wrench_unit) * self.energy / self.coordinate_unit
+
+    def ramped(self, x: Array, wrench: Array, load: float) -> Array:
+        """Generalised forces ``(n,)`` of the ramped loads, per unit of the load factor, at a state."""
+        self._must_visit(x, wrench, load)
+        wrenches = self._ramped
+        if self.arrays.follows.any():
+            # known in their bodies' axes: turned as the kernel turns what acts, which is then put back
+            self._work.load[:] = wrenches
+            place(*self.buffers, x / self.coordinate_unit)
+            wrenches = self._work.acting.copy()
+            self._hang(load)
+            place(*self.buffers, x / self.coordinate_unit)
+        return self._pull(wrenches) * self.energy / self.coordinate_unit
+
+    def _pull(self, wrenches: Array) -> Array:
+        forces = np.empty(len(self.coordinate_unit))
+        pull(*self.buffers, np.ascontiguousarray(wrenches), forces)
+        return forces
+
+    def acting(self, x: Array, wrench: Array, load: float) -> Array:
+        """Wrenches ``(l, 6)`` on the loaded points, N, N mm, world axes, at a state."""
+        self.visit(x, wrench, load)
+        return self._work.acting * self.wrench_unit
+
+    def points(self, x: Array, wrench: Array, load: float) -> Array:
+        """Positions ``(l, 3)`` of the loaded points, mm, world, at a state."""
+        self.visit(x, wrench, load)
+        return self._work.point * self._length
+
+    def inverse(self, x: Array, wrench: Array, load: float = 0.0) -> Array:
+        """The inverse second variation on the null space of J ``(n, n)``, dense and scaled, at a state.
+
+        With loads that turn it is that of the whole tangent, which is not symmetric.
+        """
+        self._must_visit(x, wrench, load)
+        return np.array([self._respond(row, self._zero_gap)[0] for row in np.eye(len(x))]).T
+
+    def end_stiffness(self, x: Array, wrench: Array, load: float = 0.0) -> Array:
         """``K^F`` (18) ``(6, 6)``.
 
         Raises:
             numpy.linalg.LinAlgError: the state is a critical point.
         """
-        self._must_visit(x, wrench)
+        self._must_visit(x, wrench, load)
+        if len(self._turning):
+            zero = np.zeros(len(x))
+            return np.array([self.response(x, wrench, zero, gap, load)[1] for gap in np.eye(6)]).T
         K = np.empty((6, 6))
         end_stiffness(*self.buffers, self._force, K)
         return K * self.wrench_unit[:, None] * self.wrench_unit / self.energy
 
-    def smallest(self, x: Array, wrench: Array) -> float:
+    def smallest(self, x: Array, wrench: Array, load: float = 0.0) -> float:
         """Eigenvalue nearest zero of the second variation on the null space of J, units of the model's energy."""
-        self._must_visit(x, wrench)
+        self._must_visit(x, wrench, load)
         return float(self._nearest(1)[0])
 
     def _nearest(self, wanted: int) -> Array:
@@ -191,8 +271,10 @@ class Compiled:
             raise np.linalg.LinAlgError("the equilibrium is singular to the last digit")
         return values
 
-    def response(self, x: Array, wrench: Array, load: Array, gap: Array) -> tuple[Array, Array]:
-        """Solve ``(K − H) δx − Jᵀ δF = load`` (n,), ``J δx = gap`` (6,) at a state.
+    def response(
+        self, x: Array, wrench: Array, statics: Array, gap: Array, load: float = 0.0
+    ) -> tuple[Array, Array]:
+        """Solve ``(K − H) δx − Jᵀ δF = statics`` (n,), ``J δx = gap`` (6,) at a state.
 
         Returns:
             ``δx`` ``(n,)`` and ``δF`` ``(6,)``.
@@ -200,20 +282,58 @@ class Compiled:
         Raises:
             numpy.linalg.LinAlgError: the state is a critical point.
         """
-        self._must_visit(x, wrench)
-        gap = gap / np.repeat([self._length, 1.0], 3)
-        respond(*self.buffers, load * self.coordinate_unit / self.energy, gap)
-        force = self._right[:6].copy()
+        self._must_visit(x, wrench, load)
+        gap = gap / self._gap_unit
+        step, force = self._respond(statics * self.coordinate_unit / self.energy, gap)
         force[3:] -= 0.5 * np.cross(self._force[3:], gap[3:])
-        return self._step * self.coordinate_unit, force * self.wrench_unit
+        return step * self.coordinate_unit, force * self.wrench_unit
 
-    def modes(self, x: Array, wrench: Array, count: int) -> tuple[Array, Array]:
+    def _respond(self, statics: Array, gap: Array) -> tuple[Array, Array]:
+        """`response`, scaled and before the end moment's correction."""
+        respond(*self.buffers, np.ascontiguousarray(statics), gap)
+        step, force = self._work.step.copy(), self._work.right[:6].copy()
+        if not len(self._turning):
+            return step, force
+        # by Woodbury's formula: the turns of the loaded bodies y = W δx load the chain by Cᵀ y
+        turns, loads = self._bordering()
+        columns = [self._plain(column) for column in loads]
+        S = np.array([column for column, _ in columns])
+        y = np.linalg.solve(np.eye(len(turns)) - turns @ S.T, turns @ step)
+        return step + y @ S, force + y @ np.array([reaction for _, reaction in columns])
+
+    def _plain(self, statics: Array) -> tuple[Array, Array]:
+        respond(*self.buffers, statics, self._zero_gap)
+        return self._work.step.copy(), self._work.right[:6].copy()
+
+    def _bordering(self) -> tuple[Array, Array]:
+        """Turns ``(3k, n)`` of k bodies by the coordinates, and the loads ``(3k, n)`` that a unit of each brings.
+
+        It is the part of the loads' tangent that is not in ``H``, which has the symmetric half of a moment's. A
+        follower's force gains ``Ω × f``, its moment ``½ Ω × m``; a moment that keeps its direction ``½ m × Ω``.
+        """
+        if self._border is None:
+            turns, loads = [], []
+            for k in self._turning:
+                f, m = self._work.acting[k, :3], self._work.acting[k, 3:]
+                follows = bool(self.arrays.follows[k])
+                for axis in np.eye(3):
+                    one = np.zeros_like(self._constant)
+                    one[k, 3:] = axis
+                    turns.append(self._pull(one))
+                    one[k, :3] = np.cross(axis, f) if follows else 0.0
+                    one[k, 3:] = 0.5 * np.cross(axis, m) * (1.0 if follows else -1.0)
+                    loads.append(self._pull(one))
+            self._border = np.array(turns), np.array(loads)
+        return self._border
+
+    def modes(self, x: Array, wrench: Array, count: int, load: float = 0.0) -> tuple[Array, Array]:
         """Eigenvalues nearest zero of the second variation on the null space of J, by inverse iteration.
 
         Args:
             x: coordinates ``(n,)``.
             wrench: ``(6,)``.
             count: how many; fewer are returned where the null space is smaller.
+            load: factor on the ramped loads.
 
         Returns:
             Eigenvalues ``(count,)``, nearest zero first, in units of the model's energy, and motions
@@ -223,7 +343,7 @@ class Compiled:
         count = min(count, free)
         if count < 1:
             return np.empty(0), np.empty((len(x), 0))
-        self._must_visit(x, wrench)
+        self._must_visit(x, wrench, load)
         if count < len(self._modes):
             values = self._nearest(count)[:count]
             V = self._modes[:count].T / np.linalg.norm(self._modes[:count], axis=1)
@@ -261,71 +381,5 @@ class Compiled:
         result = np.empty_like(vectors)
         for k, vector in enumerate(vectors.T):
             respond(*self.buffers, np.ascontiguousarray(vector), self._zero_gap)
-            result[:, k] = self._step
+            result[:, k] = self._work.step
         return result
-
-
-def _arrays(model: LumpedModel) -> Arrays:
-    """The model in dimensionless arrays."""
-    length = model.chain.characteristic_length
-    coordinate, energy = model.coordinate_scale, float(model.wrench_scale[3])
-    joint_coordinate = np.argmax(model.drive != 0.0, axis=1) if len(model.drive) else np.zeros(0)
-    block_of = np.empty(model.size, dtype=int)
-    kind: list[int] = []
-    first: list[int] = []
-    K: list[Array] = []
-    beam: list[Array] = []
-    springs = iter(model.blocks)
-    c = 0
-    passive = set(model.passive.tolist())
-    while c < model.size:
-        k6, b7, width = np.zeros((6, 6)), np.zeros(7), 1
-        if c in passive:
-            this = PASSIVE
-        else:
-            spring, where = next(springs)
-            width = where.stop - where.start
-            unit = coordinate[where]
-            k6[:width, :width] = np.linalg.inv(spring.unloaded) * unit[:, None] * unit / energy
-            this = BEAM_COLUMN if isinstance(spring, BeamColumnSpring) else LINEAR
-            if isinstance(spring, BeamColumnSpring):
-                s, h = spring.section, spring.length
-                force, moment = energy / length, energy * length
-                b7[:] = (
-                    s.EA / force, s.GJ / moment, s.EIy / moment, s.EIz / moment, h / length,
-                    h / s.GAy * force / length, h / s.GAz * force / length,
-                )  # fmt: skip
-            elif not isinstance(spring, LinearSpring):
-                raise TypeError(f"{type(spring).__name__} has no kernel")
-        block_of[c : c + width] = len(kind)
-        kind.append(this)
-        first.append(c)
-        K.append(k6)
-        beam.append(b7)
-        c += width
-    joint_block = block_of[joint_coordinate.astype(int)] if model.size else np.zeros(0, dtype=int)
-    along = np.array([_along(axis) for axis in model.axis], dtype=np.int64)
-    R0 = np.ascontiguousarray(model.before[:, :3, :3])
-    p0 = model.before[:, :3, 3] / length
-    return Arrays(
-        rotary=model.joint_rotary.astype(np.int64),
-        axis=np.ascontiguousarray(model.axis),
-        along=along,
-        moved=np.any(model.before != np.eye(4), axis=(1, 2)).astype(np.int64),
-        R0=R0,
-        p0=np.ascontiguousarray(p0),
-        coordinate=joint_coordinate.astype(np.int64),
-        factor=model.drive[np.arange(len(model.drive)), joint_coordinate.astype(int)].copy(),
-        kind=np.array(kind, dtype=np.int64),
-        first=np.array([*first, model.size], dtype=np.int64),
-        joints=np.searchsorted(joint_block, np.arange(len(kind) + 1)).astype(np.int64),
-        K=np.array(K).reshape(-1, 6, 6),
-        beam=np.array(beam).reshape(-1, 7),
-        R_tail=np.ascontiguousarray(model.tail[:3, :3]),
-        p_tail=model.tail[:3, 3] / length,
-    )
-
-
-def _along(axis: Array) -> int:
-    """0, 1, 2 for the unit vectors x, y, z, else −1."""
-    return next((k for k in range(3) if np.array_equal(axis, np.eye(3)[k])), -1)

@@ -1,24 +1,27 @@
 """Compiled linear algebra of a chain: factors its linearised equilibrium block by block, and solves with them.
 
-See `vjm.kernels` for the recursion and the arrays.
+See `vjm.kernels` for the recursion and `vjm.arrays` for the arrays.
 """
 
 from __future__ import annotations
 
+from vjm.arrays import LINEAR, PASSIVE, Arrays, Floats, Work
 from vjm.beam_kernel import beam_column
 from vjm.compilation import kernel
 from vjm.factors import bunch_parlett, bunch_parlett_solve, pivoted, pivoted_solve
-from vjm.kernels import LINEAR, PASSIVE, Arrays, Floats, Work
+from vjm.kernels import hang
 
 
 @kernel
 def _coupling(model: Arrays, block: int, force: Floats, work: Work, A: Floats) -> None:
-    """Jacobian and coupling of a block's coordinates, and ``A = −H`` among them."""
+    """Jacobian and coupling of a block's coordinates, their reactions in ``s1``, and ``A = −H`` among them."""
     c0, c1 = model.first[block], model.first[block + 1]
     j0, j1 = model.joints[block], model.joints[block + 1]
     w, v, J, G = work.w, work.v, work.J, work.G
     k = c1 - c0
+    loaded = len(model.point_joint) > 0
     for i in range(k):
+        work.s1[i] = 0.0
         for a in range(6):
             J[c0 + i, a] = 0.0
         for a in range(3):
@@ -34,6 +37,9 @@ def _coupling(model: Arrays, block: int, force: Floats, work: Work, A: Floats) -
         J[c, 2] += v2
         # g = v × f + ½ w × m: the moment by which this joint's motion loads any rotation before it
         g0, g1, g2 = v1 * f2 - v2 * f1, v2 * f0 - v0 * f2, v0 * f1 - v1 * f0
+        if loaded:
+            g0, g1, g2 = g0 + s * work.hung[j, 0], g1 + s * work.hung[j, 1], g2 + s * work.hung[j, 2]
+            work.s1[c - c0] += s * work.hung[j, 3]
         if model.rotary[j]:
             w0, w1, w2 = s * w[j, 0], s * w[j, 1], s * w[j, 2]
             J[c, 3] += w0
@@ -66,19 +72,21 @@ def factor(model: Arrays, x: Floats, force: Floats, work: Work) -> int:
     """
     n_q = len(work.z)
     Q, Y, Z, X, A = work.Q, work.Y_end, work.Z, work.X, work.A
-    K, t, r = work.K, work.s1, work.s2
+    K, t, r, strain = work.K, work.s1, work.s2, work.s3
     Q[:, :] = 0.0
     Y[:, :] = 0.0
     Z[:, :] = 0.0
     negative = 0
     passive = 0
+    if len(model.point_joint) > 0:
+        hang(model, work, work.acting)
     for block in range(len(model.kind)):
         c0, c1 = model.first[block], model.first[block + 1]
         k = c1 - c0
         _coupling(model, block, force, work, A)
         J, G = work.J[c0:c1], work.G[c0:c1]
         for i in range(k):
-            s = 0.0
+            s = t[i]
             for a in range(6):
                 s += J[i, a] * force[a]
             t[i] = s
@@ -105,11 +113,13 @@ def factor(model: Arrays, x: Floats, force: Floats, work: Work) -> int:
             for i in range(k):
                 s = t[i]
                 for c in range(k):
-                    s -= model.K[block, i, c] * x[c0 + c]
+                    s -= model.K[block, i, c] * (x[c0 + c] - model.natural[c0 + c])
                     A[i, c] += model.K[block, i, c]
                 work.residual[c0 + i] = s
         else:
-            beam_column(model.beam[block], t, x[c0:c1], K, r)
+            for i in range(k):
+                strain[i] = x[c0 + i] - model.natural[c0 + i]
+            beam_column(model.beam[block], t, strain, K, r)
             for i in range(k):
                 work.residual[c0 + i] = r[i]
                 for c in range(k):

@@ -32,6 +32,7 @@ class Configuration:
         wrench: ``(6,)`` on the end-effector, N and N mm, world axes.
         residual: largest scaled component of the equations (9) and of the pose error.
         iterations: that the solver took.
+        load: factor on the model's ramped loads.
     """
 
     model: LumpedModel
@@ -39,6 +40,7 @@ class Configuration:
     wrench: Array
     residual: float
     iterations: int
+    load: float = 0.0
 
     @cached_property
     def kinematics(self) -> Kinematics:
@@ -120,7 +122,7 @@ def newton_scale(model: LumpedModel) -> Array:
 
 
 def solve_newton(
-    model: LumpedModel, target: Array, x: Array, wrench: Array, *, max_iterations: int = 30
+    model: LumpedModel, target: Array, x: Array, wrench: Array, *, load: float = 0.0, max_iterations: int = 30
 ) -> Configuration:
     """Equilibrium at an imposed pose by full Newton-Raphson.
 
@@ -129,15 +131,18 @@ def solve_newton(
         target: end-effector frame ``(4, 4)`` to be held, mm.
         x: joint coordinates ``(m,)`` to start from.
         wrench: ``(6,)`` to start from.
+        load: factor on the model's ramped loads.
         max_iterations: after which it gives up.
 
     Raises:
         NoConvergenceError: the scaled residual did not fall below `TOLERANCE`.
     """
-    x, wrench, error, iterations, failure = model.compiled.newton(target, x, wrench, TOLERANCE, max_iterations)
+    x, wrench, error, iterations, failure = model.compiled.newton(
+        target, x, wrench, load, TOLERANCE, max_iterations
+    )
     if failure:
         raise NoConvergenceError(f"Newton stopped {failure} at a scaled residual of {error:.1e}")
-    return Configuration(model, x, wrench, error, iterations)
+    return Configuration(model, x, wrench, error, iterations, load)
 
 
 def solve_paper(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from vjm.arrays import Floats, Ints
 from vjm.compilation import entry, kernel
-from vjm.kernels import Floats, Ints
 
 _ALPHA = 0.6403882032022076
 """(1 + √17)/8: where Bunch and Parlett (1971) prefer a 2×2 pivot."""

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from vjm.equilibrium import NoConvergenceError
-from vjm.paths import Equilibrium, Event, EventKind, Path, StationLabel
+from vjm.paths import Equilibrium, Event, EventKind, Path, StationLabel, driven_force
 from vjm.programme import Programme
 from vjm.rotations import Array
 
@@ -23,6 +23,12 @@ EVENT_TOLERANCE = 1e-9
 """Events are located to this fraction of the path's length; INTERFACES promise 1e-4 of the event's value."""
 TIE = 1e-6
 """Events closer than this, relative, are one, which goes by the name of the first in `EventKind`'s order."""
+NEARLY_LOST = 0.05
+"""Stability eigenvalue, over its unloaded value, with which a path ends at a fold: it falls there as a square
+root."""
+POLE = 1e-3
+"""Tangent stiffness where it is said to pass a level, over those at both sides: more is a jump from one infinity to
+the other."""
 JUMP = 1.0
 """Of a fixed step only one that ends further from the prolongation than it is long is not believed."""
 
@@ -195,7 +201,7 @@ class _Walk:
             except NoConvergenceError as failure:
                 step = 0.5 * (target - here.s)
                 if step < self.control.smallest * self.length:
-                    return f"no equilibrium found beyond {here.s:.6g}: {failure}"
+                    return f"no equilibrium found beyond {here.s:.6g}: {failure}{self._ahead(here)}"
                 continue
             bend = self._bend(there)
             allowed = self.control.bend if grid is None else JUMP
@@ -227,6 +233,12 @@ class _Walk:
             step = min(largest, done * (2.0 if bend < 0.5 * self.control.bend else 1.2))
         return ""
 
+    def _ahead(self, here: Equilibrium) -> str:
+        """What a path that ends close to a critical point has before it."""
+        if not abs(here.eigenvalue) < NEARLY_LOST * abs(self.points[0].eigenvalue):
+            return ""
+        return "; its stability is nearly lost: the ramp turns back here, and control 'arc' follows it"
+
     def _slope(self) -> Array | None:
         if len(self.points) - self.branch_start < 2:
             return None
@@ -247,7 +259,7 @@ class _Walk:
         return locate(self.problem, a, b, value, EVENT_TOLERANCE * self.length)
 
     def _force(self, p: Equilibrium) -> float:
-        return float(self.programme.direction @ p.wrench)
+        return driven_force(self.programme, p)
 
     def _find_smooth_events(self, a: Equilibrium, b: Equilibrium, before: float = np.inf) -> None:
         """Locate limit points and the bend-over between two points of a path, as far as ``before``."""
@@ -260,6 +272,8 @@ class _Walk:
         found = []
         for kind, level in wanted:
             point = self._between(a, b, lambda p, level=level: p.tangent - level)  # type: ignore[misc]
+            if abs(point.tangent - level) > POLE * max(abs(a.tangent - level), abs(b.tangent - level)):
+                continue
             found.append(Event(kind, point.s, self._force(point), point=point))
         # at a tie the bifurcation is the event, then the limit point
         found = [event for event in found if event.s < before * (1.0 - TIE)]

@@ -13,9 +13,9 @@ import numpy as np
 from vjm.compiled import March
 from vjm.equilibrium import TOLERANCE, NoConvergenceError
 from vjm.following import EVENT_TOLERANCE, StepControl, bifurcation
+from vjm.lumped_problem import LumpedProblem
 from vjm.paths import Equilibrium
 from vjm.rotations import Array
-from vjm.vjm_engine import LumpedProblem
 
 MAX_ITERATIONS = 30
 
@@ -62,7 +62,7 @@ def walk_grid(problem: LumpedProblem, grid: Array) -> GridPath:
         own = len(bifurcations) > 0
         s = np.concatenate([[start.s], grid[at + (0 if own else 1) :]])
         found = compiled.march(
-            problem.target(0.0), problem.programme.direction, s, start.state[:n], start.state[n:],
+            problem.target(0.0), problem.programme.direction, s, start.state[:n], start.state[n : n + 6],
             TOLERANCE, MAX_ITERATIONS,
         )  # fmt: skip
         columns = (s, found.x, found.wrench, found.stiffness, found.residual, found.iterations)

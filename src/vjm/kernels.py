@@ -13,238 +13,25 @@ the number of springs. The blocks' pivots give the number of negative eigenvalue
 A load couples a block to all before it only through the rotation Ω that they bring: the work
 ``Ω · Σ_j (v_j × f + ½ w_j × m) δx_j`` over the joints with the axes w_j and the velocities v_j that they give to
 the end-effector. The moment's term is the symmetric half of ``m · (w_i × w_j)``; the rest, a moment fixed in the
-world not being conservative, acts on the end-effector alone and is added there: ``½ m × Ω``.
+world not being conservative, acts on the end-effector alone and is added there: ``½ m × Ω``. Loads on other bodies
+add to the sum over the joints before them, see `hang`.
 
 All quantities are dimensionless: lengths over the model's length, forces and moments over its units.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numpy as np
 
+from vjm.arrays import Arrays, Floats, Ints, Work, model_of
 from vjm.compilation import entry, kernel
-
-LINEAR, BEAM_COLUMN, PASSIVE = 0, 1, 2
-"""Kinds of blocks."""
-
-Ints = np.ndarray[Any, np.dtype[np.int64]]
-Floats = np.ndarray[Any, np.dtype[np.float64]]
-
-
-class Arrays(NamedTuple):
-    """A lumped model as arrays; m joints, b blocks, n coordinates.
-
-    Attributes:
-        rotary: ``(m,)`` whether a joint turns.
-        axis: ``(m, 3)`` its axis in its own frame.
-        along: ``(m,)`` 0, 1, 2 where the axis is x, y, z of that frame, else −1.
-        moved: ``(m,)`` whether a rigid transform lies before the joint.
-        R0: ``(m, 3, 3)`` and
-        p0: ``(m, 3)`` that transform.
-        coordinate: ``(m,)`` which coordinate drives it.
-        factor: ``(m,)`` how much of it.
-        kind: ``(b,)`` of the blocks.
-        first: ``(b + 1,)`` first coordinate of each block.
-        joints: ``(b + 1,)`` first joint of each block.
-        K: ``(b, 6, 6)`` stiffness of linear springs.
-        beam: ``(b, 7)`` EA, GJ, EIy, EIz, h, h/GAy, h/GAz of beam-column springs.
-        R_tail: ``(3, 3)`` and
-        p_tail: ``(3,)`` the rigid transform behind the last joint.
-    """
-
-    rotary: Ints
-    axis: Floats
-    along: Ints
-    moved: Ints
-    R0: Floats
-    p0: Floats
-    coordinate: Ints
-    factor: Floats
-    kind: Ints
-    first: Ints
-    joints: Ints
-    K: Floats
-    beam: Floats
-    R_tail: Floats
-    p_tail: Floats
-
-
-class Work(NamedTuple):
-    """What the kernels write, allocated once.
-
-    Attributes:
-        w: ``(m, 3)`` joint axes, v: ``(m, 3)`` velocities that they give the end-effector, o: ``(m, 3)`` points on
-            the axes.
-        R: ``(3, 3)`` and p: ``(3,)`` the end-effector's frame.
-        J: ``(n, 6)`` transposed Jacobian, G: ``(n, 3)`` coupling to rotations before.
-        residual: ``(n,)`` statics, gap: ``(6,)`` missing displacement.
-        L: ``(b, 6, 6)``, D: ``(b, 6)``, order: ``(b, 6)`` the blocks' factors.
-        U: ``(b, 6, 6)`` motion at the tool by a block's coordinates.
-        Y: ``(b, 6, n_q)`` and a: ``(b, 6)`` as they are before a block.
-        T: ``(t, t)`` the condensed matrix, t = 6 + n_q.
-        F: ``(t, t)``, swaps: ``(t,)``, pivots: ``(t,)`` its factor.
-        right: ``(t,)``, Q: ``(6, 6)``, Y_end: ``(6, n_q)``, Z: ``(n_q, n_q)``, z: ``(n_q,)``, step: ``(n,)``.
-        A: ``(6, 6)``, X: ``(6, t)``, K: ``(6, 6)``, s1, s2, s3: ``(6,)`` scratch.
-    """
-
-    w: Floats
-    v: Floats
-    o: Floats
-    R: Floats
-    p: Floats
-    J: Floats
-    G: Floats
-    residual: Floats
-    gap: Floats
-    L: Floats
-    D: Floats
-    order: Ints
-    U: Floats
-    Y: Floats
-    a: Floats
-    T: Floats
-    F: Floats
-    swaps: Ints
-    pivots: Ints
-    right: Floats
-    Q: Floats
-    Y_end: Floats
-    Z: Floats
-    z: Floats
-    step: Floats
-    A: Floats
-    X: Floats
-    K: Floats
-    s1: Floats
-    s2: Floats
-    s3: Floats
-
-
-class Buffers(NamedTuple):
-    """A model and its workspace as four flat arrays: what crosses from Python to compiled code in a microsecond.
-
-    Attributes:
-        integers: sizes m, b, n, n_q, then the model's integer arrays.
-        numbers: the model's other arrays.
-        work_integers: the workspace's integer arrays.
-        work_numbers: its other arrays.
-    """
-
-    integers: Ints
-    numbers: Floats
-    work_integers: Ints
-    work_numbers: Floats
-
-
-def buffers(model: Arrays) -> Buffers:
-    """Pack a model, and allocate what the kernels write."""
-    m, b, n = len(model.rotary), len(model.kind), int(model.first[-1])
-    q = int(np.count_nonzero(model.kind == PASSIVE))
-    t = 6 + q
-    integers = [np.array([m, b, n, q]), model.rotary, model.along, model.moved, model.coordinate, model.kind,
-                model.first, model.joints]  # fmt: skip
-    numbers = [model.axis, model.R0, model.p0, model.factor, model.K, model.beam, model.R_tail, model.p_tail]
-    # in the order of `work_of`
-    size = 9 * m + 12 + 10 * n + 6 + b * (36 + 6 + 36 + 6 * q + 6) + 2 * t * t + t + 36 + 6 * q + q * q + q
-    size += n + 36 + 6 * t + 36 + 6 + 6 + 6
-    return Buffers(
-        np.concatenate([np.asarray(v, dtype=np.int64).ravel() for v in integers]),
-        np.concatenate([np.asarray(v, dtype=np.float64).ravel() for v in numbers]),
-        np.zeros(6 * b + 2 * t, dtype=np.int64),
-        np.zeros(size),
-    )
-
-
-@entry
-def _ints(flat: Ints, at: int, count: int) -> tuple[Ints, int]:
-    return flat[at : at + count], at + count
-
-
-@entry
-def _floats(flat: Floats, at: int, count: int) -> tuple[Floats, int]:
-    return flat[at : at + count], at + count
-
-
-@kernel
-def model_of(integers: Ints, numbers: Floats) -> Arrays:
-    """The model's arrays as views of its buffers."""
-    m, b = integers[0], integers[1]
-    at = 4
-    rotary, at = _ints(integers, at, m)
-    along, at = _ints(integers, at, m)
-    moved, at = _ints(integers, at, m)
-    coordinate, at = _ints(integers, at, m)
-    kind, at = _ints(integers, at, b)
-    first, at = _ints(integers, at, b + 1)
-    joints, at = _ints(integers, at, b + 1)
-    at = 0
-    axis, at = _floats(numbers, at, 3 * m)
-    R0, at = _floats(numbers, at, 9 * m)
-    p0, at = _floats(numbers, at, 3 * m)
-    factor, at = _floats(numbers, at, m)
-    K, at = _floats(numbers, at, 36 * b)
-    beam, at = _floats(numbers, at, 7 * b)
-    R_tail, at = _floats(numbers, at, 9)
-    p_tail, at = _floats(numbers, at, 3)
-    return Arrays(
-        rotary, axis.reshape((m, 3)), along, moved, R0.reshape((m, 3, 3)), p0.reshape((m, 3)), coordinate, factor,
-        kind, first, joints, K.reshape((b, 6, 6)), beam.reshape((b, 7)), R_tail.reshape((3, 3)), p_tail,
-    )  # fmt: skip
-
-
-@entry
-def work_of(sizes: Ints, integers: Ints, numbers: Floats) -> Work:
-    """The workspace as views of its buffers; ``sizes`` are the first four integers of the model."""
-    m, b, n, q = sizes[0], sizes[1], sizes[2], sizes[3]
-    t = 6 + q
-    at = 0
-    order, at = _ints(integers, at, 6 * b)
-    swaps, at = _ints(integers, at, t)
-    pivots, at = _ints(integers, at, t)
-    at = 0
-    w, at = _floats(numbers, at, 3 * m)
-    v, at = _floats(numbers, at, 3 * m)
-    o, at = _floats(numbers, at, 3 * m)
-    R, at = _floats(numbers, at, 9)
-    p, at = _floats(numbers, at, 3)
-    J, at = _floats(numbers, at, 6 * n)
-    G, at = _floats(numbers, at, 3 * n)
-    residual, at = _floats(numbers, at, n)
-    gap, at = _floats(numbers, at, 6)
-    L, at = _floats(numbers, at, 36 * b)
-    D, at = _floats(numbers, at, 6 * b)
-    U, at = _floats(numbers, at, 36 * b)
-    Y, at = _floats(numbers, at, 6 * q * b)
-    a, at = _floats(numbers, at, 6 * b)
-    T, at = _floats(numbers, at, t * t)
-    F, at = _floats(numbers, at, t * t)
-    right, at = _floats(numbers, at, t)
-    Q, at = _floats(numbers, at, 36)
-    Y_end, at = _floats(numbers, at, 6 * q)
-    Z, at = _floats(numbers, at, q * q)
-    z, at = _floats(numbers, at, q)
-    step, at = _floats(numbers, at, n)
-    A, at = _floats(numbers, at, 36)
-    X, at = _floats(numbers, at, 6 * t)
-    K, at = _floats(numbers, at, 36)
-    s1, at = _floats(numbers, at, 6)
-    s2, at = _floats(numbers, at, 6)
-    s3, at = _floats(numbers, at, 6)
-    return Work(
-        w.reshape((m, 3)), v.reshape((m, 3)), o.reshape((m, 3)), R.reshape((3, 3)), p, J.reshape((n, 6)),
-        G.reshape((n, 3)), residual, gap, L.reshape((b, 6, 6)), D.reshape((b, 6)), order.reshape((b, 6)),
-        U.reshape((b, 6, 6)), Y.reshape((b, 6, q)), a.reshape((b, 6)), T.reshape((t, t)), F.reshape((t, t)),
-        swaps, pivots, right, Q.reshape((6, 6)), Y_end.reshape((6, q)), Z.reshape((q, q)), z, step,
-        A.reshape((6, 6)), X.reshape((6, t)), K.reshape((6, 6)), s1, s2, s3,
-    )  # fmt: skip
 
 
 @kernel
 def forward(model: Arrays, x: Floats, work: Work) -> None:
-    """Kinematics (1), (2): joint axes, points on them, the end-effector's frame and velocities."""
+    """Kinematics (1), (2): joint axes, points on them, the end-effector's frame and velocities; where loads act."""
     R, p, w, o, v = work.R, work.p, work.w, work.o, work.v
+    loaded = 0
     for a in range(3):
         p[a] = 0.0
         for b in range(3):
@@ -274,6 +61,9 @@ def forward(model: Arrays, x: Floats, work: Work) -> None:
                 R[a, k2] = c * r2 - s * r1
         else:
             turn_about(R, w[j], value)
+        while loaded < len(model.point_joint) and model.point_joint[loaded] == j:
+            _place(model, work, loaded)
+            loaded += 1
     _move(R, p, model.R_tail, model.p_tail)
     for j in range(len(model.rotary)):
         if model.rotary[j]:
@@ -284,6 +74,60 @@ def forward(model: Arrays, x: Floats, work: Work) -> None:
         else:
             for a in range(3):
                 v[j, a] = w[j, a]
+
+
+@kernel
+def _place(model: Arrays, work: Work, k: int) -> None:
+    """Where a load acts, and its wrench in the world, with the frame that carries it in the workspace."""
+    R, offset, load = work.R, model.point_offset[k], work.load[k]
+    for a in range(3):
+        work.point[k, a] = work.p[a] + R[a, 0] * offset[0] + R[a, 1] * offset[1] + R[a, 2] * offset[2]
+        for half in range(0, 6, 3):
+            if model.follows[k]:
+                s = R[a, 0] * load[half] + R[a, 1] * load[half + 1] + R[a, 2] * load[half + 2]
+                work.acting[k, half + a] = s
+            else:
+                work.acting[k, half + a] = load[half + a]
+
+
+@kernel
+def hang(model: Arrays, work: Work, acting: Floats) -> None:
+    """What wrenches ``acting`` (l, 6) on the loaded points do to the joints before them, into ``work.hung``.
+
+    A row is the coupling ``Σ v_j × f + ½ w_j × m`` of the joint's motion to rotations before it, v_j being the
+    velocity that it gives the loaded point, and the work ``Σ v_j · f + w_j · m`` that the loads do on it. Both
+    follow from the sums of f, of m and of the dyads ``p fᵀ`` of all loads behind the joint, so the cost is linear.
+    """
+    w, o, hung = work.w, work.o, work.hung
+    f0 = f1 = f2 = m0 = m1 = m2 = 0.0
+    M = np.zeros((3, 3))
+    k = len(model.point_joint) - 1
+    for j in range(len(model.rotary) - 1, -1, -1):
+        while k >= 0 and model.point_joint[k] == j:
+            for a in range(3):
+                for b in range(3):
+                    M[a, b] += work.point[k, a] * acting[k, b]
+            f0, f1, f2 = f0 + acting[k, 0], f1 + acting[k, 1], f2 + acting[k, 2]
+            m0, m1, m2 = m0 + acting[k, 3], m1 + acting[k, 4], m2 + acting[k, 5]
+            k -= 1
+        w0, w1, w2 = w[j, 0], w[j, 1], w[j, 2]
+        if not model.rotary[j]:
+            hung[j, 0], hung[j, 1], hung[j, 2] = w1 * f2 - w2 * f1, w2 * f0 - w0 * f2, w0 * f1 - w1 * f0
+            hung[j, 3] = w0 * f0 + w1 * f1 + w2 * f2
+            continue
+        # (w × r) × f = r (f · w) − w (f · r), with r from the joint
+        o0, o1, o2 = o[j, 0], o[j, 1], o[j, 2]
+        along = f0 * w0 + f1 * w1 + f2 * w2
+        trace = M[0, 0] + M[1, 1] + M[2, 2] - o0 * f0 - o1 * f1 - o2 * f2
+        hung[j, 0] = M[0, 0] * w0 + M[0, 1] * w1 + M[0, 2] * w2 - o0 * along - trace * w0
+        hung[j, 1] = M[1, 0] * w0 + M[1, 1] * w1 + M[1, 2] * w2 - o1 * along - trace * w1
+        hung[j, 2] = M[2, 0] * w0 + M[2, 1] * w1 + M[2, 2] * w2 - o2 * along - trace * w2
+        hung[j, 0] += 0.5 * (w1 * m2 - w2 * m1)
+        hung[j, 1] += 0.5 * (w2 * m0 - w0 * m2)
+        hung[j, 2] += 0.5 * (w0 * m1 - w1 * m0)
+        hung[j, 3] = w0 * (M[1, 2] - M[2, 1] - o1 * f2 + o2 * f1 + m0)
+        hung[j, 3] += w1 * (M[2, 0] - M[0, 2] - o2 * f0 + o0 * f2 + m1)
+        hung[j, 3] += w2 * (M[0, 1] - M[1, 0] - o0 * f1 + o1 * f0 + m2)
 
 
 @kernel

@@ -1,40 +1,24 @@
 """The virtual joint model of a chain: one-degree joints between rigid links, equations (1), (2) and (22).
 
-Every joint, passive or virtual, is a shift along or a turn about an axis. A six-dimensional spring is six of them
-in the order of (22), Tx Ty Tz Rx Ry Rz, or, symmetric about its middle, nine: Rx Ry Rz Tx Ty Tz Rz Ry Rx, where
-each turn is half of the spring's coordinate. So a coordinate drives one joint or two, with a factor. All kinematics
-follow from the joints' axes in the world frame, and one code path serves every chain.
+Every joint, passive or virtual, is a shift along or a turn about an axis; a coordinate drives one joint or two, see
+`vjm.assembly`. All kinematics follow from the joints' axes in the world frame, and one code path serves every
+chain.
 """
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from vjm.assembly import Assembly, Piece, Station
 from vjm.chain import Chain
 from vjm.compiled import Compiled
-from vjm.parts import Actuator, Beam, Part, PassiveJoint, Placement, RigidOffset
-from vjm.rotations import AXES, Array, frame, skew, translation
-from vjm.springs import BeamColumnSpring, LinearSpring, Spring
-
-
-@dataclass(frozen=True)
-class Station:
-    """A point of the machine that moves with the rigid link behind a joint.
-
-    Attributes:
-        part: name of the part that the point belongs to.
-        fraction: where along the part's elastic length, 0 at the root; above 1 on its end offset.
-        joint: index of the last joint before the point, −1 for the base.
-        position: ``(3,)`` mm in the frame behind that joint.
-    """
-
-    part: str
-    fraction: float
-    joint: int
-    position: Array
+from vjm.loads import NO_LOADING, Loading
+from vjm.rotations import Array, skew
+from vjm.springs import LinearSpring, Spring
 
 
 @dataclass(frozen=True)
@@ -90,35 +74,30 @@ class LumpedModel:
         elastic: indices ``(n_θ,)`` of the virtual springs' coordinates.
         springs: the springs' laws, base to tool.
         stations: points along the chain that show its shape.
+        pieces: the straight stretches of its rigid bodies, base to tool.
+        natural: coordinates ``(n,)`` at which the springs are free of stress.
+        loading: the loads on its bodies.
     """
 
     def __init__(self, chain: Chain) -> None:
         self.chain = chain
-        self._rotary: list[bool] = []
-        self._axis: list[Array] = []
-        self._before: list[Array] = []
-        self._rigid = chain.base.copy()
-        self._coordinate: list[int] = []
-        self._factor: list[float] = []
-        self.size = 0
-        self.springs: list[Spring] = []
-        self.stations: list[Station] = []
-        passive: list[int] = []
-        elastic: list[int] = []
-        for part in chain.parts:
-            first = self.size
-            self._add(part)
-            (passive if isinstance(part, PassiveJoint) else elastic).extend(range(first, self.size))
-        self.passive = np.array(passive, dtype=int)
-        self.elastic = np.array(elastic, dtype=int)
-        self.joint_rotary = np.array(self._rotary, dtype=bool)
-        self.drive = np.zeros((len(self._rotary), self.size))
-        self.drive[np.arange(len(self._rotary)), self._coordinate] = self._factor
+        self.loading = NO_LOADING
+        built = Assembly(chain)
+        self.size = built.size
+        self.springs: list[Spring] = built.springs
+        self.stations: list[Station] = built.stations
+        self.pieces: list[Piece] = built.pieces
+        self.natural = np.zeros(self.size)
+        self.passive = np.array(built.passive, dtype=int)
+        self.elastic = np.array(built.elastic, dtype=int)
+        self.joint_rotary = np.array(built.rotary, dtype=bool)
+        self.drive = np.zeros((len(built.rotary), self.size))
+        self.drive[np.arange(len(built.rotary)), built.coordinate] = built.factor
         # a spring's shifts are driven by sliding joints, its turns by turning ones
         self.rotary = self.drive[self.joint_rotary].any(axis=0)
-        self.axis = np.array(self._axis).reshape(-1, 3)
-        self.before = np.array(self._before).reshape(-1, 4, 4)
-        self.tail = self._rigid
+        self.axis = np.array(built.axis).reshape(-1, 3)
+        self.before = np.array(built.before).reshape(-1, 4, 4)
+        self.tail = built.rigid
         self._skew: Array = np.array([skew(a) for a in self.axis]).reshape(-1, 3, 3)
         self._skew2 = self._skew @ self._skew
 
@@ -131,8 +110,48 @@ class LumpedModel:
         """Coordinates ``(n,)`` of the springs under reactions ``(n,)``, zero on the passive joints."""
         result = np.zeros(self.size)
         for spring, where in self.blocks:
-            result[where] = spring.strain(reactions[where])
+            result[where] = self.natural[where] + spring.strain(reactions[where])
         return result
+
+    def under(self, loading: Loading) -> LumpedModel:
+        """The same model with loads on its bodies."""
+        return self._changed(loading=loading)
+
+    def bent(self, natural: Array) -> LumpedModel:
+        """The same model with springs that are free of stress at the coordinates ``natural`` (n,)."""
+        return self._changed(natural=natural)
+
+    def _changed(self, **attributes: object) -> LumpedModel:
+        model = copy(self)
+        model.__dict__.pop("compiled", None)
+        model.__dict__.update(attributes)
+        return model
+
+    def find(self, part: str, at: float) -> tuple[int, Array]:
+        """The body that carries a point of a part, and where it is on it.
+
+        Args:
+            part: name of a part; empty for the end-effector.
+            at: fraction of the part's elastic length.
+
+        Returns:
+            Index of the last joint before the point, and its position ``(3,)`` mm in the frame behind that joint.
+
+        Raises:
+            ValueError: the part has no such point.
+        """
+        if not part:
+            return len(self.joint_rotary) - 1, self.tail[:3, 3]
+        own = [piece for piece in self.pieces if piece.part == part]
+        if not own:
+            known = ", ".join(dict.fromkeys(piece.part for piece in self.pieces))
+            raise ValueError(f"{self.chain.name}: no part '{part}' with points on it (there are {known})")
+        # of two bodies that meet in a point the further one: what is applied there is beyond the spring
+        near = 1e-9
+        for piece in reversed(own):
+            if piece.start - near <= at <= piece.stop + near:
+                return piece.joint, piece.at(at)
+        raise ValueError(f"{self.chain.name}: part '{part}' has points from 0 to 1 of its length, not at {at:g}")
 
     def stiffness_under(self, reactions: Array) -> Array:
         """Tangent stiffness ``(n, n)`` of the springs under reactions ``(n,)``, zero on the passive joints."""
@@ -249,84 +268,3 @@ class LumpedModel:
     @cached_property
     def _station_position(self) -> Array:
         return np.array([s.position for s in self.stations]).reshape(-1, 3)
-
-    # --- building -----------------------------------------------------------------------------------------
-
-    def _add(self, part: Part) -> None:
-        match part:
-            case RigidOffset():
-                self._mark(part.name, 0.0)
-                self._move(part.transform)
-            case PassiveJoint():
-                self._coordinate_joint(part.axis, rotary=True)
-            case Actuator():
-                if part.compliance > 0.0:
-                    self._coordinate_joint(part.axis, rotary=False)
-                    self.springs.append(LinearSpring(np.array([[part.compliance]])))
-            case Beam():
-                self._add_beam(part)
-
-    def _add_beam(self, beam: Beam) -> None:
-        own = frame(beam.own_frame)
-        if beam.segments is None:
-            self._mark(beam.name, 0.0)
-            self._move(translation(beam.tip) @ own)
-            self._spring_of_22(beam.tip_compliance())
-            self._mark(beam.name, 1.0)
-            self._move(own.T)
-            return
-        h = beam.length / beam.segments
-        at = beam.placement.fraction
-        section = beam.effective_section()
-        self._move(beam.section_in_chain)
-        self._mark(beam.name, 0.0)
-        for i in range(beam.segments):
-            self._move(translation([at * h, 0.0, 0.0]))
-            if beam.placement is Placement.BEST:
-                self._symmetric_spring(BeamColumnSpring(section, h))
-            else:
-                self._spring_of_22(section.compliance(h, at))
-            self._move(translation([(1.0 - at) * h, 0.0, 0.0]))
-            self._mark(beam.name, (i + 1) / beam.segments)
-        self._move(frame(beam.section_frame.T) @ translation(beam.end_offset))
-        if np.any(beam.end_offset):
-            self._mark(beam.name, 1.0 + float(np.linalg.norm(beam.end_offset)) / beam.length)
-        self._move(own.T)
-
-    def _move(self, transform: Array) -> None:
-        self._rigid = self._rigid @ transform
-
-    def _coordinate_joint(self, axis: Array, *, rotary: bool) -> None:
-        """A joint with a coordinate of its own."""
-        self._joint(axis, self.size, 1.0, rotary=rotary)
-        self.size += 1
-
-    def _joint(self, axis: Array, coordinate: int, factor: float, *, rotary: bool) -> None:
-        self._before.append(self._rigid)
-        self._axis.append(np.asarray(axis, dtype=float))
-        self._rotary.append(rotary)
-        self._coordinate.append(coordinate)
-        self._factor.append(factor)
-        self._rigid = np.eye(4)
-
-    def _spring_of_22(self, compliance: Array) -> None:
-        """Shifts, then turns, as (22) has them."""
-        for rotary in (False, True):
-            for name in "xyz":
-                self._coordinate_joint(AXES[name], rotary=rotary)
-        self.springs.append(LinearSpring(compliance))
-
-    def _symmetric_spring(self, law: Spring) -> None:
-        """Half of the turns, the shifts, and the other half in reverse: the same seen from either end."""
-        first = self.size
-        for k, name in enumerate("xyz"):
-            self._joint(AXES[name], first + 3 + k, 0.5, rotary=True)
-        for k, name in enumerate("xyz"):
-            self._joint(AXES[name], first + k, 1.0, rotary=False)
-        for k, name in reversed(list(enumerate("xyz"))):
-            self._joint(AXES[name], first + 3 + k, 0.5, rotary=True)
-        self.size += 6
-        self.springs.append(law)
-
-    def _mark(self, part: str, fraction: float) -> None:
-        self.stations.append(Station(part, fraction, len(self._rotary) - 1, self._rigid[:3, 3].copy()))

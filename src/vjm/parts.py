@@ -44,6 +44,7 @@ class Section:
         EIz: bending stiffness about z (deflection along y), N mm².
         GAy: shear stiffness for deflection along y, N; infinite where shear is neglected.
         GAz: the same along z.
+        mass: kg per mm of length.
     """
 
     EA: float
@@ -52,12 +53,13 @@ class Section:
     EIz: float
     GAy: float = float("inf")
     GAz: float = float("inf")
+    mass: float = 0.0
 
     def times(self, count: int) -> Section:
         """Section of ``count`` equal members side by side that share every load component."""
         return Section(
             self.EA * count, self.GJ * count, self.EIy * count, self.EIz * count,
-            self.GAy * count, self.GAz * count,
+            self.GAy * count, self.GAz * count, self.mass * count,
         )  # fmt: skip
 
     def compliance_at_middle(self, length: float) -> Array:
@@ -88,10 +90,16 @@ class Section:
 
 @dataclass(frozen=True)
 class RigidOffset:
-    """A rigid piece: a constant transform ``(4, 4)``, mm."""
+    """A rigid piece.
+
+    Attributes:
+        transform: constant ``(4, 4)``, mm.
+        mass: kg, its centre half-way along the transform's shift.
+    """
 
     name: str
     transform: Array = field(default_factory=lambda: np.eye(4))
+    mass: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -110,14 +118,16 @@ class Actuator:
 
 @dataclass(frozen=True)
 class PassiveJoint:
-    """A perfect revolute joint: no friction, no play.
+    """A perfect joint: no friction, no play.
 
     Attributes:
         axis: unit vector ``(3,)`` in the chain frame.
+        slides: along the axis; else it turns about it.
     """
 
     name: str
     axis: Array
+    slides: bool = False
 
 
 @dataclass(frozen=True)
@@ -168,6 +178,11 @@ class Beam:
         if self.section is None:
             raise ValueError(f"part '{self.name}' has no section: it cannot be split or meshed")
         return self.section.times(self.count)
+
+    @property
+    def mass(self) -> float:
+        """Of all members, kg; zero where the section is not known."""
+        return 0.0 if self.section is None else self.section.mass * self.count * self.length
 
     def beam_compliance(self) -> Array:
         """Compliance ``(6, 6)`` of all members at the tip, own axes, from the section by beam theory."""

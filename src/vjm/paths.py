@@ -18,6 +18,8 @@ class EventKind(StrEnum):
     """The smallest stability eigenvalue passes zero."""
     LIMIT = "limit"
     """The force has a maximum."""
+    FOLD = "fold"
+    """The ramp of a displacement turns back: beyond it no equilibrium is near, and an imposed one snaps."""
     BEND_OVER = "bend-over"
     """Neither, but the tangent stiffness falls through half of its unloaded value."""
 
@@ -27,11 +29,13 @@ class Equilibrium:
     """One converged state, whoever solved it.
 
     Attributes:
-        s: path parameter: magnitude of the driven displacement, mm or rad.
+        s: path parameter: the ramp, a point's displacement, or the arc's length, as the programme says.
         displacement: ``(6,)`` of the end-effector from its unloaded pose, mm, rad, world axes.
         wrench: ``(6,)`` that the chain needs at the end-effector, N, N mm, world axes.
-        tangent: derivative of the driven force by the path parameter, the rest of the pose held.
-        stiffness: the whole ``(6, 6)`` loaded stiffness K^F, where computed.
+        tangent: derivative of the driven force by the ramp, the rest of the pose held; of a load factor by the
+            displacement on which the ramped loads work.
+        stiffness: the whole ``(6, 6)`` loaded stiffness K^F, where computed; of the hand, where components of the
+            pose are free.
         eigenvalue: smallest eigenvalue of the tangent on the constraints' null space, in the engine's own
             units; nan where not computed.
         unstable: number of negative eigenvalues, −1 where not computed.
@@ -39,6 +43,7 @@ class Equilibrium:
         residual: relative, in the engine's own scaling.
         shape: positions ``(k, 3)`` of the stations, mm, world.
         state: the engine's own coordinates ``(n,)``.
+        ramp: the driven displacement's magnitude or the load factor; the path parameter itself where not given.
     """
 
     s: float
@@ -52,6 +57,11 @@ class Equilibrium:
     shape: Array
     state: Array
     stiffness: Array | None = None
+    ramp: float = float("nan")
+
+    def __post_init__(self) -> None:
+        if np.isnan(self.ramp):
+            object.__setattr__(self, "ramp", self.s)
 
 
 @dataclass(frozen=True)
@@ -87,9 +97,14 @@ class StationLabel:
     fraction: float
 
 
+def driven_force(programme: Programme, point: Equilibrium) -> float:
+    """The wrench along the ramp, positive where the chain resists it; the load factor where loads are driven."""
+    return point.ramp if programme.load_driven else float(programme.direction @ point.wrench)
+
+
 @dataclass(frozen=True)
 class Path:
-    """The stable equilibria that a chain passes through.
+    """The equilibria that a chain passes through: stable ones, and where the arc is followed unstable ones too.
 
     Attributes:
         engine: label of the engine.
@@ -116,14 +131,18 @@ class Path:
 
     @property
     def s(self) -> Array:
-        """Path parameter of every point ``(n,)``, mm or rad."""
+        """Path parameter of every point ``(n,)``."""
         return np.array([p.s for p in self.points])
 
     @property
     def force(self) -> Array:
-        """Driven force ``(n,)``: the wrench along the ramp, positive where the chain resists it."""
-        result: Array = self.wrench @ self.programme.direction
-        return result
+        """Driven force ``(n,)``, see `driven_force`."""
+        return np.array([driven_force(self.programme, p) for p in self.points])
+
+    @property
+    def ramp(self) -> Array:
+        """Driven displacement's magnitude or load factor of every point ``(n,)``."""
+        return np.array([p.ramp for p in self.points])
 
     @property
     def tangent(self) -> Array:

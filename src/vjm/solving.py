@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from vjm.arrays import Arrays, Floats, Ints, Work, model_of, work_of
 from vjm.compilation import entry, kernel
 from vjm.condensation import factor, substitute
 from vjm.factors import bunch_parlett_solve, jacobi
-from vjm.kernels import Arrays, Floats, Ints, Work, forward, missing, model_of, turn_about, work_of
+from vjm.kernels import forward, hang, missing, turn_about
 
 CONVERGED, DIVERGED, SINGULAR, UNSTABLE = 0, 1, 2, 3
 """How an iteration or a march ends."""
@@ -43,7 +44,7 @@ def newton(
     """Equilibrium with the end-effector at a frame, from ``x`` (n,) and ``force`` (6,), both overwritten.
 
     Args:
-        integers: see `vjm.kernels.Buffers`.
+        integers: see `vjm.arrays.Buffers`.
         numbers: likewise.
         work_integers: likewise.
         work_numbers: likewise.
@@ -72,6 +73,8 @@ def newton(
         for i in range(6):
             error = max(error, abs(work.gap[i]))
             heavy = max(heavy, abs(force[i]))
+            for k in range(len(work.acting)):
+                heavy = max(heavy, abs(work.acting[k, i]))
         error /= heavy
         if error < tolerance and negative >= 0:
             return CONVERGED, iteration, error, negative
@@ -92,6 +95,25 @@ def respond(
     """`vjm.condensation.substitute` with the present factors."""
     model = model_of(integers, numbers)
     substitute(model, work_of(integers, work_integers, work_numbers), load, gap)
+
+
+@entry
+def place(integers: Ints, numbers: Floats, work_integers: Ints, work_numbers: Floats, x: Floats) -> None:
+    """Kinematics at ``x`` (n,): where the loads act, and how."""
+    forward(model_of(integers, numbers), x, work_of(integers, work_integers, work_numbers))
+
+
+@entry
+def pull(
+    integers: Ints, numbers: Floats, work_integers: Ints, work_numbers: Floats, wrenches: Floats, out: Floats
+) -> None:
+    """Generalised forces ``out`` (n,) of ``wrenches`` (l, 6) on the loaded points, at the state last visited."""
+    model = model_of(integers, numbers)
+    work = work_of(integers, work_integers, work_numbers)
+    hang(model, work, wrenches)
+    out[:] = 0.0
+    for j in range(len(model.rotary)):
+        out[model.coordinate[j]] += model.factor[j] * work.hung[j, 3]
 
 
 @kernel
@@ -219,7 +241,7 @@ def march(
     """Equilibria, stiffness and stability along a grid, each predicted from up to three before it.
 
     Args:
-        integers: see `vjm.kernels.Buffers`.
+        integers: see `vjm.arrays.Buffers`.
         numbers: likewise.
         work_integers: likewise.
         work_numbers: likewise.

@@ -36,4 +36,4 @@ def loaded_stiffness(at: Configuration) -> Array:
     Raises:
         numpy.linalg.LinAlgError: the state is a critical point.
     """
-    return at.model.compiled.end_stiffness(at.x, at.wrench)
+    return at.model.compiled.end_stiffness(at.x, at.wrench, at.load)

@@ -9,16 +9,21 @@ import numpy as np
 
 from vjm.grid import walk_grid
 from vjm.io.model_file import load_chain
-from vjm.programme import Programme
-from vjm.vjm_engine import LumpedProblem, VjmEngine
+from vjm.parameters import compliance_factor
+from vjm.programme import ARC, Load, Programme
+from vjm.sensitivity import wrench_sensitivity
+from vjm.vjm_engine import VjmEngine
 
 
 def main() -> None:
     """Walk a short path of each kind."""
-    chain = load_chain("orthoglide-chain")
+    chain, engine = load_chain("orthoglide-chain"), VjmEngine(4)
     programme = Programme("A", -3.0)
-    VjmEngine(4).walk(chain, programme)
-    walk_grid(LumpedProblem(VjmEngine(4).model(chain), programme, "vjm-4"), np.linspace(0.0, 0.1, 5))
+    path = engine.walk(chain, programme)
+    wrench_sensitivity(engine, chain, path, [compliance_factor(chain, "link")])
+    walk_grid(engine.problem(chain, programme), np.linspace(0.0, 0.1, 5))
+    follower = Load((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), "link", 0.5, follower=True)
+    engine.walk(chain, Programme("A", 1.0, "load", loads=(follower,), control=ARC))
 
 
 if __name__ == "__main__":

@@ -8,9 +8,10 @@ import pytest
 
 from vjm.engine import Engine
 from vjm.following import Problem
+from vjm.lumped_problem import LumpedProblem
 from vjm.paths import EventKind, Path
 from vjm.programme import Programme
-from vjm.vjm_engine import LumpedProblem, VjmEngine
+from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn_engine import ExudynEngine
 
 ELEMENTS = 16

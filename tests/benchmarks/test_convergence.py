@@ -8,9 +8,10 @@ import pytest
 
 from vjm.equilibrium import TOLERANCE
 from vjm.io.model_file import load_chain
+from vjm.lumped_problem import LumpedProblem
 from vjm.paths import EventKind
 from vjm.programme import Programme
-from vjm.vjm_engine import LumpedProblem, VjmEngine
+from vjm.vjm_engine import VjmEngine
 
 RUNS = 11
 GRID = np.linspace(0.0, 2.0, 101)

@@ -10,8 +10,9 @@ import pytest
 
 from vjm.chain import Chain
 from vjm.grid import GridPath, walk_grid
+from vjm.lumped_problem import LumpedProblem
 from vjm.programme import Programme
-from vjm.vjm_engine import LumpedProblem, VjmEngine
+from vjm.vjm_engine import VjmEngine
 
 RUNS = 7
 GRID = np.linspace(0.0, 4.0, 4001)

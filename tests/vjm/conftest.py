@@ -125,7 +125,11 @@ def state(chain: Chain, walk) -> Callable[..., Configuration]:
         point = walk(posture, to, segments, placement=placement, **ramp).points[-1]
         model = VjmEngine(segments, placement=Placement(placement)).model(chain)
         return Configuration(
-            model, point.state[: model.size], point.state[model.size :], point.residual, point.iterations
+            model,
+            point.state[: model.size],
+            point.state[model.size : model.size + 6],
+            point.residual,
+            point.iterations,
         )
 
     return at

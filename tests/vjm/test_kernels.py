@@ -9,9 +9,10 @@ from vjm.equilibrium import TOLERANCE, Configuration
 from vjm.factors import bunch_parlett, bunch_parlett_solve
 from vjm.grid import walk_grid
 from vjm.lumped import LumpedModel
+from vjm.lumped_problem import LumpedProblem
 from vjm.parts import Placement
 from vjm.programme import Programme
-from vjm.vjm_engine import LumpedProblem, VjmEngine
+from vjm.vjm_engine import VjmEngine
 
 from . import oracle
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from vjm.paths import EventKind, Path
-from vjm.programme import COMPONENTS, Programme
+from vjm.programme import COMPONENTS, Load, PointControl, Programme
 
 
 @pytest.mark.parametrize(("bad", "said"), [
@@ -15,8 +15,17 @@ from vjm.programme import COMPONENTS, Programme
     ({"to": np.nan}, "finite displacement"),
     ({"steps": 0}, "at least one step"),
     ({"steps": -3}, "at least one step"),
-    ({"branch": 0}, "+1 or -1"),
-    ({"branch": 2}, "+1 or -1"),
+    ({"control": "time"}, "none of ramp, arc"),
+    ({"control": "arc", "steps": 3}, "not an arc"),
+    ({"imperfection": -1.0}, "zero or more"),
+    ({"free": ("w",)}, "none of x, y, z"),
+    ({"free": ("y", "y")}, "only once"),
+    ({"free": ("x",)}, "free and driven at once"),
+    ({"axis": "load"}, "needs a load"),
+    ({"loads": (Load((1, 0, 0, 0, 0, 0)),)}, "needs the axis 'load'"),
+    ({"gravity": (0.0, np.nan, 0.0)}, "three finite numbers"),
+    ({"branch": 0}, "needs the arc"),
+    ({"branch": 2}, "+1, -1 or 0"),
 ])  # fmt: skip
 def test_impossible_ramps_are_refused(bad, said):
     with pytest.raises(ValueError) as refusal:
@@ -68,3 +77,14 @@ def test_compression_counts_force_and_displacement_as_magnitudes(walk):
     assert path.critical.kind is EventKind.BIFURCATION
     assert path.critical.force > 0.0
     assert path.critical.s > 0.0
+
+
+@pytest.mark.parametrize("wrench", [(0.0,) * 6, (1.0, 0.0), (np.nan, 0, 0, 0, 0, 0)])
+def test_impossible_loads_are_refused(wrench):
+    with pytest.raises(ValueError, match="six finite numbers"):
+        Load(wrench)
+
+
+def test_a_point_needs_a_direction():
+    with pytest.raises(ValueError, match="three finite numbers"):
+        PointControl("link", 1.0, (0.0, 0.0, 0.0))

@@ -23,7 +23,7 @@ def reduced_second_variation(at):
 def configuration(model, point):
     """The configuration of a point of a path."""
     m = model.size
-    return Configuration(model, point.state[:m], point.state[m:], point.residual, point.iterations)
+    return Configuration(model, point.state[:m], point.state[m : m + 6], point.residual, point.iterations)
 
 
 STATES = [("A", 0.6, None), ("A", 2.0, None), ("B", 4.0, None), ("C", 0.3, None), ("D", 3.0, None),

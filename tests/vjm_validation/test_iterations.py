@@ -7,9 +7,10 @@ import pytest
 
 from vjm import equilibrium
 from vjm.equilibrium import NoConvergenceError, residual, scaled_norm, solve_newton, solve_paper
+from vjm.lumped_problem import LumpedProblem
 from vjm.programme import Programme
 from vjm.rotations import displacement_between
-from vjm.vjm_engine import LumpedProblem, VjmEngine
+from vjm.vjm_engine import VjmEngine
 from vjm_validation import iterations
 from vjm_validation.iterations import (
     LIMIT,
@@ -89,7 +90,7 @@ def test_counts_are_those_of_the_solvers(study, walked, monkeypatch):
         if point.s == pytest.approx(study.d_cr, rel=1e-3):
             continue
         start, wanted = neighbours(walked, point.s)
-        x, wrench = start.state[: model.size], start.state[model.size :]
+        x, wrench = start.state[: model.size], start.state[model.size : model.size + 6]
         frame = target(wanted.s)
         for tolerance, paper, newton in (
             (1e-11, point.paper, point.newton),
@@ -127,7 +128,7 @@ def test_a_disturbed_start_fades_at_the_rate_of_the_contraction(walked):
     model, _, target = walked
     _, wanted = neighbours(walked, 0.4)
     frame = target(wanted.s)
-    x, wrench = wanted.state[: model.size], wanted.state[model.size :]
+    x, wrench = wanted.state[: model.size], wanted.state[model.size : model.size + 6]
     rate = contraction(model, frame, (x, wrench))
     noise = 1e-3 * model.coordinate_scale * np.random.default_rng(1).standard_normal(model.size)
     history, (end, _) = residual_history(paper_step, model, frame, (x + noise, wrench))
@@ -147,7 +148,7 @@ def test_disturbed_counts_come_from_one_and_the_same_noise(chain, study, monkeyp
 def test_the_limit_and_lost_iterations_are_failures(walked):
     model, _, target = walked
     start, wanted = neighbours(walked, 1.0)
-    state = start.state[: model.size], start.state[model.size :]
+    state = start.state[: model.size], start.state[model.size : model.size + 6]
     history, _ = residual_history(paper_step, model, target(wanted.s), state, limit=3)
     assert len(history) == 3
     assert count(history, equilibrium.TOLERANCE) is None

@@ -13,10 +13,11 @@ import numpy as np
 from vjm.chain import Chain
 from vjm.equilibrium import TOLERANCE, newton_matrix, newton_scale, residual, scaled_norm
 from vjm.lumped import Kinematics, LumpedModel
+from vjm.lumped_problem import LumpedProblem
 from vjm.paths import Equilibrium, EventKind, Path
 from vjm.programme import Programme
 from vjm.rotations import Array
-from vjm.vjm_engine import LumpedProblem, VjmEngine
+from vjm.vjm_engine import VjmEngine
 from vjm_validation.run import Direction, IterationPoint, IterationStudy
 from vjm_validation.sweeps import ramp_end
 
@@ -172,7 +173,7 @@ def _point(
     noise: Array,
 ) -> IterationPoint:
     m, unit = model.size, model.coordinate_scale
-    near, found = ((p.state[:m], p.state[m:]) for p in (start, wanted))
+    near, found = ((p.state[:m], p.state[m : m + 6]) for p in (start, wanted))
     shaken = (near[0] + noise, near[1])
     counts: list[int | None] = []
     for step, state in ((paper_step, near), (paper_step, shaken), (newton_step, near)):

@@ -11,11 +11,12 @@ from vjm.chain import Chain
 from vjm.equilibrium import Configuration, NoConvergenceError, solve_under_wrench
 from vjm.following import follow
 from vjm.lumped import LumpedModel
+from vjm.lumped_problem import LumpedProblem
 from vjm.programme import Programme
 from vjm.rotations import Array, displacement_between
 from vjm.stability import Stability, free_stability, stability
 from vjm.stiffness import loaded_stiffness, unloaded_stiffness
-from vjm.vjm_engine import LumpedProblem, VjmEngine
+from vjm.vjm_engine import VjmEngine
 from vjm_validation.documents import StiffnessDocument
 
 

@@ -8,9 +8,10 @@ from pydantic import BaseModel, ConfigDict
 
 from vjm.chain import Chain
 from vjm.following import StepControl, follow
+from vjm.lumped_problem import LumpedProblem
 from vjm.paths import Equilibrium, EventKind
 from vjm.programme import Programme
-from vjm.vjm_engine import LumpedProblem, VjmEngine
+from vjm.vjm_engine import VjmEngine
 
 
 @dataclass(frozen=True)

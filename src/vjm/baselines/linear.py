@@ -11,7 +11,7 @@ import numpy as np
 from vjm.chain import Chain
 from vjm.lumped import LumpedModel
 from vjm.paths import Equilibrium, Path
-from vjm.programme import Programme
+from vjm.programme import Programme, refuse_unless_pose_only
 from vjm.rotations import Array
 from vjm.stiffness import unloaded_stiffness
 
@@ -55,6 +55,7 @@ class LinearEngine:
 
     def walk(self, chain: Chain, programme: Programme, progress: Callable[[float], None] | None = None) -> Path:
         """Straight line through the unloaded state; it knows no critical points."""
+        refuse_unless_pose_only(self.label, programme)
         started = time.perf_counter()
         K = unloaded_stiffness(LumpedModel(chain), chain.posture(programme.posture))
         return straight_path(self.label, chain, programme, K, time.perf_counter() - started)

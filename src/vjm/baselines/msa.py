@@ -15,7 +15,7 @@ from vjm.baselines.linear import straight_path
 from vjm.chain import FOOT, Chain
 from vjm.parts import Actuator, Beam, PassiveJoint, RigidOffset, Section
 from vjm.paths import Path
-from vjm.programme import Programme
+from vjm.programme import Programme, refuse_unless_pose_only
 from vjm.rotations import Array, frame, rotate_matrix6, skew, translation, turn
 
 
@@ -161,6 +161,7 @@ class MsaEngine:
 
     def walk(self, chain: Chain, programme: Programme, progress: Callable[[float], None] | None = None) -> Path:
         """Straight line with the stiffness of `msa_stiffness`."""
+        refuse_unless_pose_only(self.label, programme)
         started = time.perf_counter()
         K = msa_stiffness(chain, chain.posture(programme.posture))
         return straight_path(self.label, chain, programme, K, time.perf_counter() - started)

@@ -23,7 +23,7 @@ from vjm.chain import Chain
 from vjm.equilibrium import Configuration, NoConvergenceError
 from vjm.lumped import LumpedModel
 from vjm.paths import Equilibrium, Event, EventKind, Path
-from vjm.programme import Programme
+from vjm.programme import Programme, refuse_unless_pose_only
 from vjm.rotations import Array
 from vjm.stability import stability
 from vjm.stiffness import loaded_stiffness
@@ -45,6 +45,7 @@ class UnloadedJacobianEngine:
         Raises:
             NoConvergenceError: the integration failed.
         """
+        refuse_unless_pose_only(self.label, programme)
         started = time.perf_counter()
         model = LumpedModel(chain)
         x0 = model.configuration(chain.posture(programme.posture))

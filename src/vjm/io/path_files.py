@@ -14,6 +14,7 @@ import numpy as np
 
 from vjm import __version__
 from vjm.io.files import write_whole
+from vjm.io.programmes import from_plain, from_words, plain, words
 from vjm.paths import Equilibrium, Event, EventKind, Path, StationLabel
 from vjm.programme import Programme
 
@@ -24,7 +25,10 @@ WRENCH_COLUMNS = ("fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm")
 COLUMNS = (
     "step", *DISPLACEMENT_COLUMNS, *WRENCH_COLUMNS, "k_N_per_mm", "unstable_modes", "lambda_min_rel", "iterations",
 )  # fmt: skip
-"""Columns of a curve file. The stiffness is in N mm/rad where a rotation is driven."""
+"""Columns of a curve file. The stiffness is in N mm/rad where a rotation is driven, and per unit of the load factor
+where loads are."""
+LOAD_FACTOR = "load_factor"
+"""One column more, where loads are driven."""
 
 
 def curve_csv(path: Path) -> str:
@@ -34,20 +38,20 @@ def curve_csv(path: Path) -> str:
         "engine": path.engine,
         "version": __version__,
         "model_sha256": path.model_sha256,
-        **{k: v for k, v in asdict(path.programme).items() if v is not None},
+        **words(path.programme),
     }
-    if not isinstance(path.programme.axis, str):
-        head["axis"] = ",".join(f"{v:.12g}" for v in path.programme.axis)
+    columns = (*COLUMNS, LOAD_FACTOR) if path.programme.load_driven else COLUMNS
     out = io.StringIO()
     out.write("# " + " ".join(f"{key}={value}" for key, value in head.items()) + "\n")
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    writer.writerow(columns)
     relative = path.eigenvalue_relative
     for step, p in enumerate(path.points):
         row: list[str | int] = [step]
         row += [f"{v:.12g}" for v in (*p.displacement, *p.wrench, p.tangent)]
         row += ["" if p.unstable < 0 else p.unstable]
         row += ["" if np.isnan(relative[step]) else f"{relative[step]:.9g}", p.iterations]
+        row += [f"{p.ramp:.12g}"] if path.programme.load_driven else []
         writer.writerow(row)
     return out.getvalue()
 
@@ -72,13 +76,7 @@ def read_curve(file: FilePath) -> Path:
     if missing:
         raise ValueError(f"{file}: no curve file: missing column {missing[0]}")
     try:
-        programme = Programme(
-            posture=head["posture"],
-            to=float(head["to"]),
-            axis=tuple(float(v) for v in head["axis"].split(",")) if "," in head["axis"] else head["axis"],
-            steps=int(head["steps"]) if "steps" in head else None,
-            branch=int(head["branch"]),
-        )
+        programme = from_words(head)
         points = tuple(_point(row, programme) for row in rows)
         return Path(head["engine"], head["model"], programme, points, model_sha256=head["model_sha256"])
     except (KeyError, TypeError, ValueError) as error:
@@ -88,8 +86,9 @@ def read_curve(file: FilePath) -> Path:
 def _point(row: dict[str, str], programme: Programme) -> Equilibrium:
     displacement = np.array([float(row[c]) for c in DISPLACEMENT_COLUMNS])
     along = programme.direction
+    ramp = float(row[LOAD_FACTOR]) if programme.load_driven else float(displacement @ along / (along @ along))
     return Equilibrium(
-        s=float(displacement @ along / (along @ along)),
+        s=ramp,
         displacement=displacement,
         wrench=np.array([float(row[c]) for c in WRENCH_COLUMNS]),
         tangent=float(row["k_N_per_mm"]),
@@ -117,7 +116,7 @@ def save_path(path: Path, file: FilePath) -> None:
         "engine": path.engine,
         "model": path.model,
         "model_sha256": path.model_sha256,
-        "programme": asdict(path.programme),
+        "programme": plain(path.programme),
         "points": len(path.points),
         "events": [
             {f.name: getattr(e, f.name) for f in fields(e) if f.name != "point"}
@@ -164,7 +163,7 @@ def load_path(file: FilePath) -> Path:
             for has_point in [e.pop("has_point")]
         ]
         return Path(
-            meta["engine"], meta["model"], Programme(**meta["programme"]), tuple(everything[:n]), tuple(events),
+            meta["engine"], meta["model"], from_plain(meta["programme"]), tuple(everything[:n]), tuple(events),
             tuple(StationLabel(**s) for s in meta["stations"]), meta["stopped"], meta["seconds"],
             meta["model_sha256"],
         )  # fmt: skip

@@ -1,0 +1,135 @@
+"""How the end-effector is held: hinges and slides between it and a hand whose pose is imposed.
+
+A component of the pose that is free has a perfect joint there, in the order: the end-effector, turned into the
+world's axes; hinges through its reference point; slides; the hand. So whatever is free is one more passive joint,
+and equation (18), stability and the following of paths need not know of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.chain import Chain
+from vjm.lumped import LumpedModel
+from vjm.parts import PassiveJoint, RigidOffset
+from vjm.programme import COMPONENTS, Programme
+from vjm.rotations import AXES, Array, displacement_between, frame, inverse_frame, translation, turn
+
+DEPENDENT = 1e-9
+"""Singular value of the joints' Jacobian, over the largest, below which their motions depend on one another."""
+STILL = 1e-9
+"""Motion of the chain's points, over its length and per unit of a joint's motion, that is none."""
+
+
+@dataclass(frozen=True)
+class Hand:
+    """What lies between the end-effector and the hand.
+
+    Attributes:
+        model: the chain with the hand's joints at its end.
+        tool: pose ``(4, 4)`` of the end-effector in the unloaded posture.
+        joints: the hand's joints, from the end-effector.
+    """
+
+    model: LumpedModel
+    tool: Array
+    joints: tuple[PassiveJoint, ...]
+
+    def tool_pose(self, hand: Array, x: Array) -> Array:
+        """Pose ``(4, 4)`` of the end-effector with the hand at a frame ``(4, 4)`` and coordinates ``x`` (n,)."""
+        if not self.joints:
+            return hand
+        T = frame(self.tool[:3, :3].T)
+        for joint, value in zip(self.joints, x[-len(self.joints) :], strict=True):
+            T = T @ (translation(joint.axis * value) if joint.slides else turn(joint.axis, value))
+        return hand @ inverse_frame(T)
+
+    def displacement(self, hand: Array, x: Array) -> Array:
+        """Displacement ``(6,)`` of the end-effector from its unloaded pose."""
+        there = self.tool_pose(hand, x)
+        try:
+            return displacement_between(self.tool, there)
+        except ValueError:
+            # half a turn, about one of two opposite axes: R + 1 = 2 a aᵀ
+            dyad = there[:3, :3] @ self.tool[:3, :3].T + np.eye(3)
+            axis = dyad[:, np.argmax(np.diag(dyad))]
+            return np.concatenate([there[:3, 3] - self.tool[:3, 3], np.pi * axis / np.linalg.norm(axis)])
+
+    def wrench(self, hand: Array, x: Array, wrench: Array) -> Array:
+        """The hand's wrench ``(6,)`` about the end-effector's reference point."""
+        if not self.joints:
+            return wrench
+        lever = hand[:3, 3] - self.tool_pose(hand, x)[:3, 3]
+        return np.concatenate([wrench[:3], wrench[3:] + np.cross(lever, wrench[:3])])
+
+
+def held(model: LumpedModel, programme: Programme) -> Hand:
+    """The model with the joints of what the programme leaves free.
+
+    Hinges that the chain's own last joints make superfluous (a tool that turns about its own joint) are left out.
+
+    Raises:
+        ValueError: what is free makes the chain a mechanism: it moves without straining a spring.
+    """
+    chain = model.chain
+    q = chain.posture(programme.posture)
+    tool = model.kinematics(model.configuration(q)).end
+    free = _in_order(programme)
+    while free:
+        joints = tuple(PassiveJoint(f"hand-{name}", AXES[name[-1]], slides=len(name) == 1) for name in free)
+        there = LumpedModel(_extended(chain, programme.posture, tool, joints))
+        loose = _loose(there, len(joints), np.concatenate([q, np.zeros(len(joints))]))
+        if loose is None:
+            return Hand(there, tool, joints)
+        hinge = next((name for name in free if len(name) == 2 and abs(loose[free.index(name)]) > DEPENDENT), None)
+        if hinge is None:
+            raise ValueError(
+                f"{chain.name}, posture {programme.posture}: with {', '.join(programme.free)} free the chain is a "
+                f"mechanism: it moves without straining a spring; hold one of them"
+            )
+        free.remove(hinge)
+    return Hand(model, tool, ())
+
+
+def _in_order(programme: Programme) -> list[str]:
+    """The free components: hinges first. Of three hinges the one along the ramp is in the middle.
+
+    Three hinges lock where the middle one turns by a right angle, and a chain twists less than it bends.
+    """
+    turns: list[str] = [name for name in ("ry", "rx", "rz") if name in programme.free]
+    if len(turns) == 3 and isinstance(programme.axis, str) and programme.axis in COMPONENTS:
+        middle = "r" + programme.axis[-1]
+        turns.remove(middle)
+        turns.insert(1, middle)
+    return turns + [name for name in "xyz" if name in programme.free]
+
+
+def _extended(chain: Chain, posture: str, tool: Array, joints: Sequence[PassiveJoint]) -> Chain:
+    axes = RigidOffset("hand-axes", frame(tool[:3, :3].T))
+    q = np.concatenate([chain.posture(posture), np.zeros(len(joints))])
+    return replace(chain, parts=(*chain.parts, axes, *joints), postures={posture: q})
+
+
+def _loose(model: LumpedModel, joints: int, q: Array) -> Array | None:
+    """A motion ``(joints,)`` of the hand's joints that strains no spring, the hand held; None where there is none.
+
+    It is zero where such a motion moves the chain's points: no hinge is to blame for a mechanism.
+    """
+    k = model.kinematics(model.configuration(q))
+    own = model.passive
+    length = model.chain.characteristic_length
+    J = k.jacobian[:, own] * model.coordinate_scale[own] / np.repeat([length, 1.0], 3)[:, None]
+    _, values, V = np.linalg.svd(J)
+    rank = int(np.count_nonzero(values > DEPENDENT * values[0]))
+    if rank == len(own):
+        return None
+    for motion in V[rank:]:
+        velocity = np.zeros(model.size)
+        velocity[own] = motion * model.coordinate_scale[own]
+        if np.abs(model.shape_rate(k, velocity)).max() > STILL * length:
+            return np.zeros(joints)
+    loose: Array = V[rank][-joints:]
+    return loose
