@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from vjm.chain import Chain
+from vjm.equilibrium import newton_matrix, newton_scale
+from vjm.lumped_problem import LumpedProblem
 from vjm.parameters import (
     Parameter,
     actuator_compliance,
@@ -21,8 +23,10 @@ from vjm.parts import RigidOffset
 from vjm.paths import EventKind
 from vjm.programme import Programme
 from vjm.rotations import frame, turn
-from vjm.sensitivity import critical_sensitivity, wrench_sensitivity
-from vjm.vjm_engine import LumpedProblem, VjmEngine
+from vjm.sensitivity import Sensitivity, critical_sensitivity, wrench_sensitivity
+from vjm.tangent import Mode, State
+from vjm.variation import links_of, place
+from vjm.vjm_engine import VjmEngine
 
 SPRINGS = ("EA", "GJ", "EIy", "EIz")
 
@@ -126,6 +130,53 @@ def test_unloaded_chain_feels_nothing(soft, walked):
     found = wrench_sensitivity(engine, soft, path, one_of_each(soft, "B", None))[0]
     # rounding of a pose of 400 mm over a step of 1e-5, times stiffnesses of 1e6 N mm
     assert np.abs(found / engine.model(soft).wrench_scale[:, None]).max() < 1e-8
+
+
+# --- the tangent ----------------------------------------------------------------------------------
+
+
+def state_of(engine, chain, path, point) -> State:
+    problem = LumpedProblem(engine.model(chain), path.programme, "")
+    at, links = problem.configuration(point), links_of(problem.model)
+    return State(at, point.s, links, place(links, at.x))
+
+
+@pytest.mark.parametrize("transposed", [False, True])
+def test_tangent_of_the_blocks_is_the_dense_one(soft, walked, transposed):
+    """Under a moment, which makes it unsymmetric."""
+    engine, path = walked("B", -10.0, 4, 4)
+    state = state_of(engine, soft, path, path.points[-1])
+    model, scale = state.at.model, newton_scale(state.at.model)
+    dense = newton_matrix(model, state.at.kinematics, state.at.wrench)
+    assert np.abs(dense - dense.T).max() > 1e-3
+    right = np.random.default_rng(1).standard_normal((4, model.size + 6))
+    found = state.solve(right / scale, transposed=transposed) / scale
+    expected = np.linalg.solve(dense.T if transposed else dense, right.T).T
+    assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+def test_at_a_bifurcation_the_tangent_without_its_mode_is_the_dense_one(soft, walked):
+    engine, path = walked("A", -2.9, 4, 6)
+    state = state_of(engine, soft, path, path.events[0].point)
+    scale = newton_scale(state.at.model)
+    U, values, Vt = np.linalg.svd(newton_matrix(state.at.model, state.at.kinematics, state.at.wrench))
+    mode = Mode(state)
+    assert not mode.twofold
+    for vector in (U[:, -1], Vt[-1]):
+        assert abs(mode.vector / scale @ vector) == pytest.approx(1.0, abs=1e-9)
+    right = np.random.default_rng(1).standard_normal((4, len(scale)))
+    found = mode.solve(right / scale) / scale
+    expected = (Vt[:-1].T @ ((U[:, :-1].T @ right.T) / values[:-1, None])).T
+    assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
+
+
+def test_neighbours_serve_every_path_of_a_chain(soft, walked):
+    parameters = [compliance_factor(soft, "link"), joint_angle(soft, "A", "q1"), beam_length(soft, "link")]
+    engine, _ = walked("A", -4.0, 4, 5)
+    once = Sensitivity(engine, soft, parameters)
+    for posture, to, steps in (("A", -4.0, 5), ("B", -10.0, 4)):
+        _, path = walked(posture, to, 4, steps)
+        assert np.array_equal(once.wrench(path), wrench_sensitivity(engine, soft, path, parameters))
 
 
 # --- critical points ------------------------------------------------------------------------------
@@ -295,6 +346,10 @@ def test_path_of_another_engine_and_new_coordinates_are_refused(soft, chain, wal
     with pytest.raises(ValueError) as refusal:
         critical_sensitivity(engine, soft, bare, [factor])
     assert "no state" in str(refusal.value)
+    free = replace(path, programme=replace(path.programme, free=("rx",)))
+    with pytest.raises(ValueError) as refusal:
+        wrench_sensitivity(engine, soft, free, [factor])
+    assert "whole imposed pose only" in str(refusal.value)
 
 
 # --- cost -----------------------------------------------------------------------------------------
