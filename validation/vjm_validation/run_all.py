@@ -5,8 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path as FilePath
 
+from vjm.batch import map_all
 from vjm.chain import Chain
 from vjm.io.files import check_writable, write_whole
 from vjm.io.model_file import load_chain
@@ -18,7 +20,7 @@ from vjm_validation.lumping import SPRINGS, lumping_study
 from vjm_validation.rounding import reach
 from vjm_validation.run import Direction, IterationStudy, Key, LumpingStudy, Run
 from vjm_validation.summary import Summary, as_json, summarise
-from vjm_validation.sweeps import ENGINES, PathStore, chain_tasks, run_sweep, worker_pool
+from vjm_validation.sweeps import ENGINES, PathStore, chain_tasks, run_sweep
 from vjm_validation.table2 import TABLE_II, PublishedFigure, published_figures
 from vjm_validation.verification import VerificationRow, column_rows, foot_rows
 
@@ -156,25 +158,16 @@ def _iterations(
     chain: Chain, postures: Sequence[str], options: Options, progress: Progress
 ) -> tuple[IterationStudy, ...]:
     progress("iterations", 0, len(postures))
-    studies = []
-    with worker_pool(options.jobs) as pool:
-        for future in [pool.submit(iteration_study, chain, posture) for posture in postures]:
-            studies.append(future.result())
-            progress("iterations", len(studies), len(postures))
-    return tuple(studies)
+    study = partial(iteration_study, chain)
+    return tuple(map_all(study, postures, options.jobs, partial(progress, "iterations")))
 
 
 def _table2(chain: Chain, options: Options, progress: Progress) -> list[PublishedFigure]:
     if options.quick:
         return published_figures(chain)
     progress("rounding", 0, len(TABLE_II))
-    intervals = {}
-    with worker_pool(options.jobs) as pool:
-        waiting = {posture: pool.submit(reach, chain, posture) for posture in TABLE_II}
-        for posture, future in waiting.items():
-            intervals[posture] = future.result()
-            progress("rounding", len(intervals), len(TABLE_II))
-    return published_figures(chain, intervals)
+    intervals = map_all(partial(reach, chain), list(TABLE_II), options.jobs, partial(progress, "rounding"))
+    return published_figures(chain, dict(zip(TABLE_II, intervals, strict=True)))
 
 
 def _verification_rows(rows: Sequence[VerificationRow]) -> list[AcceptanceRow]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
+from vjm import batch
 from vjm.chain import Chain
+from vjm.equilibrium import NoConvergenceError
 from vjm.io.path_files import load_path, save_path, write_curve
 from vjm.paths import Path
 from vjm.programme import Programme
@@ -43,9 +42,10 @@ class Task:
     chain: Chain
     programme: Programme
 
-    def run(self) -> Path:
-        """Walk the path."""
-        return engine_by_name(self.key.engine).walk(self.chain, self.programme)
+    @property
+    def walk(self) -> batch.Task:
+        """The walk itself."""
+        return batch.Task(engine_by_name(self.key.engine), self.chain, self.programme)
 
 
 def chain_tasks(
@@ -112,20 +112,6 @@ class PathStore:
         write_curve(path, self.curve(key))
 
 
-@contextmanager
-def worker_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that end at once when the block is left by an exception or an interrupt."""
-    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"))
-    try:
-        yield pool
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
-        raise
-    pool.shutdown()
-
-
 def run_sweep(
     tasks: Sequence[Task],
     store: PathStore,
@@ -141,34 +127,38 @@ def run_sweep(
         store: where they are kept.
         jobs: processes.
         done: called for every path, found or finished.
+
+    Raises:
+        NoConvergenceError: a path has no beginning; all others are in the store then.
+        ValueError: likewise, where an engine lacks something in a chain.
     """
     paths: dict[Key, Path] = {}
+    failures: list[tuple[Key, batch.Failure]] = []
 
     def finish(key: Key, path: Path) -> None:
         paths[key] = path
         if done is not None:
             done(key, path)
 
-    missing = []
+    missing: list[Task] = []
     for task in tasks:
         found = store.find(task)
         if found is None:
             missing.append(task)
         else:
             finish(task.key, found)
-    if jobs <= 1:
-        for task in missing:
-            path = task.run()
-            store.keep(task.key, path)
-            finish(task.key, path)
-    elif missing:
-        with worker_pool(jobs) as pool:
-            waiting: dict[Future[Path], Task] = {pool.submit(task.run): task for task in missing}
-            while waiting:
-                ready, _ = wait(waiting, return_when=FIRST_COMPLETED)
-                for future in ready:
-                    task = waiting.pop(future)
-                    path = future.result()
-                    store.keep(task.key, path)
-                    finish(task.key, path)
+
+    def keep(index: int, result: Path | batch.Failure) -> None:
+        key = missing[index].key
+        if isinstance(result, batch.Failure):
+            failures.append((key, result))
+        else:
+            store.keep(key, result)
+            finish(key, result)
+
+    batch.walk_all([task.walk for task in missing], jobs, done=keep)
+    if failures:
+        said = "; ".join(f"{key.stem}: {failure.message}" for key, failure in failures)
+        gave_up = all(failure.kind == NoConvergenceError.__name__ for _, failure in failures)
+        raise NoConvergenceError(said) if gave_up else ValueError(said)
     return {task.key: paths[task.key] for task in tasks}
