@@ -1,0 +1,281 @@
+"""Critical loads: against the nonlinear rod linearised numerically, print and characteristic equations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from scipy.special import airy
+
+from vjm_validation.exact.beam_column import Column, stiffness, transfer
+from vjm_validation.exact.columns import (
+    CLAMPED,
+    FREE,
+    GUIDED,
+    PINNED,
+    LateralSpring,
+    Support,
+    critical_load,
+    critical_shortening,
+    equal_springs,
+    on_winkler_foundation,
+    partially_following,
+    under_own_weight,
+)
+from vjm_validation.exact.rod import slope
+
+RIGID = Column(1.0, 1.0)
+SOFT = Column(1.0, 1.0, EA=400.0, GA=150.0)
+EXTENSIBLE = Column(1.0, 1.0, EA=400.0)
+COLUMNS = [RIGID, SOFT, EXTENSIBLE]
+
+
+def numerical_transfer(column, load, length):
+    """Derivative of the *nonlinear* rod's end by its start, by complex steps about the straight state.
+
+    Nothing of the linearisation in `beam_column` enters. The step's imaginary part is beyond the reach of the error
+    control, hence the short largest step of a method of the eighth order.
+    """
+    tiny = 1e-30
+    columns = []
+    for start in np.eye(4):
+        w, theta, V, M = 1j * tiny * start
+        end = solve_ivp(
+            lambda _, y, V=V: slope(y, (-load, V), 1.0 / column.EA, 1.0 / column.GA),
+            (0.0, length),
+            np.array([0.0, w, theta, M], dtype=complex),
+            method="DOP853",
+            rtol=1e-12,
+            max_step=0.02,
+        ).y[:, -1]
+        columns.append([end[1].imag / tiny, end[2].imag / tiny, start[2], end[3].imag / tiny])
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+@pytest.mark.parametrize("load", [0.05, 9.0, 45.0])
+def test_transfer_is_the_linearised_rod(column, load):
+    expected = numerical_transfer(column, load, 0.8)
+    # 40 steps of 0.02 with (0.02 k)⁸ each
+    assert transfer(column, load, 0.8) == pytest.approx(expected, abs=1e-10)
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_stiffness_is_symmetric_and_composes(column):
+    load = 12.0
+    K = stiffness(column, load, 1.0)
+    assert pytest.approx(K.T, abs=1e-11) == K
+    assert transfer(column, load, 0.7) @ transfer(column, load, 0.3) == pytest.approx(
+        transfer(column, load, 1.0), abs=1e-13
+    )
+
+
+def test_unloaded_stiffness_is_timoshenkos_beam():
+    EI, GA, L = 3.0, 40.0, 2.0
+    phi = 12.0 * EI / (GA * L**2)
+    K = stiffness(Column(9.0, EI, GA=GA), 0.0, L)
+    assert K[0, 0] == pytest.approx(12.0 * EI / L**3 / (1.0 + phi), rel=1e-13)
+    assert K[1, 1] == pytest.approx((4.0 + phi) / (1.0 + phi) * EI / L, rel=1e-13)
+    assert K[1, 3] == pytest.approx((2.0 - phi) / (1.0 + phi) * EI / L, rel=1e-13)
+
+
+def determinant(column, load, base, end):
+    """Of the end conditions, with the numerically linearised rod; zero at a critical load. Rigid or free ends."""
+    T = numerical_transfer(column, load, 1.0)
+    held = {PINNED: (0, 3), CLAMPED: (0, 1), FREE: (2, 3), GUIDED: (1, 2)}
+    starts = [i for i in range(4) if i not in held[base]]
+    return np.linalg.det(T[np.ix_(held[end], starts)])
+
+
+@pytest.mark.parametrize("column", [SOFT, EXTENSIBLE])
+@pytest.mark.parametrize(("base", "end"), [(PINNED, PINNED), (CLAMPED, FREE), (CLAMPED, PINNED), (CLAMPED, GUIDED)])
+def test_critical_load_is_the_root_of_the_numerical_determinant(column, base, end):
+    found = critical_load(column, base, end)
+    root = brentq(lambda P: determinant(column, P, base, end), 0.9 * found, 1.05 * found, rtol=1e-13)
+    assert found == pytest.approx(root, rel=1e-10)
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_both_clamped(column):
+    # symmetric mode: λ P = 4 π² EI/L² whatever the shear
+    found = critical_load(column, CLAMPED, CLAMPED)
+    assert found == pytest.approx(column.load(2.0 * np.pi), rel=1e-12)
+    assert (
+        determinant(column, 0.999 * found, CLAMPED, CLAMPED) * determinant(column, 1.001 * found, CLAMPED, CLAMPED)
+        < 0.0
+    )
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_characteristic_equations_of_the_docstring(column):
+    def ratio(P):
+        return (1.0 - P / column.EA) / (1.0 - P / column.EA + P / column.GA)
+
+    def wave(P):
+        return np.sqrt((1.0 - P / column.EA + P / column.GA) * P)
+
+    assert wave(critical_load(column)) == pytest.approx(np.pi, rel=1e-12)
+    assert wave(critical_load(column, CLAMPED, FREE)) == pytest.approx(0.5 * np.pi, rel=1e-12)
+    # free of poles: sin z − (μ/λ) z cos z
+    propped = critical_load(column, CLAMPED, PINNED)
+    z = wave(propped)
+    assert np.sin(z) == pytest.approx(ratio(propped) * z * np.cos(z), abs=1e-12)
+    # clamped, rigidly held in the middle: the antisymmetric mode of the column clamped at both ends
+    double = critical_load(column, CLAMPED, CLAMPED, [LateralSpring(0.5, float("inf"))])
+    z = 0.5 * wave(double)
+    assert np.sin(z) == pytest.approx(ratio(double) * z * np.cos(z), abs=1e-12)
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_rotational_springs(column):
+    # one spring c at the base of a pinned column
+    c = 1.7
+    P = critical_load(column, Support(rotational=c), PINNED)
+    T = numerical_transfer(column, P, 1.0)
+    start = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [c, 0.0]])
+    assert np.linalg.det((T @ start)[[0, 3]]) == pytest.approx(0.0, abs=1e-10)
+    # limits; a spring of 1e9 is stiffer than the column by 1e9
+    assert critical_load(column, Support(rotational=0.0)) == pytest.approx(critical_load(column), rel=1e-13)
+    stiff = Support(rotational=1e9)
+    assert critical_load(column, stiff, stiff) == pytest.approx(critical_load(column, CLAMPED, CLAMPED), rel=1e-8)
+
+
+def test_column_on_a_base_spring_and_free():
+    # k L tan k L = c L/EI, by the same equilibrium as the clamped column's
+    c = 0.8
+    z = brentq(lambda z: z * np.sin(z) - c * np.cos(z), 0.1, 1.5, xtol=1e-15)
+    assert critical_load(RIGID, Support(rotational=c), FREE) == pytest.approx(z**2, rel=1e-12)
+    # a weak spring: the column is as good as rigid, P L = c
+    assert critical_load(RIGID, Support(rotational=1e-6), FREE) == pytest.approx(1e-6, rel=1e-6)
+
+
+@pytest.mark.parametrize("spring", [0.5, 3.0, 9.0, 12.0])
+def test_end_lateral_spring_on_a_pinned_base(spring):
+    # either the rigid column tilts at P = k L or it bends as the pinned one at π² EI/L²
+    P = critical_load(RIGID, PINNED, Support(lateral=spring))
+    assert P == pytest.approx(min(spring, np.pi**2), rel=1e-12)
+
+
+def test_cantilever_with_an_end_lateral_spring():
+    # tan z = z − z³/κ, κ = k L³/EI by the same equilibrium
+    kappa = 5.0
+    z = brentq(lambda z: np.sin(z) - (z - z**3 / kappa) * np.cos(z), 1.6, 4.4, xtol=1e-15)
+    assert critical_load(RIGID, CLAMPED, Support(lateral=kappa)) == pytest.approx(z**2, rel=1e-12)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_equal_springs_of_full_stiffness_act_as_supports(count):
+    # threshold stiffnesses in P_cr/span, P_cr = π² EI/span²: 2 (1 + cos(π/m)), m spans (Timoshenko and Gere 1961,
+    # section 2.6: 2, 3, 3.41, 3.62). Rigid bars are the bound there, and a little above it two modes are near.
+    m = count + 1
+    load = np.pi**2 * m**2
+    threshold = 2.0 * (1.0 + np.cos(np.pi / m)) * load * m
+    assert critical_load(RIGID, springs=equal_springs(count, 1.3 * threshold)) == pytest.approx(load, rel=1e-11)
+    assert critical_load(RIGID, springs=equal_springs(count, 0.5 * threshold)) < 0.999 * load
+
+
+def test_one_spring_at_mid_span_where_two_modes_meet():
+    # the symmetric mode: 4 P/(κ) = 1 − tan(z/2)/(z/2), z = k L; it meets the antisymmetric one at κ = 16 π²
+    kappa = 50.0
+    z = brentq(lambda z: (4.0 * z**2 / kappa - 1.0) * np.cos(z / 2) + np.sin(z / 2) / (z / 2), 3.2, 6.2, xtol=1e-15)
+    assert critical_load(RIGID, springs=[LateralSpring(0.5, kappa)]) == pytest.approx(z**2, rel=1e-11)
+    both = critical_load(RIGID, springs=[LateralSpring(0.5, 16.0 * np.pi**2)])
+    assert both == pytest.approx(4.0 * np.pi**2, rel=1e-11)
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+@pytest.mark.parametrize("foundation", [0.0, 30.0, 1000.0])
+def test_winkler_foundation_is_the_limit_of_many_springs(column, foundation):
+    # n springs κ/(n+1) on a pinned column take a sine to a sine at the springs; between them the difference from
+    # the foundation falls with a power of n+1, the second where the section slips at each spring
+    exact = on_winkler_foundation(column, foundation)
+    found = [critical_load(column, springs=equal_springs(n, foundation / (n + 1))) for n in (15, 31)]
+    assert found == pytest.approx([exact] * 2, rel=1e-3)
+    if foundation:
+        assert abs(found[1] / exact - 1.0) < 0.5 * abs(found[0] / exact - 1.0)
+
+
+def test_winkler_foundation_of_a_rigid_section():
+    modes = [n**2 * np.pi**2 + 1000.0 / (n * np.pi) ** 2 for n in (1, 2, 3)]
+    assert on_winkler_foundation(RIGID, 1000.0) == pytest.approx(min(modes), rel=1e-14)
+
+
+def test_winkler_foundation_by_the_linearised_equations():
+    kappa = 300.0
+
+    def end(load):
+        stretch = 1.0 - load / SOFT.EA + load / SOFT.GA
+        A = np.zeros((4, 4))  # (w, θ, V, M)
+        A[0, 1], A[0, 2], A[1, 3], A[2, 0] = stretch, 1.0 / SOFT.GA, 1.0, kappa
+        A[3, 1], A[3, 2] = -stretch * load, -stretch
+        shots = [
+            solve_ivp(lambda _, y: A @ y, (0.0, 1.0), e, method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
+            for e in np.eye(4)[[1, 2]]
+        ]
+        return np.linalg.det(np.array(shots)[:, [0, 3]])
+
+    found = on_winkler_foundation(SOFT, kappa)
+    assert brentq(end, 0.97 * found, 1.03 * found, rtol=1e-13) == pytest.approx(found, rel=1e-10)
+
+
+def test_effective_rule_of_the_pinned_column():
+    column = Column(310.0, 4.3e7, 6.74e6, 2.1e6)
+    P = critical_load(column)
+    euler = np.pi**2 * column.EI / column.length**2
+    assert P * (1.0 + P / column.GA - P / column.EA) == pytest.approx(euler, rel=1e-12)
+    assert critical_shortening(column) == pytest.approx(P * 310.0 / 6.74e6, rel=1e-15)
+
+
+def test_own_weight():
+    load = under_own_weight(RIGID)
+    # Greenhill's figure to its seven digits
+    assert load == pytest.approx(7.837347, abs=0.5e-6)
+    # θ'' + q s θ = 0, s from the top, is Airy's equation: no moment at the top, no turn at the root
+    x = load ** (1.0 / 3.0)
+    Ai, dAi, Bi, dBi = airy(np.array([0.0, -x]))
+    assert dBi[0] * Ai[1] - dAi[0] * Bi[1] == pytest.approx(0.0, abs=1e-14)
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+@pytest.mark.parametrize("fraction", [0.0, 0.2, 0.45])
+def test_partial_follower(column, fraction):
+    P = partially_following(column, fraction)
+    # base clamped: unknown V and M there; at the end M = 0 and V = −η P θ
+    T = numerical_transfer(column, P, 1.0)
+    conditions = np.array([T[3, 2:], T[2, 2:] + fraction * P * T[1, 2:]])
+    assert np.linalg.det(conditions) == pytest.approx(0.0, abs=1e-10)
+
+
+def test_partial_follower_ends():
+    assert partially_following(RIGID, 0.0) == pytest.approx(0.25 * np.pi**2, rel=1e-15)
+    assert partially_following(RIGID, 0.5) == pytest.approx(np.pi**2, rel=1e-15)
+
+
+def test_units_scale():
+    mm = critical_load(Column(310.0, 4.3e7, 6.74e6, 2.1e6), Support(rotational=2e5), Support(lateral=50.0))
+    m = critical_load(Column(0.310, 43.0, 6.74e6, 2.1e6), Support(rotational=2e2), Support(lateral=5e4))
+    assert m == pytest.approx(mm, rel=1e-12)
+
+
+def test_out_of_range_is_refused():
+    with pytest.raises(ValueError, match="mechanism"):
+        critical_load(RIGID, PINNED, FREE)
+    with pytest.raises(ValueError, match="without buckling"):
+        critical_load(Column(1.0, 1.0, EA=30.0))
+    with pytest.raises(ValueError, match="too stubby"):
+        Column(1.0, 1.0, EA=30.0).load(np.pi)
+    with pytest.raises(ValueError, match="must be above 0"):
+        Column(0.0, 1.0)
+    with pytest.raises(ValueError, match="cannot be negative"):
+        Support(lateral=-1.0)
+    with pytest.raises(ValueError, match="between the ends"):
+        LateralSpring(1.0, 3.0)
+    with pytest.raises(ValueError, match="cannot be negative"):
+        on_winkler_foundation(RIGID, -1.0)
+    with pytest.raises(ValueError, match="shortens only"):
+        on_winkler_foundation(Column(1.0, 1.0, EA=30.0), 1.0)
+    with pytest.raises(ValueError, match="infinite EA and GA"):
+        under_own_weight(SOFT)
+    with pytest.raises(ValueError, match="from 0 to ½"):
+        partially_following(RIGID, 0.51)

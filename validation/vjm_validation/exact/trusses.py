@@ -1,0 +1,171 @@
+"""Rigid bars on springs and the shallow two-bar truss: whole load paths in algebra.
+
+Any consistent units: mm, N, rad.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class LimitPoint:
+    """A point of a load path where load or displacement turns.
+
+    Attributes:
+        displacement: of the loaded or driven point, mm.
+        load: N.
+        apex: displacement of the truss's apex there, mm.
+    """
+
+    displacement: float
+    load: float
+    apex: float
+
+
+@dataclass(frozen=True)
+class TwoBarTruss:
+    """Von Mises's truss: two equal bars from level supports to an apex, pinned at all three.
+
+    The bars are linear in the engineering strain, N = EA (l − l₀)/l₀. With the apex lowered by v, y = h − v and
+    l = √(b² + y²), the dead load on the apex is P = 2 EA y (1/l − 1/l₀) (von Mises, *ZAMM* 3, 1923). The bars
+    do not buckle, and the apex stays on the axis of symmetry.
+
+    Attributes:
+        half_span: b, mm.
+        height: h of the apex above its supports, mm.
+        EA: axial stiffness of a bar, N.
+    """
+
+    half_span: float
+    height: float
+    EA: float
+
+    def __post_init__(self) -> None:
+        for name in ("half_span", "height", "EA"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"two-bar truss: {name} is {getattr(self, name)}: it must be above 0")
+
+    @property
+    def bar_length(self) -> float:
+        """l₀, mm."""
+        return float(np.hypot(self.half_span, self.height))
+
+    def load(self, apex: float) -> float:
+        """P in N, downwards, that holds the apex lowered by ``apex`` mm."""
+        y = self.height - apex
+        return float(2.0 * self.EA * y * (1.0 / np.hypot(self.half_span, y) - 1.0 / self.bar_length))
+
+    def driven(self, apex: float, spring: float) -> float:
+        """Displacement d = v + P(v)/k in mm of a drive that holds the apex, lowered by v, through a spring.
+
+        Args:
+            apex: v, mm.
+            spring: k, N/mm.
+
+        Raises:
+            ValueError: the spring is not above 0.
+        """
+        if not spring > 0.0:
+            raise ValueError(f"spring is {spring} N/mm: it must be above 0")
+        return apex + self.load(apex) / spring
+
+    def limit_points(self) -> tuple[LimitPoint, LimitPoint]:
+        """Greatest and least load, in the order in which the sinking apex meets them.
+
+        dP/dv = 0 where l³ = b² l₀.
+        """
+        first, second = self._turns(0.0)
+        return first, second
+
+    def snap_back_points(self, spring: float) -> tuple[LimitPoint, LimitPoint] | None:
+        """Where the driven displacement d = v + P/k turns, with a spring between drive and apex.
+
+        dd/dv = 0 where l³ = b²/(1/l₀ + k/2EA). Between the two points d falls while the apex sinks. None where the
+        spring is stiff enough, k ≥ 2 EA (1/b − 1/l₀), that d always grows.
+
+        Args:
+            spring: k, N/mm.
+
+        Raises:
+            ValueError: the spring is not above 0.
+        """
+        if not spring > 0.0:
+            raise ValueError(f"spring is {spring} N/mm: it must be above 0")
+        if spring >= 2.0 * self.EA * (1.0 / self.half_span - 1.0 / self.bar_length):
+            return None
+        first, second = (
+            LimitPoint(self.driven(point.apex, spring), point.load, point.apex) for point in self._turns(spring)
+        )
+        return first, second
+
+    def _turns(self, spring: float) -> tuple[LimitPoint, LimitPoint]:
+        """Where the path's slope dP/dv is minus the spring's stiffness."""
+        bar = (self.half_span**2 / (1.0 / self.bar_length + 0.5 * spring / self.EA)) ** (1.0 / 3.0)
+        above = float(np.sqrt(bar**2 - self.half_span**2))
+        first, second = (
+            LimitPoint(self.height - y, self.load(self.height - y), self.height - y) for y in (above, -above)
+        )
+        return first, second
+
+
+@dataclass(frozen=True)
+class ProppedBar:
+    """A rigid bar, pinned at its base, with a spring at its top that stays horizontal, under a dead load P.
+
+    From the energy ½ k L² (sin θ − sin θ₀)² + P L cos θ. The buckled states are unstable, and an initial
+    inclination costs load by its power ⅔ (Thompson and Hunt, *A General Theory of Elastic Stability*, 1973).
+
+    Attributes:
+        length: L, mm.
+        spring: k, N/mm.
+        inclination: θ₀ from the vertical without load, rad, from 0 to below π/2.
+    """
+
+    length: float
+    spring: float
+    inclination: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (self.length > 0.0 and self.spring > 0.0 and 0.0 <= self.inclination < 0.5 * np.pi):
+            raise ValueError(f"{self}: length and spring must be above 0, the inclination from 0 to below π/2")
+
+    def load(self, angle: float) -> float:
+        """P in N at the angle θ from the vertical: k L cos θ (1 − sin θ₀/sin θ).
+
+        For the perfect bar that is the buckled state.
+
+        Args:
+            angle: θ, rad, above 0 and at most π/2.
+
+        Raises:
+            ValueError: the angle is out of range.
+        """
+        if not 0.0 < angle <= 0.5 * np.pi:
+            raise ValueError(f"angle is {angle} rad: it must be above 0 and at most π/2")
+        lost = np.sin(self.inclination) / np.sin(angle)
+        return float(self.spring * self.length * np.cos(angle) * (1.0 - lost))
+
+    @property
+    def greatest_load(self) -> float:
+        """K L (1 − sin^⅔ θ₀)^{3/2} in N, reached at sin³ θ = sin θ₀; the critical load k L of the perfect bar."""
+        return float(self.spring * self.length * (1.0 - np.sin(self.inclination) ** (2.0 / 3.0)) ** 1.5)
+
+
+def bar_on_rotational_spring(angle: float, inclination: float = 0.0) -> float:
+    """P L/c of a rigid bar of length L on a rotational spring c at its base: (θ − θ₀)/sin θ.
+
+    Its buckled states are stable: the load grows from P L = c on.
+
+    Args:
+        angle: θ from the vertical under load, rad, above 0 and below π.
+        inclination: θ₀, rad, from 0 to θ.
+
+    Raises:
+        ValueError: an angle is out of range.
+    """
+    if not 0.0 <= inclination <= angle < np.pi or angle == 0.0:
+        raise ValueError(f"angle {angle} rad, inclination {inclination} rad: they must obey 0 ≤ θ₀ ≤ θ < π, θ > 0")
+    return float((angle - inclination) / np.sin(angle))
