@@ -26,7 +26,7 @@ SOURCES = {
 MAY_IMPORT = {
     "vjm": {"numpy", "scipy", "numba"},
     "vjm.io": {"numpy", "scipy", "pydantic", "pydantic_core"},  # pydantic's error types live in its core
-    "vjm_fea": {"vjm", "numpy", "scipy", "exudyn"},
+    "vjm_fea": {"vjm", "numpy", "scipy", "exudyn", "openseespy"},
     "vjm_validation": {
         *("vjm", "vjm_fea", "numpy", "scipy", "pydantic"),
         *("matplotlib", "pyvista", "jinja2", "cyclopts", "rich"),

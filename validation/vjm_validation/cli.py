@@ -318,7 +318,7 @@ def run(arguments: Sequence[str]) -> int:
     except NoConvergenceError as error:
         show.error(str(error))
         return GAVE_UP
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, ImportError) as error:
         show.error(show.one_line(error))
         return BAD_INPUT
     except KeyboardInterrupt:

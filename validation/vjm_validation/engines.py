@@ -11,6 +11,7 @@ from vjm.engine import Engine
 from vjm.parts import Placement
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn_engine import ExudynEngine
+from vjm_fea.opensees import OpenSeesEngine
 
 DESCRIPTIONS = {
     "vjm-paper": "the paper's model: one spring a link, at its far end, with the printed matrices",
@@ -20,6 +21,7 @@ DESCRIPTIONS = {
     "msa": "matrix structural analysis: linear beams, the foot as its 6x6 matrix",
     "exudyn": "geometrically exact beam finite elements, foot and bars",
     "exudyn-footspring": "the same with the foot as its 6x6 spring",
+    "opensees": "corotational beam finite elements; needs the optional extra: pip install '.[opensees]'",
 }
 """Every engine's name and what it is."""
 
@@ -70,6 +72,8 @@ def engine_by_name(name: str, options: EngineOptions = EngineOptions()) -> Engin
                 elements=options.segments or DEFAULT_SEGMENTS,
                 shear=options.shear,
             )
+        case "opensees":
+            return OpenSeesEngine(elements=options.segments or DEFAULT_SEGMENTS)
     near = get_close_matches(name, DESCRIPTIONS, 1)
     hint = f"; did you mean '{near[0]}'?" if near else ""
     raise ValueError(f"unknown engine '{name}'{hint} (there are {', '.join(DESCRIPTIONS)})")

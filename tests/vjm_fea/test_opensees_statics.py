@@ -1,0 +1,247 @@
+"""OpenSees' beams with our joints: any chain, finite rotation, tangents, dead loads, and the extra's absence."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+from vjm.chain import Chain
+from vjm.equilibrium import NoConvergenceError
+from vjm.lumped import LumpedModel
+from vjm.parts import Actuator, Beam, PassiveJoint, RigidOffset, Section
+from vjm.paths import StationLabel
+from vjm.programme import Programme
+from vjm.rotations import AXES, frame, rotation_from_vector
+from vjm_fea.opensees import OpenSeesEngine, available
+from vjm_fea.opensees.backend import opensees
+from vjm_fea.opensees.beams import Beams, Element
+from vjm_fea.opensees.problem import find_equilibrium
+from vjm_fea.opensees.statics import Statics
+from vjm_fea.opensees.system import ChainSystem
+
+needs_opensees = pytest.mark.skipif(not available(), reason="OpenSeesPy, an optional extra, is not installed")
+
+# wrench and stiffness in units of 300 mm, so that forces and moments weigh the same
+ARM = np.array([1.0, 1.0, 1.0, 300.0, 300.0, 300.0])
+LENGTH = 310.0
+BAR = Section(6.74e6, 1.07e7, 2.07e8, 4.3e7)
+
+
+@pytest.fixture(scope="module")
+def odd_chain():
+    """Every kind of part at every kind of place, nothing along an axis."""
+    rng = np.random.default_rng(11)
+
+    def unit():
+        v = rng.normal(size=3)
+        return v / np.linalg.norm(v)
+
+    def rotation():
+        return rotation_from_vector(0.5 * rng.normal(size=3))
+
+    def offset(name):
+        return RigidOffset(name, frame(rotation(), 50.0 * rng.normal(size=3)))
+
+    def beam(name):
+        arm = 30.0 * rng.normal(size=3)
+        return Beam(name, 200.0, own_frame=rotation(), section_frame=rotation(), end_offset=arm, section=BAR)
+
+    parts = (
+        offset("o1"), Actuator("drive", unit(), 2e-5), beam("b1"), offset("o2"), PassiveJoint("p1", unit()),
+        offset("o3"), beam("b2"), PassiveJoint("p2", unit()), PassiveJoint("p3", unit()),
+        Actuator("slide", unit(), 1e-5), offset("o4"), beam("b3"), beam("b4"), Actuator("held", unit()),
+        PassiveJoint("p4", unit()), offset("o5"), Actuator("last", unit(), 3e-5), offset("o6"),
+    )  # fmt: skip
+    return Chain("odd", parts, base=frame(rotation(), [10.0, 20.0, 30.0]), postures={"P": 0.4 * rng.normal(size=4)})
+
+
+def cantilever(**of_beam):
+    return Chain("cantilever", (Beam("bar", LENGTH, section=BAR, **of_beam),), postures={"-": np.zeros(0)})
+
+
+@needs_opensees
+def test_any_chain_has_the_lumped_model_s_unloaded_stiffness_and_stations(odd_chain, linear_stiffness):
+    problem = OpenSeesEngine(3).problem(odd_chain, Programme("P", 1.0))
+    unloaded = problem.unloaded()
+    names = [beam.name for beam in odd_chain.beams]
+    reference = linear_stiffness(odd_chain.refined(dict.fromkeys(names, 1)), odd_chain.posture("P"))
+    scaled = (problem.loaded_stiffness(unloaded) - reference) / np.outer(ARM, ARM)
+    assert scaled == pytest.approx(0.0, abs=1e-9 * np.max(np.abs(reference / np.outer(ARM, ARM))))
+
+    model = LumpedModel(odd_chain.refined(dict.fromkeys(names, 3)))
+    assert problem.stations == tuple(StationLabel(s.part, s.fraction) for s in model.stations)
+    lumped_shape = model.shape(model.kinematics(model.configuration(odd_chain.posture("P"))))
+    assert unloaded.shape == pytest.approx(lumped_shape, abs=1e-10)
+    assert unloaded.wrench / ARM == pytest.approx(0.0, abs=1e-9)
+
+
+@needs_opensees
+@pytest.mark.parametrize("element", Element)
+@pytest.mark.parametrize("elements", [1, 5])
+def test_tip_compliance_of_a_cantilever_is_beam_theory(element, elements):
+    own, across = rotation_from_vector([0.3, -0.2, 0.9]), rotation_from_vector([-0.5, 0.1, 0.4])
+    arm = np.array([20.0, -8.0, 5.0])
+    chain = cantilever(own_frame=own, section_frame=across, end_offset=arm)
+    problem = OpenSeesEngine(elements, element).problem(chain, Programme("-", 1.0))
+    found = np.linalg.inv(problem.loaded_stiffness(problem.unloaded()))
+    turned = np.kron(np.eye(2), own)
+    reference = turned @ Beam("bar", LENGTH, section_frame=across, end_offset=arm, section=BAR).beam_compliance()
+    reference = reference @ turned.T
+    scale = np.sqrt(np.diag(reference))
+    # exact in linear statics for any number of elements
+    assert (found - reference) / np.outer(scale, scale) == pytest.approx(0.0, abs=1e-9)
+
+
+@needs_opensees
+def test_rigid_motion_costs_nothing(orthoglide):
+    """Turned by a large angle and shifted as a whole, from wherever the elements were before."""
+    system = ChainSystem(orthoglide, orthoglide.posture("D"), 4)
+    beams = Beams(system.lines, Element.BOWED)
+    for vector in ([1.2, -0.7, 2.0], [0.3, 3.0, 0.0], [-0.1, 0.2, -0.05]):
+        moved = system.nodes @ rotation_from_vector(vector).T + [10.0, -20.0, 30.0] - system.nodes
+        forces = beams.forces(moved, np.tile(vector, (beams.count, 1)))
+        # rounding of 300 mm, 5e-14, by the stiffest element's 12 EI/h³ and EA/h, 2e6 N/mm, on arms of 40 mm
+        assert forces == pytest.approx(0.0, abs=1e-4)
+
+
+@needs_opensees
+def test_tangent_is_the_derivative_of_the_residual(odd_chain):
+    """Linkages, arms and drives under load; what OpenSees leaves out shows less on the finer mesh."""
+    missing = []
+    for elements in (2, 8):
+        problem = OpenSeesEngine(elements).problem(odd_chain, Programme("P", 12.0))
+        statics = problem.statics
+        here = problem.solve(12.0, problem.solve(6.0, problem.unloaded()))
+        K = statics.tangent(here.state).K
+        D = np.empty_like(K)
+        step = 2e-5
+        for column in range(len(K)):
+            motion = np.zeros(len(K))
+            motion[column] = step
+            ahead, behind = (statics.residual(statics.moved(here.state, sign * motion)) for sign in (1.0, -1.0))
+            D[:, column] = (ahead - behind) / (2.0 * step)
+        missing.append(np.max(np.abs(K - D)))
+        # an equilibrium of conservative parts: symmetric where motion is possible
+        free = np.ix_(statics.free, statics.free)
+        assert K[free] == pytest.approx(K[free].T, abs=3.0 * missing[-1] + 1e-8)
+    # in units in which diagonals are one
+    assert missing[0] < 1e-4
+    assert missing[1] < 0.3 * missing[0]
+
+
+@needs_opensees
+def test_loaded_stiffness_is_the_derivative_of_the_wrench(orthoglide):
+    problem = OpenSeesEngine().problem(orthoglide, Programme("D", -14.0))
+    here = problem.solve(4.0, problem.solve(2.0, problem.unloaded()))
+    K = problem.loaded_stiffness(here)
+    differences = np.empty((6, 6))
+    for i, step in enumerate([1e-2] * 3 + [1e-4] * 3):
+        d = np.zeros(6)
+        d[i] = step
+        ahead, behind = (problem.solve_pose(here.displacement + sign * d, here).wrench for sign in (1.0, -1.0))
+        differences[:, i] = (ahead - behind) / (2.0 * step)
+    scale = np.max(np.abs(K / np.outer(ARM, ARM)))
+    assert (K - differences) / np.outer(ARM, ARM) / scale == pytest.approx(0.0, abs=1e-6)
+    assert here.tangent == pytest.approx(K[0, 0], rel=1e-12)
+
+
+@needs_opensees
+def test_the_whole_chain_is_in_equilibrium(orthoglide):
+    problem = OpenSeesEngine(8).problem(orthoglide, Programme("D", -14.0))
+    here = problem.solve(6.0, problem.solve(3.0, problem.unloaded()))
+    statics = problem.statics
+    at = statics.configuration(here.state)
+    root = problem.statics.system.nodes[0]
+    base = Beams(statics.system.lines, Element.BOWED).forces(at.displacement, at.rotation)[0]
+    tip = here.shape[-1] - root
+    assert base[:3] + here.wrench[:3] == pytest.approx(0.0, abs=1e-5)
+    # 3 kN on arms of 400 mm, 1e6 N mm in all
+    assert base[3:] + here.wrench[3:] + np.cross(tip, here.wrench[:3]) == pytest.approx(0.0, abs=1e-3)
+    # the joint at the end-effector is free about y: it carries no moment there
+    assert here.wrench[4] == pytest.approx(0.0, abs=1e-5)
+
+
+@needs_opensees
+def test_a_dead_moment_bends_a_free_cantilever_to_half_a_circle():
+    """With nothing held: the deflection is 2 L/π. Straight chords of their own length make it a polygon's.
+
+    OpenSees' mean of two nodes' axes is not quite half-way: measured 1e-4 mm for 4 elements, 2e-7 for 8.
+    """
+    R = rotation_from_vector([0.4, -0.3, 0.8])
+    moment = np.pi * BAR.EIz / LENGTH
+    for n in (8, 16):
+        system = ChainSystem(cantilever(own_frame=R), np.zeros(0), n)
+        statics = Statics(system, Beams(system.lines, Element.LINEAR), LENGTH, held=(False,) * 6)
+        state = statics.initial
+        for factor in np.linspace(0.0, 1.0, 9)[1:]:
+            statics.dead_loads[-1, 3:] = factor * moment * R[:, 2]
+            state, _, _ = find_equilibrium(statics, state)
+        half = 0.5 * np.pi / n
+        deflection = R.T @ statics.shape(state)[-1]
+        assert deflection == pytest.approx([0.0, 2.0 * LENGTH / np.pi * half / np.sin(half), 0.0], abs=1e-6)
+        assert statics.wrench(state) / ARM == pytest.approx(0.0, abs=1e-4)
+
+
+@needs_opensees
+def test_a_load_on_a_node_is_the_reaction_of_a_held_end():
+    """A dead force at mid-span of a clamped bar goes to the ends by halves, deflecting it P L³/192 EI."""
+    system = ChainSystem(cantilever(), np.zeros(0), 4)
+    statics = Statics(system, Beams(system.lines, Element.LINEAR), LENGTH)
+    statics.dead_loads[2, 1] = 1e-3
+    state, _, _ = find_equilibrium(statics, statics.initial)
+    assert statics.shape(state)[2, 1] == pytest.approx(1e-3 * LENGTH**3 / (192.0 * BAR.EIz), rel=1e-6)
+    assert statics.wrench(state)[1] == pytest.approx(-0.5e-3, rel=1e-6)
+
+
+@needs_opensees
+def test_states_do_not_depend_on_what_was_solved_before(orthoglide):
+    """Nor on the other problem that uses OpenSees' one domain in between."""
+    problem = OpenSeesEngine(4).problem(orthoglide, Programme("B", -14.0))
+    start = problem.solve(1.0, problem.unloaded())
+    first = problem.solve(2.0, start)
+    problem.solve(8.0, problem.solve(5.0, first))
+    other = OpenSeesEngine(3, Element.LINEAR).problem(cantilever(), Programme("-", 20.0, axis="y"))
+    other.solve(20.0, other.solve(10.0, other.unloaded()))
+    again = problem.solve(2.0, start)
+    assert np.array_equal(first.state, again.state)
+    assert np.array_equal(first.wrench, again.wrench)
+
+
+@needs_opensees
+def test_an_impossible_step_is_refused_and_leaves_no_trace(orthoglide):
+    problem = OpenSeesEngine(4).problem(orthoglide, Programme("B", -14.0))
+    start = problem.solve(1.0, problem.unloaded())
+    with pytest.raises(NoConvergenceError):
+        problem.solve(1e4, start)
+    with pytest.raises(NoConvergenceError, match="not finite"):
+        problem.solve_pose(np.full(6, np.nan), start)
+    assert problem.solve(1.0, start).wrench == pytest.approx(start.wrench, rel=1e-9, abs=1e-4)
+
+
+def test_what_cannot_be_meshed_is_refused(orthoglide):
+    engine, ramp = OpenSeesEngine(), Programme("-", 1.0)
+    bare = Chain("bare", (Beam("foot", 100.0, compliance=np.eye(6)),), postures={"-": np.zeros(0)})
+    with pytest.raises(ValueError, match="part 'foot' has no section"):
+        engine.problem(bare, ramp)
+    with pytest.raises(ValueError, match="no beam to mesh"):
+        engine.problem(Chain("stiff", (PassiveJoint("q", AXES["x"]),), postures={"-": np.zeros(1)}), ramp)
+    with pytest.raises(ValueError, match="at least one element"):
+        OpenSeesEngine(elements=0).problem(orthoglide, Programme("A", 1.0))
+    with pytest.raises(ValueError, match="whole imposed pose only"):
+        engine.problem(orthoglide, Programme("A", 1.0, free=("y",)))
+
+
+def test_without_the_extra_one_line_says_what_to_install(orthoglide, monkeypatch):
+    find = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name, *a: None if name == "openseespy" else find(name, *a)
+    )
+    opensees.cache_clear()
+    try:
+        assert not available()
+        with pytest.raises(ImportError, match=r"pip install '\.\[opensees\]'"):
+            OpenSeesEngine().walk(orthoglide, Programme("A", -1.0))
+    finally:
+        opensees.cache_clear()
