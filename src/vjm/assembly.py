@@ -64,6 +64,10 @@ class Piece:
         return result
 
 
+NOWHERE = np.eye(4)
+"""The transform between joints that meet in a point; shared, never written to."""
+
+
 class Assembly:
     """The joints and bodies of a chain, base to tool, as lists.
 
@@ -165,7 +169,7 @@ class Assembly:
         self.rotary.append(rotary)
         self.coordinate.append(coordinate)
         self.factor.append(factor)
-        self.rigid = np.eye(4)
+        self.rigid = NOWHERE
 
     def _spring_of_22(self, compliance: Array) -> None:
         """Shifts, then turns, as (22) has them."""

@@ -10,16 +10,19 @@ from vjm.arrays import buffers, work_of
 from vjm.kernels import positions
 from vjm.packing import packed
 from vjm.rotations import Array
-from vjm.solving import CONVERGED, SINGULAR, UNSTABLE, end_stiffness, march, newton, place, pull, respond, smallest
+from vjm.solving import CONVERGED, SINGULAR, UNSTABLE, end_stiffness, march, nearest, newton, place, pull, respond
 
 if TYPE_CHECKING:
     from vjm.lumped import LumpedModel
 
 EIGENVALUE_TOLERANCE = 1e-9
-"""Relative change at which an inverse iteration ends."""
+"""Relative error of an eigenvalue at which its iteration ends."""
 EIGENVALUE_ITERATIONS = 200
-SUBSPACE = 4
-"""Vectors of an inverse iteration: its error falls with the ratio of the first eigenvalue to the fifth."""
+EIGENVALUE_RESTARTS = 20
+BASIS = 16
+"""Vectors of Lanczos's method: from a neighbour's mode it takes five."""
+SHARE = 0.01
+"""Of all modes in the vector that it starts from."""
 
 
 class March(NamedTuple):
@@ -70,9 +73,9 @@ class Compiled:
         self._anywhere = self._packed(np.eye(4))
         self._station_joint = np.array([s.joint for s in model.stations], dtype=np.int64)
         self._station_position = np.array([s.position for s in model.stations]).reshape(-1, 3) / self._length
-        width = max(min(SUBSPACE, model.size - 6), 0)
-        self._starts = self._some_vectors(width)
-        self._modes = self._starts.copy()
+        self._start = self._some_vectors(1)[0]
+        self._mode = self._start.copy()
+        self._basis = np.empty((max(min(BASIS, model.size - 6), 1), model.size))
 
     def _some_vectors(self, count: int) -> Array:
         """Unit vectors ``(count, n)`` with a share of every mode, always the same, so that results repeat."""
@@ -255,21 +258,20 @@ class Compiled:
         return K * self.wrench_unit[:, None] * self.wrench_unit / self.energy
 
     def smallest(self, x: Array, wrench: Array, load: float = 0.0) -> float:
-        """Eigenvalue nearest zero of the second variation on the null space of J, units of the model's energy."""
-        self._must_visit(x, wrench, load)
-        return float(self._nearest(1)[0])
+        """Eigenvalue nearest zero of the second variation on the null space of J, units of the model's energy.
 
-    def _nearest(self, wanted: int) -> Array:
-        """The few eigenvalues nearest zero at the present state, so many good; their motions are in ``_modes``."""
-        if not np.all(np.isfinite(self._modes)):
-            self._modes[:] = self._starts
-        # the last modes are near, and a share of the others keeps them from missing one that has come nearer
-        self._modes /= np.linalg.norm(self._modes, axis=1)[:, None]
-        self._modes += 0.01 * self._starts
-        values = np.zeros(len(self._modes))
-        if not smallest(*self.buffers, self._modes, values, wanted, EIGENVALUE_TOLERANCE, EIGENVALUE_ITERATIONS):
+        Raises:
+            numpy.linalg.LinAlgError: the state is a critical point to the last digit.
+        """
+        self._must_visit(x, wrench, load)
+        if not np.all(np.isfinite(self._mode)):
+            self._mode[:] = self._start
+        # the last mode is near, and a share of the others keeps it from missing one that has come nearer
+        self._mode += SHARE * np.linalg.norm(self._mode) * self._start
+        value = float(nearest(*self.buffers, self._mode, self._basis, EIGENVALUE_TOLERANCE, EIGENVALUE_RESTARTS))
+        if np.isnan(value):
             raise np.linalg.LinAlgError("the equilibrium is singular to the last digit")
-        return values
+        return value
 
     def response(
         self, x: Array, wrench: Array, statics: Array, gap: Array, load: float = 0.0
@@ -285,7 +287,11 @@ class Compiled:
         self._must_visit(x, wrench, load)
         gap = gap / self._gap_unit
         step, force = self._respond(statics * self.coordinate_unit / self.energy, gap)
-        force[3:] -= 0.5 * np.cross(self._force[3:], gap[3:])
+        m, r = self._force[3:], gap[3:]
+        # the moment turns with nothing, see `vjm.solving`; np.cross would take as long as the solution
+        force[3] -= 0.5 * (m[1] * r[2] - m[2] * r[1])
+        force[4] -= 0.5 * (m[2] * r[0] - m[0] * r[2])
+        force[5] -= 0.5 * (m[0] * r[1] - m[1] * r[0])
         return step * self.coordinate_unit, force * self.wrench_unit
 
     def _respond(self, statics: Array, gap: Array) -> tuple[Array, Array]:
@@ -326,7 +332,9 @@ class Compiled:
             self._border = np.array(turns), np.array(loads)
         return self._border
 
-    def modes(self, x: Array, wrench: Array, count: int, load: float = 0.0) -> tuple[Array, Array]:
+    def modes(
+        self, x: Array, wrench: Array, count: int, load: float = 0.0, tolerance: float = EIGENVALUE_TOLERANCE
+    ) -> tuple[Array, Array]:
         """Eigenvalues nearest zero of the second variation on the null space of J, by inverse iteration.
 
         Args:
@@ -334,6 +342,7 @@ class Compiled:
             wrench: ``(6,)``.
             count: how many; fewer are returned where the null space is smaller.
             load: factor on the ramped loads.
+            tolerance: change of the eigenvalues, over the largest of them, at which the iteration ends.
 
         Returns:
             Eigenvalues ``(count,)``, nearest zero first, in units of the model's energy, and motions
@@ -344,10 +353,6 @@ class Compiled:
         if count < 1:
             return np.empty(0), np.empty((len(x), 0))
         self._must_visit(x, wrench, load)
-        if count < len(self._modes):
-            values = self._nearest(count)[:count]
-            V = self._modes[:count].T / np.linalg.norm(self._modes[:count], axis=1)
-            return values, V * self.coordinate_unit[:, None]
         # more vectors than eigenvalues are wanted: the error falls with the ratio to the first one left out
         width = min(count + 2, free)
         V = self._some_vectors(width).T
@@ -361,7 +366,8 @@ class Compiled:
             nearest = np.argsort(-np.abs(inverse))
             values = 1.0 / inverse[nearest[:count]]
             V = image @ turn[:, nearest]
-            if np.all(np.abs(values - old) <= EIGENVALUE_TOLERANCE * np.abs(values)):
+            # of one that is zero there are no digits
+            if np.abs(values - old).max() <= tolerance * np.abs(values).max():
                 break
             old = values
         V = V[:, :count] / np.linalg.norm(V[:, :count], axis=0)

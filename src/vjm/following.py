@@ -197,7 +197,7 @@ class _Walk:
                 if self.length - target < 0.3 * step:
                     target = self.length
             try:
-                there = self.problem.solve(target, here, self._slope())
+                there = self.problem.solve(target, here, self._slope(target))
             except NoConvergenceError as failure:
                 step = 0.5 * (target - here.s)
                 if step < self.control.smallest * self.length:
@@ -239,11 +239,18 @@ class _Walk:
             return ""
         return "; its stability is nearly lost: the ramp turns back here, and control 'arc' follows it"
 
-    def _slope(self) -> Array | None:
-        if len(self.points) - self.branch_start < 2:
+    def _slope(self, target: float) -> Array | None:
+        """Of the chord from the last point to where the parabola through the last three is at the target."""
+        known = len(self.points) - self.branch_start
+        if known < 2:
             return None
         a, b = self.points[-2:]
-        return (b.state - a.state) / (b.s - a.s)
+        chord: Array = (b.state - a.state) / (b.s - a.s)
+        if known < 3:
+            return chord
+        z = self.points[-3]
+        bend = (chord - (a.state - z.state) / (a.s - z.s)) / (b.s - z.s)
+        return chord + bend * (target - a.s)
 
     def _bend(self, there: Equilibrium) -> float:
         """How far the new shape lies from the prolongation of the last two, over the way to it."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,7 +36,7 @@ class Loading:
     def __len__(self) -> int:
         return len(self.joint)
 
-    @property
+    @cached_property
     def turning(self) -> np.ndarray:
         """Indices of the points whose wrench is not conservative: it follows, or it is a moment."""
         wrench = np.abs(self.constant) + np.abs(self.ramped)
@@ -65,14 +66,13 @@ def loading_of(model: LumpedModel, x: Array, programme: Programme) -> tuple[Load
     Raises:
         ValueError: a load stands on a point that the model does not have.
     """
-    behind = model.kinematics(x).behind
     rows: list[tuple[int, Array, bool, Array, Array, bool, bool]] = []
     nothing = np.zeros(6)
     for load in programme.loads:
         joint, offset = model.find(load.part, load.at)
         wrench = np.array(load.wrench)
         if load.follower:
-            R = behind[joint + 1][:3, :3]
+            R = model.kinematics(x).behind[joint + 1][:3, :3]
             wrench = np.concatenate([R.T @ wrench[:3], R.T @ wrench[3:]])
         constant, ramped = (nothing, programme.sign * wrench) if load.ramped else (wrench, nothing)
         rows.append((joint, offset, load.follower, constant, ramped, not load.part, False))

@@ -17,7 +17,7 @@ from vjm.assembly import Assembly, Piece, Station
 from vjm.chain import Chain
 from vjm.compiled import Compiled
 from vjm.loads import NO_LOADING, Loading
-from vjm.rotations import Array, skew
+from vjm.rotations import Array
 from vjm.springs import LinearSpring, Spring
 
 
@@ -98,7 +98,7 @@ class LumpedModel:
         self.axis = np.array(built.axis).reshape(-1, 3)
         self.before = np.array(built.before).reshape(-1, 4, 4)
         self.tail = built.rigid
-        self._skew: Array = np.array([skew(a) for a in self.axis]).reshape(-1, 3, 3)
+        self._skew: Array = np.cross(self.axis[:, None, :], np.eye(3)).transpose(0, 2, 1)
         self._skew2 = self._skew @ self._skew
 
     def reactions(self, kinematics: Kinematics, wrench: Array) -> Array:

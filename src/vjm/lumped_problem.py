@@ -69,8 +69,10 @@ class LumpedProblem:
             self.model = self.model.bent(bow)
             self._x0 = self._x0 + bow
         self.stations = tuple(StationLabel(s.part, s.fraction) for s in model.stations)
-        self._pose0 = self.model.kinematics(self._x0).end
-        at_rest = Configuration(self.model.under(NO_LOADING), self._x0, np.zeros(6), 0.0, 0)
+        as_drawn = bow is None and not self._hand.joints
+        self._pose0 = self._hand.tool if as_drawn else self.model.kinematics(self._x0).end
+        bare = self.model.under(NO_LOADING) if len(self._loading) else self.model
+        at_rest = Configuration(bare, self._x0, np.zeros(6), 0.0, 0)
         self._softest = stability(at_rest).eigenvalue
 
     def target(self, ramp: float) -> Array:

@@ -53,7 +53,9 @@ def packed(model: LumpedModel) -> Arrays:
         beam.append(b7)
         c += width
     joint_block = block_of[joint_coordinate.astype(int)] if model.size else np.zeros(0, dtype=int)
-    along = np.array([_along(axis) for axis in model.axis], dtype=np.int64)
+    # 0, 1, 2 for the unit vectors x, y, z, else −1
+    unit_vector = (model.axis[:, None, :] == np.eye(3)).all(axis=2)
+    along = np.where(unit_vector.any(axis=1), unit_vector.argmax(axis=1), -1).astype(np.int64)
     R0 = np.ascontiguousarray(model.before[:, :3, :3])
     p0 = model.before[:, :3, 3] / length
     return Arrays(
@@ -77,8 +79,3 @@ def packed(model: LumpedModel) -> Arrays:
         point_offset=model.loading.offset / length,
         follows=model.loading.follows.astype(np.int64),
     )
-
-
-def _along(axis: Array) -> int:
-    """0, 1, 2 for the unit vectors x, y, z, else −1."""
-    return next((k for k in range(3) if np.array_equal(axis, np.eye(3)[k])), -1)

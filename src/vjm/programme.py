@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -167,7 +168,7 @@ class Programme:
         """Of ``to``."""
         return float(np.sign(self.to))
 
-    @property
+    @cached_property
     def direction(self) -> Array:
         """Displacement ``(6,)`` per unit of the ramp, which runs from 0 to ``abs(to)``; zero for loads.
 

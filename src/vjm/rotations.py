@@ -78,7 +78,8 @@ def inverse_frame(T: Array) -> Array:
 def displaced(T: Array, displacement: ArrayLike) -> Array:
     """Frame ``(4, 4)`` moved by a displacement ``(6,)``: shift in mm and rotation vector in rad, world axes."""
     d = np.asarray(displacement, dtype=float)
-    return frame(rotation_from_vector(d[3:]) @ T[:3, :3], T[:3, 3] + d[:3])
+    R = rotation_from_vector(d[3:]) @ T[:3, :3] if d[3:].any() else T[:3, :3]
+    return frame(R, T[:3, 3] + d[:3])
 
 
 def displacement_between(T_from: Array, T_to: Array) -> Array:

@@ -143,79 +143,94 @@ def end_stiffness(
 
 
 @entry
-def smallest(
+def nearest(
     integers: Ints,
     numbers: Floats,
     work_integers: Ints,
     work_numbers: Floats,
-    modes: Floats,
-    values: Floats,
-    wanted: int,
+    vector: Floats,
+    basis: Floats,
     tolerance: float,
-    max_iterations: int,
-) -> bool:
-    """Eigenvalues nearest zero of the second variation on the null space of J, with the present factors.
+    restarts: int,
+) -> float:
+    """Eigenvalue nearest zero of the second variation on the null space of J, with the present factors.
 
-    Subspace iteration with the inverse, from the rows of ``modes`` (k, n), which become eigenvectors, nearest zero
-    first; ``values`` (k,) become the eigenvalues. It ends when the ``wanted``-th stands still. More than one row,
-    because the modes of a chain's halves or of a bar's two planes may lie close together.
+    Lanczos's method with the inverse, whose eigenvalues fall off fast; every new vector is made orthogonal to all
+    others. It ends when the residual's square, which bounds the relative error, is below the tolerance.
+
+    Args:
+        integers: see `vjm.arrays.Buffers`.
+        numbers: likewise.
+        work_integers: likewise.
+        work_numbers: likewise.
+        vector: ``(n,)`` to start from, with a share of the mode sought; becomes that mode.
+        basis: ``(k, n)`` written.
+        tolerance: relative.
+        restarts: from the best vector so far, when the basis is full.
 
     Returns:
-        False where the factors are singular to the last digit.
+        The eigenvalue; nan where the factors are singular to the last digit.
     """
     model = model_of(integers, numbers)
     work = work_of(integers, work_integers, work_numbers)
     gap = np.zeros(6)
-    k, n = modes.shape
-    image = np.empty((k, n))
-    value = np.inf
-    for _ in range(max_iterations):
-        _orthonormal(modes)
-        for r in range(k):
-            substitute(model, work, modes[r], gap)
+    k, n = basis.shape
+    T = np.zeros((k, k))
+    value = np.nan
+    for _ in range(restarts):
+        T[:, :] = 0.0
+        _copy_unit(vector, basis[0])
+        for j in range(k):
+            substitute(model, work, basis[j], gap)
+            image = work.step
+            # twice, as Kahan says, against rounding
+            for _turn in range(2):
+                for r in range(j, -1, -1):
+                    along = 0.0
+                    for i in range(n):
+                        along += basis[r, i] * image[i]
+                    for i in range(n):
+                        image[i] -= along * basis[r, i]
+                    if r == j:
+                        T[j, j] += along
+            left = 0.0
             for i in range(n):
-                image[r, i] = work.step[i]
-        product = np.empty((k, k))
-        for r in range(k):
-            for c in range(k):
-                s = 0.0
+                left += image[i] * image[i]
+            left = np.sqrt(left)
+            if not np.isfinite(left + T[j, j]):
+                return np.nan
+            A = T[: j + 1, : j + 1].copy()
+            V = jacobi(A)
+            best = 0
+            for r in range(1, j + 1):
+                if abs(A[r, r]) > abs(A[best, best]):
+                    best = r
+            inverse = A[best, best]
+            lacking = left * V[j, best] / inverse
+            if lacking * lacking <= tolerance or j == k - 1 or left <= 1e-14 * abs(inverse):
+                value = 1.0 / inverse
                 for i in range(n):
-                    s += 0.5 * (modes[r, i] * image[c, i] + modes[c, i] * image[r, i])
-                if not np.isfinite(s):
-                    return False
-                product[r, c] = s
-        turn = jacobi(product)
-        order = np.argsort(-np.abs(np.diag(product)))
-        for r in range(k):
+                    vector[i] = 0.0
+                for r in range(j + 1):
+                    for i in range(n):
+                        vector[i] += V[r, best] * basis[r, i]
+                if j < k - 1 or lacking * lacking <= tolerance:
+                    return value
+                break
+            T[j, j + 1] = T[j + 1, j] = left
             for i in range(n):
-                s = 0.0
-                for c in range(k):
-                    s += turn[c, order[r]] * image[c, i]
-                modes[r, i] = s
-        for r in range(k):
-            values[r] = 1.0 / product[order[r], order[r]]
-        if abs(values[wanted - 1] - value) <= tolerance * abs(values[wanted - 1]):
-            break
-        value = values[wanted - 1]
-    return True
+                basis[j + 1, i] = image[i] / left
+    return value
 
 
 @kernel
-def _orthonormal(V: Floats) -> None:
-    """Gram and Schmidt on the rows of V (k, n)."""
-    for r in range(V.shape[0]):
-        for other in range(r):
-            along = 0.0
-            for i in range(V.shape[1]):
-                along += V[other, i] * V[r, i]
-            for i in range(V.shape[1]):
-                V[r, i] -= along * V[other, i]
-        size = 0.0
-        for i in range(V.shape[1]):
-            size += V[r, i] * V[r, i]
-        size = np.sqrt(size)
-        for i in range(V.shape[1]):
-            V[r, i] /= size
+def _copy_unit(v: Floats, out: Floats) -> None:
+    size = 0.0
+    for i in range(len(v)):
+        size += v[i] * v[i]
+    size = np.sqrt(size)
+    for i in range(len(v)):
+        out[i] = v[i] / size
 
 
 @entry

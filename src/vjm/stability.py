@@ -15,6 +15,8 @@ from vjm.rotations import Array
 
 NEUTRAL = 1e-12
 """Eigenvalues below this fraction of the largest are zero but for rounding."""
+ROUGH = 1e-4
+"""Of eigenvalues of which one or two vanish: enough to tell how many; their motions are far better by then."""
 NUDGES = (0.0, 1e-10, 1e-8, 1e-6)
 """Relative changes of the load, one of which makes a critical state regular enough to look for its modes."""
 REAL = 1e-7
@@ -131,7 +133,7 @@ def _nearest_modes(at: Configuration) -> tuple[Array, Array]:
         # singular to the last digit: a load that differs a little has the same modes
         near = 1.0 + change
         try:
-            return at.model.compiled.modes(at.x, at.wrench * near, 3, at.load * near)
+            return at.model.compiled.modes(at.x, at.wrench * near, 3, at.load * near, ROUGH)
         except np.linalg.LinAlgError:
             pass
     raise NoConvergenceError("the critical mode is lost in rounding: stiffnesses are too far apart")

@@ -1,5 +1,7 @@
 """Paths through limit points, snap-back and subcritical branches, and imperfections: all with algebraic answers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
@@ -197,7 +199,7 @@ def test_an_imperfect_column_bends_as_its_mode_grows(column):
     assert bow[-1] > 9.0 * size
     assert set(path.unstable) == {0}
     assert path.points[0].wrench == pytest.approx(np.zeros(6), abs=1e-6)
-    other = VjmEngine(8).walk(column, Programme(**{**programme.__dict__, "branch": -1}))
+    other = VjmEngine(8).walk(column, replace(programme, branch=-1))
     assert other.points[0].shape[middle][1] == pytest.approx(-bow[0], rel=1e-9)
 
 
