@@ -64,6 +64,8 @@ class Piece:
         return result
 
 
+DEFINITE = 1e-12
+"""Smallest eigenvalue of a compliance scaled to a unit diagonal; less is rounding."""
 NOWHERE = np.eye(4)
 """The transform between joints that meet in a point; shared, never written to."""
 
@@ -126,7 +128,7 @@ class Assembly:
             along = beam.section_in_chain[:3, 0] * beam.length
             self._piece(beam.name, 0.0, 1.0, along, beam.mass)
             self._move(translation(beam.tip) @ own)
-            self._spring_of_22(beam.tip_compliance())
+            self._spring_of_22(beam.tip_compliance(), beam.name)
             self._piece(beam.name, 1.0, 1.0, np.zeros(3))
             self._mark(beam.name, 1.0)
             self._move(own.T)
@@ -146,7 +148,7 @@ class Assembly:
             if beam.placement is Placement.BEST:
                 self._symmetric_spring(BeamColumnSpring(section, h))
             else:
-                self._spring_of_22(section.compliance(h, at))
+                self._spring_of_22(section.compliance(h, at), beam.name)
             self._piece(beam.name, (i + at) / n, (i + 1) / n, along, beam.mass * (1.0 - at) / n, 1.0 - lever)
             self._move(translation([(1.0 - at) * h, 0.0, 0.0]))
             self._mark(beam.name, (i + 1) / beam.segments)
@@ -171,12 +173,25 @@ class Assembly:
         self.factor.append(factor)
         self.rigid = NOWHERE
 
-    def _spring_of_22(self, compliance: Array) -> None:
-        """Shifts, then turns, as (22) has them."""
-        for rotary in (False, True):
-            for name in "xyz":
-                self._coordinate_joint(AXES[name], rotary=rotary)
-        self.springs.append(LinearSpring(compliance))
+    def _spring_of_22(self, compliance: Array, part: str) -> None:
+        """Shifts, then turns, as (22) has them; those that do not give way are left out.
+
+        Raises:
+            ValueError: the compliance is not that of a spring.
+        """
+        gives = compliance.any(axis=0) | compliance.any(axis=1)
+        felt = compliance[np.ix_(gives, gives)]
+        size = np.sqrt(np.abs(np.diag(felt)))
+        definite = bool(np.all(size > 0.0)) and np.linalg.eigvalsh(felt / np.outer(size, size)).min() > DEFINITE
+        if not definite:
+            raise ValueError(
+                f"part '{part}': its compliance is not positive definite in the directions in which it gives way; "
+                f"a direction that is rigid has zeros in its row and column"
+            )
+        for k in np.flatnonzero(gives):
+            self._coordinate_joint(AXES["xyz"[k % 3]], rotary=bool(k >= 3))
+        if len(felt):
+            self.springs.append(LinearSpring(felt))
 
     def _symmetric_spring(self, law: Spring) -> None:
         """Half of the turns, the shifts, and the other half in reverse: the same seen from either end."""

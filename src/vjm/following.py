@@ -29,6 +29,8 @@ root."""
 POLE = 1e-3
 """Tangent stiffness where it is said to pass a level, over those at both sides: more is a jump from one infinity to
 the other."""
+TOGETHER = 1e-3
+"""Share of the step behind a bifurcation within which other modes count as losing their stability together with it."""
 JUMP = 1.0
 """Of a fixed step only one that ends further from the prolongation than it is long is not believed."""
 
@@ -219,7 +221,7 @@ class _Walk:
                     continue
                 # the stiffness at the critical point itself is singular: look across it on the primary path
                 self._find_smooth_events(here, there, before=critical.s)
-                reason = self._leave_at(critical, there.unstable - max(here.unstable, 0))
+                reason = self._leave_at(critical, self._multiplicity(here, critical, there))
                 if reason:
                     return reason
                 step = self.length if grid is not None else 2.0 * (self.points[-1].s - critical.s)
@@ -285,6 +287,18 @@ class _Walk:
         # at a tie the bifurcation is the event, then the limit point
         found = [event for event in found if event.s < before * (1.0 - TIE)]
         self.events.extend(sorted(found, key=lambda event: event.s))
+
+    def _multiplicity(self, before: Equilibrium, critical: Equilibrium, behind: Equilibrium) -> int:
+        """How many modes lose their stability together: not those that a large step passes later."""
+        if behind.unstable - max(before.unstable, 0) > 1:
+            near = critical.s + TOGETHER * (behind.s - critical.s)
+            try:
+                behind = self.problem.solve(
+                    near, critical, (behind.state - critical.state) / (behind.s - critical.s)
+                )
+            except NoConvergenceError:
+                return 1
+        return max(behind.unstable - max(before.unstable, 0), 1)
 
     def _leave_at(self, critical: Equilibrium, multiplicity: int) -> str:
         """Record a bifurcation and go on along the branch that crosses there; returns why not, if not."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.chain import Chain
-from vjm.lumped import LumpedModel
+from vjm.lumped import Kinematics, LumpedModel
 from vjm.parts import PassiveJoint, RigidOffset
 from vjm.programme import COMPONENTS, Programme
 from vjm.rotations import AXES, Array, displacement_between, frame, inverse_frame, translation, turn
@@ -72,18 +72,26 @@ def held(model: LumpedModel, programme: Programme) -> Hand:
     Hinges that the chain's own last joints make superfluous (a tool that turns about its own joint) are left out.
 
     Raises:
-        ValueError: what is free makes the chain a mechanism: it moves without straining a spring.
+        ValueError: the posture is singular, or what is free makes the chain a mechanism, which moves without
+            straining a spring.
     """
     chain = model.chain
     q = chain.posture(programme.posture)
-    tool = model.kinematics(model.configuration(q)).end
+    here = model.kinematics(model.configuration(q))
+    tool = here.end
+    if _rank(model, here) < len(model.passive):
+        raise ValueError(
+            f"{chain.name}, posture {programme.posture} is singular: some of its passive joints move without moving "
+            f"the tool; choose another posture"
+        )
     free = _in_order(programme)
     while free:
         joints = tuple(PassiveJoint(f"hand-{name}", AXES[name[-1]], slides=len(name) == 1) for name in free)
         there = LumpedModel(_extended(chain, programme.posture, tool, joints))
         loose = _loose(there, len(joints), np.concatenate([q, np.zeros(len(joints))]))
         if loose is None:
-            return Hand(there, tool, joints)
+            x = there.configuration(there.chain.posture(programme.posture))
+            return _movable(Hand(there, tool, joints), there.kinematics(x), programme)
         hinge = next((name for name in free if len(name) == 2 and abs(loose[free.index(name)]) > DEPENDENT), None)
         if hinge is None:
             raise ValueError(
@@ -91,7 +99,20 @@ def held(model: LumpedModel, programme: Programme) -> Hand:
                 f"mechanism: it moves without straining a spring; hold one of them"
             )
         free.remove(hinge)
-    return Hand(model, tool, ())
+    return _movable(Hand(model, tool, ()), here, programme)
+
+
+def _movable(hand: Hand, k: Kinematics, programme: Programme) -> Hand:
+    """The same; its wrench is determined only where a chain gives way in every direction in which it is held."""
+    model = hand.model
+    J = k.jacobian * model.coordinate_scale / np.repeat([model.chain.characteristic_length, 1.0], 3)[:, None]
+    values = np.linalg.eigvalsh(J @ J.T)
+    if values[0] <= DEPENDENT**2 * values[-1]:
+        raise ValueError(
+            f"{model.chain.name}, posture {programme.posture} cannot move in every direction in which it is held, "
+            f"so that the wrench there is not determined: leave rigid directions free"
+        )
+    return hand
 
 
 def _in_order(programme: Programme) -> list[str]:
@@ -121,9 +142,7 @@ def _loose(model: LumpedModel, joints: int, q: Array) -> Array | None:
     k = model.kinematics(model.configuration(q))
     own = model.passive
     length = model.chain.characteristic_length
-    J = k.jacobian[:, own] * model.coordinate_scale[own] / np.repeat([length, 1.0], 3)[:, None]
-    _, values, V = np.linalg.svd(J)
-    rank = int(np.count_nonzero(values > DEPENDENT * values[0]))
+    rank, V = _rank(model, k), np.linalg.svd(_scaled(model, k))[2]
     if rank == len(own):
         return None
     for motion in V[rank:]:
@@ -133,3 +152,19 @@ def _loose(model: LumpedModel, joints: int, q: Array) -> Array | None:
             return np.zeros(joints)
     loose: Array = V[rank][-joints:]
     return loose
+
+
+def _scaled(model: LumpedModel, k: Kinematics) -> Array:
+    """Jacobian ``(6, n_q)`` of the passive joints, dimensionless."""
+    own = model.passive
+    unit = np.repeat([model.chain.characteristic_length, 1.0], 3)
+    J: Array = k.jacobian[:, own] * model.coordinate_scale[own] / unit[:, None]
+    return J
+
+
+def _rank(model: LumpedModel, k: Kinematics) -> int:
+    """Number of independent motions that the passive joints give the end-effector."""
+    if not len(model.passive):
+        return 0
+    values = np.linalg.svd(_scaled(model, k), compute_uv=False)
+    return int(np.count_nonzero(values > DEPENDENT * values[0]))

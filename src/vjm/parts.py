@@ -55,6 +55,16 @@ class Section:
     GAz: float = float("inf")
     mass: float = 0.0
 
+    def __post_init__(self) -> None:
+        for name in ("EA", "GJ", "EIy", "EIz"):
+            if not 0.0 < getattr(self, name) < float("inf"):
+                raise ValueError(f"a section's {name} must be positive and finite, not {getattr(self, name)}")
+        for name in ("GAy", "GAz"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"a section's {name} must be positive or infinite, not {getattr(self, name)}")
+        if not 0.0 <= self.mass < float("inf"):
+            raise ValueError(f"a section's mass must be zero or more, not {self.mass}")
+
     def times(self, count: int) -> Section:
         """Section of ``count`` equal members side by side that share every load component."""
         return Section(
