@@ -30,7 +30,7 @@ POLE = 1e-3
 """Tangent stiffness where it is said to pass a level, over those at both sides: more is a jump from one infinity to
 the other."""
 TOGETHER = 1e-3
-"""Share of the step behind a bifurcation within which other modes count as losing their stability together with it."""
+"""Share of the step behind a bifurcation within which other modes count as losing their stability with it."""
 JUMP = 1.0
 """Of a fixed step only one that ends further from the prolongation than it is long is not believed."""
 

@@ -81,8 +81,8 @@ def held(model: LumpedModel, programme: Programme) -> Hand:
     tool = here.end
     if _rank(model, here) < len(model.passive):
         raise ValueError(
-            f"{chain.name}, posture {programme.posture} is singular: some of its passive joints move without moving "
-            f"the tool; choose another posture"
+            f"{chain.name}, posture {programme.posture} is singular: some of its passive joints move without "
+            f"moving the tool; choose another posture"
         )
     free = _in_order(programme)
     while free:
