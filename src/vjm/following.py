@@ -31,6 +31,10 @@ POLE = 1e-3
 the other."""
 TOGETHER = 1e-3
 """Share of the step behind a bifurcation within which other modes count as losing their stability with it."""
+SMALL = 1e3
+"""Steps of so many times the smallest may bend as they like, short of a jump."""
+JUMPED = 0.9
+"""Distance from the prolongation, over that from the last point, of a state that is no neighbour."""
 JUMP = 1.0
 """Of a fixed step only one that ends further from the prolongation than it is long is not believed."""
 
@@ -168,6 +172,8 @@ class _Walk:
         self.events: list[Event] = []
         self.branch_start = 0
         """Index of the first point on the present branch: no prolongation reaches across it."""
+        self.origin: Equilibrium | None = None
+        """The bifurcation where the present branch begins."""
 
     def run(self) -> Path:
         started = time.perf_counter()
@@ -207,8 +213,11 @@ class _Walk:
                 continue
             bend = self._bend(there)
             allowed = self.control.bend if grid is None else JUMP
-            if bend > allowed and target - here.s > 1e3 * self.control.smallest * self.length:
+            small = target - here.s <= SMALL * self.control.smallest * self.length
+            if bend > (max(allowed, JUMPED) if small else allowed):
                 step = 0.5 * (target - here.s)
+                if step < self.control.smallest * self.length:
+                    return f"no equilibrium beyond {here.s:.6g} but one that is a jump away{self._ahead(here)}"
                 continue
             if there.unstable > 0 and here.unstable <= 0:
                 try:
@@ -241,27 +250,45 @@ class _Walk:
             return ""
         return "; its stability is nearly lost: the ramp turns back here, and control 'arc' follows it"
 
+    def _known(self) -> list[Equilibrium]:
+        """The last points of the present branch, at most three; the bifurcation where it begins is one of them."""
+        own = self.points[self.branch_start :][-3:]
+        return own if self.origin is None else [self.origin, *own][-3:]
+
+    def _along(self, s: float) -> float:
+        """What states are smooth in: the path parameter; behind a bifurcation the root of the distance from it."""
+        return s if self.origin is None else float(np.sqrt(s - self.origin.s))
+
     def _slope(self, target: float) -> Array | None:
         """Of the chord from the last point to where the parabola through the last three is at the target."""
-        known = len(self.points) - self.branch_start
-        if known < 2:
+        known = self._known()
+        if len(known) < 2:
             return None
-        a, b = self.points[-2:]
-        chord: Array = (b.state - a.state) / (b.s - a.s)
-        if known < 3:
-            return chord
-        z = self.points[-3]
-        bend = (chord - (a.state - z.state) / (a.s - z.s)) / (b.s - z.s)
-        return chord + bend * (target - a.s)
+        nodes, at = [self._along(p.s) for p in known], self._along(target)
+        state = np.zeros_like(known[-1].state)
+        for i, p in enumerate(known):
+            others = [u for j, u in enumerate(nodes) if j != i]
+            state = state + p.state * np.prod([(at - u) / (nodes[i] - u) for u in others])
+        slope: Array = (state - known[-1].state) / (target - known[-1].s)
+        return slope
 
     def _bend(self, there: Equilibrium) -> float:
-        """How far the new shape lies from the prolongation of the last two, over the way to it."""
-        if len(self.points) - self.branch_start < 2:
+        """How far the new shape lies from the prolongation of the last two, over the way to it.
+
+        Behind a bifurcation some of it goes with the root of the distance and some with the distance itself: the
+        nearer prolongation counts.
+        """
+        known = self._known()[-2:]
+        if len(known) < 2:
             return 0.0
-        a, b = self.points[-2:]
-        prolonged = b.shape + (b.shape - a.shape) * ((there.s - b.s) / (b.s - a.s))
+        a, b = known
         way = float(np.linalg.norm(there.shape - b.shape)) + 1e-6 * self.length
-        return float(np.linalg.norm(there.shape - prolonged)) / way
+        ratios = [(there.s - b.s) / (b.s - a.s)]
+        if self.origin is not None:
+            start, last, at = (self._along(p.s) for p in (a, b, there))
+            ratios.append((at - last) / (last - start))
+        missed = [there.shape - b.shape - (b.shape - a.shape) * ratio for ratio in ratios]
+        return min(float(np.linalg.norm(distance)) for distance in missed) / way
 
     def _between(self, a: Equilibrium, b: Equilibrium, value: Callable[[Equilibrium], float]) -> Equilibrium:
         """The point between a and b, on their path, where a value that differs in sign there is zero."""
@@ -316,7 +343,7 @@ class _Walk:
         self.events[-1] = replace(event, switched=True)
         # the critical state belongs to both branches, and lies on neither side of stability
         self.points.append(there)
-        self.branch_start = len(self.points) - 1
+        self.branch_start, self.origin = len(self.points) - 1, critical
         return ""
 
     def _add_neighbour_stiffness(self) -> None:
