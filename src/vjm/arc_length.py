@@ -12,10 +12,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from vjm.equilibrium import NoConvergenceError
 from vjm.following import Problem, bifurcation, follow, locate
 from vjm.paths import Equilibrium, Event, EventKind, Path, driven_force
-from vjm.programme import ARC, Programme
+from vjm.programme import TO_LIMIT, Programme
 from vjm.rotations import Array
 
 EVENT_TOLERANCE = 1e-9
@@ -25,7 +27,8 @@ EVENT_TOLERANCE = 1e-9
 class ArcProblem(Problem, Protocol):
     """What an engine must be able to do beside a `Problem` for its path to be followed by its arc.
 
-    With the programme's control `ARC`, the slope given to ``solve`` is the direction across which the plane lies.
+    Where a programme is followed by its arc, the slope given to ``solve`` is the direction across which the plane
+    lies.
     """
 
     def tangent(self, point: Equilibrium, along: Array | None = None) -> Array:
@@ -61,6 +64,8 @@ class ArcControl:
         bend: distance of a point from the tangent at the one before it, over the step.
         points: number at which the path is given up.
         last: end at the first event of this kind.
+        closed: distance between two turning points of the ramp that are one: of the shapes over their extent, and
+            of the ramps over its end. Joints may have turned full circles in between.
     """
 
     first: float = 0.01
@@ -69,6 +74,7 @@ class ArcControl:
     bend: float = 0.05
     points: int = 5000
     last: EventKind | None = None
+    closed: float = 1e-5
 
 
 def walk(
@@ -78,7 +84,7 @@ def walk(
     progress: Callable[[float], None] | None = None,
 ) -> Path:
     """Follow a path by its ramp or, under step control, by its arc, as the programme says."""
-    if programme.control == ARC:
+    if programme.by_arc:
         return follow_arc(problem, programme, control, progress)
     return follow(problem, programme, progress=progress)
 
@@ -93,7 +99,8 @@ def follow_arc(
 
     Folds of the ramp are limit points where loads are driven. Behind them the path goes on, unstable where it is,
     and each point says so. At a bifurcation of a stable path it goes on along the branch that the programme asks
-    for, also where that leads backwards; other bifurcations are recorded and passed.
+    for, also where that leads backwards; other bifurcations are recorded and passed. A path that comes back to
+    where it has been ends there and says so.
 
     Args:
         problem: the engine at work on a chain in a posture.
@@ -119,6 +126,8 @@ class _ArcWalk:
         self.events: list[Event] = []
         self.forwards: Array | None = None
         """A change of state along the path, up to the last point."""
+        self.turn = EventKind.LIMIT if programme.load_driven else EventKind.FOLD
+        """What the ramp does where it turns back."""
 
     def run(self) -> Path:
         started = time.perf_counter()
@@ -136,7 +145,7 @@ class _ArcWalk:
 
     def _walk(self) -> str:
         step, end = self.control.first, self.programme.length
-        why = ""
+        why, seen = "", 0
         while len(self.points) < self.control.points:
             here = self.points[-1]
             if step < self.control.smallest:
@@ -158,6 +167,15 @@ class _ArcWalk:
                 continue
             if self.control.last is not None and any(e.kind is self.control.last for e in self.events):
                 return ""
+            if (turned := self._turned(seen)) is not None:
+                again = self._been_at(turned)
+                if again is not None:
+                    self.events.pop()
+                    return f"the path is closed: it comes back to the {again.kind} at the ramp {turned.ramp:.6g}"
+                if self.programme.control == TO_LIMIT:
+                    self.points.append(turned)
+                    return ""
+            seen = len(self.events)
             if entered is not None:
                 self.forwards = entered.state - self.events[-1].point.state  # type: ignore[union-attr]
                 self.points.append(entered)
@@ -175,6 +193,22 @@ class _ArcWalk:
             f"the ramp had not reached its end after {len(self.points)} points: it is at {self.points[-1].ramp:.6g}"
         )
 
+    def _turned(self, seen: int) -> Equilibrium | None:
+        """Where the ramp turned back in the last step, which added to so many events."""
+        new = self.events[seen:]
+        return new[-1].point if new and new[-1].kind is self.turn else None
+
+    def _been_at(self, point: Equilibrium) -> Event | None:
+        """An earlier turning point or bifurcation that is the path's last one."""
+        extent = float(np.ptp(point.shape, axis=0).max())
+        for event in self.events[:-1]:
+            if event.kind in (self.turn, EventKind.BIFURCATION) and event.point is not None:
+                apart = float(np.abs(point.shape - event.point.shape).max()) / extent
+                risen = abs(point.ramp - event.point.ramp) / self.programme.length
+                if max(apart, risen) < self.control.closed:
+                    return event
+        return None
+
     def _at_end(self, here: Equilibrium, there: Equilibrium, end: float) -> Equilibrium:
         side = 1.0 if there.ramp > 0.0 else -1.0
         return locate(self.problem, here, there, lambda p: p.ramp - side * end, EVENT_TOLERANCE)
@@ -189,7 +223,7 @@ class _ArcWalk:
         if folds and abs(change) > 1:
             raise NoConvergenceError("a fold and a bifurcation are too close to be told apart")
         if folds:
-            self._record(EventKind.LIMIT if self.programme.load_driven else EventKind.FOLD, self._fold(here, there))
+            self._record(self.turn, self._fold(here, there))
             return None
         if change:
             return self._bifurcate(here, there)

@@ -13,7 +13,7 @@ from vjm.hand import held
 from vjm.loads import NO_LOADING, loading_of
 from vjm.lumped import LumpedModel
 from vjm.paths import Equilibrium, StationLabel
-from vjm.programme import ARC, PointControl, Programme
+from vjm.programme import PointControl, Programme
 from vjm.rotations import Array, displaced
 from vjm.stability import Stability, critical_modes, stability
 from vjm.stiffness import loaded_stiffness
@@ -98,7 +98,7 @@ class LumpedProblem:
         """Equilibrium at ``s`` by Newton-Raphson from a neighbour, prolonged along its slope."""
         state = start.state if slope is None else start.state + slope * (s - start.s)
         x, wrench, ramp = self._taken_apart(state)
-        if self.programme.control == ARC:
+        if self.programme.by_arc:
             return self._on_arc(s, start, self.tangent(start) if slope is None else slope)
         if isinstance(self.programme.control, PointControl):
             ramp, at = solve_bordered(self, x, wrench, ramp, lambda at, _: self._point_border(at, s))

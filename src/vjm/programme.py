@@ -13,8 +13,9 @@ COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 """Components of the end-effector's displacement from its unloaded pose, world axes; mm and rad."""
 LOAD = "load"
 """The axis of a programme whose ramp is the factor on its loads."""
-RAMP, ARC = "ramp", "arc"
-"""A path's parameter may be the ramp itself or the length of the path's arc."""
+RAMP, ARC, TO_LIMIT = "ramp", "arc", "limit"
+"""A path's parameter may be the ramp itself or the length of the path's arc: to the ramp's end, or to where the
+ramp first turns back if that comes before."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,8 @@ class Programme:
         loads: wrenches on bodies of the chain.
         gravity: acceleration ``(3,)`` in m/s², world axes, which gives the parts their weight. It acts in full all
             along, but where loads are driven and none of them is ramped it is what the load factor multiplies.
-        control: what the path's parameter is: the ramp, the length of the arc, or a point's displacement.
+        control: what the path's parameter is: the ramp, the length of the arc, whole or as far as the first point
+            where the ramp turns back (`TO_LIMIT`), or a point's displacement.
         imperfection: mm; the chain is built with a deflection of that size, free of stress, in the shape of the
             mode in which the perfect one buckles under this programme, towards ``branch``.
     """
@@ -121,11 +123,11 @@ class Programme:
             raise ValueError(f"a ramp needs at least one step, not {self.steps}")
         if self.branch not in (1, -1, 0):
             raise ValueError(f"branch is +1, -1 or 0, not {self.branch}")
-        if self.branch == 0 and self.control != ARC:
+        if self.branch == 0 and not self.by_arc:
             raise ValueError("branch 0, the path that loses its stability, needs the arc as the path's parameter")
-        if isinstance(self.control, str) and self.control not in (RAMP, ARC):
-            raise ValueError(f"control '{self.control}' is none of {RAMP}, {ARC}")
-        if self.control == ARC and self.steps is not None:
+        if isinstance(self.control, str) and self.control not in (RAMP, ARC, TO_LIMIT):
+            raise ValueError(f"control '{self.control}' is none of {RAMP}, {ARC}, {TO_LIMIT}")
+        if self.by_arc and self.steps is not None:
             raise ValueError("steps divide a ramp, not an arc: leave them out")
         if self.imperfection < 0.0 or not np.isfinite(self.imperfection):
             raise ValueError(f"an imperfection has a size of zero or more, not {self.imperfection}")
@@ -145,6 +147,11 @@ class Programme:
             raise ValueError("a ramped load needs the axis 'load'; beside a driven pose loads act in full")
         if self.gravity is not None and (len(self.gravity) != 3 or not np.all(np.isfinite(self.gravity))):
             raise ValueError(f"gravity is three finite numbers in m/s², got {self.gravity}")
+
+    @property
+    def by_arc(self) -> bool:
+        """Whether the path's parameter is the length of its arc."""
+        return self.control in (ARC, TO_LIMIT)
 
     @property
     def load_driven(self) -> bool:

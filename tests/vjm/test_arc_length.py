@@ -11,7 +11,7 @@ from vjm.chain import Chain
 from vjm.imperfections import imperfection_curve
 from vjm.parts import Actuator, Beam, PassiveJoint, Section
 from vjm.paths import EventKind
-from vjm.programme import ARC, COMPONENTS, Load, PointControl, Programme
+from vjm.programme import ARC, COMPONENTS, TO_LIMIT, Load, PointControl, Programme
 from vjm.rotations import AXES
 from vjm.vjm_engine import VjmEngine
 
@@ -224,3 +224,21 @@ def test_the_unstable_path_can_be_stayed_on(column):
         assert event.force == pytest.approx(exact, rel=tolerance)
         assert not event.switched
     assert path.unstable[-1] == 2
+
+
+def test_the_arc_can_end_at_the_first_limit(truss_limit):
+    limit, _ = truss_limit
+    path = VjmEngine(1).walk(truss(), crown_programme(1.5 * limit, TO_LIMIT))
+    assert path.complete
+    assert [event.kind for event in path.events] == [EventKind.LIMIT]
+    assert path.points[-1].ramp == pytest.approx(limit, rel=1e-9)
+
+
+def test_a_closed_path_ends_where_it_began(chain):
+    """A bar let go at its end swings round under a dead load, and comes back with its joints turned full circle."""
+    free = ("x", "rx", "ry", "rz")
+    force = Load((1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    programme = Programme("B", -9000.0, "load", free=free, loads=(force,), control=ARC)
+    path = VjmEngine(4).walk(chain, programme)
+    assert path.events[0].kind is EventKind.BIFURCATION
+    assert "the path is closed: it comes back to the bifurcation" in path.stopped

@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 from cyclopts import App, CycloptsError, Parameter
 
 from vjm import __version__
+from vjm.batch import Failure, Task, walk_all
 from vjm.chain import Chain
 from vjm.equilibrium import NoConvergenceError
 from vjm.io.files import check_writable
@@ -20,7 +21,7 @@ from vjm.io.model_file import library, load_chain
 from vjm.io.path_files import write_curve
 from vjm.parts import Placement
 from vjm.paths import Path
-from vjm.programme import Programme
+from vjm.programme import RAMP, TO_LIMIT
 from vjm.vjm_engine import VjmEngine
 from vjm_validation import show
 from vjm_validation.acceptance import FROZEN
@@ -28,6 +29,7 @@ from vjm_validation.documents import BucklingDocument
 from vjm_validation.engines import DESCRIPTIONS, EngineOptions, engine_by_name
 from vjm_validation.loaded import under_displacement, under_wrench
 from vjm_validation.metrics import PathMetrics, path_metrics
+from vjm_validation.programme_options import parsed_programme
 from vjm_validation.run import Direction
 from vjm_validation.run_all import COMPARISONS, Options, run_all
 from vjm_validation.summary import as_json
@@ -51,6 +53,11 @@ PlacementOption = Annotated[
     Parameter(name="--placement", help="Where a spring sits in its segment: end, middle, two-thirds or best."),
 ]
 Shear = Annotated[bool, Parameter(name="--shear", negative="", help="Let finite elements shear.")]
+Free = Annotated[str, Parameter(help="Components of the pose that are let go, such as rx,ry,rz.")]
+Force = Annotated[
+    bool, Parameter(negative="", help="Drive a dead force or moment along --axis, N or N mm, instead of the pose.")
+]
+Jobs = Annotated[int, Parameter(help="Processes; one a core by default.")]
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print one JSON document and nothing else.")]
 Model = Annotated[str, Parameter(help="A model of the library, or a path to a model file.")]
 
@@ -65,7 +72,7 @@ def all_(
     out: Annotated[
         FilePath | None, Parameter(help="Folder of the run; a run that was cut off goes on there.")
     ] = None,
-    jobs: Annotated[int, Parameter(help="Processes; one a core by default.")] = 0,
+    jobs: Jobs = 0,
     quick: Annotated[bool, Parameter(negative="", help="Postures A and B only, no reach of the rounding.")] = False,
     only: Annotated[
         tuple[str, ...], Parameter(consume_multiple=True, help="Comparisons, see `validate list`.")
@@ -125,7 +132,8 @@ def curve(
     to: Annotated[float, Parameter(help="End of the ramp, mm or rad; -4 is compression for posture A.")],
     posture: Annotated[str | None, Parameter(help="Label of a posture of the model.")] = None,
     axis: Annotated[
-        Literal["x", "y", "z", "rx", "ry", "rz"], Parameter(help="Driven component of the displacement.")
+        Literal["x", "y", "z", "rx", "ry", "rz", "load"],
+        Parameter(help="Driven component of the displacement; or load: the factor on every --load."),
     ] = "x",
     steps: Annotated[int | None, Parameter(help="Equal steps; adaptive by default.")] = None,
     engine: Annotated[str, Parameter(help="See `validate list`.")] = "vjm",
@@ -134,15 +142,40 @@ def curve(
     placement: PlacementOption = Placement.BEST,
     shear: Shear = False,
     branch: Annotated[
-        Literal["+", "-"], Parameter(allow_leading_hyphen=True, help="Which of two mirrored branches.")
+        Literal["+", "-", "0"],
+        Parameter(
+            allow_leading_hyphen=True, help="Which of two mirrored branches; 0 stays where stability is lost."
+        ),
     ] = "+",
+    free: Free = "",
+    force: Force = False,
+    load: Annotated[
+        tuple[str, ...],
+        Parameter(
+            allow_leading_hyphen=True,
+            help="[part@fraction:]fx,fy,fz[,mx,my,mz][:follower][:constant], N and N mm; may be repeated.",
+        ),
+    ] = (),
+    gravity: Annotated[
+        str, Parameter(allow_leading_hyphen=True, help="gx,gy,gz in m/s2: the parts get their weight.")
+    ] = "",
+    control: Annotated[
+        str,
+        Parameter(help="What the path follows: ramp, arc, limit (arc to its first limit), part@fraction:dx,dy,dz."),
+    ] = "ramp",
+    imperfection: Annotated[
+        float, Parameter(help="mm of bow in the shape of the buckling mode, free of stress.")
+    ] = 0.0,
     csv: Annotated[FilePath | None, Parameter(help="Write the path to this file.")] = None,
 ) -> int:
     """Walk one load path and show it."""
     _positive("--steps", steps)
     chain = load_chain(model)
     label = _postures(chain, (posture,) if posture else ())[0]
-    programme = Programme(label, to, axis, steps, 1 if branch == "+" else -1)
+    programme = parsed_programme(
+        label, to, axis=axis, force=force, steps=steps, branch={"+": 1, "-": -1, "0": 0}[branch], free=free,
+        loads=load, gravity=gravity, control=control, imperfection=imperfection,
+    )  # fmt: skip
     _within_reach("--to", chain, programme.displacement(programme.length).tolist())
     walker = engine_by_name(engine, _options(segments, foot_segments, placement, shear))
     if csv is not None:
@@ -174,12 +207,19 @@ def buckling(
     foot_segments: FootSegments = None,
     placement: PlacementOption = Placement.BEST,
     shear: Shear = False,
-    to: Annotated[float | None, Parameter(help="How far to go, mm; 4 by default, 14 where that says more.")] = None,
+    to: Annotated[
+        float | None, Parameter(help="How far to go, mm, with --force N; 4 mm by default, 14 where that says more.")
+    ] = None,
+    free: Free = "",
+    force: Force = False,
+    jobs: Annotated[int, Parameter(help="Processes; 0 is one a core.")] = 1,
     json: Json = False,
 ) -> int:
     """Stiffness, critical points and post-buckling stiffness."""
     if to is not None and not to > 0.0:
         raise UsageError(f"--to: the reach must be positive, not {to}; --direction gives the sign")
+    if force and to is None:
+        raise UsageError("--to: with --force say up to how many N")
     chain = load_chain(model)
     options = _options(segments, foot_segments, placement, shear)
     walkers = [engine_by_name(name, options) for name in engine]
@@ -187,19 +227,23 @@ def buckling(
         [Direction.TENSION if direction == "+" else Direction.COMPRESSION] if direction else list(Direction)
     )
     labels = _postures(chain, posture)
+    cases = [(label, way, walker) for label in labels for way in directions for walker in walkers]
+    tasks = []
+    for label, way, walker in cases:
+        end = way.sign * to if to is not None else ramp_end(chain, label, way)
+        programme = parsed_programme(label, end, force=force, free=free, control=TO_LIMIT if force else RAMP)
+        _within_reach("--to", chain, programme.displacement(programme.length).tolist())
+        tasks.append(Task(walker, chain, programme))
+    with show.progress(quiet=json) as progress:
+        results = walk_all(tasks, min(_jobs(jobs), len(tasks)), lambda done, total: progress("paths", done, total))
     found: dict[str, dict[str, dict[str, PathMetrics]]] = {}
     paths: list[Path] = []
-    total = len(labels) * len(directions) * len(walkers)
-    with show.progress(quiet=json) as progress:
-        for label in labels:
-            for way in directions:
-                end = way.sign * to if to is not None else ramp_end(chain, label, way)
-                _within_reach("--to", chain, [end, 0.0, 0.0, 0.0, 0.0, 0.0])
-                for walker in walkers:
-                    path = walker.walk(chain, Programme(label, end))
-                    paths.append(path)
-                    found.setdefault(label, {}).setdefault(str(way), {})[walker.label] = path_metrics(path)
-                    progress("paths", len(paths), total)
+    for (label, way, walker), path in zip(cases, results, strict=True):
+        if isinstance(path, Failure):
+            gave_up = path.kind == NoConvergenceError.__name__
+            raise NoConvergenceError(path.message) if gave_up else UsageError(path.message)
+        paths.append(path)
+        found.setdefault(label, {}).setdefault(str(way), {})[walker.label] = path_metrics(path)
     document = BucklingDocument(model=chain.name, model_sha256=chain.sha256, version=__version__, chain=found)
     if json:
         sys.stdout.write(as_json(document))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from vjm.paths import EventKind, Path
+from vjm.paths import Equilibrium, EventKind, Path
 
 
 class PathMetrics(BaseModel):
@@ -22,7 +22,7 @@ class PathMetrics(BaseModel):
     F_cr: float | None
     """Force there."""
     d_cr: float | None
-    """Displacement there."""
+    """Displacement there; where loads are driven that of the end-effector along those on it."""
     K2: float | None
     """Stiffness at 1.01 of the critical displacement, on the stable branch; null for a bend-over."""
     F_end: float
@@ -43,13 +43,26 @@ def path_metrics(path: Path) -> PathMetrics:
         K1=event.stiffness_before if event else None,
         critical=event.kind if event else None,
         F_cr=event.force if event else None,
-        d_cr=event.s if event else None,
+        d_cr=travel(path, event.point) if event and event.point else None,
         K2=event.stiffness_after if event else None,
         F_end=float(path.force[-1]),
-        d_end=path.points[-1].s,
+        d_end=travel(path, path.points[-1]),
         K3=path.points[-1].tangent,
         stopped=path.stopped,
     )
+
+
+def travel(path: Path, point: Equilibrium) -> float:
+    """How far a point of a path is along what drives it: the ramp, or the end-effector along its ramped loads.
+
+    Nan where loads are driven and none of them acts on the end-effector.
+    """
+    programme = path.programme
+    if not programme.load_driven:
+        return point.ramp
+    force = sum((np.array(load.wrench) for load in programme.loads if load.ramped and not load.part), np.zeros(6))
+    size = float(np.linalg.norm(force))
+    return programme.sign * float(point.displacement @ force) / size if size else float("nan")
 
 
 def force_at(path: Path, s: float) -> float:

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from vjm.paths import Path
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
+from vjm_validation.metrics import travel
 from vjm_validation.summary import Summary
 
 ROWS = 24
@@ -63,18 +64,21 @@ def two_columns(title: str, rows: Mapping[str, str]) -> Table:
 
 def path_table(path: Path) -> Table:
     """A path's points, thinned to what a terminal shows."""
+    driven = path.programme.load_driven
     unit = "mm" if path.programme.direction[:3].any() else "rad"
     force = "N" if unit == "mm" else "N mm"
     table = Table(title=f"{path.model}, posture {path.programme.posture}, {path.engine}", title_justify="left")
-    for column in (f"displacement {unit}", f"force {force}", f"stiffness {force}/{unit}", "smallest eigenvalue",
-                   "unstable modes"):  # fmt: skip
+    columns = ["ux mm", "uy mm", "uz mm", "load factor", "its stiffness"]
+    if not driven:
+        columns = [f"displacement {unit}", f"force {force}", f"stiffness {force}/{unit}"]
+    for column in (*columns, "smallest eigenvalue", "unstable modes"):
         table.add_column(column, justify="right")
     n = len(path.points)
     relative = path.eigenvalue_relative
     for i in sorted({round(k * (n - 1) / max(ROWS - 1, 1)) for k in range(ROWS)}):
         p = path.points[i]
         table.add_row(
-            f"{p.s:.5g}",
+            *([f"{u:.5g}" for u in p.displacement[:3] + 0.0] if driven else [f"{p.ramp:.5g}"]),
             f"{path.force[i]:.6g}",
             f"{p.tangent:.6g}",
             _number(relative[i]),
@@ -85,9 +89,13 @@ def path_table(path: Path) -> Table:
 
 def event_lines(path: Path) -> list[str]:
     """The critical points in words."""
-    lines = [f"{e.kind} at {e.s:.6g}, force {e.force:.6g}" for e in path.events]
+    lines = []
+    for event in path.events:
+        at = travel(path, event.point) if event.point else event.s
+        what = "load factor" if path.programme.load_driven else "force"
+        lines.append(f"{event.kind} at {at:.6g}, {what} {event.force:.6g}")
     if path.stopped:
-        lines.append(f"the path ends at {path.points[-1].s:.6g}: {path.stopped}")
+        lines.append(f"the path ends at {path.points[-1].ramp:.6g}: {path.stopped}")
     return lines or ["no critical point on this path"]
 
 
