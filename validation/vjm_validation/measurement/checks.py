@@ -174,7 +174,7 @@ def _check_ratio(file: str, force: str, moved: str, ratio: float, spread: float,
 
 
 def _check_against_buckling(readings: Readings, chain: Chain, engine: VjmEngine, noise: dict[str, float]) -> None:
-    """Of a test that steered by another point: no force is a thousand times the one at which the chain gives way."""
+    """Of a test steered by another point: no force is a thousand times the one at which the chain gives way."""
     name = WRENCH[0]
     if name not in readings.values:
         return

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from vjm_validation.report.end_condition_figures import end_conditions
 from vjm_validation.report.figures import worst_difference
 from vjm_validation.report.iteration_words import iterations
 from vjm_validation.report.lumping_words import foot_law, lumping_evidence
@@ -36,7 +37,7 @@ def findings(run: Run, no_renders: str = "") -> list[Finding]:
         no_renders: why there are no renders, empty where there are.
     """
     parts: Sequence[Callable[[Run], Finding | None]] = (
-        failed_acceptance, no_finite_elements, paper_model, link_lumping, refined_agreement, foot, published,
+        failed_acceptance, no_finite_elements, paper_model, link_lumping, refined_agreement, foot, end_conditions, published,
         conventional, iterations, stopped_paths, left_out,
     )  # fmt: skip
     found = [finding for part in parts if (finding := part(run)) is not None]

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import base64
 import pathlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from vjm.io.files import write_whole
+from vjm_validation.report.end_condition_figures import end_condition_picture
 from vjm_validation.report.figures import posture_pictures, postures
 from vjm_validation.report.findings import findings
 from vjm_validation.report.iteration_figures import iteration_picture
@@ -20,11 +19,10 @@ from vjm_validation.report.lumping_figures import lumping_pictures
 from vjm_validation.report.markdown import findings_markdown
 from vjm_validation.report.proofs import foot_picture, published_picture
 from vjm_validation.report.renders import impossible, render_pictures
-from vjm_validation.report.style import Picture, engine_order, engine_style, number
+from vjm_validation.report.style import Picture, engine_order, engine_style
+from vjm_validation.report.templating import environment
 from vjm_validation.run import Direction, Run
 
-SHORT_TABLE = 12
-"""Rows up to which a table of the record is unfolded."""
 METRICS = ("K0", "K1", "critical", "F_cr", "d_cr", "K2", "F_end", "d_end", "K3")
 """Columns of the tables of ``summary.json``'s ``chain``."""
 
@@ -61,9 +59,10 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     """
     proofs = lumping_pictures(run)
     foot, table2, counts = foot_picture(run), published_picture(run), iteration_picture(run)
+    hands = end_condition_picture(run)
     curves = {posture: posture_pictures(run, posture) for posture in postures(run)}
     renders, no_renders = _renders(run)
-    proof = [picture for picture in (*proofs, foot, table2, counts) if picture]
+    proof = [picture for picture in (*proofs, foot, hands, table2, counts) if picture]
     figures = [*proof, *chain.from_iterable(curves.values())]
     for folder, pictures in (("figures", figures), ("renders", renders)):
         for picture in pictures:
@@ -79,7 +78,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     ]
     found = findings(run, no_renders)
     write_whole(out / "findings.md", findings_markdown(run, found, proof))
-    page = _environment().get_template("index.html.j2").render(
+    page = environment().get_template("index.html.j2").render(
         chain=run.chain,
         published=run.summary.get("published", ()),
         acceptance=run.summary.get("acceptance", ()),
@@ -92,6 +91,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         findings=found,
         proofs=proofs,
         foot=foot,
+        hands=hands,
         table2=table2,
         counts=counts,
         sections=sections,
@@ -144,37 +144,3 @@ def _engine_rows(run: Run) -> list[dict[str, Any]]:
             }
         )
     return rows
-
-
-def _environment() -> jinja2.Environment:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("vjm_validation.report"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["number"] = number
-    environment.filters["given"] = lambda value: number(None) if value is None else f"{value:g}"
-    environment.filters["data_uri"] = _data_uri
-    environment.filters["flat"] = lambda tree: list(_flat(tree))
-    environment.globals["symbols"] = {
-        "K0": ("K", "0"), "K1": ("K", "1"), "K2": ("K", "2"), "K3": ("K", "3"), "F1": ("F", "1"),
-        "F_cr": ("F", "cr"), "d_cr": ("Δ", "cr"), "F_end": ("F", "end"), "d_end": ("Δ", "end"),
-    }  # fmt: skip
-    environment.globals["short_table"] = SHORT_TABLE
-    environment.globals["units"] = {"K": "N/mm", "F": "N", "d": "mm"}
-    return environment
-
-
-def _data_uri(picture: Picture) -> str:
-    return f"data:image/png;base64,{base64.b64encode(picture.content).decode()}"
-
-
-def _flat(tree: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:  # noqa: ANN401
-    """Leaves of nested mappings with their keys joined: ('paths / A / tension', 0.2)."""
-    if isinstance(tree, Mapping):
-        for key, value in tree.items():
-            yield from _flat(value, f"{prefix} / {key}" if prefix else str(key))
-    else:
-        yield prefix, tree
