@@ -8,6 +8,7 @@ from enum import StrEnum
 from typing import Any
 
 from vjm.chain import Chain
+from vjm.imperfections import ImperfectionCurve
 from vjm.paths import Path
 
 
@@ -104,6 +105,20 @@ class IterationStudy:
     stopped: str = ""
 
 
+@dataclass(frozen=True)
+class EndConditionStudy:
+    """What the hand that holds the end-effector decides.
+
+    Attributes:
+        paths: compression by posture and end condition; under dead loads to the first limit point.
+        imperfections: largest force against the size of an imperfection by posture, under a dead load on a hinged
+            end-effector, where the perfect chain buckles and then collapses.
+    """
+
+    paths: Mapping[tuple[str, str], Path]
+    imperfections: Mapping[str, ImperfectionCurve]
+
+
 @dataclass
 class Run:
     """What `validate all` computed.
@@ -112,6 +127,7 @@ class Run:
         chain: the machine.
         paths: by posture, direction and engine.
         lumping: the study that names the tension artefact's cause, one per direction.
+        end_conditions: critical points under other hands than the paper's; None without the study.
         iterations: what the paper's iteration and Newton-Raphson take, one study per posture.
         summary: the content of ``summary.json``.
     """
@@ -119,5 +135,6 @@ class Run:
     chain: Chain
     paths: dict[Key, Path] = field(default_factory=dict)
     lumping: tuple[LumpingStudy, ...] = ()
+    end_conditions: EndConditionStudy | None = None
     iterations: tuple[IterationStudy, ...] = ()
     summary: Mapping[str, Any] = field(default_factory=dict)

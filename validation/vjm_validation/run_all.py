@@ -15,12 +15,13 @@ from vjm.io.model_file import load_chain
 from vjm.parts import Placement
 from vjm.paths import Path
 from vjm_validation.acceptance import AcceptanceRow, agreement_rows, solver_rows
+from vjm_validation.end_conditions import end_condition_study
 from vjm_validation.iterations import iteration_study
 from vjm_validation.lumping import SPRINGS, lumping_study
 from vjm_validation.rounding import reach
-from vjm_validation.run import Direction, IterationStudy, Key, LumpingStudy, Run
+from vjm_validation.run import Direction, EndConditionStudy, IterationStudy, Key, LumpingStudy, Run
 from vjm_validation.summary import Summary, as_json, summarise
-from vjm_validation.sweeps import ENGINES, PathStore, chain_tasks, run_sweep
+from vjm_validation.sweeps import ENGINES, PathStore, chain_tasks, ramp_end, run_sweep
 from vjm_validation.table2 import TABLE_II, PublishedFigure, published_figures
 from vjm_validation.verification import VerificationRow, column_rows, foot_rows
 
@@ -29,6 +30,7 @@ COMPARISONS = {
     "chain": "force-displacement paths of every engine in postures A to D, both directions",
     "table2": "every figure of the paper's Table II, and what the rounding of its inputs can reach",
     "link_lumping": "critical force against number and placement of the bar's springs",
+    "end_conditions": "critical points under dead loads and with free rotations, and what imperfections cost",
     "iterations": "iterations of the paper's (13) and of Newton-Raphson along the paper's paths",
     "verification": "cases with a known answer",
 }
@@ -87,6 +89,8 @@ def run_all(options: Options, progress: Progress) -> Summary:
         notes.append("the chain's paths were left out by --only")
     if options.wants("link_lumping"):
         run.lumping = _lumping(run, progress)
+    if options.wants("end_conditions"):
+        run.end_conditions = _end_conditions(chain, postures, progress)
     if options.wants("iterations"):
         run.iterations = _iterations(chain, postures, options, progress)
     published: list[PublishedFigure] = []
@@ -152,6 +156,19 @@ def _lumping(run: Run, progress: Progress) -> tuple[LumpingStudy, ...]:
         reference = event.force if event is not None else None
         studies.append(lumping_study(run.chain, STUDIED_POSTURE, direction, reference, done))
     return tuple(studies)
+
+
+def _end_conditions(chain: Chain, postures: Sequence[str], progress: Progress) -> EndConditionStudy:
+    finished = 0
+
+    def done() -> None:
+        nonlocal finished
+        finished += 1
+        progress("end conditions", finished, len(postures))
+
+    progress("end conditions", 0, len(postures))
+    reaches = {posture: abs(ramp_end(chain, posture, Direction.COMPRESSION)) for posture in postures}
+    return end_condition_study(chain, reaches, done)
 
 
 def _iterations(

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from vjm import __version__
 from vjm.equilibrium import TOLERANCE
+from vjm.paths import EventKind
 from vjm_validation.acceptance import AcceptanceRow
 from vjm_validation.iterations import LIMIT, LOOSE, NOISE, STEP_MM
 from vjm_validation.metrics import PathMetrics, path_metrics
@@ -36,6 +37,34 @@ class LumpingRow(BaseModel):
     springs: int
     F_cr: float | None
     reference: float | None
+
+
+class EndConditionRow(BaseModel):
+    """Compression of one posture under one end condition, N and mm, magnitudes along x."""
+
+    model_config = ConfigDict(frozen=True)
+
+    posture: str
+    condition: str
+    critical: EventKind | None
+    F_cr: float | None
+    d_cr: float | None
+    F_max: float
+    """Largest force on the path, which under a dead load ends where that has a maximum or a minimum."""
+    stopped: str
+
+
+class ImperfectionRow(BaseModel):
+    """Largest dead load on a hinged end-effector that a chain with an imperfection bears."""
+
+    model_config = ConfigDict(frozen=True)
+
+    posture: str
+    size: float
+    """mm, of the deflection in the shape of the buckling mode."""
+    F_max: float
+    limit: bool
+    """Whether that is a limit point; else the force grows to the path's end."""
 
 
 class IterationRow(BaseModel):
@@ -103,6 +132,8 @@ class Summary(BaseModel):
     """By posture, ``tension`` or ``compression``, and engine label."""
     published: list[PublishedFigure]
     lumping: list[LumpingRow]
+    end_conditions: list[EndConditionRow]
+    imperfections: list[ImperfectionRow]
     iterations: Iterations | None
     """Null where they were left out."""
     verification: list[VerificationRow]
@@ -161,6 +192,8 @@ def summarise(
             for study in run.lumping
             for placement, n, force in study.rows
         ],
+        end_conditions=_end_conditions(run),
+        imperfections=_imperfections(run),
         iterations=_iterations(run),
         verification=list(verification),
         acceptance=list(acceptance),
@@ -169,6 +202,31 @@ def summarise(
         hashes=hashes,
         notes=list(notes),
     )
+
+
+def _end_conditions(run: Run) -> list[EndConditionRow]:
+    if run.end_conditions is None:
+        return []
+    rows = []
+    for (posture, condition), path in run.end_conditions.paths.items():
+        m = path_metrics(path)
+        rows.append(
+            EndConditionRow(
+                posture=posture, condition=condition, critical=m.critical, F_cr=m.F_cr, d_cr=m.d_cr,
+                F_max=max([float(path.force.max()), *(event.force for event in path.events)]), stopped=m.stopped,
+            )
+        )  # fmt: skip
+    return rows
+
+
+def _imperfections(run: Run) -> list[ImperfectionRow]:
+    if run.end_conditions is None:
+        return []
+    return [
+        ImperfectionRow(posture=posture, size=float(size), F_max=float(force), limit=bool(limit))
+        for posture, curve in run.end_conditions.imperfections.items()
+        for size, force, limit in zip(curve.size, curve.force, curve.limit, strict=True)
+    ]
 
 
 def _iterations(run: Run) -> Iterations | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -13,10 +15,13 @@ from vjm_validation.report.style import EVENT_MARKERS, Picture, figure, listed, 
 from vjm_validation.report.words import SHARP, Finding, Tone
 from vjm_validation.run import EndConditionStudy, Run
 
-LOOKS = dict(zip(END_CONDITIONS, ("#000000", "#0072B2", "#E69F00", "#D55E00"), strict=True))
-"""Colour of each end condition."""
-STYLES = dict(zip(END_CONDITIONS, ("-", (0, (5, 1.5)), "-", (0, (5, 1.5))), strict=True))
-"""Dashed where the end-effector is hinged."""
+LOOKS: dict[str, tuple[str, Any, float]] = {
+    "pose imposed": ("#000000", "-", 3.2),
+    "hinged": ("#0072B2", (0, (5, 1.5)), 3.2),
+    "dead load": ("#E69F00", "-", 1.4),
+    HINGED_LOAD: ("#D55E00", (0, (5, 1.5)), 1.4),
+}
+"""Colour, line and width of each end condition: dashed where the end-effector is hinged, thin under a dead load."""
 MARKS = ("o", "s", "^", "D")
 MADE_MM = 1.0
 """A bow that a bar some 300 mm long may well have: an imperfection whose cost the words name."""
@@ -35,9 +40,9 @@ def end_condition_picture(run: Run) -> Picture | None:
     return Picture(
         "end_conditions",
         content,
-        f"What holds the end-effector decides how it gives way; posture {posture} and imperfections",
+        f"What holds the end-effector decides how it gives way: posture {posture}, and what imperfections cost",
         f"Left: compression of posture {posture} under each end condition; solid points are stable, thin lines are "
-        "not, and a circle is a bifurcation, a triangle a limit point. Right: the largest dead load that a chain with "
+        "not; a circle is a bifurcation, a triangle a limit point. Right: the largest dead load that a chain with "
         "a hinged end-effector bears, over the bifurcation load of the perfect one, against the size of an "
         "imperfection in the shape of the buckling mode. Grey: the two-thirds law of a symmetric subcritical "
         "bifurcation through the smallest one.",
@@ -75,13 +80,13 @@ def _paths(ax: Axes, study: EndConditionStudy, posture: str) -> None:
         path = study.paths[posture, condition]
         along = np.array([abs(point.displacement[0]) for point in path.points])
         force, stable = path.force / 1e3, path.unstable == 0
-        look = {"color": LOOKS[condition], "ls": STYLES[condition]}
-        ax.plot(along, force, lw=0.7, **look)
-        ax.plot(along, np.where(stable, force, np.nan), lw=1.7, label=condition, **look)
+        colour, line, width = LOOKS[condition]
+        ax.plot(along, force, lw=0.7, color=colour, ls=line)
+        ax.plot(along, np.where(stable, force, np.nan), lw=width, label=condition, color=colour, ls=line)
         for event in path.events:
             if event.kind in SHARP and event.point is not None:
                 at = abs(float(event.point.displacement[0]))
-                ax.plot(at, event.force / 1e3, EVENT_MARKERS[event.kind], color=LOOKS[condition], ms=5.5, mfc="white")
+                ax.plot(at, event.force / 1e3, EVENT_MARKERS[event.kind], color=colour, ms=5.5, mfc="white")
     ax.set(xlabel="displacement in compression, mm", ylabel="force along x, kN", xlim=(0.0, 2.0 * longest))
     ax.set_ylim(0.0, None)
     ax.set_title(f"Posture {posture}")
@@ -141,6 +146,7 @@ def _cost(study: EndConditionStudy, posture: str, curve: ImperfectionCurve) -> s
     kind = "subcritical" if _subcritical(study, posture) else "supercritical"
     return (
         f"Posture {posture} under a dead load, hinged: the bifurcation is {kind}; built with a deflection of "
-        f"{number(float(curve.size[k]), 2)} mm in the mode's shape the chain bears {number(float(curve.force[k]))} N, "
-        f"{percent(change)} {'less' if change < 0.0 else 'more'} than where the perfect one buckles."
+        f"{number(float(curve.size[k]), 2)} mm in the mode's shape the chain bears "
+        f"{number(float(curve.force[k]))} N, {percent(change)} {'less' if change < 0.0 else 'more'} than where the "
+        "perfect one buckles."
     )

@@ -37,8 +37,8 @@ def findings(run: Run, no_renders: str = "") -> list[Finding]:
         no_renders: why there are no renders, empty where there are.
     """
     parts: Sequence[Callable[[Run], Finding | None]] = (
-        failed_acceptance, no_finite_elements, paper_model, link_lumping, refined_agreement, foot, end_conditions, published,
-        conventional, iterations, stopped_paths, left_out,
+        failed_acceptance, no_finite_elements, paper_model, link_lumping, refined_agreement, foot, end_conditions,
+        published, conventional, iterations, stopped_paths, left_out,
     )  # fmt: skip
     found = [finding for part in parts if (finding := part(run)) is not None]
     if no_renders:
