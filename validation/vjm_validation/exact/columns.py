@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import jv
 
-from vjm_validation.exact.beam_column import Column, Matrix, stiffness
+from vjm_validation.exact.beam_column import Column, Matrix, stiffness, transfer
 
 
 @dataclass(frozen=True)
@@ -103,6 +103,36 @@ def critical_load(
     return scaled.load(found) * unit
 
 
+def clamped_chain(pieces: Sequence[Column | float]) -> float:
+    """Lowest critical load in N of pieces of column and rigid ones in a row, clamped at both ends.
+
+    The state (w, θ, V, M) goes from one end to the other by `transfer`, over a rigid piece of length d by
+    w + d θ and M − d (V + P θ); a state without w and θ at both ends is what buckling needs.
+
+    Args:
+        pieces: columns, and lengths of rigid pieces in mm, which may be negative and lead back.
+
+    Raises:
+        ValueError: there is no column among them.
+    """
+    columns = [piece for piece in pieces if isinstance(piece, Column)]
+    if not columns:
+        raise ValueError("no piece of column: nothing buckles")
+
+    def determinant(load: float) -> float:
+        T = np.eye(4)
+        for piece in pieces:
+            T = (transfer(piece, load, piece.length) if isinstance(piece, Column) else _rigid(piece, load)) @ T
+        return float(np.linalg.det(T[:2, 2:]))
+
+    # the longest column carries no more than between clamps of its own
+    highest = 1.001 * critical_load(max(columns, key=lambda column: column.length), CLAMPED, CLAMPED)
+    loads = np.linspace(1e-6 * highest, highest, 400)
+    values = np.array([determinant(load) for load in loads])
+    first = int(np.argmax(values * values[0] < 0.0))
+    return brentq(determinant, loads[first - 1], loads[first], xtol=1e-12 * highest, rtol=1e-14)
+
+
 def critical_shortening(
     column: Column, base: Support = PINNED, end: Support = PINNED, springs: Sequence[LateralSpring] = ()
 ) -> float:
@@ -172,6 +202,14 @@ def partially_following(column: Column, fraction: float) -> float:
     if not 0.0 <= fraction <= 0.5:
         raise ValueError(f"fraction is {fraction}: a static critical load exists from 0 to ½")
     return column.load(float(np.arccos(fraction / (fraction - 1.0))) / column.length)
+
+
+def _rigid(length: float, load: float) -> Matrix:
+    """`transfer` of a rigid piece."""
+    T = np.eye(4)
+    T[0, 1] = length
+    T[3, 1:3] = -length * load, -length
+    return T
 
 
 def _assembled(column: Column, load: float, ends: Sequence[Support], springs: Sequence[LateralSpring]) -> Matrix:

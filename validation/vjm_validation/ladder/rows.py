@@ -1,0 +1,75 @@
+"""What is known of one quantity of one case on one engine."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class VerificationRow(BaseModel):
+    """One quantity of one case on one engine."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    """Case, run where it has several, and engine."""
+    kind: str
+    """``exact``: mathematics; ``code``: another program; ``published``: a printed figure."""
+    quantity: str
+    reference: float
+    source: str
+    value: float | None
+    """On the finest mesh; null where the engine did not get there."""
+    error: float | None
+    """Of the value, relative to the reference or to the size that the case names."""
+    tolerance: float
+    order: float | None
+    """Observed: least squares on the errors above 1e-8, three at least, where the reference is exact; else by
+    Richardson's formula for three meshes."""
+    passed: bool | None
+    """Whether the error keeps to the tolerance, and for an exact reference also the order to theory within 0.2;
+    null where the engine did not run: nothing is known then."""
+    case: str = ""
+    group: str = ""
+    engine: str = ""
+    """Family: vjm, exudyn, opensees, vjm-linear, msa."""
+    meshes: list[int] = Field(default_factory=list)
+    """Springs or elements of every beam."""
+    values: list[float | None] = Field(default_factory=list)
+    """One a mesh."""
+    errors: list[float | None] = Field(default_factory=list)
+    """One a mesh."""
+    digits: float | None = None
+    """Decimal digits of the value that agree with the reference."""
+    extrapolated: float | None = None
+    """Richardson's limit of the three finest meshes."""
+    gci: float | None = None
+    """Grid convergence index of the finest mesh, relative as the error; a safety factor of 1.25."""
+    theoretical_order: float | None = None
+    flag: str = ""
+    """Exact at every mesh, or why the order is to be taken with care."""
+    reason: str = ""
+    """Of the tolerance."""
+    uncertainty: float | None = None
+    """Of a published reference, relative as the error."""
+    not_run: str = ""
+    """Why there is no value: the engine refuses, being not installed or unable to express the case, or gave up."""
+
+
+class TriangulationRow(BaseModel):
+    """How far two engines are apart on one quantity of the paper's chain, and how far they may be."""
+
+    model_config = ConfigDict(frozen=True)
+
+    posture: str
+    direction: str
+    quantity: str
+    engines: tuple[str, str]
+    values: tuple[float, float]
+    """Each on its finest mesh."""
+    extrapolated: tuple[float | None, float | None]
+    difference: float
+    """Of the values over their scale: the critical force, or the force at the path's end."""
+    estimate: float | None
+    """Sum of the two discretisation error estimates, over the same scale; null where a mesh is missing."""
+    within: bool | None
+    """Whether the difference is covered by the estimates."""
