@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from vjm.arc_length import walk
 from vjm.chain import Chain
-from vjm.following import follow
 from vjm.paths import Path
-from vjm.programme import Programme, refuse_unless_pose_only
+from vjm.programme import Programme
 from vjm_fea.mesh import Mesh
 from vjm_fea.problem import ExudynProblem
 
@@ -24,8 +24,8 @@ class ExudynEngine:
     with a lumped model must say which law each side uses.
 
     Exudyn gives elements, joints, residual and Jacobian; Newton's method, stability and the change of branch
-    are in `vjm_fea.problem` and `vjm_fea.statics`. Threads slow the small matrices down five times and more:
-    run with ``OMP_NUM_THREADS=1``.
+    are in `vjm_fea.beam_problem` and `vjm_fea.statics`. It walks every programme but those with an
+    imperfection. Threads slow the small matrices down five times and more: run with ``OMP_NUM_THREADS=1``.
 
     Attributes:
         foot_spring: the foot as a spring with the inverse of its tip compliance.
@@ -48,13 +48,13 @@ class ExudynEngine:
         """The chain in the programme's posture, meshed and assembled.
 
         Raises:
-            ValueError: a beam without a section, or without shear stiffness where the element needs one.
+            ValueError: a beam without a section, or without shear stiffness where the element needs one; a load on
+                no point of the chain; an imperfection.
         """
         mesh = Mesh(self.elements, self.shear, self.corrected, self.foot_spring)
         return ExudynProblem(chain, programme, mesh, self.label)
 
     def walk(self, chain: Chain, programme: Programme, progress: Callable[[float], None] | None = None) -> Path:
-        """Take the chain through the programme, staying on the stable path; see `vjm.engine.Engine`."""
-        refuse_unless_pose_only(self.label, programme)
-        path = follow(self.problem(chain, programme), programme, progress=progress)
+        """Take the chain through the programme; see `vjm.following.follow` and `vjm.arc_length.follow_arc`."""
+        path = walk(self.problem(chain, programme), programme, progress=progress)
         return replace(path, model=chain.name, model_sha256=chain.sha256)

@@ -12,166 +12,117 @@ the residual, which has everything in it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import eigh, eigvalsh, qr
 from scipy.sparse import bsr_array
 
+from vjm.programme import Programme
 from vjm.rotations import Array
 from vjm_fea.backend import exu
-from vjm_fea.quaternions import rates, rotation_matrices, turned
+from vjm_fea.beam_statics import BeamStatics
+from vjm_fea.loads import loading_of
+from vjm_fea.points import Moving, Place, on_body
+from vjm_fea.quaternions import rotation_matrices, skews
+from vjm_fea.states import States
 from vjm_fea.system import ExudynSystem
+from vjm_fea.tangent import Tangent
 
 DIFFERENCE = 1e-5
 """Step of the central differences in scaled coordinates: their error of third order and rounding balance."""
-NEGLIGIBLE = 1e-6
-"""Share of the typical stiffness below which a coordinate counts as held by joints alone."""
 
 
-@dataclass(frozen=True)
-class Tangent:
-    """Linearised statics at one state: how residuals answer to motion, all scaled.
-
-    Attributes:
-        J: ``(6 n + m, 6 n + m)`` stiffness and constraint Jacobian, ``[K, Cᵀ; C, 0]``.
-        free: indices of what is solved for: all but the pose of the end-effector.
-        held: indices of the pose of the end-effector.
-        motions: ``6 n``, number of coordinates that are not multipliers.
-        joint_columns: ``(6 n, 6 k)`` what was added to Exudyn's own Jacobian at the nodes with joints.
-    """
-
-    J: Array
-    free: np.ndarray
-    held: np.ndarray
-    motions: int
-    joint_columns: Array
-
-    def solve(self, right: Array) -> Array:
-        """Motion of the free coordinates ``(f, …)`` that makes their residual change by ``right``.
-
-        Raises:
-            numpy.linalg.LinAlgError: the tangent is singular.
-        """
-        result: Array = np.linalg.solve(self.J[np.ix_(self.free, self.free)], right)
-        return result
-
-    def response(self) -> Array:
-        """Motion of the free coordinates ``(f, 6)`` per unit of each motion of the end-effector."""
-        return self.solve(-self.J[np.ix_(self.free, self.held)])
-
-    def end_stiffness(self) -> Array:
-        """Derivative ``(6, 6)`` of the end-effector's wrench by its motion, the chain in equilibrium."""
-        result: Array = (
-            self.J[np.ix_(self.held, self.held)] + self.J[np.ix_(self.held, self.free)] @ self.response()
-        )
-        return result
-
-    @cached_property
-    def _modal(self) -> tuple[Array, Array]:
-        """Stiffness ``(k, k)`` on the null space of the constraints, and its basis ``(f, k)``."""
-        moving = self.free[self.free < self.motions]
-        C = self.J[np.ix_(moving, np.arange(self.motions, len(self.J)))]
-        # a joint's free axis is a multiplier without a constraint
-        C = C[:, np.any(C != 0.0, axis=0)]
-        N = qr(C, check_finite=False)[0][:, C.shape[1] :]
-        K = N.T @ self.J[np.ix_(moving, moving)] @ N
-        return 0.5 * (K + K.T), N
-
-    def stability(self) -> tuple[float, int]:
-        """Smallest eigenvalue of the stiffness that the constraints leave, and how many are negative.
-
-        Where they leave no motion at all, as in a cantilever of one element, nan and none.
-        """
-        if self._modal[0].size == 0:
-            return float("nan"), 0
-        values = eigvalsh(self._modal[0], check_finite=False)
-        return float(values[0]), int(np.sum(values < 0.0))
-
-    def softest(self) -> Array:
-        """Unit vector ``(f,)`` of the motion with the smallest eigenvalue, zero on the multipliers."""
-        K, N = self._modal
-        mode = N @ eigh(K, subset_by_index=[0, 0])[1][:, 0]
-        result = np.zeros(len(self.free))
-        result[: len(mode)] = mode
-        return result
-
-
-class Statics:
+class Statics(BeamStatics):
     """An assembled system, evaluated at any state.
 
-    A *state* is ``(7 n + m,)``: position in mm and unit quaternion of each node, then the multipliers of the
+    A *state* is that of `States`: position in mm and unit quaternion of each node, then the multipliers of the
     joints in N and N mm.
 
     Attributes:
         system: nodes, joints and stations.
         nodes: number n of nodes.
-        motions: ``6 n``.
-        initial: the reference configuration, without load.
-        unit: ``(6 n + m,)`` of motions and multipliers: mm, rad, N, N mm.
-        energy: N mm, by which forces times lengths are scaled.
-        held: indices ``(6,)`` of the end-effector's motion.
-        free: indices of all other motions and of the multipliers.
     """
 
-    def __init__(self, system: ExudynSystem, length: float) -> None:
+    def __init__(self, system: ExudynSystem, length: float, programme: Programme) -> None:
+        """Evaluate a system under a programme's loads.
+
+        Args:
+            system: nodes, joints and stations.
+            length: unit of shifts that joints alone hold, mm.
+            programme: what is done.
+
+        Raises:
+            ValueError: a load stands on a point that the chain does not have.
+        """
         self.system = system
+        self.loading = loading_of(programme, system.find, system.pieces)
+        self.share = 1.0
         self.nodes = len(system.reference)
         self.motions = 6 * self.nodes
+        self._reference_turns = rotation_matrices(system.reference[:, 3:])
         self._settings = exu.SimulationSettings()
         self._settings.solution.file.write = False
         self._settings.staticSolver.verboseMode = 0
         self._solver = exu.MainSolverStatic()
         self._solver.InitializeSolver(system.mbs, self._settings)
         multipliers = int(self._solver.GetAEsize())
-        self.initial = np.concatenate([system.reference.ravel(), np.zeros(multipliers)])
+        self.states = States(self.nodes, multipliers)
+        self.initial = np.concatenate([system.reference.ravel(), np.zeros(multipliers + 1)])
+        self.hand, self.tool = system.hand, system.find("", 1.0)
+        self.hand_reference = system.reference[self.hand, :3]
+        self.held = 6 * self.hand + np.arange(6)
+        self.free = np.setdiff1d(np.arange(self.motions + multipliers), self.held)
         J = self._assembled(self.initial)
-        stiffness = np.diag(J)[: self.motions]
         rotary = np.tile([False] * 3 + [True] * 3, self.nodes)
-        turning = stiffness[rotary]
-        self.energy = float(np.exp(np.mean(np.log(turning[turning > NEGLIGIBLE * np.max(turning)]))))
-        # in these units every node that elements meet at has a stiffness of one in all directions: rounding
-        # leaves some thousand times more of the stability eigenvalue than in plain lengths and radians
-        plain = self.energy / np.where(rotary, 1.0, length**2)
-        reference = np.where(stiffness > NEGLIGIBLE * plain, stiffness, plain)
-        self.unit = np.sqrt(self.energy / reference)
-        reach = np.linalg.norm(J[: self.motions, self.motions :] * self.unit[:, None], axis=0)
+        unit, self.energy = self._scale(np.diag(J)[: self.motions], rotary, length)
+        reach = np.linalg.norm(J[: self.motions, self.motions :] * unit[:, None], axis=0)
         # a joint's free axis has a multiplier, zero, but no reach
         force = np.where(reach > 0.0, self.energy / np.where(reach > 0.0, reach, 1.0), np.sqrt(self.energy))
-        self.unit = np.concatenate([self.unit, force])
-        self.held = 6 * system.tool + np.arange(6)
-        self.free = np.setdiff1d(np.arange(len(self.unit)), self.held)
+        self.unit = np.concatenate([unit, force])
+        self._columns = np.ravel([range(6 * n, 6 * n + 6) for n in system.connected]).astype(int)
 
-    def residual(self, state: Array) -> Array:
-        """Scaled forces and moments ``(6 n)`` on the nodes in world axes, and joint errors ``(m,)``.
+    def points(self, state: Array, places: Sequence[Place]) -> list[Moving]:
+        """Points at a state."""
+        bodies, turns = self.states.places(state), self.states.turns(state)
+        found = []
+        for place in places:
+            n = int(place.body)
+            R = turns[n] @ self._reference_turns[n].T
+            arm = place.position - self.system.reference[n, :3]
+            found.append(on_body(6 * n + np.arange(6), bodies[n, :3], R, arm))
+        return found
 
-        Zero in equilibrium but for the end-effector's six, the wrench that holds it.
-        """
-        r = self._raw_residual(state)
-        return self._reduced(r, self._rates(state)) * self.unit / self.energy
+    def shape(self, state: Array) -> Array:
+        """Positions ``(k, 3)`` of the stations, mm, world."""
+        # index −1, the ground, is the last row
+        p = np.vstack([self.states.places(state)[:, :3], np.zeros(3)])
+        R = np.concatenate([self.states.turns(state), np.eye(3)[None]])
+        node = np.array([s.node for s in self.system.stations])
+        offset = np.array([s.offset for s in self.system.stations])
+        result: Array = p[node] + np.einsum("kab,kb->ka", R[node], offset)
+        return result
 
-    def tangent(self, state: Array, like: Tangent | None = None) -> Tangent:
-        """Exact derivative of `residual` by the scaled motions and multipliers.
+    def _inner(self, state: Array) -> Array:
+        return self._reduced(self._raw_residual(state), self.states.rates(state))
 
-        Args:
-            state: where.
-            like: tangent at a state nearby, whose additions to Exudyn's own Jacobian are good enough: for
-                Newton's method, which is then three times as fast.
-        """
+    def _stiffness(self, state: Array, like: Tangent | None) -> tuple[Array, Array | None]:
         J = self._assembled(state)
-        J *= self.unit[:, None] * self.unit / self.energy
-        columns = np.ravel([range(6 * node, 6 * node + 6) for node in self.system.connected]).astype(int)
-        own = J[: self.motions, columns]
-        added = self._differences(state, columns) - own if like is None else like.joint_columns
-        J[: self.motions, columns] += added
-        return Tangent(J, self.free, self.held, self.motions, added)
+        own = J[: self.motions, self._columns]
+        added = self._differences(state) - own if like is None or like.added is None else like.added
+        J[: self.motions, self._columns] += added
+        # all of it is taken at fixed axes of the quaternions; that these turn adds half a cross product with the
+        # moment that elements and joints put up
+        moments = self._inner(state)[: self.motions].reshape(-1, 6)[:, 3:]
+        for node in np.flatnonzero(moments.any(axis=1)):
+            turns = slice(6 * node + 3, 6 * node + 6)
+            J[turns, turns] -= 0.5 * skews(moments[node][None])[0]
+        return J, added
 
-    def _differences(self, state: Array, columns: np.ndarray) -> Array:
+    def _differences(self, state: Array) -> Array:
         """Columns ``(6 n, k)`` of the tangent by central differences of the residual."""
-        E = self._rates(state)
-        result = np.empty((self.motions, len(columns)))
-        for i, column in enumerate(columns):
+        E = self.states.rates(state)
+        result = np.empty((self.motions, len(self._columns)))
+        for i, column in enumerate(self._columns):
             node, axis = divmod(int(column), 6)
             step = np.zeros(len(state))
             size = DIFFERENCE * self.unit[column]
@@ -180,75 +131,15 @@ class Statics:
             else:
                 step[7 * node + 3 : 7 * node + 7] = size * E[node, :, axis - 3]
             change = self._raw_residual(state + step) - self._raw_residual(state - step)
-            result[:, i] = self._reduced(change, E)[: self.motions]
-        return result * self.unit[: self.motions, None] / (2.0 * DIFFERENCE * self.energy)
-
-    def moved(self, state: Array, motion: Array) -> Array:
-        """The state after a scaled motion and change of multipliers ``(6 n + m,)``."""
-        step = motion * self.unit
-        coordinates, multipliers = self._split(state)
-        moves = step[: self.motions].reshape(-1, 6)
-        result = np.column_stack([coordinates[:, :3] + moves[:, :3], turned(coordinates[:, 3:], moves[:, 3:])])
-        return np.concatenate([result.ravel(), multipliers + step[self.motions :]])
-
-    def normalised(self, state: Array) -> Array:
-        """The state with quaternions of unit length, after an extrapolation."""
-        coordinates, multipliers = self._split(state)
-        coordinates = coordinates.copy()
-        coordinates[:, 3:] /= np.linalg.norm(coordinates[:, 3:], axis=1)[:, None]
-        return np.concatenate([coordinates.ravel(), multipliers])
-
-    def with_tool(self, state: Array, position: Array, orientation: Array) -> Array:
-        """The state with the end-effector at a position ``(3,)`` mm and a unit quaternion ``(4,)``."""
-        result = state.copy()
-        first = 7 * self.system.tool
-        result[first : first + 3] = position
-        result[first + 3 : first + 7] = orientation
-        return result
-
-    def wrench(self, state: Array) -> Array:
-        """Wrench ``(6,)`` that holds the end-effector, N and N mm, world axes."""
-        result: Array = self.residual(state)[self.held] * self.energy / self.unit[self.held]
-        return result
-
-    def end_stiffness(self, state: Array, tangent: Tangent) -> Array:
-        """Loaded stiffness ``(6, 6)``: wrench in world axes by shift and small turn of the end-effector.
-
-        The residual's derivative is taken at fixed quaternion axes; how these turn with the end-effector adds
-        half a cross product with the moment. So K is the derivative of (f, m) as vectors, not symmetric when
-        a moment acts.
-        """
-        unit = self.unit[self.held]
-        K: Array = tangent.end_stiffness() * self.energy / (unit[:, None] * unit)
-        r = self._raw_residual(state)[7 * self.system.tool + 3 : 7 * self.system.tool + 7]
-        E = self._rates(state)[self.system.tool]
-        for axis in range(3):
-            K[3:, 3 + axis] += rates(E[:, axis][None])[0].T @ r
-        return K
-
-    def shape(self, state: Array) -> Array:
-        """Positions ``(k, 3)`` of the stations, mm, world."""
-        coordinates, _ = self._split(state)
-        # index −1, the ground, is the last row
-        p = np.vstack([coordinates[:, :3], np.zeros(3)])
-        R = np.concatenate([rotation_matrices(coordinates[:, 3:]), np.eye(3)[None]])
-        node = np.array([s.node for s in self.system.stations])
-        offset = np.array([s.offset for s in self.system.stations])
-        result: Array = p[node] + np.einsum("kab,kb->ka", R[node], offset)
+            result[:, i] = self._reduced(change, E)[: self.motions] / (2.0 * size)
         return result
 
     # --- Exudyn -------------------------------------------------------------------------------------------
 
-    def _split(self, state: Array) -> tuple[Array, Array]:
-        return state[: 7 * self.nodes].reshape(-1, 7), state[7 * self.nodes :]
-
-    def _rates(self, state: Array) -> Array:
-        return rates(self._split(state)[0][:, 3:])
-
     def _set(self, state: Array) -> None:
         data = self.system.mbs.systemData
         data.SetODE2Coordinates(state[: 7 * self.nodes] - self.initial[: 7 * self.nodes])
-        data.SetAECoordinates(state[7 * self.nodes :])
+        data.SetAECoordinates(self.states.numbers(state))
 
     def _raw_residual(self, state: Array) -> Array:
         self._set(state)
@@ -268,7 +159,7 @@ class Statics:
         J7 = -np.array(self._solver.GetSystemJacobian())
         blocks = np.zeros((self.nodes, 7, 6))
         blocks[:, :3, :3] = np.eye(3)
-        blocks[:, 3:, 3:] = self._rates(state)
+        blocks[:, 3:, 3:] = self.states.rates(state)
         T = bsr_array((blocks, np.arange(self.nodes), np.arange(self.nodes + 1)))
         n = 7 * self.nodes
         J = np.zeros((self.motions + len(J7) - n,) * 2)

@@ -7,8 +7,9 @@ given posture, unloaded and free of stress.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,7 +18,9 @@ from vjm.parts import Actuator, Beam, Part, PassiveJoint, RigidOffset
 from vjm.paths import StationLabel
 from vjm.rotations import Array, frame, inverse_frame, translation, turn
 from vjm_fea.backend import Item, exu, items
-from vjm_fea.mesh import Mesh
+from vjm_fea.hand import joint_axes
+from vjm_fea.mesh import Mesh, lumped_mass
+from vjm_fea.points import Piece, Place, find
 from vjm_fea.quaternions import quaternion
 
 LOCKED = (1, 1, 1, 1, 1, 1)
@@ -56,6 +59,7 @@ class Station:
     offset: Array
 
 
+NO_POINTS: Mapping[str, tuple[float, ...]] = {}
 Connect = Callable[[Item], None]
 """Closes a joint that is open at its far side, given the marker there."""
 
@@ -69,11 +73,32 @@ class ExudynSystem:
             quaternion.
         connected: nodes on which joints or springs act, increasing.
         stations: in the order along the chain.
+        pieces: where points and masses are.
         tool: node of the end-effector, in the world's axes in the reference configuration.
+        hand: node of the hand that holds it; the same where nothing of its pose is free.
         end: frame ``(4, 4)`` of the end-effector in the reference configuration.
     """
 
-    def __init__(self, chain: Chain, q: Array, mesh: Mesh) -> None:
+    def __init__(
+        self,
+        chain: Chain,
+        q: Array,
+        mesh: Mesh,
+        points: Mapping[str, tuple[float, ...]] = NO_POINTS,
+        hand: Sequence[PassiveJoint] = (),
+    ) -> None:
+        """Assemble a chain.
+
+        Args:
+            chain: the machine.
+            q: its passive joints' coordinates.
+            mesh: of its beams.
+            points: fractions of its beams at which there has to be a node, by name.
+            hand: joints between the end-effector and the hand, see `vjm.hand`.
+
+        Raises:
+            ValueError: a beam without a section, or another number of joints.
+        """
         if len(q) != len(chain.joints):
             raise ValueError(
                 f"{chain.name}: {len(chain.joints)} passive joints but {len(q)} coordinates in the posture"
@@ -86,7 +111,9 @@ class ExudynSystem:
         self._frames: list[Array] = []
         self._connected: set[int] = set()
         self.stations: list[Station] = []
-        self._waiting: list[tuple[StationLabel, Array]] = []
+        self.pieces: list[Piece] = []
+        self._chain, self._points = chain, points
+        self._waiting: list[Callable[[], None]] = []
         self._frame = chain.base
         self._rigid = Rigid(-1, self.mbs.AddObject(items.ObjectGround()), np.eye(4))
         self._open: Connect | None = None
@@ -101,11 +128,12 @@ class ExudynSystem:
                 parts.pop(0)
                 self._add_universal(part, next(angles), behind, next(angles))
             else:
-                self._add_revolute(part, next(angles))
+                self._add_joint(part, next(angles))
         # an end-effector on a piece whose node lies elsewhere gets a node of its own, locked to it
         self.tool = self._at(frame(p=self._frame[:3, 3])).node
-        self.reference = np.array([np.concatenate([T[:3, 3], quaternion(T[:3, :3])]) for T in self._frames])
         self.end = self._frame
+        self.hand = self._add_hand(hand) if hand else self.tool
+        self.reference = np.array([np.concatenate([T[:3, 3], quaternion(T[:3, :3])]) for T in self._frames])
         self.connected = sorted(self._connected)
         self.mbs.Assemble()
 
@@ -115,6 +143,8 @@ class ExudynSystem:
         match part:
             case RigidOffset():
                 self._mark(part.name, 0.0)
+                along = self._frame[:3, :3] @ part.transform[:3, 3]
+                self._piece(part.name, self._frame[:3, 3], along, part.mass)
                 self._frame = self._frame @ part.transform
             case Actuator():
                 if part.compliance > 0.0:
@@ -125,28 +155,42 @@ class ExudynSystem:
                 self._add_beam(part)
 
     def _add_beam(self, beam: Beam) -> None:
-        n = self.mesh.elements
-        h = beam.length / n
-        data = exu.BeamSection()
-        data.stiffnessMatrix = self.mesh.section_stiffness(beam.effective_section(), h, beam.name)
+        grid = self.mesh.grid(self._points.get(beam.name, ()))
+        section = beam.effective_section()
         root = self._frame @ beam.section_in_chain
         node = self._at(root).node
         self._mark(beam.name, 0.0, root)
-        for i in range(1, n + 1):
-            T = root @ translation([i * h, 0.0, 0.0])
+        self._node_piece(beam, 0, grid, root)
+        for i, (start, stop) in enumerate(pairwise(grid.tolist()), start=1):
+            h = (stop - start) * beam.length
+            data = exu.BeamSection()
+            data.stiffnessMatrix = self.mesh.section_stiffness(section, h, beam.name)
+            T = root @ translation([stop * beam.length, 0.0, 0.0])
             following = self._node(T)
             self.mbs.AddObject(
                 items.ObjectBeamGeometricallyExact(nodeNumbers=[node, following], length=h, sectionData=data)
             )
             node = following
-            self._rigid = self._carrier(node, T) if i == n else Rigid(node, None, T)
-            self._mark(beam.name, i / n, T)
+            self._rigid = self._carrier(node, T) if stop == 1.0 else Rigid(node, None, T)
+            self._mark(beam.name, stop, T)
+            self._node_piece(beam, i, grid, T)
         self._frame = self._frame @ translation(beam.tip)
         if np.any(beam.end_offset):
             self._mark(beam.name, 1.0 + float(np.linalg.norm(beam.end_offset)) / beam.length)
 
+    def _node_piece(self, beam: Beam, i: int, grid: Array, T: Array) -> None:
+        """The node with its share of the beam's weight."""
+        mass, offset = lumped_mass(beam, grid, i)
+        centre = T[:3, 3] + offset * T[:3, 0]
+        fraction = float(grid[i])
+        self.pieces.append(
+            Piece(beam.name, fraction, fraction, self._rigid.node, T[:3, 3], np.zeros(3), mass, centre)
+        )
+
     def _add_spring(self, beam: Beam) -> None:
         self._mark(beam.name, 0.0)
+        along = beam.length * (self._frame @ beam.section_in_chain)[:3, 0]
+        self._piece(beam.name, self._frame[:3, 3], along, beam.mass)
         self._frame = self._frame @ translation(beam.tip)
         at = self._frame @ frame(beam.own_frame)
         before = self._marker(self._at(), at)
@@ -160,6 +204,7 @@ class ExudynSystem:
             )  # fmt: skip
 
         self._leave_open(at, connect)
+        self._piece(beam.name, self._frame[:3, 3], np.zeros(3), start=1.0)
         self._mark(beam.name, 1.0)
 
     def _add_drive(self, drive: Actuator) -> None:
@@ -176,11 +221,14 @@ class ExudynSystem:
 
         self._leave_open(at, connect)
 
-    def _add_revolute(self, joint: PassiveJoint, angle: float) -> None:
-        axes = frame(_axes_with(joint.axis, 2))
+    def _add_joint(self, joint: PassiveJoint, value: float) -> None:
+        axes = frame(_axes_with(joint.axis, 0 if joint.slides else 2))
         before = self._marker(self._at(), self._frame @ axes)
-        self._frame = self._frame @ turn(joint.axis, angle)
-        self._leave_open(self._frame @ axes, lambda behind: self._joint(before, behind, REVOLUTE))
+        move = translation(joint.axis * value) if joint.slides else turn(joint.axis, value)
+        behind = self._frame @ move @ axes
+        self._frame = self._frame @ move
+        kind = PRISMATIC if joint.slides else REVOLUTE
+        self._leave_open(behind, lambda marker: self._joint(before, marker, kind))
 
     def _add_universal(self, first: PassiveJoint, angle: float, second: PassiveJoint, angle2: float) -> None:
         # the first axis stays in the piece before as its marker's y, the second in the piece behind as z
@@ -188,6 +236,17 @@ class ExudynSystem:
         before = self._marker(self._at(), self._frame @ axes)
         self._frame = self._frame @ turn(first.axis, angle) @ turn(second.axis, angle2)
         self._leave_open(self._frame @ axes, lambda behind: self._joint(before, behind, UNIVERSAL))
+
+    def _add_hand(self, joints: Sequence[PassiveJoint]) -> int:
+        """The hand's node, and one joint to the end-effector that leaves free what the hand's joints do."""
+        at = frame(p=self._frame[:3, 3])
+        R, constrained = joint_axes(joints)
+        tool = self._marker(self._at(at), at @ frame(R))
+        hand = self._carrier(self._node(at), at)
+        if any(constrained):
+            # the first marker's axes are those of the slides
+            self._joint(self._marker(hand, at @ frame(R)), tool, constrained)
+        return hand.node
 
     # --- rigid pieces -------------------------------------------------------------------------------------
 
@@ -203,9 +262,9 @@ class ExudynSystem:
             T = self._open_at if T is None else T
             self._rigid = self._carrier(self._node(T), T)
             connect(self._marker(self._rigid, self._open_at))
-            for label, position in self._waiting:
-                self._place(label, position)
-            self._waiting.clear()
+            waiting, self._waiting = self._waiting, []
+            for place in waiting:
+                place()
         elif T is not None and (self._rigid.node < 0 or not np.allclose(T, self._rigid.reference, atol=1e-12)):
             before, grounded = self._marker(self._rigid, T), self._rigid.node < 0
             self._rigid = self._carrier(self._node(T), T)
@@ -249,23 +308,45 @@ class ExudynSystem:
             )
         )  # fmt: skip
 
-    # --- stations -----------------------------------------------------------------------------------------
+    # --- points -------------------------------------------------------------------------------------------
+
+    def find(self, part: str, at: float) -> Place:
+        """The point of a part at a fraction of its elastic length; of the end-effector where it has no name.
+
+        Raises:
+            ValueError: the part has no such point.
+        """
+        if not part:
+            return Place(self.tool, self.end[:3, 3])
+        return find(self._chain.name, self.pieces, part, at)
 
     def _mark(self, part: str, fraction: float, T: Array | None = None) -> None:
         label = StationLabel(part, fraction)
         position = (self._frame if T is None else T)[:3, 3]
-        if self._open is not None:
-            self._waiting.append((label, position))
-        else:
-            self._place(label, position)
 
-    def _place(self, label: StationLabel, position: Array) -> None:
-        R, p = self._rigid.reference[:3, :3], self._rigid.reference[:3, 3]
-        self.stations.append(Station(label, self._rigid.node, R.T @ (position - p)))
+        def place() -> None:
+            R, p = self._rigid.reference[:3, :3], self._rigid.reference[:3, 3]
+            self.stations.append(Station(label, self._rigid.node, R.T @ (position - p)))
+
+        self._when_closed(place)
+
+    def _piece(self, part: str, root: Array, along: Array, mass: float = 0.0, start: float = 0.0) -> None:
+        def place() -> None:
+            body = self._rigid.node if self._rigid.node >= 0 else None
+            self.pieces.append(Piece(part, start, 1.0, body, root, along, mass, root + 0.5 * along))
+
+        self._when_closed(place)
+
+    def _when_closed(self, place: Callable[[], None]) -> None:
+        """Do it at once, or where a joint is open as soon as the piece behind it is there."""
+        if self._open is not None:
+            self._waiting.append(place)
+        else:
+            place()
 
 
 def _crossing(a: PassiveJoint, b: PassiveJoint) -> bool:
-    return abs(float(np.dot(a.axis, b.axis))) < PERPENDICULAR
+    return not (a.slides or b.slides) and abs(float(np.dot(a.axis, b.axis))) < PERPENDICULAR
 
 
 def _axes_with(axis: Array, column: int) -> Array:

@@ -49,14 +49,7 @@ class Hand:
 
     def displacement(self, hand: Array, x: Array) -> Array:
         """Displacement ``(6,)`` of the end-effector from its unloaded pose."""
-        there = self.tool_pose(hand, x)
-        try:
-            return displacement_between(self.tool, there)
-        except ValueError:
-            # half a turn, about one of two opposite axes: R + 1 = 2 a aᵀ
-            dyad = there[:3, :3] @ self.tool[:3, :3].T + np.eye(3)
-            axis = dyad[:, np.argmax(np.diag(dyad))]
-            return np.concatenate([there[:3, 3] - self.tool[:3, 3], np.pi * axis / np.linalg.norm(axis)])
+        return displacement_from(self.tool, self.tool_pose(hand, x))
 
     def wrench(self, hand: Array, x: Array, wrench: Array) -> Array:
         """The hand's wrench ``(6,)`` about the end-effector's reference point."""
@@ -64,6 +57,17 @@ class Hand:
             return wrench
         lever = hand[:3, 3] - self.tool_pose(hand, x)[:3, 3]
         return np.concatenate([wrench[:3], wrench[3:] + np.cross(lever, wrench[:3])])
+
+
+def displacement_from(tool: Array, there: Array) -> Array:
+    """Displacement ``(6,)`` from one pose ``(4, 4)`` to another, of half a turn about one of its two axes."""
+    try:
+        return displacement_between(tool, there)
+    except ValueError:
+        # R + 1 = 2 a aᵀ
+        dyad = there[:3, :3] @ tool[:3, :3].T + np.eye(3)
+        axis = dyad[:, np.argmax(np.diag(dyad))]
+        return np.concatenate([there[:3, 3] - tool[:3, 3], np.pi * axis / np.linalg.norm(axis)])
 
 
 def held(model: LumpedModel, programme: Programme) -> Hand:

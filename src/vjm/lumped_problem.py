@@ -210,19 +210,8 @@ class LumpedProblem:
         return stability(at, self._device(at))
 
     def _device(self, at: Configuration) -> Array | None:
-        """Generalised forces ``(n,)`` of the device that imposes a point's displacement, where there is one.
-
-        It is there where the only ramped load is a force along the displacement that steers the path. Else whoever
-        steers watches a gauge, and stability is that under the ramp.
-        """
-        control = self.programme.control
-        if not isinstance(control, PointControl) or not self.programme.load_driven:
-            return None
-        ramped = [load for load in self.programme.loads if load.ramped]
-        wrench = np.array(ramped[0].wrench)
-        same = (ramped[0].part, ramped[0].at, ramped[0].follower) == (control.part, control.at, False)
-        parallel = np.linalg.norm(np.cross(wrench[:3], control.direction)) <= 1e-12 * np.linalg.norm(wrench[:3])
-        if len(ramped) > 1 or not same or not parallel or wrench[3:].any():
+        """Generalised forces ``(n,)`` of the device that imposes a point's displacement, where there is one."""
+        if not self.programme.held_by_device:
             return None
         try:
             return self._point_rate(at)

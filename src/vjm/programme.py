@@ -171,6 +171,24 @@ class Programme:
         )
 
     @property
+    def held_by_device(self) -> bool:
+        """Whether a device imposes the displacement of the point that steers the path.
+
+        It does where the only ramped load is a force on that point along that displacement. Else whoever steers
+        watches a gauge, and stability is that under the ramp.
+        """
+        control = self.control
+        if not isinstance(control, PointControl) or not self.load_driven:
+            return False
+        ramped = [load for load in self.loads if load.ramped]
+        if len(ramped) != 1:
+            return False
+        wrench = np.array(ramped[0].wrench)
+        same = (ramped[0].part, ramped[0].at, ramped[0].follower) == (control.part, control.at, False)
+        parallel = np.linalg.norm(np.cross(wrench[:3], control.direction)) <= 1e-12 * np.linalg.norm(wrench[:3])
+        return bool(same and parallel and not wrench[3:].any())
+
+    @property
     def sign(self) -> float:
         """Of ``to``."""
         return float(np.sign(self.to))
