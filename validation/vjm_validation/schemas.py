@@ -13,6 +13,7 @@ from typing import Any
 from vjm.io.files import write_whole
 from vjm.io.model_file import model_schema
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
+from vjm_validation.identification.documents import IdentificationDocument
 from vjm_validation.summary import Summary, schema
 
 
@@ -22,6 +23,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         "summary.schema.json": schema(Summary),
         "buckling.schema.json": schema(BucklingDocument),
         "stiffness.schema.json": schema(StiffnessDocument),
+        "identification.schema.json": schema(IdentificationDocument),
         "model.schema.json": model_schema(),
     }
 

@@ -1,0 +1,1 @@
+"""What a part's compliance is, and which beam a compliance is: from virtual experiments, and from matrices."""
