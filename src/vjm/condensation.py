@@ -220,7 +220,7 @@ def substitute(model: Arrays, work: Work, load: Floats, gap: Floats) -> None:
         work.right[i] = gap[i] - a[i]
     for p in range(n_q):
         work.right[6 + p] = z[p]
-    bunch_parlett_solve(work.F, work.swaps, work.pivots, work.right)
+    bunch_parlett_solve(work.F, work.swaps, work.pivots, work.right.reshape((len(work.right), 1)))
     q = work.right[6:]
     for i in range(6):
         mu[i] = work.right[i]

@@ -132,36 +132,48 @@ def _swap(F: Floats, i: int, j: int, n: int) -> None:
 
 
 @entry
-def bunch_parlett_solve(F: Floats, swaps: Ints, pivots: Ints, b: Floats) -> None:
-    """``T x = b`` with the factor of `bunch_parlett`, in place."""
-    n = len(b)
+def bunch_parlett_solve(F: Floats, swaps: Ints, pivots: Ints, B: Floats) -> None:
+    """``T X = B`` (n, k) with the factor of `bunch_parlett`, in place."""
+    n, k = B.shape
     for i in range(n):
         j = swaps[i]
-        b[i], b[j] = b[j], b[i]
+        if i != j:
+            for c in range(k):
+                B[i, c], B[j, c] = B[j, c], B[i, c]
     i = 0
     while i < n:
         width = 1 if pivots[i] == 1 else 2
         for r in range(i + width, n):
-            for c in range(width):
-                b[r] -= F[r, i + c] * b[i + c]
+            for w in range(i, i + width):
+                f = F[r, w]
+                for c in range(k):
+                    B[r, c] -= f * B[w, c]
         i += width
     i = 0
     while i < n:
         if pivots[i] == 1:
-            b[i] /= F[i, i]
+            d = 1.0 / F[i, i]
+            for c in range(k):
+                B[i, c] *= d
             i += 1
         else:
             p, q, u = F[i, i], F[i + 1, i], F[i + 1, i + 1]
             det = p * u - q * q
-            b[i], b[i + 1] = (u * b[i] - q * b[i + 1]) / det, (p * b[i + 1] - q * b[i]) / det
+            for c in range(k):
+                b0, b1 = B[i, c], B[i + 1, c]
+                B[i, c], B[i + 1, c] = (u * b0 - q * b1) / det, (p * b1 - q * b0) / det
             i += 2
     for r in range(n - 1, -1, -1):
-        for c in range(r):
-            if not (pivots[c] == 2 and r == c + 1):
-                b[c] -= F[r, c] * b[r]
+        for i in range(r):
+            if not (pivots[i] == 2 and r == i + 1):
+                f = F[r, i]
+                for c in range(k):
+                    B[i, c] -= f * B[r, c]
     for i in range(n - 1, -1, -1):
         j = swaps[i]
-        b[i], b[j] = b[j], b[i]
+        if i != j:
+            for c in range(k):
+                B[i, c], B[j, c] = B[j, c], B[i, c]
 
 
 @kernel

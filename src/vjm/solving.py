@@ -12,6 +12,8 @@ from vjm.kernels import forward, hang, missing, turn_about
 
 CONVERGED, DIVERGED, SINGULAR, UNSTABLE = 0, 1, 2, 3
 """How an iteration or a march ends."""
+WELL_BELOW = 0.01
+"""Share of the tolerance below which a march leaves a residual as it is."""
 
 
 @kernel
@@ -27,6 +29,45 @@ def _newton_step(model: Arrays, work: Work, x: Floats, force: Floats) -> None:
     force[3] -= 0.5 * (m1 * r2 - m2 * r1)
     force[4] -= 0.5 * (m2 * r0 - m0 * r2)
     force[5] -= 0.5 * (m0 * r1 - m1 * r0)
+
+
+@kernel
+def _newton(
+    model: Arrays,
+    work: Work,
+    target: Floats,
+    x: Floats,
+    force: Floats,
+    tolerance: float,
+    max_iterations: int,
+) -> tuple[int, int, float, int]:
+    """See `newton`."""
+    R_to, p_to = target[:9].reshape((3, 3)), target[9:]
+    error, negative = np.inf, -1
+    for iteration in range(max_iterations + 1):
+        forward(model, x, work)
+        if not missing(work, R_to, p_to) and tolerance < np.inf:
+            return DIVERGED, iteration, error, -1
+        negative = factor(model, x, force, work)
+        error, heavy = 0.0, 1.0
+        for i in range(len(work.residual)):
+            error = max(error, abs(work.residual[i]))
+        for i in range(6):
+            error = max(error, abs(work.gap[i]))
+            heavy = max(heavy, abs(force[i]))
+            for k in range(len(work.acting)):
+                heavy = max(heavy, abs(work.acting[k, i]))
+        error /= heavy
+        if error < tolerance and negative >= 0:
+            return CONVERGED, iteration, error, negative
+        if not error < 1e6:
+            return DIVERGED, iteration, error, -1
+        if negative < 0:
+            return SINGULAR, iteration, error, -1
+        if iteration == max_iterations:
+            break
+        _newton_step(model, work, x, force)
+    return DIVERGED, max_iterations, error, negative
 
 
 @entry
@@ -60,32 +101,7 @@ def newton(
     """
     model = model_of(integers, numbers)
     work = work_of(integers, work_integers, work_numbers)
-    R_to, p_to = target[:9].reshape((3, 3)), target[9:]
-    error, negative = np.inf, -1
-    for iteration in range(max_iterations + 1):
-        forward(model, x, work)
-        if not missing(work, R_to, p_to) and tolerance < np.inf:
-            return DIVERGED, iteration, error, -1
-        negative = factor(model, x, force, work)
-        error, heavy = 0.0, 1.0
-        for i in range(len(work.residual)):
-            error = max(error, abs(work.residual[i]))
-        for i in range(6):
-            error = max(error, abs(work.gap[i]))
-            heavy = max(heavy, abs(force[i]))
-            for k in range(len(work.acting)):
-                heavy = max(heavy, abs(work.acting[k, i]))
-        error /= heavy
-        if error < tolerance and negative >= 0:
-            return CONVERGED, iteration, error, negative
-        if not error < 1e6:
-            return DIVERGED, iteration, error, -1
-        if negative < 0:
-            return SINGULAR, iteration, error, -1
-        if iteration == max_iterations:
-            break
-        _newton_step(model, work, x, force)
-    return DIVERGED, max_iterations, error, negative
+    return _newton(model, work, target, x, force, tolerance, max_iterations)
 
 
 @entry
@@ -118,13 +134,15 @@ def pull(
 
 @kernel
 def _end_stiffness(work: Work, force: Floats, K: Floats) -> None:
-    b = work.right
+    # the workspace that held T is free behind its factorisation
+    B = work.T[:, :6]
+    B[:, :] = 0.0
     for i in range(6):
-        b[:] = 0.0
-        b[i] = 1.0
-        bunch_parlett_solve(work.F, work.swaps, work.pivots, b)
+        B[i, i] = 1.0
+    bunch_parlett_solve(work.F, work.swaps, work.pivots, B)
+    for i in range(6):
         for j in range(6):
-            K[j, i] = b[j]
+            K[i, j] = B[i, j]
     m0, m1, m2 = 0.5 * force[3], 0.5 * force[4], 0.5 * force[5]
     K[3, 4] += m2
     K[3, 5] -= m1
@@ -253,7 +271,7 @@ def march(
     iterations: Ints,
     negative: Ints,
 ) -> tuple[int, int]:
-    """Equilibria, stiffness and stability along a grid, each predicted from up to three before it.
+    """Equilibria, stiffness and stability along a grid, each predicted from up to four before it.
 
     Args:
         integers: see `vjm.arrays.Buffers`.
@@ -287,7 +305,7 @@ def march(
             turn[a] = direction[3 + a] / angle
     n = x.shape[1]
     for i in range(known, len(s)):
-        order = min(i, 3)
+        order = min(i, 4)
         for c in range(n):
             x[i, c] = 0.0
         for c in range(6):
@@ -306,14 +324,15 @@ def march(
             for b in range(3):
                 R_to[a, b] = R_0[a, b]
         turn_about(R_to, turn, angle * s[i])
-        how, iterations[i], error[i], negative[i] = newton(
-            integers, numbers, work_integers, work_numbers, to, x[i], force[i], tolerance, max_iterations
+        how, iterations[i], error[i], negative[i] = _newton(
+            model, work, to, x[i], force[i], tolerance, max_iterations
         )
         if how != CONVERGED:
             return how, i
         _end_stiffness(work, force[i], K[i])
         if negative[i] > 0:
             return UNSTABLE, i
-        # once more with the factors at hand: extrapolation multiplies what is left of the error by seven a point
-        _newton_step(model, work, x[i], force[i])
+        # once more with the factors at hand: extrapolation multiplies what is left of the error by 15 a point
+        if error[i] > WELL_BELOW * tolerance:
+            _newton_step(model, work, x[i], force[i])
     return CONVERGED, len(s)

@@ -82,7 +82,7 @@ def test_any_symmetric_matrix_is_factored_with_its_inertia(data):
         return
     F, swaps, pivots = np.empty((n, n)), np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
     assert bunch_parlett(A, F, swaps, pivots) == np.count_nonzero(values < 0.0)
-    b = rng.standard_normal(n)
+    b = rng.standard_normal((n, 2))
     x = b.copy()
     bunch_parlett_solve(F, swaps, pivots, x)
     # complete pivoting is backward stable: the residual is rounding
