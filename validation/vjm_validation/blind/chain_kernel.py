@@ -1,0 +1,437 @@
+"""Kernels: the equilibrium of the whole chain, step after step along a history of imposed poses.
+
+What depends on the history (bristles in the joints, sets, what lags behind) keeps its state between steps, and each
+step solves for the force, the base's moment and the joints' angles at once. A step on which Newton's method fails
+is halved. Where the chain has become unstable (the Jacobian's determinant has changed its sign) the branch that
+leaves along the softest motion is taken, its amplitude prescribed and the displacement sought.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vjm.compilation import entry, kernel
+from vjm.rotations import Array
+from vjm_validation.blind.rod_kernel import (
+    DRIVE,
+    EIY,
+    EIZ,
+    FACTOR,
+    FACTOR_PULL,
+    FOOT,
+    LAG,
+    LAG_RATE,
+    LENGTH,
+    LINK,
+    SET,
+    SET_LARGEST,
+    SET_NOW,
+    back_on,
+    integrated,
+    on,
+    permanent,
+    shifted,
+    sprung,
+    stretch,
+    times,
+    turned_by,
+    vector_of,
+)
+
+Bundle = tuple[Any, ...]
+"""Arrays of several shapes."""
+UNIT = np.array([1e3, 1e3, 1e3, 1e5, 1e5, 1e5, 1e-1, 1e-1, 1e-1, 1e-1])
+"""Of the unknowns: force, moment, angles."""
+SPAN = np.array([1e-1, 1e-1, 1e-1, 1e-3, 1e-3, 1e-3, 1e2, 1e2, 1e2, 1e2])
+"""Of the conditions: mm, rad, N mm."""
+STEP = 1e-6
+"""Of the Jacobian's forward differences, in units: its error only slows Newton's method down."""
+TOLERANCE = 1e-8
+"""Of the conditions in their spans: 1e-9 mm, some 1e-5 N."""
+TRIALS = 12
+HALVINGS = 10
+BRISTLE, TORQUE, ANGLE, HELD = 0, 1, 2, 3
+"""Columns of the joints' state ``(4, 4)``: N mm/rad before it slips, N mm at which it slips, angle, torque now."""
+TERMS = 2
+"""Of creep."""
+
+
+@kernel
+def joint_torque(q: float, joint: Array) -> float:
+    """Dahl's friction: a bristle that bends before it slips (P. R. Dahl, 1968), exactly over one turn."""
+    slip = joint[TORQUE]
+    if slip == 0.0:
+        return 0.0
+    turn = q - joint[ANGLE]
+    end = slip if turn >= 0.0 else -slip
+    return end + (joint[HELD] - end) * np.exp(-joint[BRISTLE] * abs(turn) / slip)
+
+
+@kernel
+def conditions(
+    x: Array, place: Array, turn: Array, m: Bundle, laws: Array, joints: Array, late: Bundle, out: Array
+) -> Array:
+    """What is left of the ten conditions ``(10,)``, in their spans.
+
+    Args:
+        x: unknowns ``(10,)`` in units.
+        place: position ``(3,)`` that the end must have.
+        turn: its orientation ``(3, 3)``.
+        m: the machine, see `vjm_validation.blind.machine.Machine.packed`.
+        laws: ``(3, COLUMNS)``.
+        joints: ``(4, 4)`` by joint.
+        late: what answers late: rates ``(2,)``, strains of foot and link, wrench ``(6,)`` of a lumped foot; and the
+            loads of foot and link, to be written.
+        out: ``(18,)`` becomes the wrench at the end, the force along the link, and the wrench at the foot's tip.
+    """
+    (
+        base,
+        base_soft,
+        foot_in,
+        foot_back,
+        foot_arm,
+        foot_soft,
+        foot_own,
+        link_in,
+        link_back,
+        axes,
+        rods,
+        down,
+        path,
+    ) = m
+    rates, strain_foot, strain_link, wrench_late, loads_foot, loads_link = late
+    n, moment = x[:3] * UNIT[:3], x[3:6] * UNIT[3:6]
+    r = np.empty(10)
+    p, R = base[:3, 3].copy(), base[:3, :3].copy()
+    given = np.zeros(6)
+    for i in range(6):
+        for j in range(6):
+            given[i] += base_soft[i, j] * (n[j] if j < 3 else moment[j - 3])
+    shifted(p, n, moment, given[:3])
+    R = times(turned_by(given[3:]), R)
+    along = on(R, path)
+    shifted(p, n, moment, along * stretch(n[0] * along[0] + n[1] * along[1] + n[2] * along[2], laws[DRIVE]))
+    if rods[0, 0] > 0.0:
+        R = integrated(p, times(R, foot_in), n, moment, rods[0], down, rates[0], strain_foot, loads_foot)
+        shifted(p, n, moment, on(R, foot_arm))
+        R = times(R, foot_back)
+    else:
+        shifted(p, n, moment, on(R, foot_arm))
+        own = times(R, foot_own)
+        soft = foot_soft * (1.0 + rates[0])
+        # a lumped foot's late answer is small: its wrench is carried over to the tip
+        R = sprung(p, own, n, moment, soft)
+        R = times(R, foot_own.T)
+    tip = np.empty(6)
+    tip[:3], tip[3:] = back_on(R, n), back_on(R, moment)
+    extra = np.zeros(6)
+    if rods[0, 0] == 0.0:
+        for i in range(6):
+            for j in range(6):
+                extra[i] += foot_soft[i, j] * wrench_late[j]
+    push = stretch(n[0] * along[0] + n[1] * along[1] + n[2] * along[2], laws[FOOT]) if laws[FOOT].any() else 0.0
+    if push != 0.0:
+        # the foot gives way as it does under a force along the drive
+        C = on(foot_own.T, path)
+        whole = 0.0
+        for i in range(3):
+            for j in range(3):
+                whole += C[i] * foot_soft[i, j] * C[j]
+        for i in range(6):
+            for j in range(3):
+                extra[i] += foot_soft[i, j] * C[j] * push / whole
+    if extra.any():
+        shifted(p, n, moment, on(R, on(foot_own, extra[:3])))
+        R = times(R, turned_by(on(foot_own, extra[3:])))
+    q = x[6:] * UNIT[6:]
+    for k in range(4):
+        a = on(R, axes[k])
+        r[6 + k] = (a[0] * moment[0] + a[1] * moment[1] + a[2] * moment[2] - joint_torque(q[k], joints[k])) / SPAN[
+            6 + k
+        ]
+        R = times(R, turned_by(axes[k] * q[k]))
+        if k == 1:
+            R = times(R, link_in)
+            along = R[:, 0].copy()
+            axial = n[0] * along[0] + n[1] * along[1] + n[2] * along[2]
+            out[6] = axial
+            shifted(p, n, moment, along * stretch(axial, laws[LINK]))
+            R = integrated(p, R, n, moment, rods[1], down, rates[1], strain_link, loads_link)
+            R = times(R, link_back)
+    out[:3], out[3:6], out[7:13] = n, moment, tip
+    error = vector_of(times(turn.T.copy(), R))
+    for i in range(3):
+        r[i] = (p[i] - place[i]) / SPAN[i]
+        r[3 + i] = error[i] / SPAN[3 + i]
+    return r
+
+
+@kernel
+def jacobian(x: Array, r: Array, place: Array, turn: Array, m: Bundle, laws: Array, joints: Array,
+             late: Bundle, out: Array) -> Array:  # fmt: skip
+    """Forward differences ``(10, 10)``."""
+    J, y = np.empty((10, 10)), x.copy()
+    for k in range(10):
+        y[k] = x[k] + STEP
+        J[:, k] = (conditions(y, place, turn, m, laws, joints, late, out) - r) / STEP
+        y[k] = x[k]
+    return J
+
+
+@kernel
+def settled(x: Array, place: Array, turn: Array, m: Bundle, laws: Array, joints: Array, late: Bundle,
+            out: Array, J: Array, fresh: bool) -> bool:  # fmt: skip
+    """Newton's method from ``x`` in place, with the Jacobian ``J`` as long as it serves; whether it converged."""
+    last = np.inf
+    for trial in range(TRIALS):
+        r = conditions(x, place, turn, m, laws, joints, late, out)
+        size = np.abs(r).max()
+        if not size < 1e6:
+            return False
+        if size < TOLERANCE:
+            return True
+        if (fresh and trial == 0) or size > 0.1 * last:
+            J[:] = jacobian(x, r, place, turn, m, laws, joints, late, out)
+        last = size
+        step = np.linalg.solve(J, r)
+        longest = np.abs(step).max()
+        x -= step * min(1.0, 3.0 / longest)
+    return False
+
+
+@kernel
+def orientation(J: Array) -> float:
+    """Sign of the determinant: it changes where a stable chain becomes unstable."""
+    return np.sign(np.linalg.det(J))
+
+
+@kernel
+def branched(x: Array, pose0: Array, pose1: Array, home: Array, m: Bundle, laws: Array, joints: Array,
+             late: Bundle, out: Array, side: float) -> bool:  # fmt: skip
+    """From the unstable state near ``x`` to the branch that leaves along the softest motion, in place.
+
+    The displacement is sought between ``pose0`` and ``pose1`` (and beyond) at which the branch has a prescribed
+    amplitude; then the amplitude at which that is ``pose1``.
+    """
+    place, turn = posed(pose1, home)
+    r = conditions(x, place, turn, m, laws, joints, late, out)
+    J = jacobian(x, r, place, turn, m, laws, joints, late, out)
+    _, _, V = np.linalg.svd(J)
+    v = V[9].copy()
+    pivot = np.argmax(np.abs(v[6:])) + 6
+    v *= side * np.sign(v[pivot])
+    root, amplitude = x.copy(), 0.05
+    for _ in range(30):
+        y, share = root + amplitude * v, 1.0
+        good = False
+        for _ in range(2 * TRIALS):
+            pose = pose0 + share * (pose1 - pose0)
+            place, turn = posed(pose, home)
+            r = conditions(y, place, turn, m, laws, joints, late, out)
+            if not np.abs(r).max() < 1e6:
+                break
+            if np.abs(r).max() < TOLERANCE:
+                good = True
+                break
+            A, b = np.zeros((11, 11)), np.zeros(11)
+            A[:10, :10] = jacobian(y, r, place, turn, m, laws, joints, late, out)
+            further, aside = posed(pose + 1e-5 * (pose1 - pose0), home)
+            A[:10, 10] = (conditions(y, further, aside, m, laws, joints, late, out) - r) / 1e-5
+            A[10, :10] = v
+            b[:10], b[10] = r, v @ (y - root) - amplitude
+            step = np.linalg.solve(A, b)
+            y -= step[:10]
+            share -= step[10]
+        if not good:
+            amplitude *= 0.5
+            continue
+        if abs(share - 1.0) < 0.02:
+            break
+        if share < 1.0:
+            amplitude *= 1.7
+        else:
+            amplitude *= 0.6
+        if amplitude < 1e-6:
+            return False
+    place, turn = posed(pose1, home)
+    J = np.empty((10, 10))
+    if not good or not settled(y, place, turn, m, laws, joints, late, out, J, True):
+        return False
+    if np.abs(y - root).max() < 1e-5:
+        return False
+    x[:] = y
+    return True
+
+
+@kernel
+def posed(pose: Array, home: Array) -> tuple[Array, Array]:
+    """Position and orientation of the end at a displacement ``(6,)`` from its unloaded frame ``(4, 4)``."""
+    place = home[:3, 3] + pose[:3]
+    return place, times(turned_by(pose[3:]), home[:3, :3].copy())
+
+
+@kernel
+def prepare(span: float, creep: Array, lags: Bundle, last: Bundle, laws: Array, late: Bundle) -> None:
+    """What a step of ``span`` seconds adds to strains and shifts by what lags behind, in place.
+
+    Each term of creep follows its load exactly where that changes evenly over the step.
+    """
+    rates, strain_foot, strain_link, wrench_late, _, _ = late
+    lag_foot, lag_link, lag_wrench, lag_drive = lags
+    last_foot, last_link, last_wrench, last_drive, fixed_foot, fixed_link, soft_foot, soft_link = last
+    strain_foot[:], strain_link[:], wrench_late[:] = fixed_foot, fixed_link, 0.0
+    rates[:] = 0.0
+    laws[DRIVE, LAG], laws[DRIVE, LAG_RATE] = 0.0, 0.0
+    for k in range(TERMS):
+        tau = creep[3, k]
+        if tau <= 0.0:
+            continue
+        z = span / tau
+        a = np.exp(-z)
+        # load from w₀ to w₁: lag₁ = a lag₀ + b₀ w₀ + b₁ w₁
+        mean = (1.0 - a) / z if z > 1e-9 else 1.0 - 0.5 * z
+        b0, b1 = mean - a, 1.0 - mean
+        share = creep[FOOT, k]
+        if share != 0.0:
+            rates[0] += share * b1
+            strain_foot += share * soft_foot * (a * lag_foot[k] + b0 * last_foot)
+            wrench_late += share * (a * lag_wrench[k] + b0 * last_wrench)
+        share = creep[LINK, k]
+        if share != 0.0:
+            rates[1] += share * b1
+            strain_link += share * soft_link * (a * lag_link[k] + b0 * last_link)
+        share = creep[DRIVE, k]
+        if share != 0.0:
+            laws[DRIVE, LAG] += share * (a * lag_drive[k] + b0 * last_drive[0])
+            laws[DRIVE, LAG_RATE] += share * b1
+
+
+@kernel
+def keep(span: float, x: Array, out: Array, creep: Array, lags: Bundle, last: Bundle, laws: Array, joints: Array,
+         late: Bundle, foot_own: Array, path: Array) -> None:  # fmt: skip
+    """Take the state over at the end of a step, in place."""
+    lag_foot, lag_link, lag_wrench, lag_drive = lags
+    last_foot, last_link, last_wrench, last_drive = last[0], last[1], last[2], last[3]
+    _, _, _, _, loads_foot, loads_link = late
+    wrench = np.empty(6)
+    wrench[:3], wrench[3:] = back_on(foot_own, out[7:10]), back_on(foot_own, out[10:13])
+    drive = out[0] * path[0] + out[1] * path[1] + out[2] * path[2]
+    for k in range(TERMS):
+        tau = creep[3, k]
+        if tau <= 0.0:
+            continue
+        z = span / tau
+        a = np.exp(-z)
+        mean = (1.0 - a) / z if z > 1e-9 else 1.0 - 0.5 * z
+        b0, b1 = mean - a, 1.0 - mean
+        lag_foot[k] = a * lag_foot[k] + b0 * last_foot + b1 * loads_foot
+        lag_link[k] = a * lag_link[k] + b0 * last_link + b1 * loads_link
+        lag_wrench[k] = a * lag_wrench[k] + b0 * last_wrench + b1 * wrench
+        lag_drive[k] = a * lag_drive[k] + b0 * last_drive[0] + b1 * drive
+    last_foot[:], last_link[:], last_wrench[:] = loads_foot, loads_link, wrench
+    last_drive[0] = drive
+    for row in range(3):
+        force = out[6] if row == LINK else drive
+        if laws[row, SET] != 0.0:
+            laws[row, SET_NOW] = permanent(force, laws[row])
+            laws[row, SET_LARGEST] = max(laws[row, SET_LARGEST], abs(force))
+    for k in range(4):
+        q = x[6 + k] * UNIT[6 + k]
+        joints[k, HELD] = joint_torque(q, joints[k])
+        joints[k, ANGLE] = q
+
+
+@entry
+def march(poses: Array, spans: Array, q0: Array, home: Array, m: Bundle, laws: Array, joints: Array, creep: Array,
+          fixed_foot: Array, fixed_link: Array, soft_foot: Array, soft_link: Array, side: float,
+          ) -> tuple[Array, int]:  # fmt: skip
+    """Wrenches along a history.
+
+    Args:
+        poses: displacements ``(n, 6)`` of the end from its unloaded pose.
+        spans: seconds ``(n,)`` since the pose before.
+        q0: joints' angles ``(4,)`` of the posture.
+        home: frame ``(4, 4)`` of the unloaded end.
+        m: the machine.
+        laws: ``(3, COLUMNS)``; changed.
+        joints: ``(4, 4)``; changed.
+        creep: ``(4, TERMS)``: share by part (of the drive: mm/N), last row the times in s.
+        fixed_foot: intrinsic strains ``(2 k + 1, 4)``.
+        fixed_link: likewise.
+        soft_foot: compliances ``(4,)`` by which late loads become strains.
+        soft_link: likewise.
+        side: +1 or −1: to which side a column buckles.
+
+    Returns:
+        Wrench ``(n, 6)`` and joints' angles ``(n, 4)`` side by side ``(n, 10)``, and how many poses were reached.
+    """
+    late = (np.zeros(2), fixed_foot.copy(), fixed_link.copy(), np.zeros(6), np.zeros_like(fixed_foot),
+            np.zeros_like(fixed_link))  # fmt: skip
+    lags = (np.zeros((TERMS, *fixed_foot.shape)), np.zeros((TERMS, *fixed_link.shape)), np.zeros((TERMS, 6)),
+            np.zeros(TERMS))  # fmt: skip
+    last = (np.zeros_like(fixed_foot), np.zeros_like(fixed_link), np.zeros(6), np.zeros(1), fixed_foot, fixed_link,
+            soft_foot, soft_link)  # fmt: skip
+    foot_own, path = m[6], m[12]
+    out, result = np.zeros(18), np.zeros((len(poses), 10))
+    joints[:, ANGLE] = q0
+    x = np.zeros(10)
+    x[6:] = q0 / UNIT[6:]
+    J, pose, start = np.zeros((10, 10)), np.zeros(6), x.copy()
+    place, turn = posed(pose, home)
+    prepare(0.0, creep, lags, last, laws, late)
+    # weight is there before anything moves
+    if not settled(x, place, turn, m, laws, joints, late, out, J, True):
+        return result, 0
+    keep(0.0, x, out, creep, lags, last, laws, joints, late, foot_own, path)
+    J[:] = jacobian(
+        x, conditions(x, place, turn, m, laws, joints, late, out), place, turn, m, laws, joints, late, out
+    )
+    stable = orientation(J)
+    before, moved = x.copy(), np.zeros(6)
+    rod = m[10][1]
+    doubtful = (
+        0.5 * np.pi**2 * min(rod[EIY], rod[EIZ]) / (rod[FACTOR] * (1.0 + abs(rod[FACTOR_PULL])) * rod[LENGTH] ** 2)
+    )
+    for i in range(len(poses)):
+        done, share, halvings = 0.0, 1.0, 0
+        first = pose.copy()
+        while done < 1.0:
+            share = min(share, 1.0 - done)
+            here = first + (done + share) * (poses[i] - first)
+            span = spans[i] * share
+            prepare(span, creep, lags, last, laws, late)
+            place, turn = posed(here, home)
+            start[:] = x
+            step = here - pose
+            # along the last step where this one goes the same way
+            norm = moved @ moved
+            if norm > 0.0:
+                x += (x - before) * max(min((step @ moved) / norm, 2.0), -1.0)
+            good = settled(x, place, turn, m, laws, joints, late, out, J, i == 0)
+            if not good:
+                x[:] = start
+                good = settled(x, place, turn, m, laws, joints, late, out, J, True)
+            # well below the column's critical force nothing can become unstable
+            if good and -out[6] > doubtful:
+                r = conditions(x, place, turn, m, laws, joints, late, out)
+                J[:] = jacobian(x, r, place, turn, m, laws, joints, late, out)
+                if orientation(J) != stable:
+                    good = branched(x, pose, here, home, m, laws, joints, late, out, side)
+                    r = conditions(x, place, turn, m, laws, joints, late, out)
+                    J[:] = jacobian(x, r, place, turn, m, laws, joints, late, out)
+                    good = good and orientation(J) == stable
+            if not good:
+                x[:] = start
+                share *= 0.5
+                halvings += 1
+                if halvings > HALVINGS:
+                    return result, i
+                continue
+            conditions(x, place, turn, m, laws, joints, late, out)
+            keep(span, x, out, creep, lags, last, laws, joints, late, foot_own, path)
+            before[:], moved[:], pose[:] = start, step, here
+            done += share
+        result[i, :6], result[i, 6:] = out[:6], x[6:] * UNIT[6:]
+    return result, len(poses)
