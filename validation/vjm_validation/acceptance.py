@@ -12,7 +12,8 @@ from pydantic import BaseModel, ConfigDict
 
 from vjm.paths import EventKind, Path
 from vjm_validation.comparison import force_difference, shape_difference
-from vjm_validation.run import Direction, Key
+from vjm_validation.metrics import PathMetrics, path_metrics
+from vjm_validation.run import Direction, EndConditionStudy, Key
 
 RESIDUAL = 1e-8
 """Scaled equilibrium residual; the lumped solver stops at 1e-11, Exudyn at 1e-9 of its own norm."""
@@ -97,3 +98,20 @@ def agreement_rows(paths: Mapping[Key, Path]) -> list[AcceptanceRow]:
                 )
             )
     return rows
+
+
+def end_rows(study: EndConditionStudy | None) -> list[AcceptanceRow]:
+    """Under every end condition the engines find the same kind of critical point at the same force."""
+    if study is None:
+        return []
+    found: dict[tuple[str, str], list[PathMetrics]] = {}
+    for (posture, condition, _), path in study.paths.items():
+        found.setdefault((posture, condition), []).append(path_metrics(path))
+    kinds = [f"{posture}, {name}" for (posture, name), row in found.items() if len({m.critical for m in row}) > 1]
+    apart = [abs(m.F_cr / row[0].F_cr - 1.0) for row in found.values() for m in row[1:] if m.F_cr and row[0].F_cr]
+    early = [f"{', '.join(key)}: {path.stopped}" for key, path in study.paths.items() if not path.complete]
+    return [
+        _empty("end conditions: paths complete", "every path reaches its end or a limit point", early),
+        _empty("end conditions: kinds", "the engines find the same kind of critical point", kinds),
+        _at_most("end conditions: critical forces", max(apart, default=0.0), LOAD_AGREEMENT),
+    ]

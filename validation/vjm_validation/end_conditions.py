@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
+from vjm.batch import Failure, Task, walk_all
 from vjm.chain import Chain
-from vjm.imperfections import ImperfectionCurve, imperfection_curve
+from vjm.engine import Engine
+from vjm.imperfections import imperfection_curve
 from vjm.paths import EventKind, Path
 from vjm.programme import TO_LIMIT, Load, Programme
 from vjm.vjm_engine import VjmEngine
 from vjm_validation.run import EndConditionStudy
 
-SPRINGS = 16
-"""In bar and foot each: critical forces are converged to 1e-7 and better."""
 ROTATIONS = ("rx", "ry", "rz")
 FORCE_N = 10_000.0
 """How far forces are driven: above every critical force of the library's chain."""
@@ -47,25 +47,35 @@ def end_programme(condition: str, posture: str, reach: float) -> Programme:
 def end_condition_study(
     chain: Chain,
     reaches: Mapping[str, float],
-    done: Callable[[], None] | None = None,
+    engines: Sequence[Engine],
+    jobs: int = 1,
+    done: Callable[[int, int], None] | None = None,
 ) -> EndConditionStudy:
     """Compression of a chain under every end condition, and what imperfections cost where a dead load collapses it.
 
     Args:
         chain: the machine; its beams need sections.
         reaches: how far each posture is compressed, mm.
-        done: called after each posture.
+        engines: the first is a lumped one, which imperfections are put into.
+        jobs: processes.
+        done: called with how many paths are finished, and of how many.
+
+    Raises:
+        ValueError: an engine cannot walk a path at all.
     """
-    engine = VjmEngine(SPRINGS, SPRINGS)
-    paths: dict[tuple[str, str], Path] = {}
-    imperfections: dict[str, ImperfectionCurve] = {}
-    for posture, reach in reaches.items():
-        for condition in END_CONDITIONS:
-            paths[posture, condition] = engine.walk(chain, end_programme(condition, posture, reach))
-        hinged = paths[posture, HINGED_LOAD]
+    keys = [(p, condition, k) for p in reaches for condition in END_CONDITIONS for k in range(len(engines))]
+    tasks = [Task(engines[k], chain, end_programme(condition, p, reaches[p])) for p, condition, k in keys]
+    paths: dict[tuple[str, str, str], Path] = {}
+    for (posture, condition, k), path in zip(keys, walk_all(tasks, jobs, done), strict=True):
+        if isinstance(path, Failure):
+            raise ValueError(f"posture {posture}, {condition}, {engines[k].label}: {path.message}")
+        paths[posture, condition, engines[k].label] = path
+    lumped = engines[0]
+    assert isinstance(lumped, VjmEngine)
+    imperfections = {}
+    for posture in reaches:
+        hinged = paths[posture, HINGED_LOAD, lumped.label]
         kinds = [event.kind for event in hinged.events]
         if kinds[:1] == [EventKind.BIFURCATION] and EventKind.LIMIT in kinds:
-            imperfections[posture] = imperfection_curve(engine, chain, hinged.programme, SIZES_MM)
-        if done is not None:
-            done()
+            imperfections[posture] = imperfection_curve(lumped, chain, hinged.programme, SIZES_MM)
     return EndConditionStudy(paths, imperfections)

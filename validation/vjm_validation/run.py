@@ -110,12 +110,12 @@ class EndConditionStudy:
     """What the hand that holds the end-effector decides.
 
     Attributes:
-        paths: compression by posture and end condition; under dead loads to the first limit point.
+        paths: compression by posture, end condition and engine; under dead loads to the first limit point.
         imperfections: largest force against the size of an imperfection by posture, under a dead load on a hinged
             end-effector, where the perfect chain buckles and then collapses.
     """
 
-    paths: Mapping[tuple[str, str], Path]
+    paths: Mapping[tuple[str, str, str], Path]
     imperfections: Mapping[str, ImperfectionCurve]
 
 

@@ -14,8 +14,9 @@ from vjm.io.files import check_writable, write_whole
 from vjm.io.model_file import load_chain
 from vjm.parts import Placement
 from vjm.paths import Path
-from vjm_validation.acceptance import AcceptanceRow, agreement_rows, solver_rows
+from vjm_validation.acceptance import AcceptanceRow, agreement_rows, end_rows, solver_rows
 from vjm_validation.end_conditions import end_condition_study
+from vjm_validation.engines import engine_by_name
 from vjm_validation.iterations import iteration_study
 from vjm_validation.lumping import SPRINGS, lumping_study
 from vjm_validation.rounding import reach
@@ -36,6 +37,8 @@ COMPARISONS = {
 }
 """What ``--only`` can pick."""
 STUDIED_POSTURE = "A"
+END_ENGINES = ("vjm-16f16", "exudyn")
+"""Of the end conditions: the lumped one first."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,7 @@ def run_all(options: Options, progress: Progress) -> Summary:
     if options.wants("link_lumping"):
         run.lumping = _lumping(run, progress)
     if options.wants("end_conditions"):
-        run.end_conditions = _end_conditions(chain, postures, progress)
+        run.end_conditions = _end_conditions(chain, postures, options, progress)
     if options.wants("iterations"):
         run.iterations = _iterations(chain, postures, options, progress)
     published: list[PublishedFigure] = []
@@ -104,7 +107,12 @@ def run_all(options: Options, progress: Progress) -> Summary:
         verification = [*column_rows(chain), *foot_rows(chain)]
         progress("verification", 1, 1)
 
-    acceptance = [*solver_rows(run.paths), *agreement_rows(run.paths), *_verification_rows(verification)]
+    acceptance = [
+        *solver_rows(run.paths),
+        *agreement_rows(run.paths),
+        *end_rows(run.end_conditions),
+        *_verification_rows(verification),
+    ]
     run.summary = summarise(
         run,
         command=options.command,
@@ -158,17 +166,12 @@ def _lumping(run: Run, progress: Progress) -> tuple[LumpingStudy, ...]:
     return tuple(studies)
 
 
-def _end_conditions(chain: Chain, postures: Sequence[str], progress: Progress) -> EndConditionStudy:
-    finished = 0
-
-    def done() -> None:
-        nonlocal finished
-        finished += 1
-        progress("end conditions", finished, len(postures))
-
-    progress("end conditions", 0, len(postures))
+def _end_conditions(
+    chain: Chain, postures: Sequence[str], options: Options, progress: Progress
+) -> EndConditionStudy:
     reaches = {posture: abs(ramp_end(chain, posture, Direction.COMPRESSION)) for posture in postures}
-    return end_condition_study(chain, reaches, done)
+    engines = [engine_by_name(name) for name in END_ENGINES]
+    return end_condition_study(chain, reaches, engines, options.jobs, partial(progress, "end conditions"))
 
 
 def _iterations(

@@ -46,6 +46,7 @@ class EndConditionRow(BaseModel):
 
     posture: str
     condition: str
+    engine: str
     critical: EventKind | None
     F_cr: float | None
     d_cr: float | None
@@ -208,11 +209,11 @@ def _end_conditions(run: Run) -> list[EndConditionRow]:
     if run.end_conditions is None:
         return []
     rows = []
-    for (posture, condition), path in run.end_conditions.paths.items():
+    for (posture, condition, engine), path in run.end_conditions.paths.items():
         m = path_metrics(path)
         rows.append(
             EndConditionRow(
-                posture=posture, condition=condition, critical=m.critical, F_cr=m.F_cr, d_cr=m.d_cr,
+                posture=posture, condition=condition, engine=engine, critical=m.critical, F_cr=m.F_cr, d_cr=m.d_cr,
                 F_max=max([float(path.force.max()), *(event.force for event in path.events)]), stopped=m.stopped,
             )
         )  # fmt: skip

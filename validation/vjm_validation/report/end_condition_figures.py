@@ -11,7 +11,7 @@ from vjm.imperfections import ImperfectionCurve
 from vjm.paths import EventKind, Path
 from vjm_validation.end_conditions import END_CONDITIONS, HINGED_LOAD
 from vjm_validation.metrics import path_metrics, travel
-from vjm_validation.report.style import EVENT_MARKERS, Picture, figure, listed, number, percent, png
+from vjm_validation.report.style import EVENT_MARKERS, FE, REFINED, Picture, figure, listed, number, percent, png
 from vjm_validation.report.words import SHARP, Finding, Tone
 from vjm_validation.run import EndConditionStudy, Run
 
@@ -56,7 +56,7 @@ def most_sensitive(study: EndConditionStudy) -> str:
 
 def _perfect(study: EndConditionStudy, posture: str) -> float:
     """Bifurcation load of the perfect chain, hinged under a dead load."""
-    return study.paths[posture, HINGED_LOAD].events[0].force
+    return study.paths[posture, HINGED_LOAD, REFINED].events[0].force
 
 
 def _shares(study: EndConditionStudy, posture: str) -> np.ndarray:
@@ -66,18 +66,18 @@ def _shares(study: EndConditionStudy, posture: str) -> np.ndarray:
 
 def _subcritical(study: EndConditionStudy, posture: str) -> bool:
     """Whether the load falls behind the bifurcation."""
-    first, *others = study.paths[posture, HINGED_LOAD].events
+    first, *others = study.paths[posture, HINGED_LOAD, REFINED].events
     return any(event.force < first.force for event in others[:1])
 
 
 def _paths(ax: Axes, study: EndConditionStudy, posture: str) -> None:
     longest = max(
         abs(path.points[-1].displacement[0])
-        for (at, condition), path in study.paths.items()
-        if at == posture and "load" not in condition
+        for (at, condition, engine), path in study.paths.items()
+        if at == posture and engine == REFINED and "load" not in condition
     )
     for condition in END_CONDITIONS:
-        path = study.paths[posture, condition]
+        path = study.paths[posture, condition, REFINED]
         along = np.array([abs(point.displacement[0]) for point in path.points])
         force, stable = path.force / 1e3, path.unstable == 0
         colour, line, width = LOOKS[condition]
@@ -111,13 +111,14 @@ def end_conditions(run: Run) -> Finding | None:
     if study is None:
         return None
     hidden, sentences = [], []
-    for posture in sorted({posture for posture, _ in study.paths}):
-        words = [f"{name}: {_critical(study.paths[posture, name])}" for name in END_CONDITIONS]
+    for posture in sorted({posture for posture, _, _ in study.paths}):
+        words = [f"{name}: {_critical(study.paths[posture, name, REFINED])}" for name in END_CONDITIONS]
         sentences.append(f"Posture {posture} in compression. {'; '.join(words)}.")
-        kinds = [path_metrics(study.paths[posture, name]).critical for name in END_CONDITIONS]
+        kinds = [path_metrics(study.paths[posture, name, REFINED]).critical for name in END_CONDITIONS]
         if kinds[0] not in SHARP and any(kind in SHARP for kind in kinds[1:]):
             hidden.append(posture)
     sentences += [_cost(study, posture, curve) for posture, curve in sorted(study.imperfections.items())]
+    sentences += _agreement(study)
     if not hidden:
         return Finding(Tone.NOTE, "What holds the end-effector does not change how it gives way", tuple(sentences))
     title = (
@@ -125,6 +126,16 @@ def end_conditions(run: Run) -> Finding | None:
         "under a dead load or with free rotations there is one"
     )
     return Finding(Tone.CAUSE, title, tuple(sentences))
+
+
+def _agreement(study: EndConditionStudy) -> list[str]:
+    """How far the finite elements' critical forces are from the lumped model's under all end conditions."""
+    apart = []
+    for (posture, condition, engine), path in study.paths.items():
+        ours, theirs = (path_metrics(p).F_cr for p in (study.paths[posture, condition, REFINED], path))
+        if engine == FE and ours and theirs:
+            apart.append(abs(ours / theirs - 1.0))
+    return [f"{REFINED} and {FE} agree on these critical forces within {percent(max(apart))}."] if apart else []
 
 
 def _critical(path: Path) -> str:
