@@ -12,6 +12,7 @@ from typing import Any
 
 from vjm.io.files import write_whole
 from vjm.io.model_file import model_schema
+from vjm_validation.calibration.document import Calibration
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
 from vjm_validation.identification.documents import IdentificationDocument
 from vjm_validation.summary import Summary, schema
@@ -24,6 +25,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         "buckling.schema.json": schema(BucklingDocument),
         "stiffness.schema.json": schema(StiffnessDocument),
         "identification.schema.json": schema(IdentificationDocument),
+        "calibration.schema.json": schema(Calibration),
         "model.schema.json": model_schema(),
     }
 

@@ -84,11 +84,10 @@ def paths_of(chain: Chain, engine: VjmEngine) -> dict[tuple[str, Direction], Pat
 def predicted(chain: Chain, engine: VjmEngine, parameters: Sequence[Parameter]) -> list[Predicted]:
     """Every figure of every path of a chain, with its derivatives by the parameters."""
     sensitivity = Sensitivity(engine, chain, parameters)
-    result = []
+    result, nothing = [], ("",) * len(parameters)
+    K0 = {posture: _unloaded_slopes(chain, engine, posture, parameters) for posture in chain.postures}
     for (posture, direction), path in paths_of(chain, engine).items():
-        nothing = ("",) * len(parameters)
-        K0 = _unloaded_slopes(chain, engine, posture, direction, parameters)
-        result.append(Predicted(posture, direction, "K0", "", path.points[0].tangent, K0, nothing))
+        result.append(Predicted(posture, direction, "K0", "", path.points[0].tangent, K0[posture], nothing))
         if path.critical is None:
             continue
         try:
@@ -105,10 +104,8 @@ def predicted(chain: Chain, engine: VjmEngine, parameters: Sequence[Parameter]) 
     return result
 
 
-def _unloaded_slopes(
-    chain: Chain, engine: VjmEngine, posture: str, direction: Direction, parameters: Sequence[Parameter]
-) -> Array:
-    programme = Programme(posture, float(direction.sign))
+def _unloaded_slopes(chain: Chain, engine: VjmEngine, posture: str, parameters: Sequence[Parameter]) -> Array:
+    programme = Programme(posture, 1.0)  # to the other side it is the same
     result = np.zeros(len(parameters))
     for i, parameter in enumerate(parameters):
         h = STEP * parameter.scale

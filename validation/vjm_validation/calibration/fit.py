@@ -7,7 +7,7 @@ goes on with Huber's loss, whose minimum is unique, and ends with Tukey's biweig
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from vjm_validation.calibration.robust import BIWEIGHT, HUBER, SQUARES, Loss
 
 STAGES: tuple[tuple[Loss, int, float], ...] = ((SQUARES, 12, 0.3), (HUBER, 6, 0.1), (BIWEIGHT, 20, 1e-3))
 """Losses, the most steps of each, and the step in standard deviations that is small enough to end it."""
+FROZEN = 0.3
+"""Step in standard deviations up to which the slopes of where it began still serve; the last ones are fresh."""
 LONGEST_STEP = 0.7
 """In the z of a parameter: a factor of two."""
 WILD = 0.2
@@ -117,6 +119,7 @@ def fit(problem: Problem) -> Fit:
         if step < STAGES[-1][2] and np.max(np.abs(memory.rho - before)) < 0.01:
             break
     loss = BIWEIGHT
+    at = problem.evaluate(at.z, at.branches)
     final = _state(problem, at, loss, memory, spread)
     if (problem.present & (final.weight < WILD)).any(axis=1).mean() > MOST_WILD:
         # so many are not wild: they are what the model lacks
@@ -127,6 +130,7 @@ def fit(problem: Problem) -> Fit:
             if step < 1e-2:
                 break
         memory, spread = _noise(problem, at, memory)
+        at = problem.evaluate(at.z, at.branches)
         final = _state(problem, at, loss, memory, spread)
     return Fit(problem, at, loss, final.factors, memory, spread, final.residual, final.weight, final.jacobian,
                final.covariance, steps, step)  # fmt: skip
@@ -187,13 +191,15 @@ def _step(problem: Problem, state: _State, damping: float) -> tuple[Evaluation, 
         z = np.maximum(state.at.z + change, unknowns.lowest)
         size = float(np.max(np.abs(z - state.at.z) / deviation))
         try:
-            there = problem.evaluate(z, state.at.branches)
+            there = problem.evaluate(z, state.at.branches, derivatives=size > FROZEN)
         except (NoConvergenceError, np.linalg.LinAlgError, ValueError):
             damping = max(10.0 * damping, 1e-2)
             continue
         cost = state.cost(problem, there)
         # what rounding and interpolated slopes leave is no reason to go on looking
         if cost <= here * (1.0 + 1e-9) + 1e-6 or size < 1e-2:
+            if there.jacobian is None:
+                there = replace(there, jacobian=state.at.jacobian)
             return there, 0.1 * damping, size
         damping = max(10.0 * damping, 1e-3)
     return state.at, damping, 0.0
@@ -221,17 +227,18 @@ def _best_branches(problem: Problem, at: Evaluation, loss: Loss) -> Evaluation:
     branches, factors = at.branches, problem.whitening(at)
     for number, ray in enumerate(problem.rays):
         place = at.place[ray.index] @ ray.measure
+        alone = replace(problem, rays=(ray,))
         for sign in (1, -1):
             on = ray.index[(place * sign > 0.0) & at.prediction.branched[ray.index]]
             if not len(on):
                 continue
-            turned = branches.turned(number, sign)
+            other = -branches.of(number, sign)
             try:
-                there = problem.evaluate(at.z, turned, derivatives=False)
+                there = alone.evaluate(at.z, Branches(((0, sign, other),)), derivatives=False)
             except NoConvergenceError:
                 continue
             costs = [
                 float(np.sum(HUBER.rho(np.einsum("kij,kj->ki", factors[on], e.residual[on])))) for e in (at, there)
             ]
-            branches = turned if costs[1] < costs[0] else branches
+            branches = branches.turned(number, sign) if costs[1] < costs[0] else branches
     return at if branches == at.branches else problem.evaluate(at.z, branches)

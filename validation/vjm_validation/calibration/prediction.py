@@ -26,6 +26,8 @@ from vjm_validation.calibration.unknowns import Unknowns
 
 SUPPORT = 30
 """Steps into which a half-ray is divided beside its readings, so that each is one that Newton's method can take."""
+REFINED, FINER = 12, 4
+"""How often, and into how many, the step at which a march stops is divided."""
 KNOTS = 12
 """Equilibria of a branch at which derivatives are computed."""
 
@@ -126,6 +128,17 @@ class _Half:
         # two equal displacements are one
         grid = grid[np.concatenate([[True], np.diff(grid) > 1e-12 * self.reach])]
         path = walk_grid(self.problem, grid)
+        for _ in range(REFINED):
+            if not path.stopped:
+                break
+            # where little breaks a symmetry the path turns sharply: a long step leaves it for the other branch
+            at = int(np.searchsorted(grid, path.s[-1], side="right"))
+            if at >= len(grid):
+                break
+            step = grid[at] - path.s[-1]
+            finer = np.linspace(max(path.s[-1] - step, 0.0), grid[at], 2 * FINER + 1)
+            grid = np.unique(np.concatenate([grid, finer]))
+            path = walk_grid(self.problem, grid)
         if path.stopped:
             raise NoConvergenceError(f"posture {self.programme.posture}: {path.stopped}")
         return path
@@ -153,10 +166,14 @@ class _Half:
         for start, begin, end in zip(starts, edges[:-1], edges[1:], strict=True):
             if end <= begin:
                 continue
-            share = np.linspace(0.0, 1.0, KNOTS) ** (2 if begin else 1)
-            knots = np.unique(begin + np.round(share * (end - begin - 1)).astype(int))
-            known = sensitivity.wrench(self._path(path, knots))
             here = s > start if begin else np.ones(len(s), dtype=bool)
+            knots = np.unique(begin + np.clip(np.searchsorted(path.s[begin:end], s[here]), 0, end - begin - 1))
+            if not len(knots):
+                continue
+            if len(knots) > KNOTS:
+                share = np.linspace(0.0, 1.0, KNOTS) ** (2 if begin else 1)
+                knots = np.unique(begin + np.round(share * (end - begin - 1)).astype(int))
+            known = sensitivity.wrench(self._path(path, knots))
             # behind a bifurcation a branch grows with the root of the distance, its derivative falls with it
             nodes, places, weight = path.s[knots], s[here], np.ones(int(here.sum()))
             if begin:
