@@ -60,7 +60,8 @@ def failed_acceptance(run: Run) -> Finding | None:
 
 def no_finite_elements(run: Run) -> Finding | None:
     """Said where the comparison's other side is missing."""
-    if any(key.engine == FE for key in run.paths):
+    studied = run.end_conditions.paths if run.end_conditions is not None else ()
+    if any(key.engine == FE for key in run.paths) or any(engine == FE for _, _, engine in studied):
         return None
     text = f"This run has no path of {FE}. What follows compares lumped models and the paper only."
     return Finding(Tone.NOTE, "Nothing here is compared with finite elements", (text,))
