@@ -23,7 +23,7 @@ from vjm.parts import Placement
 from vjm.paths import Path
 from vjm.programme import RAMP, TO_LIMIT
 from vjm.vjm_engine import VjmEngine
-from vjm_validation import cli_calibrate, show
+from vjm_validation import cli_calibrate, cli_identify, show
 from vjm_validation.acceptance import FROZEN
 from vjm_validation.documents import BucklingDocument
 from vjm_validation.engines import DESCRIPTIONS, EngineOptions, engine_by_name
@@ -43,7 +43,8 @@ app = App(
     version=__version__,
     result_action="return_value",
 )
-cli_calibrate.register(app)
+for command in (cli_calibrate, cli_identify):
+    command.register(app)
 
 Segments = Annotated[
     int | None, Parameter(name="--segments", help="Springs or elements in every beam but the foot.")
