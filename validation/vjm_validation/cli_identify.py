@@ -7,13 +7,15 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from vjm.io.model_file import build_chain, read_document
+from vjm.io.model_file import build_chain, load_chain, read_document
 from vjm_validation import show
 from vjm_validation.identification import words
 from vjm_validation.identification.command import identify_matrix, identify_part, identify_path
 from vjm_validation.identification.documents import IdentificationDocument
 from vjm_validation.identification.matrix_file import matrix_names
 from vjm_validation.identification.path_file import build_path, is_path
+from vjm_validation.identification.table2_document import show as show_table2
+from vjm_validation.identification.table2_document import table2_document
 from vjm_validation.summary import as_json
 
 
@@ -37,9 +39,23 @@ def identify(
             help=f"A 6×6 matrix: {', '.join(matrix_names())}, or a file, see docs/compliance-matrix-file.md."
         ),
     ] = None,
+    table2: Annotated[
+        bool,
+        Parameter(negative="", help="What the paper's Table II implies for its printed matrices, within rounding."),
+    ] = False,
     json: Annotated[bool, Parameter(negative="", help="Print one JSON document and nothing else.")] = False,
 ) -> int:
     """A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance."""
+    if table2:
+        if model is None or part is not None or matrix is not None:
+            raise ValueError("--table2: give a model, and neither --part nor --matrix")
+        with show.progress(quiet=json) as progress:
+            implied = table2_document(load_chain(model), progress)
+        if json:
+            sys.stdout.write(as_json(implied))
+        else:
+            show_table2(show.console(), implied)
+        return 0
     document = _document(model, part, matrix)
     if json:
         sys.stdout.write(as_json(document))

@@ -9,6 +9,7 @@ does not move it for any figure of Table II.)
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -96,7 +97,7 @@ def reach(chain: Chain, posture: str) -> dict[str, tuple[float, float]]:
             return np.full(len(names), np.nan)
         return np.array([values[name] for name in names])
 
-    cone = _Cone(chain, entries)
+    cone = Cone(chain, entries)
     nominal = figures(np.zeros(len(entries)))
     steps = DIFFERENCE_STEP * np.eye(len(entries))
     slopes = np.array([(figures(step) - figures(-step)) / (2.0 * DIFFERENCE_STEP) for step in steps]).T
@@ -107,7 +108,7 @@ def reach(chain: Chain, posture: str) -> dict[str, tuple[float, float]]:
     return result
 
 
-class _Cone:
+class Cone:
     """The box of roundings cut by positive definiteness."""
 
     margin = 0.01
@@ -130,23 +131,38 @@ class _Cone:
             self.blocks.append((nominal, directions, self.margin * float(np.linalg.eigvalsh(nominal)[0])))
 
     def furthest(self, slope: Array) -> Array:
-        """Point ``(n,)`` of box and cone at which a linear function is largest, by cutting planes."""
-        cuts: list[Array] = []
-        limits: list[float] = []
+        """Point ``(n,)`` of box and cone at which a linear function is largest."""
+
+        def highest(cuts: Array, limits: Array) -> Array:
+            return np.asarray(linprog(-slope, A_ub=cuts, b_ub=limits, bounds=(-1.0, 1.0)).x)
+
+        return self.within(highest)
+
+    def within(self, solve: Callable[[Array, Array], Array]) -> Array:
+        """What ``solve`` gives once it keeps to the cone, by cutting planes.
+
+        Args:
+            solve: given cuts ``(m, n)`` and limits ``(m,)``, a point ``(n,)`` with ``cuts @ point <= limits``.
+        """
+        cuts, limits = np.empty((0, len(self.entries))), np.empty(0)
         while True:
-            found = linprog(-slope, A_ub=np.array(cuts) if cuts else None, b_ub=limits or None, bounds=(-1.0, 1.0))
-            amounts = np.asarray(found.x)
-            enough = True
-            for nominal, directions, floor in self.blocks:
-                M = nominal + sum(amounts[k] * E for k, E in directions)
-                values, vectors = np.linalg.eigh(M)
-                for value, v in zip(values, vectors.T, strict=True):
-                    if value < 0.5 * floor:
-                        cut = np.zeros(len(self.entries))
-                        for k, E in directions:
-                            cut[k] = -v @ E @ v
-                        cuts.append(cut)
-                        limits.append(float(v @ nominal @ v) - floor)
-                        enough = False
-            if enough:
+            amounts = solve(cuts, limits)
+            new = self._cuts(amounts)
+            if not new:
                 return amounts
+            cuts = np.vstack([cuts, *(cut for cut, _ in new)])
+            limits = np.append(limits, [limit for _, limit in new])
+
+    def _cuts(self, amounts: Array) -> list[tuple[Array, float]]:
+        """Planes between a point ``(n,)`` and the cone; none where it lies in it."""
+        found = []
+        for nominal, directions, floor in self.blocks:
+            M = nominal + sum(amounts[k] * E for k, E in directions)
+            values, vectors = np.linalg.eigh(M)
+            for value, v in zip(values, vectors.T, strict=True):
+                if value < 0.5 * floor:
+                    cut = np.zeros(len(self.entries))
+                    for k, E in directions:
+                        cut[k] = -v @ E @ v
+                    found.append((cut, float(v @ nominal @ v) - floor))
+        return found

@@ -15,6 +15,7 @@ from vjm.io.model_file import model_schema
 from vjm_validation.calibration.document import Calibration
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
 from vjm_validation.identification.documents import IdentificationDocument
+from vjm_validation.identification.table2_document import Table2Document
 from vjm_validation.summary import Summary, schema
 
 
@@ -26,6 +27,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         "stiffness.schema.json": schema(StiffnessDocument),
         "identification.schema.json": schema(IdentificationDocument),
         "calibration.schema.json": schema(Calibration),
+        "table2.schema.json": schema(Table2Document),
         "model.schema.json": model_schema(),
     }
 
