@@ -1,0 +1,271 @@
+"""Manipulator files: legs that refer to chain files, on a platform; format 1.
+
+Lengths are mm, angles of turns degrees, joint and drive coordinates rad and mm. A leg's ``chain`` is a model of the
+library or a TOML file beside the manipulator's.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import pydantic
+from pydantic import Field, StringConstraints
+
+from vjm.chain import Chain
+from vjm.io.errors import ModelFileError, did_you_mean, one_line
+from vjm.io.model_file import Entry, ModelDocument, _parse, build_chain, library, read_document
+from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM, rotation
+from vjm.io.sections import Table
+from vjm.manipulator.manipulator import BASE, PLATFORM, Coupling, Drive, Leg, Manipulator, drive_of
+from vjm.rotations import Array, frame
+
+KIND = "manipulator"
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
+"""Of a robot; some begin with the number of their legs."""
+PoseMM = Annotated[list[float], Field(min_length=3, max_length=6)]
+
+
+class LegTable(Table):
+    """One leg: a chain, where it stands, what drives it."""
+
+    name: Label
+    chain: str = Field(min_length=1, description="a model of the library, or a file beside this one")
+    source: str = ""
+    starts_on: Label = BASE
+    ends_on: Label = PLATFORM
+    base: Base = Field(Base(), description="of the chain's world in the body on which the leg starts")
+    attachment: Base = Field(Base(), description="of the chain's end in the body on which the leg ends")
+    drive: Label | None = Field(None, description="the part that is actuated; none for a passive leg")
+    drive_turns_about: Axis | None = Field(None, description="of a drive that turns; else an actuator's axis")
+    drive_home: float = Field(0.0, description="mm or rad")
+    drive_limits: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
+    posture: list[float] | Label = Field([], description="passive coordinates at home, rad, or a posture's label")
+
+
+class Term(Table):
+    """A joint's share in a coupling."""
+
+    leg: Label
+    joint: Label
+    weight: float
+
+
+class CouplingTable(Table):
+    """A rigid transmission: the weighted sum of the joints' turns from home is zero."""
+
+    name: Label
+    source: str = ""
+    terms: list[Term] = Field(min_length=2)
+
+
+class Workspace(Table):
+    """A box of displacements from home."""
+
+    source: str = ""
+    min_mm: VectorMM
+    max_mm: VectorMM
+
+
+class ManipulatorFile(Table):
+    """A manipulator file."""
+
+    format: Literal[1]
+    kind: Literal["manipulator"]
+    name: Name
+    title: str = Field(min_length=1)
+    source: str = Field(min_length=1)
+    units: Units
+    platform: Base = Base()
+    workspace: Workspace | None = None
+    legs: list[LegTable] = Field(min_length=1)
+    couplings: list[CouplingTable] = Field([])
+    poses: dict[Label, PoseMM] = Field(
+        min_length=1, description="displacement from home: x, y, z in mm, turns in rad"
+    )
+
+
+_TABLES: dict[str, type[Table]] = {
+    "units": Units,
+    "base": Base,
+    "turn": Turn,
+    "legs": LegTable,
+    "couplings": CouplingTable,
+    "workspace": Workspace,
+    "platform": Base,
+}
+
+
+def _one_line(error: pydantic.ValidationError, content: Mapping[str, Any]) -> str:
+    """`vjm.io.errors.one_line`, with legs by their names."""
+    details = sorted(error.errors(include_url=False), key=lambda one: one["type"] != "extra_forbidden")
+    inside = str(details[0]["loc"][0]) if len(details[0]["loc"]) > 1 else ""
+
+    def known_keys(table: str) -> Iterable[str]:
+        return list(_TABLES.get(table or inside, ManipulatorFile).model_fields)
+
+    text = one_line(error, content, known_keys)
+    legs = content.get("legs", [])
+    for i, leg in enumerate(legs if isinstance(legs, list) else []):
+        if isinstance(leg, dict) and isinstance(leg.get("name"), str):
+            text = text.replace(f"legs entry {i + 1}.", f"leg '{leg['name']}': ")
+            text = text.replace(f"legs entry {i + 1}", f"leg '{leg['name']}'")
+    return text
+
+
+def manipulators() -> list[Entry]:
+    """The manipulators that come with the package, by name."""
+    return [
+        Entry(file.name.removesuffix(".toml"), str(_parse(file.name, file.read_bytes()).content["title"]))
+        for file in _library_files()
+    ]
+
+
+def load_model(name_or_path: str | Path) -> Chain | Manipulator:
+    """The chain or the manipulator of a file.
+
+    Args:
+        name_or_path: a name of the library or a path to a TOML file.
+
+    Raises:
+        ModelFileError: no such file or model, no TOML, or no sane machine; one line that says how to mend it.
+    """
+    for file in _library_files():
+        if isinstance(name_or_path, str) and file.name == f"{name_or_path}.toml":
+            document = _parse(file.name, file.read_bytes())
+            return build_manipulator(document, _folder() / "chains")
+    path = Path(name_or_path)
+    if isinstance(name_or_path, str) and not path.exists() and path.suffix != ".toml":
+        names = [entry.name for entry in (*library(), *manipulators())]
+        if name_or_path not in names:
+            raise ModelFileError(
+                f"no model '{name_or_path}' in the library, which has {', '.join(names)}"
+                f"{did_you_mean(name_or_path, names)}"
+            )
+    document = read_document(name_or_path)
+    if document.content.get("kind") == KIND:
+        return build_manipulator(document, path.parent)
+    return build_chain(document.content, document.file, document.sha256)
+
+
+def load_manipulator(name_or_path: str | Path) -> Manipulator:
+    """The manipulator of a file, see `load_model`.
+
+    Raises:
+        ModelFileError: as `load_model`, or it is a single chain.
+    """
+    model = load_model(name_or_path)
+    if isinstance(model, Chain):
+        raise ModelFileError(f"{name_or_path}: is a single chain, and this needs a manipulator (kind = '{KIND}')")
+    return model
+
+
+def build_manipulator(document: ModelDocument, folder: Path | Traversable) -> Manipulator:
+    """The manipulator of a document.
+
+    Args:
+        document: as read.
+        folder: where the chain files lie that are not of the library.
+
+    Raises:
+        ModelFileError: as `load_model`.
+    """
+    file, content = document.file, document.content
+    try:
+        table = ManipulatorFile.model_validate(content)
+    except pydantic.ValidationError as error:
+        raise ModelFileError(f"{file}: {_one_line(error, content)}") from error
+    chains: dict[str, Chain] = {}
+    digest = hashlib.sha256(document.sha256.encode())
+    try:
+        for leg in table.legs:
+            if leg.chain not in chains:
+                chains[leg.chain] = _chain(leg.chain, folder)
+                digest.update(chains[leg.chain].sha256.encode())
+        box = table.workspace
+        return Manipulator(
+            name=table.name,
+            legs=tuple(_leg(leg, chains[leg.chain]) for leg in table.legs),
+            home=frame(rotation(table.platform.turns), table.platform.position_mm),
+            poses={label: _pose(label, numbers) for label, numbers in table.poses.items()},
+            couplings=tuple(
+                Coupling(c.name, tuple((term.leg, term.joint, term.weight) for term in c.terms))
+                for c in table.couplings
+            ),
+            workspace=None if box is None else np.array([box.min_mm, box.max_mm]),
+            title=table.title,
+            source=table.source,
+            sha256=digest.hexdigest(),
+        )
+    except ValueError as error:
+        raise ModelFileError(f"{file}: {error}") from error
+
+
+def _chain(name: str, folder: Path | Traversable) -> Chain:
+    file = folder / (name if name.endswith(".toml") else f"{name}.toml")
+    if file.is_file():
+        document = _parse(file.name, file.read_bytes())
+        if document.content.get("kind") == KIND:
+            raise ModelFileError(f"chain '{name}' is itself a manipulator: a leg needs a chain file")
+        return build_chain(document.content, document.file, document.sha256)
+    try:
+        document = read_document(name)
+    except ModelFileError as error:
+        raise ModelFileError(
+            f"chain '{name}' is neither a file beside this one nor in the library: {error}"
+        ) from None
+    return build_chain(document.content, document.file, document.sha256)
+
+
+def _leg(table: LegTable, chain: Chain) -> Leg:
+    return Leg(
+        name=table.name,
+        chain=chain,
+        start=table.starts_on,
+        end=table.ends_on,
+        root=frame(rotation(table.base.turns), table.base.position_mm),
+        attachment=frame(rotation(table.attachment.turns), table.attachment.position_mm),
+        drive=_drive(table, chain),
+        coordinate=table.drive_home,
+        posture=_posture(table, chain),
+    )
+
+
+def _drive(table: LegTable, chain: Chain) -> Drive | None:
+    if table.drive is None:
+        return None
+    low, high = table.drive_limits or (-np.inf, np.inf)
+    if low >= high:
+        raise ValueError(f"leg '{table.name}': drive_limits must be [lower, upper], got [{low:g}, {high:g}]")
+    try:
+        return drive_of(chain, table.drive, table.drive_turns_about, (low, high))
+    except ValueError as error:
+        raise ValueError(f"leg '{table.name}': {error}") from error
+
+
+def _posture(table: LegTable, chain: Chain) -> Array:
+    if isinstance(table.posture, list):
+        return np.array(table.posture, dtype=float)
+    try:
+        return chain.posture(table.posture)
+    except KeyError as error:
+        raise ValueError(f"leg '{table.name}': {error.args[0]}") from error
+
+
+def _pose(label: str, numbers: list[float]) -> Array:
+    if len(numbers) not in (3, 6):
+        raise ValueError(f"pose '{label}' must have 3 entries (mm) or 6 (mm, rad), got {len(numbers)}")
+    return np.array(numbers + [0.0] * (6 - len(numbers)), dtype=float)
+
+
+def _folder() -> Traversable:
+    return resources.files("vjm").joinpath("models", "manipulators")
+
+
+def _library_files() -> list[Traversable]:
+    return sorted((f for f in _folder().iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)

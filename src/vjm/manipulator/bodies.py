@@ -1,0 +1,113 @@
+"""How legs lie between bodies, and what each adds to the bodies' equilibrium."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from vjm.lumped import LumpedModel
+from vjm.rotations import Array, skew
+
+
+class Edge(NamedTuple):
+    """A leg as the network sees it.
+
+    Attributes:
+        start: index of the body on which it begins, −1 for the base.
+        end: index of the body on which it ends.
+        root: frame ``(4, 4)`` of its world in the starting body.
+        place: frame ``(4, 4)`` of its end in the body that it ends on.
+    """
+
+    start: int
+    end: int
+    root: Array
+    place: Array
+
+
+class Layout:
+    """Where things are in the coordinates ``(n,)``: legs, their wrenches, bodies, couplings."""
+
+    def __init__(self, models: Sequence[LumpedModel], bodies: int, couplings: int) -> None:
+        ends = np.cumsum([0, *(model.size for model in models)])
+        self.legs = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+        first = int(ends[-1])
+        self.wrenches = [slice(first + 6 * i, first + 6 * i + 6) for i in range(len(models))]
+        first += 6 * len(models)
+        self.bodies = slice(first, first + 6 * bodies)
+        self.platform = slice(first, first + 6)
+        self.couplings = slice(first + 6 * bodies, first + 6 * bodies + couplings)
+        self.size = self.couplings.stop
+
+
+class Visited(NamedTuple):
+    """What is known of one leg at a state."""
+
+    statics: Array
+    gap: Array
+    error: float
+    world: Array
+    K: Array
+    at_end: Array
+    at_start: Array
+    wrench: Array
+    torques: list[tuple[int, int, float, Array, Array]]
+    """Of the couplings on the leg: coupling, joint, weight, and what a unit of torque does to coordinates and
+    wrench."""
+
+
+def add_leg(M: Array, balance: Array, edge: Edge, leg: Visited, bodies: int) -> None:
+    """Add one leg's share to the bodies' matrix and balance: stiffness, its wrench, and how that turns."""
+    b = 6 * bodies
+    e = slice(6 * edge.end, 6 * edge.end + 6)
+    E, A, W = leg.at_end, leg.at_start, leg.wrench
+    f, m = W[:3], W[3:]
+    balance[e] -= E.T @ W
+    M[e, e] += E.T @ leg.K @ E
+    # the lever turns with the body
+    r = -E[:3, 3:]  # skew of the lever
+    lever = np.zeros((6, 6))
+    lever[3:, 3:] = skew(f) @ r
+    M[e, e] += lever
+    for k, _, _, _, dF in leg.torques:
+        M[e, b + k] += E.T @ leg.world @ dF
+        M[b + k, e] += E.T @ leg.world @ dF
+    if edge.start >= 0:
+        a = slice(6 * edge.start, 6 * edge.start + 6)
+        balance[a] += A.T @ W
+        # the wrench turns with the body on which the leg begins
+        turning = np.zeros((6, 6))
+        turning[:3, 3:], turning[3:, 3:] = -skew(f), -skew(m)
+        M[e, a] += E.T @ (turning - leg.K @ A)
+        M[a, e] -= A.T @ leg.K @ E
+        M[a, a] -= A.T @ (turning - leg.K @ A)
+        # its lever about that body goes to where the end is
+        travel = np.zeros((6, 6))
+        travel[3:, :3], travel[3:, 3:] = -skew(f), skew(f) @ r
+        M[a, e] -= travel
+        M[a, a][3:, :3] += -skew(f)
+        for k, _, _, _, dF in leg.torques:
+            M[a, b + k] -= A.T @ leg.world @ dF
+            M[b + k, a] -= A.T @ leg.world @ dF
+    for k, joint, weight, _, _ in leg.torques:
+        for k2, _, _, dx2, _ in leg.torques:
+            M[b + k, b + k2] -= weight * dx2[joint]
+
+
+def carried(lever: Array) -> Array:
+    """Motion ``(6, 6)`` of a point at a lever ``(3,)`` from a body's reference point by the body's."""
+    E = np.eye(6)
+    E[:3, 3:] = -skew(lever)
+    return E
+
+
+def turn_rate(d: Array) -> Array:
+    """Small turn in world axes ``(3, 3)`` by the change of a rotation vector ``d`` (3,)."""
+    angle, S = float(np.linalg.norm(d)), skew(d)
+    a = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
+    b = 1.0 / 6.0 - angle**2 / 120.0 if angle < 1e-2 else (angle - np.sin(angle)) / angle**3
+    result: Array = np.eye(3) + a * S + b * (S @ S)
+    return result

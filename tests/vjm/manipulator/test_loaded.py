@@ -1,0 +1,156 @@
+"""Loaded manipulators: the paper's sum, the converse, critical points, errors of assembly."""
+
+import numpy as np
+import pytest
+
+from vjm.equilibrium import solve_newton
+from vjm.following import follow
+from vjm.manipulator.problem import ManipulatorEngine, ManipulatorProblem
+from vjm.paths import EventKind
+from vjm.programme import ARC, COMPONENTS, Load, Programme
+from vjm.rotations import displaced
+from vjm.stiffness import unloaded_stiffness
+from vjm.vjm_engine import VjmEngine
+
+RAMP_ALL = (0.3, 0.2, 0.1, 2e-3, -1e-3, 1e-3)
+SOME_WRENCH = {"orthoglide": 200.0, "3-puu": 300.0, "delta": 30.0, "par2": 30.0}
+
+
+def differences(problem, at, target, step):
+    """Derivative (6, 6) of the platform's wrench by its displacement, central differences of the sixth order."""
+    result = np.zeros((6, 6))
+    for k, h in enumerate(np.repeat([step, step / 200.0], 3)):
+
+        def wrench(times, k=k, h=h):
+            move = np.zeros(6)
+            move[k] = times * h
+            return solve_newton(problem.model, displaced(target, move), at.x, at.wrench).wrench
+
+        near, next_, far = (wrench(n) - wrench(-n) for n in (1, 2, 3))
+        result[:, k] = (45.0 * near - 9.0 * next_ + far) / (60.0 * h)
+    return result
+
+
+@pytest.mark.parametrize("name", ["orthoglide", "orthoglide-parallelograms", "3-puu", "delta", "par2"])
+def test_the_stiffness_is_the_platforms_own_differences(robot, name):
+    machine = robot(name)
+    label = list(machine.poses)[1]
+    programme = Programme(label, 1.0, axis=RAMP_ALL, steps=1)
+    problem = ManipulatorProblem(machine, programme, VjmEngine(2))
+    unit = np.repeat([1.0, machine.characteristic_length], 3)
+    for point in (problem.unloaded(), problem.solve(1.0, problem.unloaded())):
+        at = problem.configuration(point)
+        K = problem.model.compiled.end_stiffness(at.x, at.wrench)
+        wrong = K - differences(problem, at, problem.target(point.ramp), 0.02)
+        scale = np.abs(K / unit[:, None] / unit).max()
+        assert np.abs(wrong / unit[:, None] / unit).max() < 1e-9 * scale
+
+
+def test_the_platforms_stiffness_is_the_sum_over_its_chains(robot):
+    # K^F = Σ K_i^F, the paper after (18): unloaded and in a loaded state
+    machine = robot("orthoglide")
+    problem = ManipulatorProblem(machine, Programme("Q2", 0.5, axis=RAMP_ALL, steps=1), VjmEngine())
+    for point in (problem.unloaded(), problem.solve(0.5, problem.unloaded())):
+        at = problem.configuration(point)
+        parts = problem.model.network.leg_stiffness(at.x, at.wrench)
+        whole = problem.model.compiled.end_stiffness(at.x, at.wrench)
+        assert np.abs(parts.sum(axis=0) - whole).max() < 1e-12 * np.abs(whole).max()
+        for K in parts:
+            assert np.linalg.matrix_rank(K / np.outer(*2 * [np.repeat([1.0, 310.0], 3)]), 1e-9) < 6
+
+
+def test_at_the_isotropic_point_each_axis_has_the_chains_own_stiffness(robot, chain):
+    found = ManipulatorProblem(robot("orthoglide"), Programme("isotropic", 1.0), VjmEngine()).unloaded().stiffness
+    alone = unloaded_stiffness(VjmEngine().model(chain), chain.posture("A"))
+    # the others' parallelograms lie across: one of them resists a shift by nothing, being hinged at both ends
+    assert np.diag(found)[:3] == pytest.approx(np.full(3, alone[0, 0]), rel=1e-8)  # the base's seventh digit
+
+
+@pytest.mark.parametrize("name", SOME_WRENCH)
+def test_an_external_wrench_is_the_converse_of_an_imposed_pose(robot, name):
+    machine = robot(name)
+    label = list(machine.poses)[1]
+    wrench = SOME_WRENCH[name] * np.array([1.0, -0.5, 0.7, 10.0, 20.0, -30.0])
+    free = Programme(label, 1.0, "load", loads=(Load(tuple(wrench)),), free=COMPONENTS, steps=2)
+    point = follow(problem := ManipulatorProblem(machine, free, VjmEngine(2)), free).points[-1]
+    assert point.unstable == 0
+    assert point.wrench == pytest.approx(wrench)
+    held = ManipulatorProblem(
+        machine, Programme(label, 1.0, axis=tuple(point.displacement), steps=2), VjmEngine(2), problem.model.pose
+    )
+    back = follow(held, held.programme).points[-1]
+    size = np.repeat([np.abs(wrench[:3]).max(), np.abs(wrench[:3]).max() * machine.characteristic_length], 3)
+    assert (back.wrench - wrench) / size == pytest.approx(np.zeros(6), abs=1e-8)
+
+
+def test_pulled_along_its_axis_the_robot_of_the_papers_chains_buckles_in_tension(robot):
+    # the artefact of the single spring at the link's end: the chain's own 2696 N, and nothing in compression
+    engine, machine = ManipulatorEngine(), robot("orthoglide")
+    found = {}
+    for sign in (1, -1):
+        programme = Programme(
+            "isotropic", sign * 3000.0, "load", loads=(Load((1.0, 0, 0, 0, 0, 0)),), free=COMPONENTS, control=ARC
+        )
+        problem = engine.problem(machine, programme)
+        path = engine.walk(machine, programme)
+        found[sign] = [event for event in path.events if event.kind is EventKind.BIFURCATION]
+        assert path.complete
+    assert not found[-1]
+    assert found[1][0].force == pytest.approx(2696.2, rel=1e-4)
+    assert found[1][0].switched
+    share = problem.giving_way(found[1][0].point)
+    assert share["x"] > 0.99
+
+
+def test_refined_chains_buckle_in_compression_and_the_held_robot_goes_on(robot):
+    # 8849 N, the chain's own: the two other legs lie across and help neither before nor behind
+    engine, machine = ManipulatorEngine(VjmEngine(4)), robot("orthoglide")
+    path = engine.walk(machine, Programme("isotropic", -3.5))
+    event = path.critical
+    assert event is not None
+    assert event.kind is EventKind.BIFURCATION
+    assert event.force == pytest.approx(8849.0, rel=5e-4)
+    assert event.switched
+    assert path.complete
+    assert np.all(path.unstable <= 0)
+
+
+def test_a_chain_too_long_shifts_an_isostatic_robot_and_strains_an_overconstrained_one(robot):
+    free = Programme("isotropic", 1.0, "load", loads=(Load((1e-3, 0, 0, 0, 0, 0)),), free=COMPONENTS, steps=1)
+    plain = robot("orthoglide").with_errors({"x": {"link": 0.2}})
+    problem = ManipulatorProblem(plain, free, VjmEngine(2))
+    at_rest = problem.unloaded()
+    assert at_rest.displacement[0] == pytest.approx(0.2, abs=1e-5)
+    assert np.abs(problem.leg_wrenches(at_rest)).max() < 1e-4
+    real = robot("orthoglide-parallelograms").with_errors({"bar-x1": {"bar": 0.2}})
+    problem = ManipulatorProblem(real, free, VjmEngine(2))
+    at_rest = problem.unloaded()
+    forces = problem.leg_wrenches(at_rest)[:, :3]
+    # the long bar tilts its axis by 0.2/80; the leg that lies along its axis resists by twisting its two
+    # bars, in torsion and in bending 40 mm from their middle; a little less, as feet and other bars give way too
+    L, EI, GJ, d = 310.0, 4.3055556e7, 1.0689655e7, 80.0
+    tilt = 0.2 / d * (24.0 * EI / L**3 * (0.5 * d) ** 2 + 2.0 * GJ / L)
+    assert np.linalg.norm(forces, axis=1).max() == pytest.approx(tilt / d, rel=0.1)
+    # inside the machine they balance one another
+    assert np.abs(at_rest.wrench).max() < 1e-6
+
+
+def test_a_drive_that_is_off_moves_the_platform(robot):
+    free = Programme("isotropic", 1.0, "load", loads=(Load((1e-3, 0, 0, 0, 0, 0)),), free=COMPONENTS, steps=1)
+    problem = ManipulatorProblem(robot("orthoglide").with_offsets({"y": -0.3}), free, VjmEngine(2))
+    assert problem.unloaded().displacement[:3] == pytest.approx([-1.45e-4, -0.3, -1.45e-4], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("programme", "words"),
+    [
+        (Programme("isotropic", 1.0, gravity=(0, 0, -9.81)), "no weight"),
+        (Programme("isotropic", 1.0, free=("rx",)), "rx, ry, rz go together"),
+        (Programme("isotropic", 1.0, "load", loads=(Load((1.0, 0, 0, 0, 0, 0), "link"),)), "dead wrenches"),
+        (Programme("isotropic", 1.0, "load", loads=(Load((1.0, 0, 0, 0, 0, 0)),)), "held components only"),
+        (Programme("nowhere", 1.0), "no pose 'nowhere'"),
+    ],
+)
+def test_programmes_that_only_chains_know_are_refused(robot, programme, words):
+    with pytest.raises(ValueError, match=words):
+        ManipulatorProblem(robot("orthoglide"), programme, VjmEngine())
