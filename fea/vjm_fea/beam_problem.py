@@ -14,7 +14,7 @@ from vjm.lumped import LumpedModel
 from vjm.lumped_problem import STEPS_OF_CONSTANT_LOADS
 from vjm.parts import PassiveJoint
 from vjm.paths import Equilibrium, StationLabel
-from vjm.programme import ARC, PointControl, Programme
+from vjm.programme import PointControl, Programme
 from vjm.rotations import Array, frame
 from vjm_fea import branches
 from vjm_fea.beam_statics import BeamStatics
@@ -26,6 +26,8 @@ DIVERGED = 1e6
 """Scaled residual from which Newton's method does not come back."""
 NEUTRAL = 1e-6
 """Eigenvalue over the smallest unloaded one up to which a motion costs nothing."""
+ROUNDINGS = 64.0
+"""Units in the last place of a position that a residual may be wrong by."""
 ON_PATH = 1e-11
 """Error of the condition beside equilibrium, in units of turns and of the chain's length."""
 
@@ -62,7 +64,7 @@ class BeamProblem:
         programme: what is done.
         stations: labels of the rows of the shapes.
         statics: residual and tangent.
-        length: of the chain, mm.
+        length: extent of the chain, mm.
         tolerance: scaled residual at which an equilibrium counts as found.
     """
 
@@ -91,9 +93,14 @@ class BeamProblem:
             ValueError: a point that steers stands on the ground.
         """
         self.label, self.programme, self.stations = label, programme, stations
-        self.length, self.tolerance = chain.characteristic_length, tolerance
         self.statics = statics
+        extent = float(np.ptp(statics.shape(statics.initial), axis=0).max(initial=0.0))
+        self.length = max(chain.characteristic_length, extent)
+        # positions are known to some units in the last place, and forces no better than the stiffest motion has it
+        stiffest = float(statics.unit[: statics.motions].min())
+        self.tolerance = max(tolerance, ROUNDINGS * np.finfo(float).eps * self.length / stiffest)
         self._watched = watched
+        self._known: tuple[Array, Tangent] | None = None
         if watched is not None and watched.body is None:
             assert isinstance(programme.control, PointControl)
             raise ValueError(f"part '{programme.control.part}' is fixed to the base: it cannot steer a path")
@@ -119,7 +126,7 @@ class BeamProblem:
         Raises:
             NoConvergenceError: Newton's method did not converge.
         """
-        if self.programme.control == ARC:
+        if self.programme.by_arc:
             return self._on_arc(s, start, self.tangent(start) if slope is None else slope)
         if slope is not None:
             state = self.statics.states.normalised(start.state + slope * (s - start.s))
@@ -161,7 +168,7 @@ class BeamProblem:
             NoConvergenceError: the point is critical.
         """
         state = point.state
-        tangent = self.statics.tangent(state)
+        tangent = self.exact(state)
         try:
             free = tangent.solve(-self.by_ramp(state, tangent))
         except np.linalg.LinAlgError:
@@ -185,6 +192,12 @@ class BeamProblem:
     def parameter(self, state: Array) -> float:
         """The path's parameter of a state: the ramp, or the displacement of the point that steers."""
         return self._gone(state) if isinstance(self.programme.control, PointControl) else float(state[-1])
+
+    def exact(self, state: Array) -> Tangent:
+        """The exact tangent at an equilibrium, kept for whoever asks next: a path asks several times."""
+        if self._known is None or not np.array_equal(self._known[0], state):
+            self._known = state, self.statics.tangent(state)
+        return self._known[1]
 
     def by_ramp(self, state: Array, tangent: Tangent) -> Array:
         """Derivative ``(f,)`` of the free coordinates' residual by the ramp."""
@@ -247,7 +260,7 @@ class BeamProblem:
 
     def _advanced(self, state: Array, ramp: float) -> Array:
         """The state moved along the tangent by a change of the ramp."""
-        tangent = self.statics.tangent(state)
+        tangent = self.exact(state)
         try:
             free = tangent.solve(-self.by_ramp(state, tangent) * ramp)
         except np.linalg.LinAlgError as failure:
@@ -346,7 +359,7 @@ class BeamProblem:
     def _equilibrium(
         self, s: float, state: Array, iterations: int, error: float, hand: Array | None = None
     ) -> Equilibrium:
-        tangent = self.statics.tangent(state)
+        tangent = self.exact(state)
         eigenvalue, unstable = self._verdict(state, tangent)
         try:
             K = self.statics.end_stiffness(tangent)

@@ -62,8 +62,7 @@ def _firmest(
     problem: BeamProblem, critical: Equilibrium, sign: int, branch: Callable[[Array, float], Equilibrium]
 ) -> Equilibrium:
     """The branch that leaves along the critical mode; of two modes at once along the firmest mixture."""
-    statics = problem.statics
-    modes = statics.tangent(critical.state).critical_modes(problem.device(critical.state))
+    modes = problem.exact(critical.state).critical_modes(problem.device(critical.state))
     if not modes:
         raise NoConvergenceError("no real mode loses its stability here")
     oriented = [_oriented(problem, critical.state, mode) for mode in modes]

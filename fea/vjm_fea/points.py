@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,8 @@ import numpy as np
 from vjm.programme import PointControl, Programme
 from vjm.rotations import Array, skew
 
+NO_POINTS: Mapping[str, tuple[float, ...]] = {}
+"""No fraction of a beam at which a node is needed."""
 NEAR = 1e-9
 """Difference of two fractions of a part that are one."""
 

@@ -52,6 +52,14 @@ def turned(p: Array, rotation: Array) -> Array:
     return result
 
 
+def product(p: Array, q: Array) -> Array:
+    """Unit quaternions ``(n, 4)`` of the rotations ``R(p) R(q)``, p and q ``(n, 4)``."""
+    scalar = p[:, 0] * q[:, 0] - np.sum(p[:, 1:] * q[:, 1:], axis=1)
+    vector = p[:, :1] * q[:, 1:] + q[:, :1] * p[:, 1:] + np.cross(p[:, 1:], q[:, 1:])
+    result: Array = np.column_stack([scalar, vector])
+    return result
+
+
 def rates(p: Array) -> Array:
     """Derivative ``(n, 4, 3)`` of quaternions ``(n, 4)`` by a small turn in the world's axes.
 

@@ -1,14 +1,15 @@
 """A chain in a posture as a system of Exudyn: nodes, geometrically exact beams, joints, springs.
 
-Every rigid piece is one node; a joint acts between markers on two of them, at the joint's place. The
-coordinates are those of the reference configuration plus displacements; the reference configuration is the
-given posture, unloaded and free of stress.
+A joint acts between markers on two nodes, at the joint's place. Where beams meet at an angle or end on an arm
+several nodes belong to one rigid piece: one of them leads, and the others go with it. The coordinates are those of
+the reference configuration plus displacements; the reference configuration is the given posture, unloaded and free
+of stress.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -20,10 +21,9 @@ from vjm.rotations import Array, frame, inverse_frame, translation, turn
 from vjm_fea.backend import Item, exu, items
 from vjm_fea.hand import joint_axes
 from vjm_fea.mesh import Mesh, lumped_mass
-from vjm_fea.points import Piece, Place, find
+from vjm_fea.points import NO_POINTS, Piece, Place, find
 from vjm_fea.quaternions import quaternion
 
-LOCKED = (1, 1, 1, 1, 1, 1)
 REVOLUTE = (1, 1, 1, 1, 1, 0)
 """Turns about z of the markers."""
 UNIVERSAL = (1, 1, 1, 1, 0, 0)
@@ -59,7 +59,6 @@ class Station:
     offset: Array
 
 
-NO_POINTS: Mapping[str, tuple[float, ...]] = {}
 Connect = Callable[[Item], None]
 """Closes a joint that is open at its far side, given the marker there."""
 
@@ -72,6 +71,7 @@ class ExudynSystem:
         reference: coordinates ``(n, 7)`` of the nodes in the reference configuration: position in mm, unit
             quaternion.
         connected: nodes on which joints or springs act, increasing.
+        leaders: ``(n,)`` for every node the one that leads its rigid piece, −1 on the ground.
         stations: in the order along the chain.
         pieces: where points and masses are.
         tool: node of the end-effector, in the world's axes in the reference configuration.
@@ -110,6 +110,7 @@ class ExudynSystem:
         self.mesh = mesh
         self._frames: list[Array] = []
         self._connected: set[int] = set()
+        self._locked: list[tuple[int, int]] = []
         self.stations: list[Station] = []
         self.pieces: list[Piece] = []
         self._chain, self._points = chain, points
@@ -135,6 +136,8 @@ class ExudynSystem:
         self.hand = self._add_hand(hand) if hand else self.tool
         self.reference = np.array([np.concatenate([T[:3, 3], quaternion(T[:3, :3])]) for T in self._frames])
         self.connected = sorted(self._connected)
+        self.leaders = self._groups()
+        self.pieces = [replace(p, body=self._leader(p.body)) for p in self.pieces]
         self.mbs.Assemble()
 
     # --- parts --------------------------------------------------------------------------------------------
@@ -266,13 +269,27 @@ class ExudynSystem:
             for place in waiting:
                 place()
         elif T is not None and (self._rigid.node < 0 or not np.allclose(T, self._rigid.reference, atol=1e-12)):
-            before, grounded = self._marker(self._rigid, T), self._rigid.node < 0
+            before = self._rigid.node
             self._rigid = self._carrier(self._node(T), T)
-            self._joint(before, self._marker(self._rigid, T), LOCKED)
-            if grounded:
-                # a node that cannot move has no columns worth differencing
-                self._connected.discard(self._rigid.node)
+            self._locked.append((before, self._rigid.node))
         return self._rigid
+
+    def _groups(self) -> list[int]:
+        """Leader ``(n,)`` of every node's rigid piece: −1 on the ground, the hand or the tool where it is there."""
+        leaders = list(range(len(self._frames)))
+        for a, b in self._locked:
+            old, new = leaders[b], leaders[a] if a >= 0 else -1
+            leaders = [new if leader == old else leader for leader in leaders]
+        for first in {self.tool, self.hand}:
+            old = leaders[first]
+            if old >= 0:
+                leaders = [first if leader == old else leader for leader in leaders]
+        return leaders
+
+    def _leader(self, node: int) -> int | None:
+        """Leader of a node's rigid piece; None on the ground."""
+        leader = self.leaders[node] if node >= 0 else -1
+        return leader if leader >= 0 else None
 
     def _node(self, T: Array) -> int:
         self.mbs.AddNode(
@@ -317,7 +334,7 @@ class ExudynSystem:
             ValueError: the part has no such point.
         """
         if not part:
-            return Place(self.tool, self.end[:3, 3])
+            return Place(self._leader(self.tool), self.end[:3, 3])
         return find(self._chain.name, self.pieces, part, at)
 
     def _mark(self, part: str, fraction: float, T: Array | None = None) -> None:
@@ -332,8 +349,8 @@ class ExudynSystem:
 
     def _piece(self, part: str, root: Array, along: Array, mass: float = 0.0, start: float = 0.0) -> None:
         def place() -> None:
-            body = self._rigid.node if self._rigid.node >= 0 else None
-            self.pieces.append(Piece(part, start, 1.0, body, root, along, mass, root + 0.5 * along))
+            centre = root + 0.5 * along
+            self.pieces.append(Piece(part, start, 1.0, self._rigid.node, root, along, mass, centre))
 
         self._when_closed(place)
 

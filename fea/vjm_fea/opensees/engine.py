@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from vjm.arc_length import walk
 from vjm.chain import Chain
-from vjm.following import follow
 from vjm.paths import Path
-from vjm.programme import Programme, refuse_unless_pose_only
+from vjm.programme import Programme
 from vjm_fea.opensees.beams import Element
 from vjm_fea.opensees.problem import OpenSeesProblem
 
@@ -39,12 +39,11 @@ class OpenSeesEngine:
 
         Raises:
             ImportError: OpenSeesPy, an optional extra, is not installed.
-            ValueError: a beam without a section, or a programme of more than an imposed pose.
+            ValueError: a beam without a section, a load on no point of the chain, or an imperfection.
         """
-        refuse_unless_pose_only(self.label, programme)
         return OpenSeesProblem(chain, programme, self.elements, self.element, self.label)
 
     def walk(self, chain: Chain, programme: Programme, progress: Callable[[float], None] | None = None) -> Path:
-        """Take the chain through the programme, staying on the stable path; see `vjm.engine.Engine`."""
-        path = follow(self.problem(chain, programme), programme, progress=progress)
+        """Take the chain through the programme; see `vjm.following.follow` and `vjm.arc_length.follow_arc`."""
+        path = walk(self.problem(chain, programme), programme, progress=progress)
         return replace(path, model=chain.name, model_sha256=chain.sha256)

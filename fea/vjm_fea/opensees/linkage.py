@@ -116,27 +116,32 @@ class Posed:
                 turn[:, 6 + j] = self.axes[j]
         return shift, turn
 
-    def jacobian(self) -> Array:
-        """Shift and turn ``(6, 6 + k)`` of the node by the linkage's motions."""
-        return self._moving(np.vstack(self._motion(self.node_position, len(self.axes))))
+    def jacobian(self, point: Array, piece: int) -> Array:
+        """Shift and turn ``(6, 6 + k)`` of a rigid piece at a point ``(3,)`` of it, by the linkage's motions."""
+        return self._moving(np.vstack(self._motion(point, piece)))
 
-    def geometric_stiffness(self, wrench: Array) -> Array:
-        """How the motions' share of a wrench ``(6,)`` at the node changes with them, ``(6 + k, 6 + k)``.
+    def geometric_stiffness(self, wrench: Array, point: Array, piece: int) -> Array:
+        """How the motions' share of a wrench ``(6,)`` on a rigid piece changes with them, ``(6 + k, 6 + k)``.
 
         The wrench stays as it is in world axes; what changes are arms and axes: ``∂(Jᵀ w)/∂x`` at constant ``w``.
+
+        Args:
+            wrench: force and moment.
+            point: on which it acts ``(3,)``.
+            piece: of which the point is.
         """
         k = len(self.axes)
         force, moment = wrench[:3], wrench[3:]
-        end = self.node_position
-        end_shift = self._motion(end, k)[0]
+        end_shift = self._motion(point, piece)[0]
         G = np.zeros((6 + k, 6 + k))
         G[3:6] = -skew(force) @ (end_shift - np.eye(3, 6 + k))
-        for j, (point, axis) in enumerate(zip(self.points, self.axes, strict=True)):
-            shift, turn = self._motion(point, j)
+        for j in range(piece):
+            axis = self.axes[j]
+            shift, turn = self._motion(self.points[j], j)
             if self.linkage.joints[j].slides:
                 G[6 + j] = -force @ skew(axis) @ turn
             else:
-                about = moment + np.cross(end - point, force)
+                about = moment + np.cross(point - self.points[j], force)
                 G[6 + j] = -about @ skew(axis) @ turn - axis @ skew(force) @ (end_shift - shift)
         return self._moving(self._moving(G).T).T
 

@@ -1,12 +1,14 @@
 """A chain in a posture as bodies, linkages and rows of beam elements.
 
-Bodies are the beams' nodes and the end-effector, each with six motions. The nodes at which a rigid piece or a joint
-begins or ends are no bodies of their own: a linkage carries them. The last beam's tip hangs on the end-effector, so
-that an imposed pose is one body held, and no constraint is left that would need a multiplier.
+Bodies are the beams' nodes and the hand that holds the end-effector, each with six motions. The nodes at which a
+rigid piece or a joint begins or ends are no bodies of their own: a linkage carries them. The last beam's tip hangs
+on the hand, over the joints of what is free of the end-effector's pose, so that an imposed pose is one body held,
+and no constraint is left that would need a multiplier.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,8 +17,10 @@ from vjm.chain import Chain
 from vjm.parts import Actuator, Beam, PassiveJoint, RigidOffset
 from vjm.paths import StationLabel
 from vjm.rotations import Array, translation, turn
+from vjm_fea.mesh import grid, lumped_mass
 from vjm_fea.opensees.beams import Line
 from vjm_fea.opensees.linkage import Joint, Linkage
+from vjm_fea.points import NO_POINTS, Piece, Place, find
 
 
 @dataclass(frozen=True)
@@ -42,15 +46,36 @@ class ChainSystem:
     Attributes:
         lines: rows of beam elements, from base to tool.
         nodes: reference positions ``(n, 3)`` of their nodes, mm.
-        carriers: node of every body but the last, which is the end-effector.
-        linkages: from base to tool; the last leads from the end-effector back to the last beam's tip.
+        carriers: node of every body but the last, which is the hand.
+        linkages: from base to tool; the last leads from the hand back over the end-effector to the last beam's tip.
         stiffness: of the joints' coordinates ``(k,)``, N/mm; zero for passive ones.
         slides: which of the joints' coordinates ``(k,)`` are shifts.
         stations: in the order along the chain.
+        pieces: where points and masses are; on a node by its number, else on a linkage by its number and that of
+            its rigid piece.
         end: frame ``(4, 4)`` of the end-effector.
     """
 
-    def __init__(self, chain: Chain, q: Array, elements: int) -> None:
+    def __init__(
+        self,
+        chain: Chain,
+        q: Array,
+        elements: int,
+        points: Mapping[str, tuple[float, ...]] = NO_POINTS,
+        hand: Sequence[PassiveJoint] = (),
+    ) -> None:
+        """Set out a chain.
+
+        Args:
+            chain: the machine.
+            q: its passive joints' coordinates.
+            elements: of each of its beams.
+            points: fractions of its beams at which there has to be a node, by name.
+            hand: joints between the end-effector and the hand, see `vjm.hand`.
+
+        Raises:
+            ValueError: there is no beam, or one without a section, or another number of joints.
+        """
         if elements < 1:
             raise ValueError(f"a beam needs at least one element, not {elements}")
         if not chain.beams:
@@ -59,7 +84,8 @@ class ChainSystem:
             raise ValueError(
                 f"{chain.name}: {len(chain.joints)} passive joints but {len(q)} coordinates in the posture"
             )
-        self._elements = elements
+        self._elements, self._points, self._chain = elements, points, chain
+        self.pieces: list[Piece] = []
         self._frame = chain.base
         self._stiffness: list[float] = []
         self._slides: list[bool] = []
@@ -77,6 +103,7 @@ class ChainSystem:
             match part:
                 case RigidOffset():
                     self._mark(part.name, 0.0)
+                    self._add_piece(part)
                     self._frame = self._frame @ part.transform
                 case Actuator():
                     if part.compliance > 0.0:
@@ -88,15 +115,19 @@ class ChainSystem:
                     self._frame = self._frame @ move
                 case Beam():
                     self._add_beam(part)
-        self._hang_on_tool()
+        for joint in hand:
+            # along the world's axes, through the end-effector's reference point
+            self._add_joint(self._frame[:3, :3].T @ joint.axis, slides=joint.slides)
+        self._hang_on_hand()
+        self._tool_piece = len(hand)
         self.nodes = np.vstack([line.positions for line in self.lines])
         self.stiffness = np.array(self._stiffness)
         self.slides = np.array(self._slides, dtype=bool)
         self.end = self._frame
 
     @property
-    def tool(self) -> int:
-        """Number of the end-effector's body."""
+    def hand(self) -> int:
+        """Number of the hand's body, which is the end-effector's where nothing of its pose is free."""
         return len(self.carriers)
 
     def _add_joint(self, axis: Array, *, slides: bool, stiffness: float = 0.0) -> None:
@@ -108,7 +139,7 @@ class ChainSystem:
     def _add_beam(self, beam: Beam) -> None:
         section = beam.effective_section()
         root = self._frame @ beam.section_in_chain
-        fractions = np.arange(self._elements + 1) / self._elements
+        fractions = grid(self._elements, self._points.get(beam.name, ()))
         positions = root[:3, 3] + np.outer(fractions * beam.length, root[:3, 0])
         self.lines.append(Line(positions, root[:3, 2], section))
         body, near_position = self._start
@@ -119,22 +150,50 @@ class ChainSystem:
         self._count += len(positions)
         for i, fraction in enumerate(fractions.tolist()):
             self.stations.append(Station(StationLabel(beam.name, fraction), positions[i], node=first + i))
+            mass, offset = lumped_mass(beam, fractions, i)
+            centre = positions[i] + offset * root[:3, 0]
+            self.pieces.append(
+                Piece(beam.name, fraction, fraction, first + i, positions[i], np.zeros(3), mass, centre)
+            )
         self._start = (len(self.carriers) - 1, positions[-1])
         self._frame = self._frame @ translation(beam.tip)
         if np.any(beam.end_offset):
             self._mark(beam.name, 1.0 + float(np.linalg.norm(beam.end_offset)) / beam.length)
 
-    def _hang_on_tool(self) -> None:
-        """Let the end-effector carry the last beam's tip: its linkage, and the coordinates, turned round."""
+    def _hang_on_hand(self) -> None:
+        """Let the hand carry the last beam's tip: its linkage, and the coordinates, turned round."""
         position = self._frame[:3, 3]
         joints = tuple(replace(joint, axis=-joint.axis) for joint in reversed(self._open))
         tip = self.carriers.pop()
-        self.linkages.append(Linkage(self.tool, position, tip, self._start[1], joints))
+        self.linkages.append(Linkage(self.hand, position, tip, self._start[1], joints))
         last, count = len(self.linkages) - 1, len(joints)
         self.stations = [
             replace(s, linkage=(last, count - s.linkage[1])) if s.node is None and s.linkage[0] == last else s
             for s in self.stations
         ]
+        self.pieces = [
+            replace(p, body=(last, count - p.body[1])) if isinstance(p.body, tuple) and p.body[0] == last else p
+            for p in self.pieces
+        ]
+
+    def _add_piece(self, offset: RigidOffset) -> None:
+        body = (len(self.linkages), len(self._open))
+        root, along = self._frame[:3, 3], self._frame[:3, :3] @ offset.transform[:3, 3]
+        on_ground = self._start[0] is None and not self._open
+        centre = root + 0.5 * along
+        self.pieces.append(
+            Piece(offset.name, 0.0, 1.0, None if on_ground else body, root, along, offset.mass, centre)
+        )
+
+    def find(self, part: str, at: float) -> Place:
+        """The point of a part at a fraction of its elastic length; of the end-effector where it has no name.
+
+        Raises:
+            ValueError: the part has no such point.
+        """
+        if not part:
+            return Place((len(self.linkages) - 1, self._tool_piece), self.end[:3, 3])
+        return find(self._chain.name, self.pieces, part, at)
 
     def _mark(self, part: str, fraction: float) -> None:
         at = (len(self.linkages), len(self._open))
