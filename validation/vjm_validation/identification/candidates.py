@@ -154,6 +154,11 @@ class Space:
         result: Array = (np.imag(C) / COMPLEX_STEP / self.target.half)[:, *UPPER].T
         return result
 
+    def entry(self, x: Array, i: int, j: int) -> tuple[float, Array]:
+        """Entry (i, j) of the compliance at a point, and its derivative ``(n,)``."""
+        C = self._compliances(x + 1j * COMPLEX_STEP * np.eye(len(x)))[:, i, j]
+        return float(np.real(C[0])), np.imag(C) / COMPLEX_STEP
+
     def direction(self, x: Array) -> tuple[Array, Array]:
         """Direction ``(3,)`` of the beam at a point, and its derivative ``(3, n)``."""
         steps = x + 1j * COMPLEX_STEP * np.eye(len(x))

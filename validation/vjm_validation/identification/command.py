@@ -11,10 +11,12 @@ from vjm.chain import Chain
 from vjm_validation.identification import words
 from vjm_validation.identification.beam_path import BeamPath
 from vjm_validation.identification.candidates import Form, Target
-from vjm_validation.identification.documents import IdentificationDocument
+from vjm_validation.identification.documents import IdentificationDocument, RepairDocument
 from vjm_validation.identification.experiments import MESHES, measure
+from vjm_validation.identification.fitting import search
 from vjm_validation.identification.matrix_file import RawMatrix, read_matrix
-from vjm_validation.identification.misprints import Repair, repairs_of_pair, single_changes
+from vjm_validation.identification.misprints import repairs_of_pair, single_changes
+from vjm_validation.identification.ranges import Range, entry_range
 from vjm_validation.identification.results import (
     beam_document,
     experiments_document,
@@ -70,12 +72,13 @@ def identify_matrix(name_or_path: str | Path) -> IdentificationDocument:
 def examine(raw: RawMatrix) -> IdentificationDocument:
     """As `identify_matrix`, of a matrix already read."""
     pairs = asymmetric_pairs(raw)
-    repairs: list[Repair] = []
+    changes: list[RepairDocument] = []
     repaired = raw
     left_out: list[tuple[int, int]] = []
     for pair in pairs:
         tried = repairs_of_pair(repaired, pair, [other for other in pairs if other != pair])
-        repairs += tried
+        others = _others(raw, pairs, pair)
+        changes += [repair_document(raw, one, others) for one in tried]
         if tried[0].makes_a_beam and not tried[1].makes_a_beam:
             repaired = mirrored(repaired, pair, tried[0].entry[::-1])
         else:
@@ -83,9 +86,9 @@ def examine(raw: RawMatrix) -> IdentificationDocument:
     aim = target(repaired, left_out)
     found = searches(aim)
     if not found[-1].met and raw.kind == "compliance" and not pairs:
-        repairs += [one for form in (Form.STRAIGHT, Form.OFFSET) for one in single_changes(aim, form)]
+        found_changes = [one for form in (Form.STRAIGHT, Form.OFFSET) for one in single_changes(aim, form)]
+        changes += [repair_document(raw, one) for one in found_changes]
     beams = [beam_document(one) for one in found]
-    tried_changes = [repair_document(raw, one) for one in repairs]
     return IdentificationDocument(
         version=__version__,
         source="matrix",
@@ -99,10 +102,20 @@ def examine(raw: RawMatrix) -> IdentificationDocument:
         uncertainty=intervals(aim.half),
         experiments=None,
         references=[],
-        repairs=tried_changes,
+        repairs=changes,
         beams=beams,
-        findings=[*words.of_matrix(raw, pairs, tried_changes, left_out), *words.of_beams(beams)],
+        findings=[*words.of_matrix(raw, pairs, changes, left_out), *words.of_beams(beams)],
     )
+
+
+def _others(raw: RawMatrix, pairs: list[tuple[int, int]], pair: tuple[int, int]) -> Range | None:
+    """What the entries outside all asymmetric pairs say of one pair, where a beam meets them."""
+    rest = target(raw, pairs)
+    for form in (Form.STRAIGHT, Form.OFFSET):
+        found = search(rest, form)
+        if found.met:
+            return entry_range([fit for fit in (found.nearest, *found.levelled) if fit.met], *pair)
+    return None
 
 
 def _by_experiment(

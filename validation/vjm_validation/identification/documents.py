@@ -103,6 +103,9 @@ class RepairDocument(Frozen):
     """Of the beam that suits the changed matrix best, half-intervals; null where that is no elastic body's."""
     form: str
     makes_a_beam: bool
+    others_low: float | None
+    """Lowest value of a beam that meets all entries but an asymmetric pair; null where there is none."""
+    others_high: float | None
 
 
 class IdentificationDocument(Frozen):

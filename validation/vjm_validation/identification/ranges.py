@@ -80,6 +80,31 @@ def ranges(fits: list[Fit]) -> dict[str, Range]:
     return found
 
 
+def entry_range(fits: list[Fit], i: int, j: int) -> Range:
+    """Range of the compliance's entry (i, j) over the beams that meet every other entry, sought as in `ranges`.
+
+    Args:
+        fits: beams of one form that meet every entry of a target from which this one was left out.
+        i: zero-based.
+        j: zero-based.
+    """
+
+    def quantity(space: Space) -> _Quantity:
+        # as large as a diagonal entry's share, so that one tolerance serves all
+        unit = float(np.sqrt(space.target.matrix[i, i] * space.target.matrix[j, j]))
+
+        def scaled(x: Array) -> tuple[float, Array]:
+            value, slope = space.entry(x, i, j)
+            return value / unit, slope / unit
+
+        return _Quantity(scaled)
+
+    ends = [_end(fit.space, fit.x, quantity(fit.space), sign) for fit in fits for sign in (-1, 1)]
+    C = fits[0].space.target.matrix
+    unit = float(np.sqrt(C[i, i] * C[j, j]))
+    return Range(min(ends) * unit, max(ends) * unit)
+
+
 def _quantities(space: Space) -> dict[str, _Quantity]:
     n = len(space.bounds[0])
 

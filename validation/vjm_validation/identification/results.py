@@ -128,8 +128,8 @@ def reference_document(name: str, reference: Array, found: Array, *, printed: bo
     )
 
 
-def repair_document(raw: RawMatrix, repair: Repair) -> RepairDocument:
-    """A tried change."""
+def repair_document(raw: RawMatrix, repair: Repair, others: Range | None = None) -> RepairDocument:
+    """A tried change, and the range of its entry over the beams that meet all others."""
     i, j = repair.entry
     return RepairDocument(
         entry=entry_name(i, j),
@@ -138,6 +138,8 @@ def repair_document(raw: RawMatrix, repair: Repair) -> RepairDocument:
         worst_misfit=_finite(repair.worst),
         form=repair.form.value,
         makes_a_beam=repair.makes_a_beam,
+        others_low=None if others is None else others.low,
+        others_high=None if others is None else others.high,
     )
 
 

@@ -98,6 +98,9 @@ def of_matrix(
                 if one.worst_misfit is None
                 else f"no uniform beam comes nearer than {one.worst_misfit:.1f} half-intervals to every entry"
             )
+            if one is tried[0] and one.others_low is not None and one.others_high is not None:
+                span = f"{printed(one.others_low, 4)} to {printed(one.others_high, 4)}"
+                lines.append(f"the other entries alone, as a uniform beam's, put {both[0]} at {span}")
             lines.append(f"with {one.entry} = {printed(one.proposed, 6)}: {outcome}")
         if (i, j) in left_out:
             lines.append(f"{both[0]} and {both[1]} are left out below: no single change of them alone decides")
