@@ -53,7 +53,7 @@ class ManipulatorProblem(LumpedProblem):
         """
         self.label = engine.label
         self.programme = programme
-        held, constant, ramped = _on_platform(programme)
+        held, constant, ramped = on_platform(programme)
         if pose is None:
             pose = inverse_kinematics(manipulator, manipulator.displacement(programme.posture))
         self.model = Whole(pose, engine, held, constant, ramped)
@@ -115,7 +115,7 @@ class ManipulatorProblem(LumpedProblem):
         return 1.0 / work if work != 0.0 else float("inf")
 
 
-def _on_platform(programme: Programme) -> tuple[Array, Array, Array]:
+def on_platform(programme: Programme) -> tuple[Array, Array, Array]:
     """Which components ``(6,)`` are held, and the constant and ramped wrench ``(6,)`` on the platform."""
     if programme.gravity is not None or programme.imperfection or isinstance(programme.control, PointControl):
         raise ValueError("a manipulator knows no weight, imperfection or control by a point: use its chain's model")

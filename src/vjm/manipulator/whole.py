@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vjm.chain import FOOT, Chain
 from vjm.loads import NO_LOADING
 from vjm.lumped import Kinematics, LumpedModel
 from vjm.manipulator.bodies import Edge, Layout
@@ -31,6 +32,13 @@ class WholeKinematics(Kinematics):
 
     x: Array
     legs: tuple[Kinematics, ...]
+
+
+def lumped(engine: VjmEngine, chain: Chain) -> LumpedModel:
+    """A leg with an engine's springs; what it says of feet is for legs that have one."""
+    if all(beam.name != FOOT for beam in chain.beams):
+        engine = replace(engine, foot_segments=None)
+    return engine.model(chain)
 
 
 class Whole(LumpedModel):
@@ -70,7 +78,7 @@ class Whole(LumpedModel):
         """
         robot = pose.manipulator
         self.pose = pose
-        self.models = list(models) if models else [engine.model(robot.built(leg)) for leg in robot.legs]
+        self.models = list(models) if models else [lumped(engine, robot.built(leg)) for leg in robot.legs]
         self.layout = Layout(self.models, len(robot.bodies), len(robot.couplings))
         self.size = self.layout.size
         self.loading = NO_LOADING

@@ -1,0 +1,123 @@
+"""Exudyn on whole manipulators: every leg's beams as finite elements, all in one system."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.arc_length import walk
+from vjm.equilibrium import NoConvergenceError
+from vjm.manipulator.closure import RigidPose
+from vjm.manipulator.manipulator import Manipulator
+from vjm.manipulator.problem import on_platform
+from vjm.manipulator.rigid import inverse_kinematics
+from vjm.parts import PassiveJoint
+from vjm.paths import Equilibrium, Path
+from vjm.programme import COMPONENTS, Programme
+from vjm.rotations import AXES, Array
+from vjm_fea.beam_problem import BeamProblem
+from vjm_fea.manipulator_statics import ManipulatorStatics
+from vjm_fea.manipulator_system import ManipulatorSystem
+from vjm_fea.mesh import Mesh
+from vjm_fea.problem import TOLERANCE
+
+
+class ManipulatorExudynProblem(BeamProblem):
+    """A manipulator in a pose, meshed, under a programme."""
+
+    statics: ManipulatorStatics
+
+    def __init__(
+        self, manipulator: Manipulator, programme: Programme, mesh: Mesh, label: str, pose: RigidPose | None = None
+    ) -> None:
+        """Mesh a manipulator.
+
+        Raises:
+            PoseError: the rigid machine cannot take the pose.
+            ValueError: a beam without a section, or a programme that only chains know.
+        """
+        held, _, _ = on_platform(programme)
+        if pose is None:
+            pose = inverse_kinematics(manipulator, manipulator.displacement(programme.posture))
+        free = [name for name, fixed in zip(COMPONENTS, held, strict=True) if not fixed]
+        free.sort(key=len, reverse=True)
+        hand = [PassiveJoint(f"hand-{name}", AXES[name[-1]], slides=len(name) == 1) for name in free]
+        system = ManipulatorSystem(pose, mesh, hand)
+        statics = ManipulatorStatics(system, manipulator.characteristic_length, programme)
+        longest = max((leg.chain for leg in manipulator.legs), key=lambda chain: chain.characteristic_length)
+        labels = tuple(station.label for station in system.stations)
+        super().__init__(
+            replace(longest, name=manipulator.name), programme, statics, labels, None, label, TOLERANCE
+        )
+        self._built = any(manipulator.errors) or any(manipulator.offsets)
+
+    def unloaded(self) -> Equilibrium:
+        """The pose as drawn, under constant loads and the machine's errors.
+
+        Raises:
+            NoConvergenceError: no stable equilibrium was found.
+        """
+        point = super().unloaded()
+        if self._built and point.unstable:
+            raise NoConvergenceError("with its errors of assembly the machine is unstable")
+        return point
+
+    def beam_force(self, leg: str, beam: str, point: Equilibrium) -> Array:
+        """Section force ``(3,)`` in the first element of a beam of a leg, its own axes, N; tension positive.
+
+        Raises:
+            ValueError: there is no such beam.
+        """
+        system = self.statics.system
+        nodes = [s.node for s in system.stations if s.label.part == f"{leg}/{beam}"]
+        if len(nodes) < 2:
+            raise ValueError(f"leg '{leg}' has no beam '{beam}'")
+        return self.statics.section_force(point.state, nodes[0], nodes[1])
+
+
+@dataclass(frozen=True)
+class ManipulatorExudynEngine:
+    """Walks a whole manipulator with Exudyn, see `vjm_fea.exudyn_engine.ExudynEngine`.
+
+    Attributes:
+        elements: per beam.
+        shear: whether a section's shear stiffness counts.
+    """
+
+    elements: int = 16
+    shear: bool = False
+
+    @property
+    def label(self) -> str:
+        """The name under which results are filed."""
+        return "exudyn"
+
+    def problem(self, manipulator: Manipulator, programme: Programme) -> ManipulatorExudynProblem:
+        """The manipulator under a programme, meshed and assembled."""
+        return ManipulatorExudynProblem(manipulator, programme, Mesh(self.elements, self.shear), self.label)
+
+    def walk(
+        self, manipulator: Manipulator, programme: Programme, progress: Callable[[float], None] | None = None
+    ) -> Path:
+        """Take the manipulator through the programme; see `vjm.arc_length.walk`."""
+        path = walk(self.problem(manipulator, programme), programme, progress=progress)
+        return replace(path, model=manipulator.name, model_sha256=manipulator.sha256)
+
+
+def platform_stiffness(engine: ManipulatorExudynEngine, manipulator: Manipulator, pose: str, d: Array) -> Array:
+    """Stiffness ``(6, 6)`` of a platform held at a displacement ``d`` (6,) from a pose, by finite elements.
+
+    Raises:
+        NoConvergenceError: the displacement is not reached, or not on a stable path.
+    """
+    if not np.any(d):
+        point = engine.problem(manipulator, Programme(pose, 1.0)).unloaded()
+    else:
+        path = engine.walk(manipulator, Programme(pose, 1.0, axis=tuple(d), steps=4))
+        if not path.complete:
+            raise NoConvergenceError(path.stopped)
+        point = path.points[-1]
+    assert point.stiffness is not None
+    return point.stiffness
