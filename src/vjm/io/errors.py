@@ -70,15 +70,14 @@ def _sentence(detail: ErrorDetails, document: Mapping[str, Any], known_keys: Cal
 def _place(loc: tuple[int | str, ...], document: Mapping[str, Any]) -> tuple[str, list[int | str], str]:
     """Where an error lies: the part or table in words, the path of keys inside it, the table's tag."""
     path = list(loc)
-    if len(path) >= 2 and path[0] == "parts":
-        index = int(path[1])
-        raw = document["parts"][index]
+    if len(path) >= 2 and path[0] in ("parts", "pieces"):
+        index, word = int(path[1]), str(path[0])[:-1]
+        raw = document[str(path[0])][index]
         name = raw.get("name") if isinstance(raw, dict) else None
-        where = f"part '{name}'" if isinstance(name, str) else f"part {index + 1}"
+        where = f"{word} '{name}'" if isinstance(name, str) else f"{word} {index + 1}"
         # pydantic names the chosen kind of part, and of section, on the way to the key
-        table = str(path[2]) if len(path) > 2 else ""
-        inner = path[3:]
-        if len(inner) > 1 and inner[0] == "section":
+        table, inner = (str(path[2]) if len(path) > 2 else "", path[3:]) if word == "part" else (word, path[2:])
+        if len(inner) > 1 and inner[0] in ("section", "end_section"):
             table = str(inner.pop(1))
         elif len(inner) > 2 and isinstance(inner[1], int):
             table = "turn"

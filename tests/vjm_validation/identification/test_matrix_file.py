@@ -47,7 +47,7 @@ def test_the_interval_of_an_inverted_stiffness_holds_the_truth():
 
 
 def test_load_cases_of_a_finite_element_program_are_read():
-    names, loads = "ux uy uz rx ry rz".split(), "fx fy fz mx my mz".split()
+    names, loads = ["ux", "uy", "uz", "rx", "ry", "rz"], ["fx", "fy", "fz", "mx", "my", "mz"]
     sizes = [100.0, 1.0, -2.0, 1e3, 1.0, 500.0]
     lines = ["# nodal displacements"]
     for j, size in enumerate(sizes):

@@ -29,7 +29,7 @@ def test_the_misprint_of_20_is_named_and_mended(bar):
 
 
 def test_the_other_entries_alone_bound_the_misprinted_one(bar):
-    # by hand: L/2 · (6,6), with L from the stiff plane as in the next test, (6,6) above 7.15e-6 and (2,2) below 0.235
+    # by hand: L/2 · (6,6), L from the stiff plane as in the next test, (6,6) above 7.15e-6 and (2,2) below 0.235
     shortest = np.sqrt(3 * 50.5e-3 / 15.5e-7)
     first = bar.repairs[0]
     assert first.others_low == pytest.approx(0.5 * shortest * 7.15e-6, rel=1e-3)

@@ -67,6 +67,7 @@ class PathFile(Table):
 
 _TABLES: dict[str, type[Table]] = {
     "": PathFile,
+    "piece": PieceTable,
     "units": Units,
     "turn": Turn,
     "stiffness": StiffnessSection,
@@ -93,4 +94,5 @@ def build_path(content: Mapping[str, Any], file: str) -> BeamPath:
 
 
 def _keys(table: str) -> Iterable[str]:
-    return list(_TABLES.get(table, PieceTable).model_fields)
+    # what a section's table must not hold may belong above it
+    return list(_TABLES["piece" if table == "beam" else table].model_fields)
