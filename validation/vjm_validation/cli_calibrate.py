@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from vjm_validation import show
-from vjm_validation.calibration.command import PAGE, STAGES, calibrate
+from vjm_validation.calibration.command import PAGE, STAGES, calibrate, prepare
 from vjm_validation.calibration.words import tables
 from vjm_validation.summary import as_json
 
@@ -46,16 +46,9 @@ def calibrate_(
     json: Annotated[bool, Parameter(negative="", help="Print calibration.json and nothing else.")] = False,
 ) -> int:
     """Fit spring compliances to measured force-displacement readings, with their uncertainty."""
+    task = prepare(data, sheet, fit, next_)
     with show.progress(quiet=json) as progress:
-        document = calibrate(
-            data,
-            sheet,
-            out,
-            names=fit,
-            ramps=next_,
-            figure=figure,
-            progress=lambda done: progress("calibration", done, STAGES),
-        )
+        document = calibrate(task, out, figure=figure, progress=lambda done: progress("calibration", done, STAGES))
     if json:
         sys.stdout.write(as_json(document))
         return 0

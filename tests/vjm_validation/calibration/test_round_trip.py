@@ -12,7 +12,7 @@ import pytest
 from vjm.io.model_file import load_chain
 from vjm.paths import Path as LoadPath
 from vjm.programme import Programme
-from vjm_validation.calibration.command import DOCUMENT, MODEL, PAGE, calibrate
+from vjm_validation.calibration.command import DOCUMENT, MODEL, PAGE, calibrate, prepare
 from vjm_validation.engines import engine_by_name
 from vjm_validation.metrics import force_at
 from vjm_validation.schemas import schemas
@@ -34,7 +34,7 @@ def rows() -> list[synthetic.Row]:
 
 def calibrated(folder: Path, rows: list[synthetic.Row], foot: int) -> dict:
     files = synthetic.write(folder, rows, synthetic.sheet_text(foot=foot))
-    calibrate(files.data, files.sheet, folder / "out", names=("link.section", "foot.factor"))
+    calibrate(prepare(files.data, files.sheet, ("link.section", "foot.factor")), folder / "out")
     return json.loads((folder / "out" / DOCUMENT).read_text())
 
 

@@ -16,8 +16,8 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_validation.calibration.fit import Fit
 
-UNSEEN = 0.5
-"""Standard deviation in z from which on a direction counts as not seen: its factor of 1.6 is not excluded."""
+UNSEEN = 0.25
+"""Standard deviation in z from which on a direction counts as not seen: a factor of 1.6 is not excluded."""
 SHARE = 0.5
 """Part of a parameter's variance that may come from directions that are not seen: the readings say more of it."""
 NEGLIGIBLE = 0.05

@@ -48,7 +48,6 @@ def results(
     measurement: Measurement,
     fit: Fit,
     *,
-    sheet: str,
     ramps: Sequence[Programme] = (),
     figure: str = "",
     model_file: str = "",
@@ -58,7 +57,6 @@ def results(
     Args:
         measurement: that was fitted.
         fit: solved.
-        sheet: name of its file.
         ramps: feasible next ones; every posture along x where empty.
         figure: that the next experiment is to make certain, see `vjm_validation.calibration.design.in_view`.
         model_file: name under which the calibrated model is kept.
@@ -74,7 +72,7 @@ def results(
         model=measurement.chain.name,
         engine=measurement.engine.label,
         data=measurement.readings.file,
-        sheet=sheet,
+        sheet=measurement.sheet.file,
         fit=_fit(fit),
         parameters=_parameters(fit, found),
         combinations=_combinations(fit, found),
