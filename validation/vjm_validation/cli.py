@@ -16,6 +16,7 @@ from vjm import __version__
 from vjm.batch import Failure, Task, walk_all
 from vjm.chain import Chain
 from vjm.equilibrium import NoConvergenceError
+from vjm.io.errors import did_you_mean
 from vjm.io.files import check_writable
 from vjm.io.model_file import library, load_chain
 from vjm.io.path_files import write_curve
@@ -27,6 +28,7 @@ from vjm_validation import cli_calibrate, cli_identify, show
 from vjm_validation.acceptance import FROZEN
 from vjm_validation.documents import BucklingDocument
 from vjm_validation.engines import DESCRIPTIONS, EngineOptions, engine_by_name
+from vjm_validation.ladder.library import library as cases
 from vjm_validation.loaded import under_displacement, under_wrench
 from vjm_validation.metrics import PathMetrics, path_metrics
 from vjm_validation.programme_options import parsed_programme
@@ -77,14 +79,20 @@ def all_(
     jobs: Jobs = 0,
     quick: Annotated[bool, Parameter(negative="", help="Postures A and B only, no reach of the rounding.")] = False,
     only: Annotated[
-        tuple[str, ...], Parameter(consume_multiple=True, help="Comparisons, see `validate list`.")
+        tuple[str, ...],
+        Parameter(consume_multiple=True, help="Comparisons and verification cases, see `validate list`."),
     ] = (),
     steps: Annotated[int | None, Parameter(help="Equal steps of every path; 4000 is the paper's grid.")] = None,
 ) -> int:
     """Run every comparison and write the report."""
-    unknown = [name for name in only if name not in COMPARISONS]
+    known = {*COMPARISONS, *(case.name for case in cases())}
+    unknown = [name for name in only if name not in known]
     if unknown:
-        raise UsageError(f"--only: no comparison '{unknown[0]}' (there are {', '.join(COMPARISONS)})")
+        hint = did_you_mean(unknown[0], known)
+        raise UsageError(
+            f"--only: no comparison '{unknown[0]}'{hint} (there are {', '.join(COMPARISONS)}, "
+            "and the cases of `validate list`)"
+        )
     _positive("--steps", steps)
     folder = out or FilePath("reports") / "runs" / time.strftime("%Y%m%d-%H%M%S")
     options = Options(
@@ -119,11 +127,12 @@ def _command(quick: bool, only: Sequence[str], steps: int | None) -> str:
 
 @app.command(name="list")
 def list_() -> int:
-    """Show the models, engines and comparisons that there are."""
+    """Show the models, engines, comparisons and verification cases that there are."""
     console = show.console()
     console.print(show.two_columns("Models", {entry.name: entry.title for entry in library()}))
     console.print(show.two_columns("Engines", DESCRIPTIONS))
     console.print(show.two_columns("Comparisons of `validate all`", COMPARISONS))
+    console.print(show.two_columns("Verification cases", {case.name: case.file.title for case in cases()}))
     return OK
 
 

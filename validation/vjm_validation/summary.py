@@ -17,10 +17,11 @@ from vjm.equilibrium import TOLERANCE
 from vjm.paths import EventKind
 from vjm_validation.acceptance import AcceptanceRow
 from vjm_validation.iterations import LIMIT, LOOSE, NOISE, STEP_MM
+from vjm_validation.ladder.rows import TriangulationRow, VerificationRow
 from vjm_validation.metrics import PathMetrics, path_metrics
 from vjm_validation.run import Run
 from vjm_validation.table2 import PublishedFigure
-from vjm_validation.verification import VerificationRow
+from vjm_validation.verification import Verification
 
 PACKAGES = ("numpy", "scipy", "exudyn", "matplotlib", "pyvista")
 """Whose versions can change a number or a picture."""
@@ -138,6 +139,9 @@ class Summary(BaseModel):
     iterations: Iterations | None
     """Null where they were left out."""
     verification: list[VerificationRow]
+    """Cases with known answers, on every engine."""
+    triangulation: list[TriangulationRow] = Field(default_factory=list)
+    """The paper's chain on every pair of engines."""
     acceptance: list[AcceptanceRow]
     timings: Timings
     versions: dict[str, str]
@@ -152,7 +156,7 @@ def summarise(
     *,
     command: str,
     published: Sequence[PublishedFigure],
-    verification: Sequence[VerificationRow],
+    verification: Verification,
     acceptance: Sequence[AcceptanceRow],
     curves: dict[str, bytes],
     seconds: float,
@@ -164,7 +168,7 @@ def summarise(
         run: its paths and studies.
         command: how to run it again.
         published: figures of Table II.
-        verification: rows of cases with known answers.
+        verification: cases with known answers, and three engines side by side.
         acceptance: rows that decide the exit status.
         curves: content of the curve files by name.
         seconds: wall time of the run so far.
@@ -196,7 +200,8 @@ def summarise(
         end_conditions=_end_conditions(run),
         imperfections=_imperfections(run),
         iterations=_iterations(run),
-        verification=list(verification),
+        verification=verification.rows,
+        triangulation=verification.triangulation,
         acceptance=list(acceptance),
         timings=Timings(paths={k.stem: p.seconds for k, p in run.paths.items()}, engines=engines, total=seconds),
         versions=versions(),

@@ -8,8 +8,9 @@ from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn_engine import ExudynEngine
 from vjm_fea.opensees import OpenSeesEngine
 from vjm_fea.opensees.backend import MISSING, available
+from vjm_validation.ladder.schema import Family
 
-MESHED = ("vjm", "exudyn", "opensees")
+MESHED: tuple[Family, ...] = ("vjm", "exudyn", "opensees")
 """Families that are refined, in the order of the tables."""
 TITLES = {
     "vjm": "lumped, beam-column springs",
@@ -21,7 +22,7 @@ TITLES = {
 """What each family is."""
 
 
-def engine(family: str, mesh: int, *, shear: bool = False, foot: bool | None = None) -> Engine:
+def engine(family: Family, mesh: int, *, shear: bool = False, foot: bool | None = None) -> Engine:
     """An engine of a family.
 
     Args:
@@ -52,4 +53,3 @@ def engine(family: str, mesh: int, *, shear: bool = False, foot: bool | None = N
             return LinearEngine()
         case "msa":
             return MsaEngine()
-    raise ValueError(f"unknown family '{family}' (there are {', '.join(TITLES)})")

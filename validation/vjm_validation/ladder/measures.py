@@ -17,7 +17,13 @@ from vjm_validation.ladder.schema import Asked
 
 SAME_RAMP = 1e-9
 """Relative difference of two ramps that are one."""
-EVENT_KINDS = {"critical force": EventKind.BIFURCATION, "limit force": EventKind.LIMIT}
+EVENT_KINDS = {
+    "critical force": (EventKind.BIFURCATION, 0),
+    "limit force": (EventKind.LIMIT, 0),
+    "fold force": (EventKind.FOLD, 0),
+    "second fold force": (EventKind.FOLD, 1),
+}
+"""Kind of an event, and which of its kind on the path."""
 
 
 def measured(asked: Asked, engine: Engine, chain: Chain, programme: Programme, path: Path, mesh: int) -> float:
@@ -41,7 +47,7 @@ def measured(asked: Asked, engine: Engine, chain: Chain, programme: Programme, p
 
 def _raw(asked: Asked, engine: Engine, chain: Chain, programme: Programme, path: Path, mesh: int) -> float:
     if asked.measure in EVENT_KINDS:
-        return _event(path, EVENT_KINDS[asked.measure]).force
+        return _event(path, *EVENT_KINDS[asked.measure]).force
     if asked.measure in ("stiffness", "compliance"):
         K = _unloaded_stiffness(engine, chain, programme, path)
         matrix = K if asked.measure == "stiffness" else np.linalg.inv(K)
@@ -61,11 +67,11 @@ def _index(component: str | None) -> int:
     return COMPONENTS.index(component)
 
 
-def _event(path: Path, kind: EventKind) -> Event:
-    found = next((event for event in path.events if event.kind is kind), None)
-    if found is None:
-        raise NoConvergenceError(f"no {kind} on the path{_ending(path)}")
-    return found
+def _event(path: Path, kind: EventKind, which: int) -> Event:
+    found = [event for event in path.events if event.kind is kind]
+    if len(found) <= which:
+        raise NoConvergenceError(f"{len(found) or 'no'} {kind} on the path{_ending(path)}")
+    return found[which]
 
 
 def _at(path: Path, ramp: float | None) -> Equilibrium:

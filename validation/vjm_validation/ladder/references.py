@@ -52,10 +52,9 @@ def _result(call: str) -> Any:  # noqa: ANN401
 
 
 def _taken(reference: Reference, result: Any) -> float:  # noqa: ANN401
-    if isinstance(reference.take, str):
-        result = getattr(result, reference.take)
-    elif reference.take is not None:
-        result = result[tuple(reference.take)]
+    steps = [reference.take] if isinstance(reference.take, str) else reference.take or []
+    for step in steps:
+        result = getattr(result, step) if isinstance(step, str) else result[step]
     return float(result) * reference.times
 
 

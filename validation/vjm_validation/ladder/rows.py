@@ -64,12 +64,20 @@ class TriangulationRow(BaseModel):
     direction: str
     quantity: str
     engines: tuple[str, str]
-    values: tuple[float, float]
-    """Each on its finest mesh."""
-    extrapolated: tuple[float | None, float | None]
-    difference: float
-    """Of the values over their scale: the critical force, or the force at the path's end."""
-    estimate: float | None
-    """Sum of the two discretisation error estimates, over the same scale; null where a mesh is missing."""
-    within: bool | None
-    """Whether the difference is covered by the estimates."""
+    at: float | None = None
+    """Displacement in mm at which a whole curve differs most; null for a single point."""
+    values: tuple[float, float] | None = None
+    """Of each engine on its finest mesh; null where one did not run."""
+    extrapolated: tuple[float | None, float | None] | None = None
+    """Richardson's limits."""
+    difference: float | None = None
+    """Of the values, over the largest of them on the curve."""
+    estimate: float | None = None
+    """Sum of the two grid convergence indices, likewise."""
+    within: bool | None = None
+    """Whether the difference is covered by the estimate: then meshes explain it."""
+    tolerance: float
+    passed: bool | None
+    """Whether the difference keeps to the tolerance; null where an engine is not installed."""
+    not_run: str = ""
+    """Which engine has no value, and why."""

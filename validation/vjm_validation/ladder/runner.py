@@ -46,17 +46,17 @@ class AnswerStore:
     def __init__(self, folder: FilePath | None) -> None:
         self._folder = folder / "verification" if folder is not None else None
 
-    def find(self, case: Case, family: Family) -> Answers | None:
-        """The answers of the same version to the same case, if they are there."""
+    def find(self, case: str, sha256: str, family: Family) -> Answers | None:
+        """The answers of the same version to the same file, if they are there."""
         if self._folder is None:
             return None
         try:
-            text = self._file(self._folder, case.name, family).read_text(encoding="utf-8")
+            text = self._file(self._folder, case, family).read_text(encoding="utf-8")
             found = Answers.model_validate_json(text)
         except (OSError, ValidationError):
             return None
         # what was refused may have been installed or learned since
-        same = found.sha256 == case.sha256 and found.version == __version__
+        same = found.sha256 == sha256 and found.version == __version__
         return found if same and not found.refused else None
 
     def keep(self, answers: Answers) -> None:
@@ -89,7 +89,7 @@ def run_cases(
     wanted: list[tuple[Case, Family]] = [
         (case, family) for case in cases for family in case.file.engines if families is None or family in families
     ]
-    found = {(case.name, family): store.find(case, family) for case, family in wanted}
+    found = {(case.name, family): store.find(case.name, case.sha256, family) for case, family in wanted}
     missing = [item for item in wanted if found[item[0].name, item[1]] is None]
     missing.sort(key=lambda item: -_cost(*item))
     ready = len(wanted) - len(missing)
@@ -123,21 +123,50 @@ def answered(case: Case, family: Family, meshes: Sequence[int] | None = None) ->
         family: of engines; the case must name it.
         meshes: only these; None for all that the case names.
     """
-    started = time.perf_counter()
     table = case.file.engines[family]
-    values: list[list[float | None]] = [[] for _ in case.questions]
-    failures = [""] * len(values)
+    return new_answers(
+        case.name,
+        case.sha256,
+        family,
+        meshes or table.meshes or [1],
+        len(case.questions),
+        lambda mesh: _on_mesh(case, family, mesh),
+    )
+
+
+def new_answers(
+    name: str,
+    sha256: str,
+    family: Family,
+    meshes: Sequence[int],
+    count: int,
+    on_mesh: Callable[[int], Sequence[tuple[float | None, str]]],
+) -> Answers:
+    """Ask on every mesh.
+
+    Args:
+        name: of the case.
+        sha256: of its file.
+        family: who is asked.
+        meshes: from coarse to fine.
+        count: of questions.
+        on_mesh: gives for every question a value, or none and why. What it raises as `ValueError` or `ImportError`
+            is a refusal of the whole case.
+    """
+    started = time.perf_counter()
+    values: list[list[float | None]] = [[] for _ in range(count)]
+    failures = [""] * count
     refused = ""
     try:
-        for mesh in meshes or table.meshes or [1]:
-            for i, (value, failure) in enumerate(_on_mesh(case, family, mesh)):
+        for mesh in meshes:
+            for i, (value, failure) in enumerate(on_mesh(mesh)):
                 values[i].append(value)
                 failures[i] = failure
     except (ValueError, ImportError) as error:
         refused = " ".join(str(error).split())
     return Answers(
-        case=case.name,
-        sha256=case.sha256,
+        case=name,
+        sha256=sha256,
         version=__version__,
         family=family,
         values=values,

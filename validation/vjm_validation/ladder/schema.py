@@ -17,11 +17,21 @@ Family = Literal["vjm", "exudyn", "opensees", "vjm-linear", "msa"]
 """Engines by what they are, without the number of springs or elements."""
 Kind = Literal["exact", "code", "published"]
 Measure = Literal[
-    "displacement", "position", "point", "force", "critical force", "limit force", "stiffness", "compliance"
+    "displacement",
+    "position",
+    "point",
+    "force",
+    "critical force",
+    "limit force",
+    "fold force",
+    "second fold force",
+    "stiffness",
+    "compliance",
 ]
 
 GROUPS = {
     "linear": "Small displacements",
+    "lumped": "Rigid bars and springs",
     "bending": "Large bending in a plane",
     "columns": "Critical loads of columns",
     "post-buckling": "Behind the critical load",
@@ -32,7 +42,7 @@ GROUPS = {
 """Groups of cases, in the order of the report."""
 BASELINES = ("vjm-linear", "msa")
 """Linear families, which have no mesh and answer for small displacements only."""
-EVENTS = ("critical force", "limit force")
+EVENTS = ("critical force", "limit force", "fold force", "second fold force")
 """What is asked of an event, and not of a point of the path."""
 
 
@@ -103,7 +113,9 @@ class Reference(Table):
     uncertainty: float | None = Field(None, ge=0.0, description="of the value, in its unit")
     exact: str | None = Field(None, description="module.function of vjm_validation.exact")
     arguments: dict[str, Any] = Field({}, description="a table with 'make' or 'constant' names what is in exact")
-    take: str | list[int] | None = Field(None, description="attribute or index of the function's result")
+    take: str | list[int | str] | None = Field(
+        None, description="attributes and indices into the function's result"
+    )
     times: float = Field(1.0, description="unit of the function's result in that of the quantity")
 
     @model_validator(mode="after")
@@ -183,7 +195,7 @@ class CaseFile(Table):
     format: Literal[1]
     name: Label
     title: str = Field(min_length=1, description="one line for people")
-    group: Literal["linear", "bending", "columns", "post-buckling", "arches", "space", "paper"]
+    group: Literal["linear", "lumped", "bending", "columns", "post-buckling", "arches", "space", "paper"]
     kind: Kind
     note: str = ""
     quick: bool = Field(True, description="also run by --quick")
