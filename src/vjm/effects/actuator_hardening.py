@@ -1,0 +1,59 @@
+"""A drive whose spring stiffens, or softens, with load."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.effects.effect import Effect, Quantity, Scene
+from vjm.effects.machine import Machine
+from vjm.effects.places import drive
+from vjm.effects.series import Element, memoryless
+from vjm.rotations import Array
+
+
+@dataclass(frozen=True)
+class ActuatorHardening(Effect):
+    """Tangent stiffness ``k₀ (1 + (r − 1) |N|/N_max)``: ``x = c₀ N_max ln(1 + (r − 1) |N|/N_max)/(r − 1)``.
+
+    Attributes:
+        force: N_max, the largest force of the test, N.
+    """
+
+    force: float = 1000.0
+    cause = "actuator_hardening"
+    title = "the drive's spring stiffens or softens with load"
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """r, and c₀ at zero load."""
+        return (
+            Quantity("stiffness_ratio", 0.05, 50.0, 1.0, neutral=1.0, usual=1.0, spread=np.log(6.0), log=True),
+            Quantity("compliance_mm_per_N", 0.0, 1e-2, 1e-5, neutral=0.0),
+        )
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Stiffening and softening ones."""
+        return [(3.0, 2e-5), (10.0, 4e-5), (0.3, 1e-5)]
+
+    def elements(self, machine: Machine, values: Sequence[float]) -> tuple[Element, ...]:
+        """One spring with that law."""
+        r, c = values
+        a = r - 1.0 if abs(r - 1.0) > 1e-6 else 1e-6
+
+        def law(N: Array) -> tuple[Array, Array]:
+            # beyond the largest force the tangent stays
+            size = np.minimum(np.abs(N), self.force) / self.force
+            past = np.abs(N) - np.minimum(np.abs(N), self.force)
+            x = c * (self.force * np.log1p(a * size) / a + past / r)
+            return np.sign(N) * x, c / (1.0 + a * size)
+
+        return (Element(drive(machine), memoryless(law)),)
+
+
+def effects(scene: Scene) -> list[Effect]:
+    """Where there is a drive."""
+    if Machine(scene.chain, scene.engine).drive_axis is None:
+        return []
+    return [ActuatorHardening(force=scene.force)]

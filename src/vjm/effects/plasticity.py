@@ -1,0 +1,56 @@
+"""A permanent set after a yield load."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from vjm.chain import FOOT
+from vjm.effects.effect import Effect, Quantity, Scene
+from vjm.effects.machine import Machine, link_of
+from vjm.effects.places import drive, foot
+from vjm.effects.series import AlongLine, Element, yielding
+
+
+@dataclass(frozen=True)
+class Plasticity(Effect):
+    """Slip with linear kinematic hardening once the force is beyond the yield force.
+
+    Attributes:
+        part: ``actuator``, ``foot`` or ``joints`` (along the line of the link).
+        force: largest of the test, N.
+    """
+
+    part: str = "foot"
+    force: float = 1000.0
+    cause = "plasticity"
+    title = "a permanent set after a yield load"
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Axial force at first yield, and the plastic compliance; of the foot over its elastic one."""
+        soft = (
+            Quantity("softness", 0.0, 20.0, 0.05, neutral=0.0)
+            if self.part == "foot"
+            else Quantity("softness_mm_per_N", 0.0, 1e-1, 1e-5, neutral=0.0)
+        )
+        return (Quantity("yield_N", 0.01 * self.force, 1.2 * self.force, 0.1 * self.force), soft)
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Early and late yield."""
+        soft = 0.1 if self.part == "foot" else 2e-5
+        return [(share * self.force, soft) for share in (0.3, 0.5, 0.7, 0.85)]
+
+    def elements(self, machine: Machine, values: Sequence[float]) -> tuple[Element, ...]:
+        """One element with that law."""
+        limit, soft = values
+        place = drive(machine) if self.part == "actuator" else foot(machine) if self.part == "foot" else AlongLine()
+        return (Element(place, yielding(limit, max(soft, 1e-12))),)
+
+
+def effects(scene: Scene) -> list[Effect]:
+    """In drive, foot and joints."""
+    has = Machine(scene.chain, scene.engine).drive_axis is not None
+    link = link_of(scene.chain)
+    found: list[Effect] = [Plasticity("actuator", scene.force)] if has else []
+    found += [Plasticity("foot", scene.force) for b in scene.chain.beams if b.name == FOOT != link]
+    return [*found, Plasticity("joints", scene.force)] if scene.chain.joints else found

@@ -1,0 +1,224 @@
+"""Equilibria of a machine along the rays of a test, tabulated once and looked up at any displacement near them.
+
+Between two equilibria the wrench is the cubic through both with their tangents, ``K^F d``; behind a bifurcation it
+is a cubic in the root of the distance, as the branch itself is. Off the ray the loaded stiffness leads on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from vjm.effects.machine import STANDARD_GRAVITY, Machine, bowed
+from vjm.equilibrium import TOLERANCE, NoConvergenceError
+from vjm.grid import walk_grid
+from vjm.lumped_problem import LumpedProblem
+from vjm.programme import Programme
+from vjm.rotations import Array
+
+NODES = 40
+"""Equilibria along half a ray."""
+FINE = 0.05
+"""Error in N between two equilibria, estimated from their tangents, above which there are more."""
+MOST = 12
+"""Into which one step is divided at most."""
+NEAR = np.array([0.1, 0.03, 0.01, 0.003, 0.001])
+"""Distances from a bifurcation, relative, at which there are equilibria in any case."""
+
+
+@dataclass(frozen=True)
+class HalfRay:
+    """A ramp to be tabulated.
+
+    Attributes:
+        posture: label.
+        direction: ``(6,)`` displacement per unit of the ramp.
+        reach: its end, positive.
+        branch: +1 or −1, of two mirrored ones.
+    """
+
+    posture: str
+    direction: tuple[float, ...]
+    reach: float
+    branch: int = 1
+
+
+@dataclass(frozen=True)
+class Table:
+    """Equilibria of one half-ray.
+
+    Attributes:
+        s: path parameters ``(m,)``, from zero.
+        wrench: ``(m, 6)``.
+        slope: its derivative by s ``(m, 6)``.
+        stiffness: K^F ``(m, 6, 6)``.
+        x: coordinates ``(m, n)``.
+        bifurcation: path parameter at which it changes its branch; infinite where it does not.
+        problem: whose equilibria they are.
+        stopped: why it ends before its end; empty where it does not.
+    """
+
+    s: Array
+    wrench: Array
+    slope: Array
+    stiffness: Array
+    x: Array
+    bifurcation: float
+    problem: LumpedProblem
+    stopped: str
+
+    def at(self, s: Array) -> tuple[Array, Array]:
+        """Wrenches ``(k, 6)`` and stiffnesses ``(k, 6, 6)``."""
+        i, t, width = self._place(s)
+        j = i + 1
+        h00 = (1.0 + 2.0 * t) * (1.0 - t) ** 2
+        h10 = t * (1.0 - t) ** 2
+        h01 = t**2 * (3.0 - 2.0 * t)
+        h11 = t**2 * (t - 1.0)
+        own = self._own_slope
+        wrench = (
+            h00[:, None] * self.wrench[i] + h01[:, None] * self.wrench[j]
+            + (h10 * width)[:, None] * own[i] + (h11 * width)[:, None] * own[j]
+        )  # fmt: skip
+        stiffness = (1.0 - t)[:, None, None] * self.stiffness[i] + t[:, None, None] * self.stiffness[j]
+        # beyond the ends straight on
+        past = (s > self.s[-1]) | (s < 0.0)
+        if past.any():
+            end = np.where(s > 0.0, len(self.s) - 1, 0)[past]
+            wrench[past] = self.wrench[end] + (s[past] - self.s[end])[:, None] * self.slope[end]
+            stiffness[past] = self.stiffness[end]
+        return wrench, stiffness
+
+    def linear(self, values: Array, s: Array) -> Array:
+        """Values ``(m, …)`` at the nodes, interpolated linearly at ``(k,)``."""
+        i, t, _ = self._place(s)
+        t = np.clip(t, 0.0, 1.0).reshape(-1, *[1] * (values.ndim - 1))
+        result: Array = (1.0 - t) * values[i] + t * values[i + 1]
+        return result
+
+    def _place(self, s: Array) -> tuple[np.ndarray, Array, Array]:
+        """Interval, place in it from 0 to 1, and the interval's width in its own coordinate."""
+        i = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
+        a, b, here = self.s[i], self.s[i + 1], np.clip(s, 0.0, self.s[-1])
+        behind = a >= self.bifurcation
+        if behind.any():
+            origin = self.bifurcation * (1.0 - 1e-12)
+            a, b, here = (
+                np.where(behind, np.sqrt(np.maximum(v - origin, 0.0)), v) for v in (a, b, np.maximum(here, a))
+            )
+        width = b - a
+        return i, (here - a) / width, width
+
+    @cached_property
+    def _own_slope(self) -> Array:
+        """Derivative by the coordinate in which a piece is interpolated."""
+        behind = self.s >= self.bifurcation
+        factor = np.where(behind, 2.0 * np.sqrt(np.maximum(self.s - self.bifurcation, 0.0)), 1.0)
+        result: Array = self.slope * factor[:, None]
+        return result
+
+    @cached_property
+    def yielding(self) -> tuple[Array, Array, Array]:
+        """How the passive joints give way under torques of their own, the end-effector held, at the nodes.
+
+        Returns:
+            Joint coordinates ``(m, n_q)``; their change by a torque on each ``(m, n_q, n_q)``, rad/(N mm); the
+            wrench's ``(m, 6, n_q)``.
+        """
+        model = self.problem.model
+        own = model.passive
+        A = np.zeros((len(self.s), len(own), len(own)))
+        B = np.zeros((len(self.s), 6, len(own)))
+        for k, (x, F) in enumerate(zip(self.x, self.wrench, strict=True)):
+            for j, q in enumerate(own):
+                torque = np.zeros(model.size)
+                torque[q] = 1.0
+                dx, dF = model.compiled.response(x, F, torque, np.zeros(6))
+                A[k, :, j], B[k, :, j] = dx[own], dF
+        return self.x[:, own], A, B
+
+
+def tabulate(machine: Machine, half: HalfRay, pulls: bool) -> Table:
+    """The stable equilibria of a machine along half a ray.
+
+    Raises:
+        NoConvergenceError: the machine does not stand unloaded, or there is none at all.
+        ValueError: what is built into the machine needs other springs.
+    """
+    chain = machine.chain(pulls)
+    gravity = None
+    if any(mass for _, mass in machine.weight):
+        x, y, z = (STANDARD_GRAVITY * g for g in machine.gravity)
+        gravity = (x, y, z)
+    programme = Programme(half.posture, half.reach, half.direction, branch=half.branch, gravity=gravity)
+    model = machine.engine.model(chain)
+    bow = bowed(model, half.posture, machine.bow) if any(machine.bow) else None
+    problem = LumpedProblem(model, programme, machine.engine.label, bow)
+    grid = np.linspace(0.0, half.reach, NODES + 1)
+    table = _walk(problem, grid, loaded=gravity is not None)
+    finer = grid if machine.perfect else _refined(table)
+    if np.isfinite(table.bifurcation):
+        # towards a bifurcation the stiffness across the ray has a pole
+        near = table.bifurcation * (1.0 + np.concatenate([-NEAR, NEAR]))
+        finer = np.unique(np.concatenate([finer, near[near < half.reach]]))
+    return table if finer is grid else _walk(problem, finer, loaded=gravity is not None)
+
+
+def _refined(table: Table) -> Array:
+    """A grid with more points where the tangents turn."""
+    s = table.s
+    h = np.diff(s)
+    error = np.abs(np.diff(table.slope[:, :3], axis=0)).max(axis=1) * h / 8.0
+    count = np.clip(np.ceil((error / FINE / 20.0) ** 0.5), 1, MOST).astype(int)
+    pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(s[:-1], s[1:], count, strict=True)]
+    return np.concatenate([*pieces, s[-1:]])
+
+
+def _walk(problem: LumpedProblem, grid: Array, *, loaded: bool) -> Table:
+    direction = problem.programme.direction
+    if loaded:
+        s, x, F, K, stopped = _walk_loaded(problem, grid)
+        bifurcation = np.inf
+    else:
+        path = walk_grid(problem, grid)
+        s, x, F, K, stopped = path.s, path.x, path.wrench, path.stiffness, path.stopped
+        bifurcation = min(path.bifurcations, default=np.inf)
+    keep = np.isfinite(K).all(axis=(1, 2))
+    s, x, F, K = s[keep], x[keep], F[keep], K[keep]
+    if len(s) < 2:
+        raise NoConvergenceError(f"posture {problem.programme.posture}: no equilibrium was found: {stopped}")
+    return Table(s, F, K @ direction, K, x, bifurcation, problem, stopped)
+
+
+def _walk_loaded(problem: LumpedProblem, grid: Array) -> tuple[Array, Array, Array, Array, str]:
+    """The equilibria of a chain that carries weights, which the compiled march does not take."""
+    model = problem.model
+    n = model.size
+    start = problem.unloaded()
+    x, F = start.state[:n], start.state[n : n + 6]
+    found, slope, last, stopped = [(0.0, x, F, model.compiled.end_stiffness(x, F))], None, 0.0, ""
+    for s in grid[1:]:
+        at = last
+        step = s - at
+        while at < s - 1e-12 * s:
+            to = min(at + step, s)
+            guess = (x, F) if slope is None else (x + slope[0] * (to - at), F + slope[1] * (to - at))
+            there, wrench, _, _, why = model.compiled.newton(
+                problem.target(to), guess[0], guess[1], 0.0, TOLERANCE, 20
+            )
+            if why or model.compiled.visit(there, wrench) != 0:
+                step *= 0.5
+                if step < 1e-3 * (s - last):
+                    stopped = f"no stable equilibrium found beyond {at:.6g}"
+                    break
+                continue
+            x, F, at = there, wrench, to
+            slope = problem.rate(problem.configuration(problem.point(to, x, F)))
+        if stopped:
+            break
+        last = s
+        found.append((s, x, F, model.compiled.end_stiffness(x, F)))
+    s_, x_, F_, K_ = (np.array(column) for column in zip(*found, strict=True))
+    return s_, x_, F_, K_, stopped
