@@ -30,13 +30,13 @@ def test_lookup_is_the_march_between_its_nodes(machine, posture, direction, reac
     table = tabulate(machine, HalfRay(posture, direction, reach), pulls=direction is X)
     s = np.sort(np.random.default_rng(3).uniform(0.0, reach, 60))
     # in the kink itself, between the nodes at its two sides, there is no smooth curve to be met
-    s = s[np.abs(s / table.bifurcation - 1.0) > 4e-3]
+    s = s[np.abs(s / table.bifurcation - 1.0) > 1.5e-3]
     path = walk_grid(table.problem, np.concatenate([[0.0], s]))
     at = np.isin(path.s, s)
     wrench, _ = table.at(path.s[at])
-    # a hundredth of any instrument's noise
-    assert np.abs(wrench - path.wrench[at])[:, :3].max() < 0.03
-    assert np.abs(wrench - path.wrench[at])[:, 3:].max() < 3.0
+    # what `FINE` allows, in N; moments by an arm of 100 mm
+    assert np.abs(wrench - path.wrench[at])[:, :3].max() < 0.05
+    assert np.abs(wrench - path.wrench[at])[:, 3:].max() < 5.0
 
 
 def test_bifurcation_stands_where_the_path_has_it(machine):
@@ -65,12 +65,13 @@ def test_bowed_column_follows_the_exact_amplification():
 
 def test_bow_keeps_the_ends_in_place(machine):
     model = machine.engine.model(machine.nominal)
-    x = bowed(model, "B", (0.7, -0.3))
-    start = model.configuration(machine.nominal.posture("B"))
+    x = bowed(model, "A", (0.7, -0.3))
+    start = model.configuration(machine.nominal.posture("A"))
     before, after = model.kinematics(start).end, model.kinematics(start + x).end
     # the chord of the bow is shorter by a²π²/4L
     assert np.linalg.norm(after[:3, 3] - before[:3, 3]) < 1.1 * (0.7**2 + 0.3**2) * np.pi**2 / (4.0 * 310.0)
-    assert np.abs(after[:3, :3] - before[:3, :3]).max() < 1e-5
+    # two turns after one another twist by their product
+    assert np.abs(after[:3, :3] - before[:3, :3]).max() < 0.7 * 0.3 * (np.pi / 310.0) ** 2
 
 
 def test_weight_is_borne_by_both_ends(machine):
