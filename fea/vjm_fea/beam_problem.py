@@ -26,6 +26,9 @@ DIVERGED = 1e6
 """Scaled residual from which Newton's method does not come back."""
 NEUTRAL = 1e-6
 """Eigenvalue over the smallest unloaded one up to which a motion costs nothing."""
+SURE = 1e-2
+"""Share of the tolerance below which a state needs no further step: elsewhere one more is taken, since near critical
+points, where the stiffness is small, a state within the tolerance may still be far off."""
 ROUNDINGS = 64.0
 """Units in the last place of a position that a residual may be wrong by."""
 ON_PATH = 1e-11
@@ -231,8 +234,7 @@ class BeamProblem:
             error = float(np.max(np.abs(r), initial=0.0))
             condition = border(state) if border is not None else None
             if error < self.tolerance and (condition is None or abs(condition.missing) < ON_PATH):
-                # where the stiffness is small, near critical points, a state within the tolerance is still far off
-                if polished or error == 0.0:
+                if polished or error < SURE * self.tolerance:
                     return state, iteration, error
                 polished = True
             if not error < DIVERGED:

@@ -223,5 +223,5 @@ def refuse_unless_pose_only(engine: str, programme: Programme) -> None:
     if not programme.pose_only:
         raise ValueError(
             f"{engine} walks ramps of the whole imposed pose only: no loads, free components, imperfections or "
-            f"other control than the ramp; vjm and vjm-paper do"
+            f"other control than the ramp; vjm and vjm-paper do, exudyn and opensees all but imperfections"
         )
