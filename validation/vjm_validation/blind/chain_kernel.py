@@ -181,6 +181,28 @@ def jacobian(x: Array, r: Array, place: Array, turn: Array, m: Bundle, laws: Arr
 
 
 @kernel
+def solved(A: Array, b: Array) -> bool:
+    """Solve ``A y = b`` by elimination in copies; ``b`` becomes y. Whether that was possible."""
+    n, A = len(b), A.copy()
+    for k in range(n):
+        pivot = k + np.argmax(np.abs(A[k:, k]))
+        if not abs(A[pivot, k]) > 1e-300:
+            return False
+        if pivot != k:
+            for j in range(n):
+                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
+            b[k], b[pivot] = b[pivot], b[k]
+        for i in range(k + 1, n):
+            share = A[i, k] / A[k, k]
+            if share != 0.0:
+                A[i, k:] -= share * A[k, k:]
+                b[i] -= share * b[k]
+    for k in range(n - 1, -1, -1):
+        b[k] = (b[k] - A[k, k + 1 :] @ b[k + 1 :]) / A[k, k]
+    return bool(np.isfinite(b).all())
+
+
+@kernel
 def settled(x: Array, place: Array, turn: Array, m: Bundle, laws: Array, joints: Array, late: Bundle,
             out: Array, J: Array, fresh: bool) -> bool:  # fmt: skip
     """Newton's method from ``x`` in place, with the Jacobian ``J`` as long as it serves; whether it converged."""
@@ -195,9 +217,9 @@ def settled(x: Array, place: Array, turn: Array, m: Bundle, laws: Array, joints:
         if (fresh and trial == 0) or size > 0.1 * last:
             J[:] = jacobian(x, r, place, turn, m, laws, joints, late, out)
         last = size
-        step = np.linalg.solve(J, r)
-        longest = np.abs(step).max()
-        x -= step * min(1.0, 3.0 / longest)
+        if not solved(J, r):
+            return False
+        x -= r * min(1.0, 3.0 / np.abs(r).max())
     return False
 
 
@@ -218,6 +240,8 @@ def branched(x: Array, pose0: Array, pose1: Array, home: Array, m: Bundle, laws:
     place, turn = posed(pose1, home)
     r = conditions(x, place, turn, m, laws, joints, late, out)
     J = jacobian(x, r, place, turn, m, laws, joints, late, out)
+    if not np.isfinite(J).all():
+        return False
     _, _, V = np.linalg.svd(J)
     v = V[9].copy()
     pivot = np.argmax(np.abs(v[6:])) + 6
@@ -241,9 +265,10 @@ def branched(x: Array, pose0: Array, pose1: Array, home: Array, m: Bundle, laws:
             A[:10, 10] = (conditions(y, further, aside, m, laws, joints, late, out) - r) / 1e-5
             A[10, :10] = v
             b[:10], b[10] = r, v @ (y - root) - amplitude
-            step = np.linalg.solve(A, b)
-            y -= step[:10]
-            share -= step[10]
+            if not solved(A, b):
+                break
+            y -= b[:10]
+            share -= b[10]
         if not good:
             amplitude *= 0.5
             continue

@@ -1,0 +1,121 @@
+"""Which sets a campaign has: how many of which group, and what each is to hide."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+CAUSES = (
+    "link_lumping", "foot_lumping", "actuator_compliance", "actuator_hardening", "actuator_backlash",
+    "joint_clearance", "joint_friction", "contact_compliance", "base_compliance", "foot_compliance",
+    "link_compliance", "link_bow", "link_length", "load_misalignment", "tension_compression_asymmetry",
+    "gravity", "thermal_drift",
+    "creep", "plasticity", "instrument_zero", "instrument_scale",
+)  # fmt: skip
+"""Of MEASURED.md."""
+STRENGTHS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+MASKING = (
+    ("actuator_compliance", "foot_compliance"), ("joint_friction", "creep"), ("joint_clearance", "instrument_zero"),
+    ("link_compliance", "instrument_scale"), ("thermal_drift", "creep"), ("plasticity", "joint_friction"),
+    ("tension_compression_asymmetry", "link_bow"), ("contact_compliance", "actuator_compliance"),
+)  # fmt: skip
+"""Pairs of which each hides a part of the other."""
+DESIGNS = 40
+"""Different designs among which the sets are spread, so that their signatures are computed once."""
+
+
+class Group(StrEnum):
+    """What a set is for."""
+
+    QUIET = "quiet"
+    """Nothing is hidden."""
+    SINGLE = "single"
+    """One cause."""
+    PAIR = "pair"
+    """Two."""
+    OUTSIDE = "outside"
+    """One that no catalogue has."""
+    OMITTED = "omitted"
+    """One that the finder is not told of."""
+    INSEPARABLE = "inseparable"
+    """One that the design cannot tell from another one."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a set is to be.
+
+    Attributes:
+        number: of the set, from 1; its seed.
+        group: what it is for.
+        design: seed of its design.
+        causes: to be hidden, by name; of a cause outside the catalogue its number in turn.
+        strengths: wanted of each.
+        held_out: whether it belongs to the half that is reported, not developed on.
+    """
+
+    number: int
+    group: Group
+    design: int
+    causes: tuple[str, ...]
+    strengths: tuple[float, ...]
+    held_out: bool
+
+    @property
+    def name(self) -> str:
+        """Of its folder."""
+        return f"{self.number:05d}"
+
+
+COUNTS = {Group.QUIET: 400, Group.SINGLE: 400, Group.PAIR: 100, Group.OUTSIDE: 160, Group.OMITTED: 40,
+          Group.INSEPARABLE: 50}  # fmt: skip
+"""Of a whole campaign."""
+
+
+def plans(share: float = 1.0, seed: int = 0, designs: int = DESIGNS) -> list[Plan]:
+    """A campaign, its groups mixed so that a part of it is a small one.
+
+    Args:
+        share: of the whole campaign's sets in every group, at least two.
+        seed: of the campaign.
+        designs: among which the sets are spread.
+    """
+    rng = np.random.default_rng([seed, 7])
+    wanted: list[tuple[Group, tuple[str, ...], tuple[float, ...]]] = []
+    for group, count in COUNTS.items():
+        order = rng.permutation(len(CAUSES))
+        for k in range(max(2, round(share * count))):
+            cause = CAUSES[order[k % len(CAUSES)]]
+            strength = STRENGTHS[(k + k // len(CAUSES)) % len(STRENGTHS)]
+            if group is Group.QUIET:
+                wanted.append((group, (), ()))
+            elif group is Group.SINGLE:
+                wanted.append((group, (cause,), (strength,)))
+            elif group is Group.PAIR:
+                wanted.append((group, _pair(rng, k), tuple(float(rng.choice([8.0, 16.0])) for _ in range(2))))
+            elif group is Group.OUTSIDE:
+                wanted.append((group, (str(k),), (float(rng.choice([8.0, 16.0, 32.0])),)))
+            elif group is Group.OMITTED:
+                wanted.append((group, (cause,), (float(rng.choice([8.0, 16.0])),)))
+            else:
+                # a sheet's lumping is told from all else by how it changes with the load
+                cause = CAUSES[2 + int(rng.integers(len(CAUSES) - 2))]
+                wanted.append((group, (cause,), (float(rng.choice([8.0, 16.0])),)))
+    order = rng.permutation(len(wanted))
+    result, seen = [], dict.fromkeys(Group, 0)
+    for number, k in enumerate(order, start=1):
+        group, causes, strengths = wanted[k]
+        seen[group] += 1
+        design = int(rng.integers(designs)) + 1000 * seed
+        result.append(Plan(number + 100_000 * seed, group, design, causes, strengths, seen[group] % 2 == 0))
+    return result
+
+
+def _pair(rng: np.random.Generator, k: int) -> tuple[str, ...]:
+    if k % 3 == 0:
+        return MASKING[k // 3 % len(MASKING)]
+    # lumping is the sheet's doing and no cause beside another one
+    names = rng.choice([c for c in CAUSES if not c.endswith("lumping")], 2, replace=False)
+    return tuple(sorted(str(name) for name in names))

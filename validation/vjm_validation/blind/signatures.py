@@ -1,0 +1,284 @@
+"""What every cause would do to a design's readings, in units of visibility: the injector's own yardstick.
+
+Each family is a curve from the origin in the whitened space of `visibility`, known at a few sizes and straight in
+between; families whose members add up are planes. Distances there are strengths, nuisances included, and need only
+scalar products. From them follow the equivalence classes, a likelihood-ratio finder that knows laws and noise, and
+plainer rivals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import nnls
+
+from vjm.rotations import Array
+from vjm_validation.blind.causes import Family, Laws, Put, catalogue
+from vjm_validation.blind.designs import Design
+from vjm_validation.blind.machine import NoTruthError
+from vjm_validation.blind.rig import Response, Rig, drawn
+from vjm_validation.blind.visibility import Visibility, visibility
+
+STRENGTHS = (2.0, 9.0, 40.0)
+"""At about which a curve is known."""
+ONE_CLASS = 2.0
+"""Strength within which two causes are one class."""
+VARIANTS = (
+    ("contact_compliance", {"contact_power": 0.5}), ("contact_compliance", {"contact_power": 0.75}),
+    ("creep", {"creep": (10.0, 90.0, 0.7)}), ("creep", {"creep": (40.0, 300.0, 0.4)}),
+    ("plasticity", {"start": (0.35, 1.2)}), ("plasticity", {"start": (0.65, 1.2)}),
+    ("plasticity", {"start": (0.8, 1.2)}),
+)  # fmt: skip
+"""Other laws with which a cause may imitate another one."""
+INVISIBLE = 1e-3
+"""Strength per first size below which a family says nothing about a design."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A family's nodes.
+
+    Attributes:
+        cause: name.
+        label: part or channel.
+        nodes: indices of its nodes: along the curve, or one for each direction of a plane.
+        sizes: there.
+        spans: whether it is a plane.
+        free: whether its sizes may have both signs.
+    """
+
+    cause: str
+    label: str
+    nodes: tuple[int, ...]
+    sizes: tuple[float, ...]
+    spans: bool
+    free: bool
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The nearest point of one or several curves.
+
+    Attributes:
+        distance: to it.
+        weights: ``(m,)`` on the nodes.
+    """
+
+    distance: float
+    weights: Array
+
+
+@dataclass(frozen=True)
+class Signatures:
+    """All curves of a design.
+
+    Attributes:
+        visibility: the metric.
+        curves: the families.
+        nodes: their points ``(m, n c)``, whitened.
+        gram: scalar products ``(m, m)``.
+        raw: the nodes as plain changes of the forces ``(m, n c)``, over each reading's noise.
+    """
+
+    visibility: Visibility
+    curves: tuple[Curve, ...]
+    nodes: Array
+    gram: Array
+    raw: Array
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Names, each once."""
+        return tuple(dict.fromkeys(curve.cause for curve in self.curves))
+
+    def nearest(self, target: Array, causes: Sequence[str]) -> Fit:
+        """Nearest point to a whitened change ``(n c,)`` that one family of each cause gives together."""
+        products, square = self.nodes @ target, float(target @ target)
+        best = Fit(float(np.sqrt(square)), np.zeros(len(self.nodes)))
+        own = [[curve for curve in self.curves if curve.cause == cause] for cause in causes]
+        if not all(own):
+            return best
+        for start in own[0] if own else []:
+            chosen = [start, *(group[0] for group in own[1:])]
+            for _ in range(2):
+                for k, group in enumerate(own):
+                    if k == 0 and _ == 0 and len(own) == 1:
+                        continue
+                    if k > 0:
+                        trials = [[*chosen[:k], curve, *chosen[k + 1 :]] for curve in group]
+                        chosen = min(trials, key=lambda set_: self.together(products, square, set_).distance)
+                if len(own) == 1:
+                    break
+            fit = self.together(products, square, chosen)
+            best = fit if fit.distance < best.distance else best
+        return best
+
+    def together(self, products: Array, square: float, curves: Sequence[Curve]) -> Fit:
+        """Nearest point of a sum of curves, by turns.
+
+        Args:
+            products: of the target with the nodes ``(m,)``.
+            square: of the target.
+            curves: one of each cause.
+        """
+        parts = [np.zeros(len(self.nodes)) for _ in curves]
+        for _ in range(1 if len(curves) == 1 else 12):
+            for k, curve in enumerate(curves):
+                rest = np.sum([p for j, p in enumerate(parts) if j != k], axis=0) if len(parts) > 1 else 0.0
+                parts[k] = self._on(curve, products - self.gram @ rest if len(parts) > 1 else products)
+        weights = np.sum(parts, axis=0)
+        left = square - 2.0 * float(weights @ products) + float(weights @ self.gram @ weights)
+        return Fit(float(np.sqrt(max(left, 0.0))), weights)
+
+    def _on(self, curve: Curve, products: Array) -> Array:
+        """Weights ``(m,)`` of the point of a curve with the largest drop of the squared distance."""
+        weights = np.zeros(len(self.nodes))
+        at = list(curve.nodes)
+        if curve.spans:
+            G, b = self.gram[np.ix_(at, at)], products[at]
+            if curve.free:
+                weights[at] = np.linalg.lstsq(G, b, rcond=1e-10)[0]
+            else:
+                L = np.linalg.cholesky(G + 1e-9 * np.trace(G) * np.eye(len(at)))
+                weights[at] = nnls(L.T, np.linalg.solve(L, b))[0]
+            return weights
+        best = 0.0
+        for first, second in zip([-1, *at[:-1]], at, strict=True):
+            # from a to b = a + d; the last piece goes on
+            ab = self.gram[first, second] if first >= 0 else 0.0
+            aa = self.gram[first, first] if first >= 0 else 0.0
+            bb = self.gram[second, second]
+            pa = products[first] if first >= 0 else 0.0
+            pb = products[second]
+            dd = aa + bb - 2.0 * ab
+            if dd <= 0.0:
+                continue
+            end = 1.0 if second != at[-1] else 3.0
+            t = float(np.clip((pb - pa - ab + aa) / dd, 0.0, end))
+            u, v = 1.0 - t, t
+            drop = 2.0 * (u * pa + v * pb) - (u * u * aa + 2.0 * u * v * ab + v * v * bb)
+            if drop > best:
+                best = drop
+                weights[:] = 0.0
+                if first >= 0:
+                    weights[first] = u
+                weights[second] = v
+        return weights
+
+    def drops(self, targets: Array) -> Array:
+        """Largest drop of the squared distance by each curve ``(curves, k)``, for targets ``(n c, k)``."""
+        products = self.nodes @ targets
+        result = np.zeros((len(self.curves), targets.shape[1]))
+        for i, curve in enumerate(self.curves):
+            for k in range(targets.shape[1]):
+                w = self._on(curve, products[:, k])
+                result[i, k] = 2.0 * w @ products[:, k] - w @ self.gram @ w
+        return result
+
+    def equivalent(self, target: Array) -> dict[str, float]:
+        """The single causes that come within `ONE_CLASS` of a whitened change, and how near."""
+        near = {cause: self.nearest(target, [cause]).distance for cause in self.causes}
+        return {cause: d for cause, d in sorted(near.items(), key=lambda kv: kv[1]) if d <= ONE_CLASS}
+
+    def admits(self, target: Array, causes: Iterable[str]) -> bool:
+        """Whether a set of causes is one class with a whitened change: near it, and no smaller set of them is."""
+        wanted = tuple(causes)
+        if not wanted or any(cause not in self.causes for cause in wanted):
+            return False
+        if self.nearest(target, wanted).distance > ONE_CLASS:
+            return False
+        smaller = [tuple(c for c in wanted if c != out) for out in wanted] if len(wanted) > 1 else []
+        return not any(self.nearest(target, rest).distance <= ONE_CLASS for rest in smaller)
+
+
+def signatures(design: Design) -> Signatures:
+    """Compute the curves of a design.
+
+    Raises:
+        NoTruthError: the simulator does not even reach the design's end as drawn.
+    """
+    seen = visibility(design)
+    rig = Rig(drawn(design).machine)
+    base = rig.response(design)
+    largest = float(np.abs(seen.nominal.forces[:, 0]).max())
+    families = catalogue(design, largest)
+    for cause, change in VARIANTS:
+        families += [f for f in catalogue(design, largest, replace(Laws(), **change)) if f.cause == cause]
+    curves: list[Curve] = []
+    nodes: list[Array] = []
+    for family in families:
+        signs = (1,) if family.spans else family.signs
+        for sign in signs:
+            sizes, points = (
+                _plane(seen, rig, base, family) if family.spans else _curve(seen, rig, base, family, sign)
+            )
+            if sizes:
+                at = tuple(range(len(nodes), len(nodes) + len(sizes)))
+                nodes += points
+                free = family.spans and len(family.signs) > 1
+                curves.append(Curve(family.cause, family.label, at, sizes, family.spans, free))
+    if design.link_segments == 1:
+        nodes.append(seen.flat(base.less(seen.nominal)))
+        curves.append(Curve("link_lumping", "", (len(nodes) - 1,), (1.0,), False, False))
+    raw = np.array(nodes)
+    white = np.array([seen.whitened_flat(point) for point in nodes])
+    spread = np.tile([design.instruments[name].noise for name in design.channels], len(design))
+    return Signatures(seen, tuple(curves), white, white @ white.T, raw / spread)
+
+
+def change_of(seen: Visibility, rig: Rig, base: Response, put: Put, size: float) -> Array:
+    """What a cause of a size changes of a rig whose readings are ``base``, as forces ``(n c,)``.
+
+    Raises:
+        NoTruthError: the simulator gave up.
+    """
+    return seen.flat(put(rig, size).response(seen.design).less(base))
+
+
+def _plane(seen: Visibility, rig: Rig, base: Response, family: Family) -> tuple[tuple[float, ...], list[Array]]:
+    """One node for each member that can be seen."""
+    sizes: tuple[float, ...] = ()
+    points: list[Array] = []
+    for put in family.members:
+        found = _curve(seen, rig, base, replace(family, members=(put,)), 1, (STRENGTHS[1],))
+        sizes += found[0]
+        points += found[1]
+    return sizes, points
+
+
+def _curve(
+    seen: Visibility, rig: Rig, base: Response, family: Family, sign: int, strengths: Sequence[float] = STRENGTHS
+) -> tuple[tuple[float, ...], list[Array]]:
+    """Nodes at about the given strengths, as far as the family's sizes and the simulator go."""
+    (put,) = family.members
+    sizes: list[float] = []
+    points: list[Array] = []
+    size, tried = family.first, (0.0, 0.0)
+    power = 1.0
+    for strength in strengths:
+        for _ in range(5):
+            size = min(size, family.most)
+            try:
+                point = change_of(seen, rig, base, put, sign * size)
+            except NoTruthError:
+                return tuple(sign * s for s in sizes), points
+            here = float(np.linalg.norm(seen.whitened_flat(point)))
+            if tried[0] > 0.0 and tried[0] != size and min(here, tried[1]) > INVISIBLE:
+                # a bow's effect grows with its square, most others in proportion
+                power = float(np.clip(np.log(here / tried[1]) / np.log(size / tried[0]), 0.5, 3.0))
+            tried = size, here
+            if 0.6 < here / strength < 1.7 or (here < strength and size >= family.most):
+                break
+            ratio = (strength / here) ** (1.0 / power) if here > INVISIBLE else 30.0
+            size *= float(np.clip(ratio, 1e-3, 30.0))
+        if tried[1] < INVISIBLE or (sizes and tried[0] <= sizes[-1] * 1.01):
+            break
+        sizes.append(tried[0])
+        points.append(point)
+        if tried[0] >= family.most:
+            break
+        following = strengths[min(len(sizes), len(strengths) - 1)]
+        size = tried[0] * (following / tried[1]) ** (1.0 / power)
+    return tuple(sign * s for s in sizes), points
