@@ -16,6 +16,7 @@ from vjm_validation.identification.matrix_file import matrix_names
 from vjm_validation.identification.path_file import build_path, is_path
 from vjm_validation.identification.table2_document import show as show_table2
 from vjm_validation.identification.table2_document import table2_document
+from vjm_validation.identification.table2_fit import TableFit
 from vjm_validation.summary import as_json
 
 
@@ -49,8 +50,9 @@ def identify(
     if table2:
         if model is None or part is not None or matrix is not None:
             raise ValueError("--table2: give a model, and neither --part nor --matrix")
+        table = TableFit(load_chain(model))
         with show.progress(quiet=json) as progress:
-            implied = table2_document(load_chain(model), progress)
+            implied = table2_document(table, progress)
         if json:
             sys.stdout.write(as_json(implied))
         else:

@@ -31,7 +31,7 @@ def tight(C) -> Target:
     return Target(C, 1e-7 * scaling(C))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_straight_beam_is_found_again(seed):
     rng = np.random.default_rng(seed)
     L, R, s = rng.uniform(50.0, 800.0), rotation(rng), random_section(rng)
@@ -59,7 +59,7 @@ def test_shear_is_found_where_it_shows():
     assert found.beam.beam.beam_compliance() == pytest.approx(C, abs=1e-6 * float(np.max(np.abs(C))))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_beam_with_a_rigid_offset_is_found_again(seed):
     rng = np.random.default_rng(100 + seed)
     L, R, s = rng.uniform(80.0, 300.0), rotation(rng), random_section(rng)
@@ -76,7 +76,7 @@ def test_a_beam_with_a_rigid_offset_is_found_again(seed):
     assert abs(beam.section_frame[:, 0] @ R[:, 0]) == pytest.approx(1.0, abs=1e-5)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 12))])
 def test_rounding_to_two_digits_leaves_the_truth_within_the_ranges(seed):
     rng = np.random.default_rng(200 + seed)
     L, s = rng.uniform(100.0, 500.0), random_section(rng)
@@ -130,7 +130,13 @@ def test_the_nearest_beam_to_what_is_none_is_near():
         assert misses @ misses >= found.nearest.squares
 
 
-@pytest.mark.parametrize(("row", "column", "factor"), [(2, 6, 0.1), (3, 3, 10.0), (5, 5, 1.5)])
+@pytest.mark.parametrize(
+    ("row", "column", "factor"),
+    [
+        (2, 6, 0.1),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((3, 3, 10.0), (5, 5, 1.5), (3, 5, -1.0))),
+    ],
+)
 def test_a_single_misprint_is_found_and_mended(row, column, factor):
     C = cantilever(310.0, EA=6.74e6, GJ=1.07e7, EIy=2.07e8, EIz=4.31e7)
     wrong = C.copy()

@@ -13,7 +13,7 @@ from vjm.parts import Actuator, Beam, PassiveJoint, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
 from vjm_validation.exact.linear import Bar, l_frame_in_plane, l_frame_out_of_plane
 from vjm_validation.identification.beam_path import BeamPath, Piece
-from vjm_validation.identification.command import identify_part, identify_path
+from vjm_validation.identification.command import identify_part
 from vjm_validation.identification.experiments import measure
 from vjm_validation.identification.path_file import build_path, is_path
 from vjm_validation.identification.specimens import part_specimen
@@ -107,8 +107,8 @@ def test_parts_in_series_add_up():
 
 def test_a_frame_with_a_corner_is_castiglianos():
     path = build_path(tomllib.loads(L_FRAME), "l-frame.toml")
-    document = identify_path(path)
-    C, open_ = np.array(document.compliance), np.array(document.uncertainty, dtype=float)
+    found = measure(path.specimen(), (4, 8, 16))
+    C, open_ = found.compliance, found.uncertainty
     first = Bar(200.0, EI=4e8, EA=1e7, GA=3e6, GJ=3e8)
     second = Bar(150.0, EI=2e8, EA=5e6, GA=2e6, GJ=1e8)
     for freedoms, exact in (
@@ -118,7 +118,6 @@ def test_a_frame_with_a_corner_is_castiglianos():
         block = np.ix_(freedoms, freedoms)
         assert C[block] == pytest.approx(exact, rel=1e-6, abs=1e-14)
         assert np.all(np.abs(C[block] - exact) <= open_[block] + 1e-9 * np.max(exact))
-    assert not document.beams[-1].met
 
 
 def test_a_taper_is_the_integral_of_its_width():

@@ -11,7 +11,6 @@ from rich.console import Console
 from rich.table import Table
 
 from vjm import __version__
-from vjm.chain import Chain
 from vjm.io.errors import printed
 from vjm_validation.identification.documents import Frozen
 from vjm_validation.identification.matrix_file import entry_name
@@ -102,17 +101,17 @@ class Table2Document(Frozen):
     """The same in words."""
 
 
-def table2_document(chain: Chain, progress: Callable[[str, int, int], None] | None = None) -> Table2Document:
+def table2_document(table: TableFit, progress: Callable[[str, int, int], None] | None = None) -> Table2Document:
     """Fit (19) and (20) to Table II within their rounding.
 
     Args:
-        chain: the paper's, its beams with their printed matrices, its postures named as the table's rows.
+        table: of the paper's chain.
         progress: called with a stage's name, how much of it is done, and of how much.
 
     Raises:
-        ValueError: no row of the table is a posture of the chain, or a beam has no printed matrix.
+        ValueError: the paper's model has no critical point in some row.
     """
-    table = TableFit(chain)
+    chain = table.chain
     postures = list(dict.fromkeys(posture for posture, _ in table.figures))
     groups = [group for k in range(1, len(postures) + 1) for group in combinations(postures, k)]
     total, finished = len(groups) + len(TOLERANCES) + len(WIDER) + 1, 0

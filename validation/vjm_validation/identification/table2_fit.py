@@ -78,6 +78,9 @@ class TableFit:
     Attributes:
         chain: with the matrices as printed.
         box: half units by which each entry may move; one is the rounding itself.
+
+    Raises:
+        ValueError: no row of the table is a posture of the chain, or a beam has no printed matrix.
     """
 
     chain: Chain
