@@ -27,8 +27,8 @@ DIVERGED = 1e6
 NEUTRAL = 1e-6
 """Eigenvalue over the smallest unloaded one up to which a motion costs nothing."""
 SURE = 1e-2
-"""Share of the tolerance below which a state needs no further step: elsewhere one more is taken, since near critical
-points, where the stiffness is small, a state within the tolerance may still be far off."""
+"""Share of the tolerance below which a state needs no further step: elsewhere one more is taken, since near
+critical points, where the stiffness is small, a state within the tolerance may still be far off."""
 ROUNDINGS = 64.0
 """Units in the last place of a position that a residual may be wrong by."""
 ON_PATH = 1e-11
