@@ -141,6 +141,12 @@ def changed(z: Mapping[str, float], engine: VjmEngine) -> Chain:
     return found.build(np.array(list(z.values())))
 
 
+def lengthened(chain: Chain, part: str, by: float) -> Chain:
+    """The chain with a longer part, mm."""
+    parts = (replace(p, length=p.length + by) if p.name == part else p for p in chain.parts)
+    return replace(chain, parts=tuple(parts))
+
+
 Row = dict[str, str | float]
 
 

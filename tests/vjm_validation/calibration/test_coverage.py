@@ -19,14 +19,21 @@ from . import synthetic
 from .conftest import ENGINE, RAMPS, TRUTH
 
 REPETITIONS, FEW = 400, 24
+LENGTH_MM = 0.2
+"""Tolerance of the link's length."""
 
 
 def covered(seed: int, rho: float, wild: float, steps: int) -> list[bool]:
-    """Which intervals of one test hold the truth; nuisances are drawn anew, as the sheet allows."""
-    walk = synthetic.of_model(synthetic.changed(TRUTH, ENGINE), ENGINE)
-    rows = synthetic.readings(walk, RAMPS, steps, np.random.default_rng([17, seed]), rho=rho, wild=wild)
+    """Which intervals of one test hold the truth.
+
+    The nuisances are drawn anew, as the sheet allows: zeros and scales of the channels, the link's length.
+    """
+    rng = np.random.default_rng([17, seed])
+    machine = synthetic.lengthened(synthetic.changed(TRUTH, ENGINE), "link", LENGTH_MM * rng.standard_normal())
+    rows = synthetic.readings(synthetic.of_model(machine, ENGINE), RAMPS, steps, rng, rho=rho, wild=wild)
+    sheet = synthetic.sheet_text(foot=1, link=4, tolerance=f"link_length_mm = {LENGTH_MM}")
     with tempfile.TemporaryDirectory() as folder:
-        files = synthetic.write(Path(folder), rows, synthetic.sheet_text(foot=1, link=4))
+        files = synthetic.write(Path(folder), rows, sheet)
         measurement = read_measurement(files.data, files.sheet)
     found = fit(problem_of(measurement, tuple(TRUTH)))
     ends = [profile_interval(found, i) for i in range(len(TRUTH))]
@@ -44,6 +51,7 @@ def wilson(hits: int, of: int) -> tuple[float, float]:
 def check(results: list[list[bool]]) -> None:
     for name, hits in zip(TRUTH, np.sum(results, axis=0), strict=True):
         low, high = wilson(int(hits), len(results))
+
         assert low <= 0.95 <= high, f"{name}: {hits} of {len(results)}"
 
 

@@ -20,6 +20,8 @@ INK, NOMINAL, CALIBRATED, BAD = "#1b1f24", "#D55E00", "#0072B2", "#b00020"
 """Okabe and Ito's, but for the wild readings."""
 MOST_NAMED = 26
 """Rows of a correlation picture whose values are written."""
+EDGE = 5.0
+"""Half a lane of the picture of residuals, sigma; what lies beyond is drawn at its edge."""
 STRONG = 0.3
 """Correlation from which a value is written."""
 
@@ -97,33 +99,36 @@ def _axis_name(column: str) -> str:
 
 
 def _residual_picture(fit: Fit, nominal: Evaluation | None) -> Picture:
-    """Whitened residuals in the order of the readings."""
+    """Whitened residuals in the order of the readings, a lane for each channel."""
     problem = fit.problem
     channels = [int(c) for c in np.flatnonzero(problem.present.any(axis=0))]
-    with figure(0.5 + 1.15 * len(channels), 2, rows=len(channels), widths=[4.0, 1.0]) as (fig, axes):
-        bins = np.linspace(-5.0, 5.0, 41)
-        density = np.exp(-0.5 * bins**2) / np.sqrt(2.0 * np.pi)
+    bins = np.linspace(-EDGE, EDGE, 41)
+    density = np.exp(-0.5 * bins**2) / np.sqrt(2.0 * np.pi)
+    with figure(0.6 + 0.8 * len(channels), 2, sharey=True, widths=[4.0, 1.0]) as (fig, (ax, side)):
         for k, c in enumerate(channels):
-            ax, side = axes[2 * k], axes[2 * k + 1]
+            lane = -2.0 * EDGE * k
             at = np.flatnonzero(problem.present[:, c])
-            r = fit.residual[at, c] * fit.spread[c]
+            r = lane + np.clip(fit.residual[at, c] * fit.spread[c], -EDGE, EDGE)
             wild = fit.weight[at, c] < WILD
-            ax.axhspan(-2.0, 2.0, color="#e8eef4", zorder=0)
-            ax.plot(at, np.clip(r, -8.0, 8.0), ".", color=CALIBRATED, ms=2.5)
-            ax.plot(at[wild], np.clip(r[wild], -8.0, 8.0), "x", color=BAD, ms=4.0)
-            ax.set_ylabel(f"{WRENCH[c].split('_')[0]}, σ")
-            ax.set_ylim(-8.5, 8.5) if np.any(np.abs(r) > 5.0) else ax.set_ylim(-5.2, 5.2)
-            _postures_along(ax, fit)
-            side.hist(np.clip(r, -5.0, 5.0), bins=bins.tolist(), density=True, color=CALIBRATED, alpha=0.5)
-            side.plot(bins, density, color=INK, lw=1.0)
-            side.set_yticks([])
-        axes[-2].set_xlabel("reading")
-        axes[-1].set_xlabel("σ")
+            ax.axhspan(lane - 2.0, lane + 2.0, color="#e8eef4", zorder=0)
+            ax.plot(at, r, ".", color=CALIBRATED, ms=2.0)
+            ax.plot(at[wild], r[wild], "x", color=BAD, ms=4.0)
+            counts = np.histogram(r - lane, bins, density=True)[0]
+            side.fill_betweenx(lane + bins, 0.0, [*counts, 0.0], step="post", color=CALIBRATED, alpha=0.5)
+            side.plot(density, lane + bins, color=INK, lw=1.0)
+        ax.set_yticks([-2.0 * EDGE * k for k in range(len(channels))], [WRENCH[c].split("_")[0] for c in channels])
+        ax.set_ylim(-2.0 * EDGE * (len(channels) - 0.5), EDGE)
+        ax.grid(visible=False)
+        side.grid(visible=False)
+        side.set_xticks([])
+        _postures_along(ax, fit)
+        ax.set_xlabel("reading")
+        side.set_xlabel("share")
         content = png(fig)
     before = _rms(fit, nominal)
     caption = (
-        "Residuals of every reading, made independent of one another and divided by the noise of the sheet; the "
-        f"band is ±2σ, the line a standard normal density. Crosses are wild readings.{before}"
+        "Residuals of every reading, made independent of one another and divided by the noise of the sheet; bands "
+        f"are ±2σ, lanes ±{EDGE:g}σ, lines a standard normal density. Crosses are wild readings.{before}"
     )
     return Picture("residuals", content, "Residuals", caption)
 

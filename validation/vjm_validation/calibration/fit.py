@@ -105,7 +105,8 @@ def fit(problem: Problem) -> Fit:
             steps += 1
             if step < enough:
                 break
-        at = _best_branches(problem, at, loss)
+        if loss is not BIWEIGHT:  # by then the side is known
+            at = _best_branches(problem, at)
         # a first look at the noise only when the model is near
         if loss is not SQUARES:
             memory, spread = _noise(problem, at, memory)
@@ -222,7 +223,7 @@ def _noise(problem: Problem, at: Evaluation, memory: Memory) -> tuple[Memory, Ar
     return memory, spread
 
 
-def _best_branches(problem: Problem, at: Evaluation, loss: Loss) -> Evaluation:
+def _best_branches(problem: Problem, at: Evaluation) -> Evaluation:
     """Each half-ray on the one of its mirrored branches that is nearer to its readings."""
     branches, factors = at.branches, problem.whitening(at)
     for number, ray in enumerate(problem.rays):
