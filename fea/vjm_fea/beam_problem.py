@@ -9,10 +9,8 @@ import numpy as np
 
 from vjm.chain import Chain
 from vjm.equilibrium import NoConvergenceError
-from vjm.hand import displacement_from, held
-from vjm.lumped import LumpedModel
+from vjm.hand import displacement_from
 from vjm.lumped_problem import STEPS_OF_CONSTANT_LOADS
-from vjm.parts import PassiveJoint
 from vjm.paths import Equilibrium, StationLabel
 from vjm.programme import PointControl, Programme
 from vjm.rotations import Array, frame
@@ -33,15 +31,6 @@ ROUNDINGS = 64.0
 """Units in the last place of a position that a residual may be wrong by."""
 ON_PATH = 1e-11
 """Error of the condition beside equilibrium, in units of turns and of the chain's length."""
-
-
-def hand_joints(chain: Chain, programme: Programme) -> tuple[PassiveJoint, ...]:
-    """Joints between the end-effector and the hand, from the end-effector; see `vjm.hand`.
-
-    Raises:
-        ValueError: what is free makes the chain a mechanism.
-    """
-    return held(LumpedModel(chain), programme).joints if programme.free else ()
 
 
 def refuse_imperfection(label: str, programme: Programme) -> None:

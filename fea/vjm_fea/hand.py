@@ -6,8 +6,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vjm.chain import Chain
+from vjm.hand import held
+from vjm.lumped import LumpedModel
 from vjm.parts import PassiveJoint
+from vjm.programme import Programme
 from vjm.rotations import Array
+
+
+def hand_joints(chain: Chain, programme: Programme) -> tuple[PassiveJoint, ...]:
+    """Joints between the end-effector and the hand, from the end-effector; see `vjm.hand`.
+
+    Raises:
+        ValueError: what is free makes the chain a mechanism.
+    """
+    return held(LumpedModel(chain), programme).joints if programme.free else ()
 
 
 def joint_axes(joints: Sequence[PassiveJoint]) -> tuple[Array, tuple[int, ...]]:

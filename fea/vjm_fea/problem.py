@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from vjm.chain import Chain
 from vjm.programme import PointControl, Programme
-from vjm_fea.beam_problem import BeamProblem, hand_joints, refuse_imperfection
+from vjm_fea.beam_problem import BeamProblem, refuse_imperfection
+from vjm_fea.hand import hand_joints
 from vjm_fea.mesh import Mesh
 from vjm_fea.points import wanted
 from vjm_fea.statics import Statics
