@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from vjm.rotations import Array
@@ -115,13 +113,14 @@ def reference_document(name: str, reference: Array, found: Array, *, printed: bo
     digits = _digits(reference) if printed else None
     outside = {}
     if digits is not None:
-        for i in range(6):
-            for j in range(i, 6):
-                if reference[i, j] != 0.0:
-                    half = 0.5 * 10.0 ** (math.floor(math.log10(abs(reference[i, j]))) - digits + 1)
-                    miss = float((found[i, j] - reference[i, j]) / half)
-                    if abs(miss) > 1.0:
-                        outside[entry_name(i, j)] = miss
+        with np.errstate(divide="ignore"):
+            half = 0.5 * 10.0 ** (np.floor(np.log10(np.abs(reference))) - digits + 1)
+        # a printed zero is zero within what its row's and column's diagonal entries resolve
+        half = np.where(reference == 0.0, np.sqrt(np.outer(np.diag(half), np.diag(half))), half)
+        misses = (found - reference) / half
+        outside = {
+            entry_name(i, j): float(misses[i, j]) for i in range(6) for j in range(i, 6) if abs(misses[i, j]) > 1.0
+        }
     difference = float(np.max(np.abs(found - reference) / scaling(reference)))
     return ReferenceDocument(
         name=name, compliance=reference.tolist(), difference=difference, digits=digits, outside=outside
