@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 
 from vjm.io.files import write_whole
+from vjm_validation.ladder.families import TITLES
 from vjm_validation.report.end_condition_figures import end_condition_picture
 from vjm_validation.report.figures import posture_pictures, postures
 from vjm_validation.report.findings import findings
 from vjm_validation.report.iteration_figures import iteration_picture
+from vjm_validation.report.ladder_figures import digits_table, ladder_picture
 from vjm_validation.report.lumping_figures import lumping_pictures
 from vjm_validation.report.markdown import findings_markdown
 from vjm_validation.report.proofs import foot_picture, published_picture
@@ -60,9 +62,10 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     proofs = lumping_pictures(run)
     foot, table2, counts = foot_picture(run), published_picture(run), iteration_picture(run)
     hands = end_condition_picture(run)
+    ladder = ladder_picture(run)
     curves = {posture: posture_pictures(run, posture) for posture in postures(run)}
     renders, no_renders = _renders(run)
-    proof = [picture for picture in (*proofs, foot, hands, table2, counts) if picture]
+    proof = [picture for picture in (*proofs, foot, hands, table2, counts, ladder) if picture]
     figures = [*proof, *chain.from_iterable(curves.values())]
     for folder, pictures in (("figures", figures), ("renders", renders)):
         for picture in pictures:
@@ -83,6 +86,10 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         published=run.summary.get("published", ()),
         acceptance=run.summary.get("acceptance", ()),
         verification=run.summary.get("verification", ()),
+        triangulation=run.summary.get("triangulation", ()),
+        digits=digits_table(run),
+        ladder=ladder,
+        families=TITLES,
         command=run.summary.get("command"),
         records={
             title: run.summary.get(key)
