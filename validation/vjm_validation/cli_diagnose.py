@@ -1,0 +1,50 @@
+"""The command ``validate diagnose``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from vjm_validation import show
+from vjm_validation.diagnosis.command import PAGE, diagnose
+from vjm_validation.diagnosis.words import lines
+from vjm_validation.summary import as_json
+
+
+def register(app: App) -> None:
+    """Give the `validate` command its ``diagnose``."""
+    app.command(diagnose_, name="diagnose")
+
+
+def diagnose_(
+    data: Annotated[Path, Parameter(help="Readings, CSV; see docs/diagnosis.md.")],
+    *,
+    sheet: Annotated[Path, Parameter(help="Test sheet, TOML.")],
+    out: Annotated[Path, Parameter(help="Folder for diagnosis.json, diagnosis.html, extended-model.toml.")],
+    effects: Annotated[
+        tuple[Path, ...],
+        Parameter(consume_multiple=True, help="Python files with effects of your own; see docs/effects.md."),
+    ] = (),
+    json: Annotated[bool, Parameter(negative="", help="Print diagnosis.json and nothing else.")] = False,
+) -> int:
+    """Show what the model gets wrong, name the cause, extend the model and measure the gain."""
+    with show.progress(quiet=json) as progress:
+        done = 0
+
+        def tell(_: str) -> None:
+            nonlocal done
+            done += 1
+            progress("diagnosis", done, 0)
+
+        document = diagnose(data, sheet, out, plug_ins=effects, progress=tell)
+    if json:
+        sys.stdout.write(as_json(document))
+        return 0
+    console = show.console()
+    for line in lines(document):
+        console.print(line, soft_wrap=True)
+    console.print(f"page: {out / PAGE}", soft_wrap=True)
+    return 0

@@ -1,0 +1,1 @@
+"""Given measured data: what the model gets wrong, the cause, the extended model and the gain."""

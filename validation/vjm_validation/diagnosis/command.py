@@ -1,0 +1,185 @@
+"""``validate diagnose``: from a test's two files to the diagnosis' three."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from vjm import __version__
+from vjm.effects.catalogue import plug_in
+from vjm.io.files import check_writable, write_whole
+from vjm_validation.diagnosis.contrasts import contrasts
+from vjm_validation.diagnosis.critical import critical_forces
+from vjm_validation.diagnosis.document import (
+    AlternativeRow,
+    CandidateRow,
+    ContrastRow,
+    CriticalRow,
+    Diagnosis,
+    ExperimentRow,
+    GainRow,
+    NoiseRow,
+    ValueRow,
+    VersionRow,
+)
+from vjm_validation.diagnosis.experiment import propose
+from vjm_validation.diagnosis.extended import extended_text
+from vjm_validation.diagnosis.fitting import Fit
+from vjm_validation.diagnosis.holdout import gain
+from vjm_validation.diagnosis.observed import observe
+from vjm_validation.diagnosis.page import write_page
+from vjm_validation.diagnosis.preparation import Prepared, prepare
+from vjm_validation.diagnosis.search import Ranked, Search, effective_samples
+from vjm_validation.diagnosis.verdict import Estimate, Verdict, estimates, judge, nuisance_estimates
+from vjm_validation.measurement import Measurement, read_measurement
+from vjm_validation.measurement.channels import WRENCH
+from vjm_validation.summary import as_json
+
+DOCUMENT, MODEL, PAGE = "diagnosis.json", "extended-model.toml", "diagnosis.html"
+SHOWN = 12
+"""Contrasts that are kept."""
+
+
+def diagnose(
+    data: Path,
+    sheet: Path,
+    out: Path,
+    *,
+    plug_ins: Sequence[Path] = (),
+    progress: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Diagnose a test and write what was found.
+
+    Args:
+        data: readings, CSV.
+        sheet: test sheet, TOML.
+        out: folder for `DOCUMENT`, `MODEL` and `PAGE`; all are written at the end or none.
+        plug_ins: files with effects of one's own, see docs/effects.md.
+        progress: told what is being done.
+
+    Raises:
+        ValueError: a file cannot be used; one line.
+        vjm.equilibrium.NoConvergenceError: the nominal model does not reach the readings.
+        OSError: the folder cannot be written to.
+    """
+    begun = time.perf_counter()
+    more = [plug_in(path) for path in plug_ins]
+    measurement = read_measurement(data, sheet)
+    observed = observe(measurement)
+    check_writable(out)
+    progress("the nominal model")
+    prepared = prepare(observed, more)
+    search = _search(prepared, progress)
+    best = search.run()
+    progress("verdict")
+    verdict = judge(search, best)
+    document = _document(measurement, prepared, search, verdict, begun)
+    progress("report")
+    chosen = verdict.members[0].fit if verdict.members else prepared.null
+    found = estimates(prepared.fitter, chosen, 0.0)
+    model = extended_text(measurement, prepared.fitter, chosen, verdict.kind, found)
+    page = write_page(measurement, prepared, chosen, document)
+    for name, content in ((DOCUMENT, as_json(document)), (MODEL, model), (PAGE, page)):
+        write_whole(out / name, content)
+    return document
+
+
+def _search(prepared: Prepared, progress: Callable[[str], None]) -> Search:
+    fitter = prepared.fitter
+    samples = effective_samples(fitter.whitening.memory.rho, fitter.whitening.present)
+    return Search(fitter, prepared.null, prepared.effects, samples, progress)
+
+
+def _document(
+    measurement: Measurement, prepared: Prepared, search: Search, verdict: Verdict, begun: float
+) -> Diagnosis:
+    fitter = prepared.fitter
+    observed = fitter.forward.observed
+    candidates = [
+        CandidateRow(
+            causes=sorted(member.causes),
+            probability=p,
+            parameters=_values(estimates(fitter, member.fit, 0.0), member.fit),
+            gain=_gain(prepared, member.fit),
+        )
+        for member, p in zip(verdict.members, verdict.probabilities, strict=True)
+    ]
+    channels = {name: WRENCH.index(name) for name in observed.wrench_channels}
+    chosen = verdict.members[0].fit if verdict.members else prepared.null
+    return Diagnosis(
+        verdict=verdict.kind,
+        causes=sorted({cause for c in candidates for cause in c.causes}),
+        candidates=candidates,
+        parameters=candidates[0].parameters if candidates else {},
+        confidence=verdict.confidence,
+        alternatives=[AlternativeRow(causes=sorted(r.causes), confidence=w) for r, w in verdict.others],
+        gain=candidates[0].gain if candidates else None,
+        next_experiment=_next(prepared, verdict),
+        version=VersionRow(
+            package=__version__, model_sha256=measurement.model_sha256, data_sha256=measurement.data_sha256
+        ),
+        residual=_residual_words(verdict),
+        contrasts=[
+            ContrastRow(name=c.name, channel=c.channel, size=c.size, significance=c.significance)
+            for c in contrasts(fitter, prepared.null)[:SHOWN]
+        ],
+        noise=NoiseRow(
+            autocorrelation={name: float(fitter.whitening.memory.rho[k]) for name, k in channels.items()},
+            wild_samples=observed.wild,
+            readings=len(observed.pose),
+        ),
+        nuisances={name: _value(e) for name, e in nuisance_estimates(fitter, chosen).items()},
+        seconds=time.perf_counter() - begun,
+    )
+
+
+def _residual_words(verdict: Verdict) -> str:
+    if verdict.kind != "unknown":
+        return ""
+    return f"what is left has the shape '{verdict.rest.worst or 'rough'}', strength {verdict.rest.left**0.5:.1f}"
+
+
+def _value(e: Estimate) -> ValueRow:
+    return ValueRow(value=e.value, std=e.std, interval95=[e.low, e.high])
+
+
+def _values(found: dict[str, Estimate], fit: Fit) -> dict[str, ValueRow | str]:
+    result: dict[str, ValueRow | str] = {name: _value(e) for name, e in found.items()}
+    for effect in fit.hypothesis:
+        if effect.part and not any(name.startswith(f"{effect.cause}.{effect.part}") for name in result):
+            result[f"{effect.cause}.part"] = effect.part
+    return result
+
+
+def _gain(prepared: Prepared, fit: Fit) -> GainRow:
+    found = gain(prepared.fitter, prepared.null, fit)
+    measured, before, after = critical_forces(prepared.fitter, prepared.null, fit)
+    return GainRow(
+        rmse_before=found.before,
+        rmse_after=found.after,
+        interval95=list(found.interval),
+        before_in_sigma=found.before_in_sigma,
+        after_in_sigma=found.after_in_sigma,
+        split=found.split,
+        critical=CriticalRow(measured_N=measured, before_N=before, after_N=after),
+    )
+
+
+def _next(prepared: Prepared, verdict: Verdict) -> ExperimentRow:
+    if verdict.kind != "class":
+        return ExperimentRow()
+    first = verdict.members[0]
+    other: Ranked = next(m for m in verdict.members if m.causes != first.causes)
+    found = propose(prepared.fitter, first.fit, other.fit)
+    if found is None:
+        return ExperimentRow(why="no posture of the model separates them")
+    names = " + ".join(sorted(first.causes)), " + ".join(sorted(other.causes))
+    return ExperimentRow(
+        why=f"it tells {names[0]} from {names[1]}: {found.channel} would differ by up to {found.difference:.3g}",
+        posture=found.posture,
+        path=found.path,
+        difference=found.difference,
+        channel=found.channel,
+        strength=found.strength,
+    )

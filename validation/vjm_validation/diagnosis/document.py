@@ -1,0 +1,113 @@
+"""``diagnosis.json`` as MEASURED.md has it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Row(BaseModel):
+    """A frozen table."""
+
+    model_config = ConfigDict(frozen=True)
+
+
+class ValueRow(Row):
+    """A parameter."""
+
+    value: float
+    std: float
+    interval95: list[float]
+
+
+class CriticalRow(Row):
+    """The critical force, where one was measured, and its predictions."""
+
+    measured_N: float | None = None  # noqa: N815
+    before_N: float | None = None  # noqa: N815
+    after_N: float | None = None  # noqa: N815
+
+
+class GainRow(Row):
+    """Error of readings held out."""
+
+    rmse_before: float
+    rmse_after: float
+    interval95: list[float] = Field(description="of the reduction")
+    unit: Literal["N"] = "N"
+    before_in_sigma: float
+    after_in_sigma: float
+    split: str
+    critical: CriticalRow = CriticalRow()
+
+
+class CandidateRow(Row):
+    """A set of causes that remains possible."""
+
+    causes: list[str]
+    probability: float
+    parameters: dict[str, ValueRow | str]
+    gain: GainRow
+
+
+class AlternativeRow(Row):
+    """A set of causes that was tried and is less likely."""
+
+    causes: list[str]
+    confidence: float
+
+
+class ExperimentRow(Row):
+    """What to measure next."""
+
+    why: str = ""
+    posture: str = ""
+    path: str = ""
+    difference: float | None = Field(None, description="largest difference that it would show, N or N mm")
+    channel: str = ""
+    strength: float | None = Field(None, description="of the discrimination to be expected")
+
+
+class VersionRow(Row):
+    """What made it."""
+
+    package: str
+    model_sha256: str
+    data_sha256: str
+
+
+class ContrastRow(Row):
+    """A contrast of the nominal model's residual."""
+
+    name: str
+    channel: str
+    size: float
+    significance: float
+
+
+class NoiseRow(Row):
+    """What was found of the noise."""
+
+    autocorrelation: dict[str, float]
+    wild_samples: int
+    readings: int
+
+
+class Diagnosis(Row):
+    """What a diagnosis found."""
+
+    verdict: Literal["none", "named", "class", "unknown"]
+    causes: list[str]
+    candidates: list[CandidateRow]
+    parameters: dict[str, ValueRow | str]
+    confidence: float
+    alternatives: list[AlternativeRow]
+    gain: GainRow | None
+    next_experiment: ExperimentRow
+    version: VersionRow
+    residual: str = Field("", description="shape of what no cause explains")
+    contrasts: list[ContrastRow] = []
+    noise: NoiseRow | None = None
+    nuisances: dict[str, ValueRow] = {}
+    seconds: float = 0.0

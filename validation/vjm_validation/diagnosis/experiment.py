@@ -1,0 +1,146 @@
+"""The next experiment: of postures, directions, cycles and holds the one that tells the members of a class apart.
+
+For each candidate both hypotheses predict the readings. What the less probable one could still make up by its own
+coordinates, within what the present test leaves open, does not count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.effects.machine import Machine
+from vjm.effects.series import History
+from vjm.rotations import Array
+from vjm_validation.calibration.noise import memory_of, whiten
+from vjm_validation.calibration.rays import Ray
+from vjm_validation.diagnosis.fitting import Fit, Fitter
+from vjm_validation.diagnosis.forward import Forward
+from vjm_validation.diagnosis.observed import Observed
+from vjm_validation.measurement import Readings
+from vjm_validation.measurement.channels import POSE, WRENCH
+
+PER_RAMP = 12
+"""Readings on each way."""
+HELD = 6
+"""Readings while held."""
+UNMEASURED = ("fx_N", "fy_N", "fz_N")
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A test to be done next.
+
+    Attributes:
+        posture: label.
+        path: what is done, in words.
+        strength: of the discrimination to be expected.
+        difference: largest difference of a reading that it would show.
+        channel: of that reading.
+    """
+
+    posture: str
+    path: str
+    strength: float
+    difference: float
+    channel: str
+
+
+def propose(fitter: Fitter, one: Fit, other: Fit) -> Proposal | None:
+    """The candidate that separates two hypotheses best; None where none can be computed."""
+    observed = fitter.forward.observed
+    chain = observed.measurement.chain
+    best: Proposal | None = None
+    for posture in chain.postures:
+        reach = _reach(observed, posture)
+        for name, ends in (("pull and push", (reach, -reach)), ("pull", (reach,)), ("push", (-reach,))):
+            found = _candidate(fitter, one, other, posture, name, ends)
+            if found is not None and (best is None or found.strength > 1.05 * best.strength):
+                best = found
+    return best
+
+
+def _reach(observed: Observed, posture: str) -> float:
+    """As far as the posture was taken, else as far as any."""
+    own = [r for r in observed.rays if r.posture == posture] or list(observed.rays)
+    return max(float(np.abs(observed.pose[r.index, 0]).max()) for r in own) or 1.0
+
+
+def _candidate(
+    fitter: Fitter, one: Fit, other: Fit, posture: str, name: str, ends: tuple[float, ...]
+) -> Proposal | None:
+    made = _observed(fitter.forward.observed, posture, ends)
+    forward = Forward(made)
+    own = Fitter(forward, fitter.nuisances, fitter.whitening)
+    first = own.evaluate(one.found, one.at.z, one.hypothesis)
+    second = own.evaluate(other.found, other.at.z, other.hypothesis)
+    if first is None or second is None:
+        return None
+    present = made.present
+    factors = whiten(made.noise, first.stiffness, first.gain, present)
+    own.whitening = replace(
+        fitter.whitening,
+        factors=factors,
+        present=present,
+        memory=replace(memory_of(made.readings.sequence, present), rho=fitter.whitening.memory.rho),
+    )
+    # residuals against zero readings: prediction with the sign turned
+    raw = second.residual - first.residual
+    own.anchor = None
+    J = own.slopes(other.found, second, other.hypothesis, fresh=True)
+    W, r = own.whitening.flat(J), own.whitening.flat(raw)
+    known = fitter.normal(other)
+    fixed = np.array([c.sigma == 0.0 for c in other.found], dtype=bool)
+    A = W.T @ W + known + np.diag(np.where(fixed, 1e12, 1e-9))
+    step: Array = np.linalg.solve(A, -(W.T @ r))
+    step[fixed] = 0.0
+    left = raw + J @ step
+    rest = own.whitening.flat(left)
+    strength = max(float(rest @ rest + step @ known @ step), 0.0) ** 0.5
+    forces = np.where(present, np.abs(left), 0.0) * np.repeat([1.0, 1e-2], 3)
+    k = int(np.argmax(forces.max(axis=0)))
+    held = " out, held and back"
+    return Proposal(
+        posture, f"{name} to {max(ends):.4g} mm,{held}" if max(ends) > 0 else f"push to {min(ends):.4g} mm,{held}",
+        strength, float(np.abs(left[:, k]).max()), WRENCH[k],
+    )  # fmt: skip
+
+
+def _way(end: float) -> Array:
+    """Out, held and back."""
+    out = np.linspace(0.0, end, PER_RAMP + 1)
+    return np.concatenate([out[1:], np.full(HELD, end), out[::-1][1:]])
+
+
+def _observed(observed: Observed, posture: str, ends: tuple[float, ...]) -> Observed:
+    """A test to be: ramps out, held and back, with the instruments of the test at hand."""
+    u = np.concatenate([_way(end) for end in ends])
+    n = len(u)
+    pose = np.zeros((n, 6))
+    pose[:, 0] = u
+    read = observed.present.any(axis=0)
+    wrench = np.where(read, 0.0, np.nan) * np.ones((n, 1))
+    clock: Array | None = None
+    warmth: Array | None = None
+    if observed.clock is not None:
+        clock = np.linspace(0.0, (n - 1) * float(np.median(np.diff(observed.clock))), n)
+    if observed.warmth is not None:
+        warmth = np.linspace(0.0, float(np.ptp(observed.warmth)), n)
+    begins = np.zeros(n, dtype=bool)
+    begins[0] = True
+    line = Machine(observed.measurement.chain, observed.measurement.engine).line(posture)
+    values: dict[str, Array] = {name: pose[:, k] for k, name in enumerate(POSE) if name in observed.pose_channels}
+    readings = Readings("next", np.arange(n), np.full(n, posture), np.ones(n, dtype=int), values)
+    x = np.eye(6)[0]
+    return replace(
+        observed,
+        readings=readings,
+        pose=pose,
+        wrench=wrench,
+        rays=(Ray(posture, x, x, np.arange(n)),),
+        memory=memory_of(readings.sequence, ~np.isnan(wrench)),
+        history=History(np.zeros(n) if clock is None else clock, begins, np.tile(line, (n, 1))),
+        clock=clock,
+        warmth=warmth,
+    )

@@ -1,0 +1,303 @@
+"""The best coordinates of a hypothesis: Gauss-Newton on whitened readings and priors.
+
+Readings are whitened by the covariance of their channels, the displacement's share included, and freed of their
+autocorrelation. How the machine's own nuisances act is differentiated once and used for all hypotheses near by: it
+only steers, since at the optimum of a right model the residual is noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.equilibrium import NoConvergenceError
+from vjm.rotations import Array
+from vjm_validation.calibration.noise import Memory, whiten
+from vjm_validation.diagnosis.forward import Evaluation, Forward, values_of
+from vjm_validation.diagnosis.unknowns import Coordinate, Hypothesis, coordinates, start
+from vjm_validation.measurement.channels import POSE, WRENCH
+
+STEPS = 14
+"""Of Gauss-Newton at most."""
+ENOUGH = 0.03
+"""Expected fall of the objective at which it ends."""
+FAR = 1.0
+"""Distance of a machine nuisance from where tables were made, in sigmas, at which they are made anew at once."""
+NEAR = 0.15
+"""And at which they are made anew at the end of a fit."""
+DIFFERENCE = 1e-3
+"""Step of differences, in units of a coordinate."""
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """How residuals become independent and of unit variance.
+
+    Attributes:
+        factors: inverse Cholesky factors ``(n, 6, 6)``.
+        memory: autocorrelation of the whitened channels.
+        spread: ``(6,)`` standard deviation left, 1 where the sheet is right.
+        present: ``(n, 6)`` which samples count.
+    """
+
+    factors: Array
+    memory: Memory
+    spread: Array
+    present: np.ndarray
+
+    def instant(self, raw: Array) -> Array:
+        """``(n, 6, …)`` of unit variance, still with memory."""
+        result: Array = np.einsum("nij,nj...->ni...", self.factors, raw)
+        return result
+
+    def flat(self, raw: Array) -> Array:
+        """Raw residuals ``(n, 6, …)`` as independent ones ``(N, …)``."""
+        free = self.memory.remove(self.instant(raw))
+        free = free / self.spread.reshape(6, *[1] * (raw.ndim - 2))
+        result: Array = free[self.present]
+        return result
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A hypothesis at its best.
+
+    Attributes:
+        hypothesis: the causes.
+        found: its coordinates.
+        at: the readings there.
+        jacobian: of the raw residuals ``(n, 6, n_z)``.
+        objective: squares of whitened residuals and of what lies off the priors.
+        converged: whether it ended by itself.
+    """
+
+    hypothesis: Hypothesis
+    found: tuple[Coordinate, ...]
+    at: Evaluation
+    jacobian: Array
+    objective: float
+    converged: bool
+
+    @property
+    def values(self) -> list[list[float]]:
+        """Each effect's values."""
+        return values_of(self.found, self.at.z, self.hypothesis)
+
+    @property
+    def free(self) -> int:
+        """Parameters that no prior of the sheet restrains."""
+        return sum(c.kind == "effect" for c in self.found) + sum(
+            c.kind != "effect" and not np.isfinite(c.sigma) for c in self.found
+        )
+
+
+@dataclass
+class Fitter:
+    """Fits hypotheses to one test.
+
+    Attributes:
+        forward: that predicts readings.
+        nuisances: coordinates of the nuisances.
+        whitening: in force.
+        machine_slopes: derivatives ``(n, 6, m)`` of the residuals by the machine's nuisances, of the last base.
+        anchor: those nuisances ``(m,)`` for which tables are made; from there the slopes lead on. None: exact.
+    """
+
+    forward: Forward
+    nuisances: tuple[Coordinate, ...]
+    whitening: Whitening
+    machine_slopes: Array | None = None
+    anchor: Array | None = None
+
+    @property
+    def of_machine(self) -> list[int]:
+        """Indices of the machine's nuisances, the same in every hypothesis."""
+        return [i for i, c in enumerate(self.nuisances) if c.kind in ("modulus", "length")]
+
+    def weigh(self, at: Evaluation) -> None:
+        """Renew the covariances of the readings."""
+        observed = self.forward.observed
+        factors = whiten(observed.noise, at.stiffness, at.gain, observed.present)
+        self.whitening = replace(self.whitening, factors=factors, present=observed.present)
+
+    def evaluate(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> Evaluation | None:
+        """The readings, or None where the machine does not stand."""
+        own, made = self.of_machine, z
+        anchor, slopes = self.anchor, self.machine_slopes
+        if anchor is not None and slopes is not None:
+            made = z.copy()
+            made[own] = anchor
+        try:
+            at = self.forward.evaluate(found, made, hypothesis)
+        except (NoConvergenceError, ValueError, np.linalg.LinAlgError):
+            return None
+        if anchor is not None and slopes is not None:
+            change = np.nan_to_num(slopes) @ (z[own] - anchor)
+            at = replace(at, z=z, residual=at.residual + np.where(self.whitening.present, change, 0.0))
+        return at if np.isfinite(at.residual).all() else None
+
+    def objective(self, found: Sequence[Coordinate], at: Evaluation) -> float:
+        """Squares of whitened residuals and of what lies off the priors."""
+        r = self.whitening.flat(at.residual)
+        p, _ = prior(found, at.z)
+        return float(r @ r + p @ p)
+
+    def slopes(self, found: Sequence[Coordinate], at: Evaluation, hypothesis: Hypothesis, *, fresh: bool) -> Array:
+        """Derivatives ``(n, 6, n_z)`` of the raw residuals."""
+        n = len(at.place)
+        J = np.zeros((n, 6, len(found)))
+        own = self.of_machine
+        if fresh or self.machine_slopes is None:
+            for i in own:
+                J[:, :, i] = self._difference(found, at, hypothesis, i)
+            self.machine_slopes = J[:, :, own]
+        J[:, :, own] = self.machine_slopes
+        for i, c in enumerate(found):
+            if c.kind in ("zero", "scale"):
+                self._instrument(J, i, c, at)
+            elif c.kind == "effect":
+                J[:, :, i] = self._difference(found, at, hypothesis, i)
+        present = self.forward.observed.present
+        return np.where(present[:, :, None], np.nan_to_num(J), 0.0)
+
+    def _instrument(self, J: Array, i: int, c: Coordinate, at: Evaluation) -> None:
+        if c.subject in WRENCH:
+            k = WRENCH.index(c.subject)
+            J[:, k, i] = -c.scale * (1.0 if c.kind == "zero" else at.wrench[:, k])
+            return
+        k = POSE.index(c.subject)
+        moved = np.ones(len(at.place)) if c.kind == "zero" else at.place[:, k]
+        J[:, :, i] = c.scale / at.gain_u[k] * at.gain * at.stiffness[:, :, k] * moved[:, None]
+
+    def _difference(self, found: Sequence[Coordinate], at: Evaluation, hypothesis: Hypothesis, i: int) -> Array:
+        for h in (DIFFERENCE, -DIFFERENCE):
+            z = at.z.copy()
+            step = h * max(1.0, abs(z[i]))
+            z[i] += step
+            if not found[i].low <= z[i] <= found[i].high:
+                continue
+            there = self.evaluate(found, z, hypothesis)
+            if there is not None:
+                result: Array = (there.residual - at.residual) / step
+                return result
+        return np.zeros_like(at.residual)
+
+    def fit(
+        self,
+        hypothesis: Hypothesis,
+        nuisances: Array,
+        values: Sequence[Sequence[float]],
+        *,
+        fresh: bool = False,
+        rough: bool = False,
+    ) -> Fit | None:
+        """The best coordinates from a start; None where the machine does not stand there.
+
+        Args:
+            hypothesis: the causes.
+            nuisances: to start from ``(m,)``.
+            values: of each effect.
+            fresh: differentiate by the machine's nuisances anew.
+            rough: be content with slopes over a sigma of the machine's nuisances.
+        """
+        found = coordinates(self.nuisances, hypothesis)
+        z = start(found, hypothesis, nuisances, values)
+        own = self.of_machine
+        self.anchor = None if fresh else z[own].copy()
+        at = self.evaluate(found, z, hypothesis)
+        if at is None:
+            return None
+        J = self.slopes(found, at, hypothesis, fresh=fresh)
+        self.anchor = z[own].copy()
+        best, damping, converged = self.objective(found, at), 1e-3, False
+        for count in range(STEPS):
+            there, damping = self._step(found, at, J, best, damping, hypothesis)
+            value = best if there is None else self.objective(found, there)
+            fall = best - value
+            if there is not None:
+                at, best = there, value
+            off = float(np.abs(at.z[own] - self.anchor).max(initial=0.0))
+            ended = there is None or fall < ENOUGH
+            if off > FAR or (ended and not rough and off > NEAR):
+                self.anchor = at.z[own].copy()
+                again = self.evaluate(found, at.z, hypothesis)
+                if again is None:
+                    break
+                at, best, ended, damping = again, self.objective(found, again), False, 1e-3
+            if ended:
+                converged = True
+                break
+            if count < 3 or fall > 1.0:
+                self._renew(J, found, at, hypothesis)
+        return Fit(hypothesis, tuple(found), at, J, best, converged)
+
+    def _step(
+        self,
+        found: Sequence[Coordinate],
+        at: Evaluation,
+        J: Array,
+        best: float,
+        damping: float,
+        hypothesis: Hypothesis,
+    ) -> tuple[Evaluation | None, float]:
+        """A damped step that makes the objective smaller, if there is one, and the damping to go on with."""
+        low, high = (np.array([getattr(c, end) for c in found]) for end in ("low", "high"))
+        fixed = np.array([c.sigma == 0.0 for c in found])
+        A, b = self._system(found, at, J)
+        for _ in range(5):
+            move = _solve(A, b, damping, fixed, at.z, low, high)
+            if float(move @ b) < 0.5 * ENOUGH:
+                return None, damping
+            there = self.evaluate(found, np.clip(at.z + move, low, high), hypothesis)
+            if there is not None and self.objective(found, there) < best:
+                return there, max(damping * 0.1, 1e-9)
+            damping = max(damping * 10.0, 1e-3)
+        return None, damping
+
+    def _renew(self, J: Array, found: Sequence[Coordinate], at: Evaluation, hypothesis: Hypothesis) -> None:
+        """The slopes that change on the way."""
+        present = self.whitening.present
+        for i, c in enumerate(found):
+            if c.kind == "effect":
+                J[:, :, i] = self._difference(found, at, hypothesis, i)
+            elif c.kind in ("zero", "scale"):
+                self._instrument(J, i, c, at)
+        J[...] = np.where(present[:, :, None], np.nan_to_num(J), 0.0)
+
+    def _system(self, found: Sequence[Coordinate], at: Evaluation, J: Array) -> tuple[Array, Array]:
+        """Normal matrix and right side of a step."""
+        W, r = self.whitening.flat(J), self.whitening.flat(at.residual)
+        p, weight = prior(found, at.z)
+        A = W.T @ W + np.diag(weight**2)
+        b = -(W.T @ r + weight * p)
+        return A, b
+
+    def normal(self, fit: Fit) -> Array:
+        """Inverse covariance ``(n_z, n_z)`` of a fit's coordinates, priors included."""
+        return self._system(fit.found, fit.at, fit.jacobian)[0]
+
+
+def prior(found: Sequence[Coordinate], z: Array) -> tuple[Array, Array]:
+    """Distance of each coordinate from its prior over its sigma ``(n_z,)``, and one over sigma."""
+    weight = np.array([0.0 if c.sigma == 0.0 or not np.isfinite(c.sigma) else 1.0 / c.sigma for c in found])
+    mean = np.array([c.mean for c in found])
+    return (z - mean) * weight, weight
+
+
+def _solve(A: Array, b: Array, damping: float, fixed: np.ndarray, z: Array, low: Array, high: Array) -> Array:
+    """A damped step that leaves out what is fixed, or at a bound and pushed outwards."""
+    step = np.zeros(len(b))
+    held = fixed | ((z <= low) & (b < 0.0)) | ((z >= high) & (b > 0.0))
+    on = ~held
+    if not on.any():
+        return step
+    M = A[np.ix_(on, on)]
+    size = np.sqrt(np.maximum(np.diag(M), 1e-300))
+    M = M / size[:, None] / size + damping * np.eye(int(on.sum()))
+    try:
+        step[on] = np.linalg.solve(M, b[on] / size) / size
+    except np.linalg.LinAlgError:
+        step[on] = np.linalg.lstsq(M, b[on] / size, rcond=1e-12)[0] / size
+    return step

@@ -1,0 +1,104 @@
+"""Whether a fit leaves anything: tests of the residual against shapes that have no name.
+
+Blocks of smooth shapes, by kind and channel, are tested as effects are; beside them the size of the whole residual.
+The least p-value is judged by its own distribution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.stats import chi2, norm
+
+from vjm.rotations import Array
+from vjm_validation.diagnosis.fitting import Fit, Fitter
+from vjm_validation.diagnosis.screening import Projection, projection
+from vjm_validation.diagnosis.shapes import smooth_shapes
+from vjm_validation.measurement.channels import WRENCH
+
+DRAWS = 4000
+SEED = 17
+ROUGH = 1.35
+"""Share of the variance of the residual by which what is not smooth must exceed the noise to count."""
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """What is left.
+
+    Attributes:
+        p: chance of such a residual where nothing is wrong.
+        left: squares of the residual in the shapes beyond what noise has there.
+        worst: the shape that stands out most, in words; empty where none does.
+    """
+
+    p: float
+    left: float
+    worst: str
+
+
+@dataclass(frozen=True)
+class _Block:
+    name: str
+    directions: Array
+
+
+def misfit(fitter: Fitter, fit: Fit) -> Misfit:
+    """Test a fit's residual."""
+    space = projection(fitter, fit)
+    blocks = _blocks(fitter, space)
+    if not blocks:
+        return Misfit(1.0, 0.0, "")
+    squares = np.array([float(np.sum((b.directions.T @ space.residual) ** 2)) for b in blocks])
+    freedom = np.array([b.directions.shape[1] for b in blocks])
+    p = np.asarray(chi2.sf(squares, freedom))
+    worst = int(np.argmin(p))
+    together = np.column_stack([b.directions for b in blocks])
+    U, values, Vt = np.linalg.svd(together, full_matrices=False)
+    keep = values > 1e-6 * values[0]
+    left = max(float(np.sum((U[:, keep].T @ space.residual) ** 2)) - int(keep.sum()), 0.0)
+    draws = np.random.default_rng(SEED).standard_normal((DRAWS, int(keep.sum()))) @ (values[keep, None] * Vt[keep])
+    edges = np.concatenate([[0], np.cumsum(freedom)])
+    least = np.min(
+        [chi2.sf(np.sum(draws[:, a:b] ** 2, axis=1), b - a) for a, b in pairwise(edges.tolist())],
+        axis=0,
+    )
+    overall = _overall(space)
+    # the rank of the least p among its draws; far out in its tail it goes with the p itself
+    rank = float((np.count_nonzero(least <= p[worst]) + 1) / (DRAWS + 1))
+    if rank <= 20.0 / DRAWS:
+        rank = min(rank, float(p[worst] * 0.02 / np.quantile(least, 0.02)))
+    total = min(1.0, 2.0 * min(rank, overall))
+    return Misfit(total, left, blocks[worst].name if total < 0.05 else "")
+
+
+def _blocks(fitter: Fitter, space: Projection) -> list[_Block]:
+    observed = fitter.forward.observed
+    shapes, names = smooth_shapes(observed)
+    kinds = list(dict.fromkeys(name.partition(": ")[2] for name in names))
+    result = []
+    for c, channel in enumerate(WRENCH):
+        if not observed.present[:, c].any():
+            continue
+        for kind in kinds:
+            own = [k for k, name in enumerate(names) if name.partition(": ")[2] == kind]
+            raw = np.zeros((len(shapes), 6, len(own)))
+            raw[:, c] = shapes[:, own]
+            free = fitter.whitening.memory.remove(raw)[fitter.whitening.present]
+            columns = space.rest(np.vstack([free, np.zeros((len(space.residual) - space.rows, len(own)))]))
+            size = np.linalg.norm(columns, axis=0)
+            before = np.linalg.norm(free, axis=0)
+            columns = columns[:, size > 0.05 * before]
+            if columns.shape[1]:
+                U, values, _ = np.linalg.svd(columns, full_matrices=False)
+                result.append(_Block(f"{channel}: {kind}", U[:, values > 0.05 * values[0]]))
+    return result
+
+
+def _overall(space: Projection) -> float:
+    """Chance of a residual as large as it is, beyond what an unsure sheet explains."""
+    n = space.rows - space.basis.shape[1]
+    size = float(space.residual[: space.rows] @ space.residual[: space.rows])
+    return float(norm.sf((size / n / ROUGH - 1.0) / np.sqrt(2.0 / n)))

@@ -1,0 +1,134 @@
+"""A test made ready for a search: nominal fit, wild samples, branches, noise, catalogue."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.effects.catalogue import Maker, catalogue
+from vjm.effects.effect import Effect, Scene
+from vjm.equilibrium import NoConvergenceError
+from vjm_validation.diagnosis.fitting import Fit, Fitter, Whitening
+from vjm_validation.diagnosis.forward import Forward
+from vjm_validation.diagnosis.instrument import InstrumentScale, InstrumentZero, ThermalDrift
+from vjm_validation.diagnosis.noise_model import estimate_memory
+from vjm_validation.diagnosis.observed import Observed, wild_samples
+from vjm_validation.diagnosis.screening import signatures
+from vjm_validation.diagnosis.shapes import smooth_shapes
+from vjm_validation.diagnosis.unknowns import coordinates, nuisance_coordinates
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A test before any cause is tried.
+
+    Attributes:
+        fitter: with its noise known.
+        null: fit of the sheet's tolerances alone.
+        effects: the catalogue.
+    """
+
+    fitter: Fitter
+    null: Fit
+    effects: tuple[Effect, ...]
+
+
+def prepare(observed: Observed, more: Sequence[Maker] = ()) -> Prepared:
+    """Fit the nominal model, find wild samples and the noise's memory.
+
+    Raises:
+        NoConvergenceError: the nominal machine has no equilibrium at the readings.
+    """
+    forward = Forward(observed)
+    nuisances = tuple(nuisance_coordinates(observed))
+    found = coordinates(nuisances, ())
+    zero = np.zeros(len(found))
+    at = forward.evaluate(found, zero, ())
+    fitter = Fitter(forward, nuisances, Whitening(np.zeros(0), observed.memory, np.ones(6), observed.present))
+    fitter.weigh(at)
+    observed = observed.without(wild_samples(observed, at.residual, fitter.whitening.factors))
+    forward.observed = observed
+    fitter.whitening = replace(fitter.whitening, memory=observed.memory, present=observed.present)
+    fitter.weigh(at)
+    null = _fitted(fitter)
+    null = choose_branches(fitter, null)
+    effects = tuple(effects_of(observed, more))
+    remember(fitter, null, effects)
+    null = _fitted(fitter)
+    return Prepared(fitter, null, effects)
+
+
+def _fitted(fitter: Fitter) -> Fit:
+    null = fitter.fit((), np.zeros(len(fitter.nuisances)), [], fresh=True)
+    if null is None:
+        raise NoConvergenceError("the nominal machine has no equilibrium at the readings")
+    return null
+
+
+def remember(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> None:
+    """Estimate the noise's memory; what effects or smooth shapes could explain does not count as noise."""
+    observed = fitter.forward.observed
+    shapes, _ = smooth_shapes(observed)
+    whitening = fitter.whitening
+    own = [s.change for s in signatures(fitter, base, effects) if s.change is not None]
+    parts = [whitening.instant(base.jacobian)]
+    if own:
+        parts.append(whitening.instant(np.stack(own, axis=-1)))
+    parts.append(np.repeat(shapes[:, None, :], 6, axis=1))
+    instant = whitening.instant(base.at.residual)
+    memory = estimate_memory(observed.memory, instant, np.concatenate(parts, axis=2), observed.present)
+    fitter.whitening = replace(whitening, memory=memory)
+
+
+def choose_branches(fitter: Fitter, base: Fit) -> Fit:
+    """Turn each half-ray to the branch that its readings are on, where the model has a bifurcation there."""
+    forward = fitter.forward
+    best = base
+    for number, ray in enumerate(forward.observed.rays):
+        s = forward.observed.pose[ray.index] @ ray.measure
+        for sign in (1, -1):
+            if not _branched(forward, number, sign, float((sign * s).max())):
+                continue
+            before = dict(forward.branches)
+            forward.branches[number, sign] = -forward.branches.get((number, sign), 1)
+            at = fitter.evaluate(best.found, best.at.z, best.hypothesis)
+            if at is None or fitter.objective(best.found, at) >= best.objective:
+                forward.branches = before
+            else:
+                best = replace(best, at=at, objective=fitter.objective(best.found, at))
+    return best
+
+
+def _branched(forward: Forward, number: int, sign: int, reach: float) -> bool:
+    ray = forward.observed.rays[number]
+    d = tuple(float(v) for v in np.round(sign * ray.direction, 15))
+    return any(
+        table.bifurcation < reach for key, table in forward._tables.items() if key[1] == ray.posture and key[2] == d
+    )
+
+
+def effects_of(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
+    """The catalogue of a test: the machine's effects, and the instruments'."""
+    measurement = observed.measurement
+    clock = observed.clock
+    force = float(np.nanmax(np.linalg.norm(np.nan_to_num(observed.wrench[:, :3]), axis=1)))
+    gravity = measurement.sheet.test.gravity
+    scene = Scene(
+        chain=measurement.chain,
+        engine=measurement.engine,
+        force=max(force, 1.0),
+        reach=float(np.abs(observed.pose[:, :3]).max()),
+        duration=0.0 if clock is None else float(clock.max() - clock.min()),
+        interval=0.0 if clock is None else float(np.median(np.diff(clock))),
+        gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
+    )
+    found: list[Effect] = list(catalogue(scene, more))
+    for channel in (*observed.pose_channels, *observed.wrench_channels):
+        found += [InstrumentZero(part=channel), InstrumentScale(part=channel)]
+        if observed.warmth is not None:
+            found.append(ThermalDrift(part=channel, by="K", span=float(np.ptp(observed.warmth))))
+        if clock is not None:
+            found.append(ThermalDrift(part=channel, by="s", span=float(np.ptp(clock))))
+    return found

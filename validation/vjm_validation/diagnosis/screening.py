@@ -1,0 +1,218 @@
+"""Which causes could explain what a fit leaves: score tests of every effect's signature, nuisances projected out.
+
+A signature is the change of all readings that an effect makes at a small trial size. Together with the fit's own
+slopes it is whitened, and what the fit could absorb is projected out. What remains of the trials of one effect
+spans a few directions; the residual's part in them, squared, is chi-squared with as many degrees of freedom where
+nothing is wrong. The least p-value over the catalogue has a distribution that follows from the signatures alone; it
+is drawn (a parametric bootstrap of the maximum), which gives the threshold for a wanted rate of false alarms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.stats import chi2
+
+from vjm.effects.effect import Effect
+from vjm.rotations import Array
+from vjm_validation.diagnosis.fitting import Fit, Fitter, prior
+from vjm_validation.diagnosis.unknowns import coordinates, release_key, start
+
+FALSE_ALARMS = 0.004
+"""Wanted over the whole catalogue."""
+DRAWS = 10000
+SAME = 0.08
+"""Singular value of an effect's trials over the largest, below which they differ in nothing that shows."""
+SEED = 20240229
+STARTS = 2
+"""Trials from which an effect is fitted."""
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What an effect does to the readings at a trial size.
+
+    Attributes:
+        effect: the cause.
+        values: of its parameters.
+        change: of the raw prediction ``(n, 6)``; None for a cause that frees a nuisance.
+        one_sided: only its own sign makes sense.
+    """
+
+    effect: Effect
+    values: tuple[float, ...]
+    change: Array | None
+    one_sided: bool
+
+
+@dataclass(frozen=True)
+class Score:
+    """How well an effect explains a residual.
+
+    Attributes:
+        effect: the cause.
+        explained: squares of the residual that it takes away, to first order.
+        freedom: degrees of freedom.
+        p: value.
+        starts: parameters to begin fits from, the most promising first.
+        directions: orthonormal ``(N, freedom)``, whitened and projected.
+    """
+
+    effect: Effect
+    explained: float
+    freedom: int
+    p: float
+    starts: tuple[tuple[float, ...], ...]
+    directions: Array
+
+
+def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Signature]:
+    """The signatures of effects about a fit."""
+    result = []
+    for effect in effects:
+        if release_key(effect) is not None:
+            result.append(Signature(effect, (1.0,), None, one_sided=False))
+            continue
+        hypothesis = (*base.hypothesis, effect)
+        found = coordinates(fitter.nuisances, hypothesis)
+        quantities = effect.quantities()
+        sided = not quantities or any(q.neutral is not None and q.low == q.neutral for q in quantities)
+        m = len(fitter.nuisances)
+        for trial in effect.trials():
+            z = start(found, hypothesis, base.at.z[:m], [*base.values, trial])
+            at = fitter.evaluate(found, z, hypothesis)
+            if at is not None:
+                change = base.at.residual - at.residual
+                result.append(Signature(effect, tuple(trial), change, one_sided=sided))
+    return result
+
+
+@dataclass(frozen=True)
+class Projection:
+    """The space that a fit cannot absorb.
+
+    Attributes:
+        basis: orthonormal ``(N, m)`` of what it can, whitened, priors below.
+        residual: whitened ``(N,)``, priors below.
+        rows: number of whitened samples; the rest are priors.
+        released: row of each nuisance's prior by (kind, subject).
+    """
+
+    basis: Array
+    residual: Array
+    rows: int
+    released: dict[tuple[str, str], int]
+
+    def rest(self, columns: Array) -> Array:
+        """Columns ``(N, k)`` without what the fit can absorb."""
+        result = columns - self.basis @ (self.basis.T @ columns)
+        return result - self.basis @ (self.basis.T @ result)
+
+
+def projection(fitter: Fitter, base: Fit) -> Projection:
+    """The space that a fit cannot absorb, and its residual there."""
+    W = fitter.whitening.flat(base.jacobian)
+    p, weight = prior(base.found, base.at.z)
+    free = np.array([c.sigma != 0.0 for c in base.found])
+    A = np.vstack([W, np.diag(weight)])[:, free]
+    r = np.concatenate([fitter.whitening.flat(base.at.residual), p])
+    size = np.linalg.norm(A, axis=0)
+    U, values, _ = np.linalg.svd(A[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    basis = U[:, values > 1e-10 * values[0]]
+    rows = len(W)
+    released = {(c.kind, c.subject): rows + i for i, c in enumerate(base.found) if c.kind != "effect"}
+    rest = r - basis @ (basis.T @ r)
+    return Projection(basis, rest, rows, released)
+
+
+def column(fitter: Fitter, space: Projection, signature: Signature) -> Array:
+    """A signature, whitened and projected ``(N,)``."""
+    raw = np.zeros(len(space.residual))
+    key = release_key(signature.effect)
+    if key is not None:
+        if key not in space.released:
+            return raw
+        raw[space.released[key]] = 1.0
+    else:
+        assert signature.change is not None
+        raw[: space.rows] = fitter.whitening.flat(signature.change)
+    return space.rest(raw[:, None])[:, 0]
+
+
+def scores(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> list[Score]:
+    """Every effect's score, best first."""
+    groups: dict[str, list[Signature]] = {}
+    for signature in found:
+        groups.setdefault(signature.effect.label, []).append(signature)
+    result = []
+    for own in groups.values():
+        columns = np.column_stack([column(fitter, space, s) for s in own])
+        size = np.linalg.norm(columns, axis=0)
+        # a release's row has length one before it is projected
+        visible = size > (1e-6 if release_key(own[0].effect) else 1e-3)
+        if not visible.any():
+            continue
+        size = size[visible]
+        columns, kept = columns[:, visible] / size, [s for s, v in zip(own, visible, strict=True) if v]
+        z = columns.T @ space.residual
+        worth = np.where([s.one_sided for s in kept], np.maximum(z, 0.0), np.abs(z))
+        order = np.argsort(-worth)[:STARTS]
+        starts = tuple(_scaled(kept[i], float(z[i] / size[i])) for i in order)
+        U, values, _ = np.linalg.svd(columns, full_matrices=False)
+        U = U[:, values > SAME * values[0]]
+        total = float(np.sum((U.T @ space.residual) ** 2))
+        p = float(chi2.sf(total, U.shape[1]))
+        result.append(Score(kept[0].effect, total, U.shape[1], p, starts, U))
+    return sorted(result, key=lambda score: -score.explained + 2.0 * score.freedom)
+
+
+def _scaled(signature: Signature, amplitude: float) -> tuple[float, ...]:
+    """The trial as large as the residual asks for, to first order."""
+    quantities = signature.effect.quantities()
+    if not quantities or signature.change is None:
+        return signature.values
+    if signature.one_sided:
+        amplitude = max(amplitude, 0.0)
+    amplitude = float(np.sign(amplitude) * np.clip(abs(amplitude), 0.1, 20.0)) if amplitude else 0.1
+    values = []
+    for q, v in zip(quantities, signature.values, strict=True):
+        grown = v if q.neutral is None or q.log else q.neutral + amplitude * (v - q.neutral)
+        values.append(float(np.clip(grown, q.low, q.high)))
+    return tuple(values)
+
+
+def threshold(found: Sequence[Score], rate: float = FALSE_ALARMS) -> float:
+    """p-value that the least of all effects falls below at a rate where nothing is wrong."""
+    if not found:
+        return rate
+    directions = np.column_stack([score.directions for score in found])
+    rng = np.random.default_rng(SEED)
+    # the directions overlap: noise is drawn in the space that they span
+    _, values, Vt = np.linalg.svd(directions, full_matrices=False)
+    keep = values > 1e-8 * values[0]
+    mix = values[keep, None] * Vt[keep]
+    draws = rng.standard_normal((DRAWS, int(keep.sum()))) @ mix
+    least = np.ones(DRAWS)
+    at = 0
+    for score in found:
+        square = np.sum(draws[:, at : at + score.freedom] ** 2, axis=1)
+        least = np.minimum(least, chi2.sf(square, score.freedom))
+        at += score.freedom
+    return float(np.quantile(least, rate))
+
+
+def best_pairs(space: Projection, found: Sequence[Score], count: int) -> list[tuple[Score, Score, float]]:
+    """Pairs of effects that together explain most, to first order."""
+    result = []
+    for a, b in combinations(found, 2):
+        if a.effect.cause == b.effect.cause:
+            continue
+        both = np.column_stack([a.directions, b.directions])
+        U, values, _ = np.linalg.svd(both, full_matrices=False)
+        U = U[:, values > 0.05 * values[0]]
+        total = float(np.sum((U.T @ space.residual) ** 2))
+        result.append((a, b, total - 2.0 * U.shape[1]))
+    return sorted(result, key=lambda pair: -pair[2])[:count]

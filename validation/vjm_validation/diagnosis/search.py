@@ -1,0 +1,211 @@
+"""Which causes explain a test: forward search with pairs, backward deletion, and when to stop.
+
+A cause is added only if it is significant over the whole catalogue, and if it explains more than what a slightly
+wrong law of the causes before it leaves behind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.stats import chi2
+
+from vjm.effects.effect import Effect
+from vjm.rotations import Array
+from vjm_validation.diagnosis.fitting import Fit, Fitter
+from vjm_validation.diagnosis.misfit import misfit
+from vjm_validation.diagnosis.screening import (
+    Score,
+    Signature,
+    best_pairs,
+    projection,
+    scores,
+    signatures,
+    threshold,
+)
+from vjm_validation.diagnosis.unknowns import Hypothesis
+
+MOST_CAUSES = 3
+SHORT = 5
+"""Causes that are fitted in full at each step."""
+PAIRS = 3
+"""Pairs that are fitted in full."""
+HOPEFUL = 30.0
+"""How far from significance, by its score's p-value over the threshold, an effect is still fitted in full."""
+WRONG_LAW = 0.008
+"""Share of the squares explained that a slightly wrong law of the right cause may leave: a tenth of its size."""
+CLOSE = 40.0
+"""Criterion within which of the best a rough fit is made exact."""
+STRONG = 4000.0
+"""Squares explained from which on signatures are computed anew about the new fit."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ranked:
+    """A hypothesis with its fit and its worth.
+
+    Attributes:
+        fit: at its best.
+        criterion: objective and what its parameters cost; the smaller the better.
+    """
+
+    fit: Fit
+    criterion: float
+
+    @property
+    def labels(self) -> frozenset[str]:
+        """Its effects."""
+        return frozenset(effect.label for effect in self.fit.hypothesis)
+
+    @property
+    def causes(self) -> frozenset[str]:
+        """Its causes."""
+        return frozenset(effect.cause for effect in self.fit.hypothesis)
+
+
+@dataclass
+class Search:
+    """A search and what it has found.
+
+    Attributes:
+        fitter: of the test.
+        null: fit of the sheet's tolerances alone.
+        effects: the catalogue.
+        samples: effective number of readings.
+        progress: told what is being tried.
+    """
+
+    fitter: Fitter
+    null: Fit
+    effects: Sequence[Effect]
+    samples: float
+    progress: Callable[[str], None] = lambda _: None
+    tried: dict[frozenset[str], Ranked] = field(default_factory=dict)
+    alarm: float = 0.0
+    first: list[Score] = field(default_factory=list)
+
+    def run(self) -> Ranked:
+        """The best hypothesis; the null where nothing is significant."""
+        best = self.tried[frozenset()] = Ranked(self.null, self._criterion(self.null))
+        found: list[Signature] = []
+        for step in range(MOST_CAUSES):
+            base = best.fit
+            gained = self.null.objective - base.objective
+            if step == 0:
+                found = self._signatures(best)
+            ranked = self._scores(best, found)
+            if step == 0:
+                self.alarm, self.first = threshold(ranked), ranked
+            elif self._nothing_left(base, ranked, gained):
+                break
+            elif gained > STRONG:
+                found = self._signatures(best)
+                ranked = self._scores(best, found)
+            promising = [s for s in ranked[:SHORT] if s.p < HOPEFUL * self.alarm]
+            for score in promising:
+                self._try((*base.hypothesis, score.effect), base, [[*base.values, v] for v in score.starts])
+            if step == 1:
+                self._pairs()
+            better = self._better(best, step + 1)
+            if better is None:
+                break
+            best = self._pruned(better)
+            if len(best.labels) <= step:
+                break
+        return best
+
+    def _signatures(self, best: Ranked) -> list[Signature]:
+        self.progress(f"signatures of {len(self.effects)} effects")
+        return signatures(self.fitter, best.fit, [e for e in self.effects if e.label not in best.labels])
+
+    def _scores(self, best: Ranked, found: Sequence[Signature]) -> list[Score]:
+        here = [s for s in found if s.effect.label not in best.labels]
+        return scores(self.fitter, projection(self.fitter, best.fit), here)
+
+    def _nothing_left(self, base: Fit, ranked: Sequence[Score], gained: float) -> bool:
+        """Whether no effect is near significance, and no shape without a name is left."""
+        if any(s.p < HOPEFUL * self.alarm and s.explained > WRONG_LAW * gained for s in ranked):
+            return False
+        rest = misfit(self.fitter, base)
+        return rest.p > self.alarm or rest.left < WRONG_LAW * gained
+
+    def _pairs(self) -> None:
+        """Pairs that together explain what neither shows alone."""
+        base = self.null
+        space = projection(self.fitter, base)
+        for a, b, _ in best_pairs(space, self.first[:14], PAIRS):
+            hypothesis = (a.effect, b.effect)
+            self._try(hypothesis, base, [[a.starts[0], b.starts[0]]])
+
+    def _try(self, hypothesis: Hypothesis, base: Fit, starts: Sequence[Sequence[Sequence[float]]]) -> None:
+        key = frozenset(effect.label for effect in hypothesis)
+        if key in self.tried or len(key) < len(hypothesis):
+            return
+        self.progress(" + ".join(effect.label for effect in hypothesis))
+        m = len(self.fitter.nuisances)
+        best: Fit | None = None
+        for values in starts:
+            fit = self.fitter.fit(hypothesis, base.at.z[:m], values, rough=True)
+            if fit is not None and (best is None or fit.objective < best.objective):
+                best = fit
+        if best is not None:
+            self.tried[key] = Ranked(best, self._criterion(best))
+
+    def _better(self, best: Ranked, size: int) -> Ranked | None:
+        """The best of one size, where it is significantly better."""
+        left = [r for r in self.tried.values() if len(r.labels) == size]
+        if not left:
+            return None
+        top = min(r.criterion for r in left)
+        for near in [r for r in left if r.criterion < top + CLOSE]:
+            self._polish(near)
+        new = min((r for r in self.tried.values() if len(r.labels) == size), key=lambda r: r.criterion)
+        gain = best.fit.objective - new.fit.objective
+        explained = self.null.objective - best.fit.objective
+        if gain <= WRONG_LAW * explained:
+            return None
+        freedom = max(self._freedom(new.fit) - self._freedom(best.fit), 1)
+        return new if float(chi2.sf(gain, freedom)) < self.alarm and new.criterion < best.criterion else None
+
+    def _polish(self, ranked: Ranked) -> None:
+        """The exact fit."""
+        m = len(self.fitter.nuisances)
+        fit = self.fitter.fit(ranked.fit.hypothesis, ranked.fit.at.z[:m], ranked.fit.values)
+        if fit is not None:
+            self.tried[ranked.labels] = Ranked(fit, self._criterion(fit))
+
+    def _freedom(self, fit: Fit) -> int:
+        """Degrees of freedom: those of each effect's signatures."""
+        known = {score.effect.label: score.freedom for score in self.first}
+        return sum(known.get(effect.label, max(len(effect.quantities()), 1)) for effect in fit.hypothesis)
+
+    def _pruned(self, best: Ranked) -> Ranked:
+        """Without causes that the others have made superfluous."""
+        if len(best.labels) < 2:
+            return best
+        for i, effect in enumerate(best.fit.hypothesis):
+            rest = tuple(e for k, e in enumerate(best.fit.hypothesis) if k != i)
+            values = [v for k, v in enumerate(best.fit.values) if k != i]
+            self._try(rest, best.fit, [values])
+            without = self.tried.get(frozenset(e.label for e in rest))
+            if without is None:
+                continue
+            loss = without.fit.objective - best.fit.objective
+            explained = self.null.objective - without.fit.objective
+            freedom = max(len(effect.quantities()), 1)
+            if float(chi2.sf(max(loss, 0.0), freedom)) > self.alarm or loss < WRONG_LAW * explained:
+                return self._pruned(without)
+        return best
+
+    def _criterion(self, fit: Fit) -> float:
+        """Objective, the logarithm of the effective readings for each parameter, and the catalogue's choice."""
+        parameters = sum(max(len(effect.quantities()), 1) for effect in fit.hypothesis)
+        choice = 2.0 * np.log(max(len({e.cause for e in self.effects}), 1)) * len(fit.hypothesis)
+        return fit.objective + parameters * float(np.log(self.samples)) + float(choice)
+
+
+def effective_samples(rho: Array, present: np.ndarray) -> float:
+    """Independent readings that autocorrelated ones are worth."""
+    return float(np.sum(present.sum(axis=0) * (1.0 - rho) / (1.0 + rho)))

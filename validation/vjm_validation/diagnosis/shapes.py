@@ -1,0 +1,74 @@
+"""Shapes that a misfit can have without a name: smooth in the displacement, and different on the way back.
+
+They tell whether anything is left that no hypothesis explains, and keep it out of the estimate of the noise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_validation.diagnosis.observed import Observed
+from vjm_validation.measurement.readings import Branch
+
+ORDER = 4
+"""Of the polynomials in the displacement."""
+
+
+def driven_place(observed: Observed) -> Array:
+    """Each reading's place on its ray over the ray's length ``(n,)``, signed."""
+    place = np.zeros(len(observed.pose))
+    for ray in observed.rays:
+        s = observed.pose[ray.index] @ ray.measure
+        place[ray.index] = s / max(float(np.abs(s).max()), 1e-12)
+    return place
+
+
+def driven_channel(observed: Observed) -> str:
+    """The displacement that moved most."""
+    size = {name: float(np.nanmax(np.abs(observed.readings.values[name]))) for name in observed.pose_channels}
+    return max(size, key=lambda name: size[name] * (1.0 if name.endswith("mm") else 100.0))
+
+
+def loading(observed: Observed) -> Array:
+    """+1 on the way out, −1 on the way back, 0 held ``(n,)``."""
+    channel = driven_channel(observed)
+    known = observed.measurement.sheet.instrument.get(channel)
+    ways = {Branch.UP: 1.0, Branch.DOWN: -1.0, Branch.HOLD: 0.0}
+    branches = observed.readings.branches(channel, known.noise if known else 0.0)
+    return np.array([ways[branch] for branch in branches])
+
+
+def smooth_shapes(observed: Observed) -> tuple[Array, list[str]]:
+    """Shapes ``(n, k)`` of one channel, orthonormal within a posture, and what each is about."""
+    place, way = driven_place(observed), loading(observed)
+    clock = np.arange(len(place), dtype=float) if observed.clock is None else observed.clock
+    columns, names = [], []
+    for label in dict.fromkeys(observed.readings.posture.tolist()):
+        on = observed.readings.posture == label
+        p, w = place[on], way[on]
+        t = clock[on] - clock[on].mean()
+        parts = [p**k for k in range(ORDER + 1)]
+        kinds = ["shape"] * len(parts)
+        if (p > 0.2).any() and (p < -0.2).any():
+            parts += [np.abs(p), np.abs(p) ** 2, np.abs(p) ** 3]
+            kinds += ["pull against push"] * 3
+        if (w > 0.0).any() and (w < 0.0).any():
+            parts += [w, w * p, w * np.abs(p)]
+            kinds += ["way out against way back"] * 3
+        if np.ptp(t) > 0.0:
+            parts += [t, t * p]
+            kinds += ["in time"] * 2
+        Q = np.zeros((len(p), 0))
+        for part, kind in zip(parts, kinds, strict=True):
+            rest = part - Q @ (Q.T @ part)
+            rest = rest - Q @ (Q.T @ rest)
+            size = float(np.linalg.norm(rest))
+            if size < 1e-3 * float(np.linalg.norm(part)) or size == 0.0:
+                continue
+            Q = np.column_stack([Q, rest / size])
+            column = np.zeros(len(place))
+            column[on] = rest / size
+            columns.append(column)
+            names.append(f"posture {label}: {kind}")
+    return np.column_stack(columns), names

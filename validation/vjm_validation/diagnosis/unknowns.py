@@ -1,0 +1,137 @@
+"""The coordinates of a fit: nuisances under the sheet's priors, and the parameters of the causes that are tried.
+
+A nuisance whose cause is tried loses its prior: it is then the whole deviation from nominal, its own draw included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.chain import FOOT
+from vjm.effects.effect import Effect, Quantity
+from vjm.effects.link_length import LinkLength
+from vjm.effects.machine import link_of
+from vjm.effects.part_compliance import FootCompliance, LinkCompliance
+from vjm.rotations import Array
+from vjm_validation.diagnosis.instrument import InstrumentScale, InstrumentZero, size_of
+from vjm_validation.diagnosis.observed import Observed
+
+Hypothesis = tuple[Effect, ...]
+"""Causes that act together; empty: nothing but the sheet's tolerances."""
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One number that a fit looks for, in units of ``scale``.
+
+    Attributes:
+        name: for people.
+        kind: ``zero``, ``scale``, ``modulus``, ``length`` or ``effect``.
+        subject: channel or part; of an effect its index in the hypothesis, as text.
+        scale: of the coordinate; a nuisance's sigma.
+        mean: of its prior.
+        sigma: of its prior, in units of the scale; infinite where there is none, zero where it is fixed.
+        low: bound.
+        high: bound.
+        quantity: of an effect.
+    """
+
+    name: str
+    kind: str
+    subject: str
+    scale: float
+    mean: float = 0.0
+    sigma: float = 1.0
+    low: float = -np.inf
+    high: float = np.inf
+    quantity: Quantity | None = None
+
+    def value(self, z: float) -> float:
+        """In its own unit."""
+        return self.quantity.value(z) if self.quantity is not None else z * self.scale
+
+
+def release_key(effect: Effect) -> tuple[str, str] | None:
+    """The nuisance that an effect frees of its prior; None for an effect with parameters of its own."""
+    if isinstance(effect, InstrumentZero):
+        return "zero", effect.part
+    if isinstance(effect, InstrumentScale):
+        return "scale", effect.part
+    if isinstance(effect, FootCompliance | LinkCompliance):
+        return "modulus", effect.beam
+    if isinstance(effect, LinkLength):
+        return "length", effect.beam
+    return None
+
+
+def nuisance_coordinates(observed: Observed) -> list[Coordinate]:
+    """Every nuisance that there could be; those that the sheet does not allow are fixed at zero."""
+    sheet, chain = observed.measurement.sheet, observed.measurement.chain
+    found: list[Coordinate] = []
+    for channel in (*observed.pose_channels, *observed.wrench_channels):
+        known = sheet.instrument.get(channel)
+        for kind, sigma, usual in (
+            ("zero", known.zero if known else 0.0, size_of(channel)),
+            ("scale", known.scale if known else 0.0, 0.01),
+        ):
+            found.append(_nuisance(kind, channel, sigma, usual))
+    parts = [beam.name for beam in chain.beams if beam.name in (FOOT, link_of(chain))]
+    found += [_nuisance("modulus", part, sheet.tolerance.modulus_rel, 0.02) for part in parts]
+    found.append(_nuisance("length", link_of(chain), sheet.tolerance.link_length_mm, 0.2))
+    return found
+
+
+def _nuisance(kind: str, subject: str, sigma: float, usual: float) -> Coordinate:
+    limit = {"zero": np.inf, "scale": 0.9, "modulus": 0.8, "length": 60.0}[kind]
+    scale = sigma if sigma > 0.0 else usual
+    high = {"modulus": 4.0}.get(kind, limit)
+    return Coordinate(
+        f"{kind} {subject}", kind, subject, scale, 0.0, 1.0 if sigma > 0.0 else 0.0, -limit / scale, high / scale
+    )
+
+
+def coordinates(nuisances: Sequence[Coordinate], hypothesis: Hypothesis) -> list[Coordinate]:
+    """The coordinates of a hypothesis: the nuisances first, then its effects' quantities in their order."""
+    free = {release_key(effect) for effect in hypothesis}
+    found = [
+        c
+        if (c.kind, c.subject) not in free
+        else Coordinate(c.name, c.kind, c.subject, c.scale, 0.0, np.inf, c.low, c.high)
+        for c in nuisances
+    ]
+    for i, effect in enumerate(hypothesis):
+        if release_key(effect) is not None:
+            continue
+        for q in effect.quantities():
+            mean = q.coordinate(q.usual) if q.log or np.isfinite(q.spread) else 0.0
+            sigma = q.spread if q.log else q.spread / q.scale
+            found.append(
+                Coordinate(
+                    f"{effect.label} {q.name}",
+                    "effect",
+                    str(i),
+                    q.scale,
+                    mean,
+                    sigma,
+                    q.coordinate(q.low),
+                    q.coordinate(q.high),
+                    q,
+                )
+            )
+    return found
+
+
+def start(
+    found: Sequence[Coordinate], hypothesis: Hypothesis, nuisances: Array, values: Sequence[Sequence[float]]
+) -> Array:
+    """Coordinates ``(n_z,)`` from nuisances' ``(m,)`` and each effect's values."""
+    z = [*nuisances.tolist()]
+    for effect, own in zip(hypothesis, values, strict=True):
+        if release_key(effect) is None:
+            z += [q.coordinate(v) for q, v in zip(effect.quantities(), own, strict=True)]
+    low, high = (np.array([getattr(c, end) for c in found]) for end in ("low", "high"))
+    result: Array = np.clip(np.array(z), low, high)
+    return result

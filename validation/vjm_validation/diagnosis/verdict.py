@@ -1,0 +1,179 @@
+"""From a search to a verdict: none, named, class or unknown, and how sure that is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_validation.diagnosis.classes import together
+from vjm_validation.diagnosis.fitting import Fit, Fitter
+from vjm_validation.diagnosis.forward import values_of
+from vjm_validation.diagnosis.misfit import Misfit, misfit
+from vjm_validation.diagnosis.search import WRONG_LAW, Ranked, Search
+from vjm_validation.diagnosis.unknowns import release_key
+
+MISFIT = 0.002
+"""Chance of calling a right model wrong."""
+RIVAL = 16.0
+"""Criterion within which of the best a hypothesis may belong to its class."""
+SUREST = 0.99
+"""No verdict is surer: laws are never quite right."""
+NORMAL_95 = 1.959963984540054
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a search says.
+
+    Attributes:
+        kind: none, named, class or unknown.
+        members: hypotheses that remain possible, the most probable first.
+        probabilities: of each.
+        confidence: that kind and set are right.
+        others: less likely ones with their probabilities.
+        rest: what the best leaves.
+    """
+
+    kind: str
+    members: tuple[Ranked, ...]
+    probabilities: tuple[float, ...]
+    confidence: float
+    others: tuple[tuple[Ranked, float], ...]
+    rest: Misfit
+
+
+def judge(search: Search, best: Ranked) -> Verdict:
+    """The verdict on a search's best hypothesis."""
+    fitter = search.fitter
+    rest = misfit(fitter, best.fit)
+    explained = search.null.objective - best.fit.objective
+    wrong = rest.p < MISFIT and rest.left > WRONG_LAW * explained
+    weights = _weights(search, best)
+    if not best.labels:
+        if rest.p < MISFIT:
+            return Verdict("unknown", (), (), min(SUREST, 1.0 - rest.p), _others(weights, []), rest)
+        return Verdict("none", (), (), _quiet(search, weights, rest), _others(weights, [best]), rest)
+    if wrong:
+        return Verdict("unknown", (), (), min(SUREST, 1.0 - rest.p), _others(weights, []), rest)
+    members = [best]
+    rivals = [r for r in weights if r.labels != best.labels and r.criterion < best.criterion + RIVAL]
+    for rival in sorted(rivals, key=lambda r: r.criterion)[:6]:
+        small = len(rival.labels) <= len(best.labels)
+        if small and rival.labels and not rival.labels > best.labels and together(fitter, best.fit, rival.fit):
+            members.append(rival)
+    causes = {m.causes for m in members}
+    own = np.array([weights[m] for m in members])
+    share = own / own.sum()
+    # what the misfit test nearly rejects is less sure
+    sure = float(own.sum()) * float(np.clip(rest.p / 0.02, 0.3, 1.0))
+    kind = "class" if len(causes) > 1 else "named"
+    return Verdict(
+        kind,
+        tuple(members),
+        tuple(float(v) for v in share),
+        min(SUREST, sure),
+        _others(weights, members),
+        rest,
+    )
+
+
+def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:
+    """Probability of every hypothesis tried, by its criterion, supersets of the best left out."""
+    ranked = [r for r in search.tried.values() if not r.labels > best.labels]
+    criteria = np.array([r.criterion for r in ranked])
+    w = np.exp(-0.5 * np.minimum(criteria - criteria.min(), 1400.0))
+    return {r: float(v) for r, v in zip(ranked, w / w.sum(), strict=True)}
+
+
+def _quiet(search: Search, weights: dict[Ranked, float], rest: Misfit) -> float:
+    least = min((s.p for s in search.first), default=1.0)
+    return min(
+        SUREST,
+        float(1.0 / (1.0 + 0.05 * search.alarm / max(least, search.alarm))),
+        0.5 + 0.5 * min(1.0, rest.p / 0.05),
+    )
+
+
+def _others(weights: dict[Ranked, float], members: list[Ranked]) -> tuple[tuple[Ranked, float], ...]:
+    inside = {m.labels for m in members}
+    left = [(r, w) for r, w in weights.items() if r.labels not in inside and r.labels]
+    return tuple(sorted(left, key=lambda pair: -pair[1])[:5])
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter.
+
+    Attributes:
+        value: in its unit.
+        std: standard deviation.
+        low: end of the 95 % interval.
+        high: end of the 95 % interval.
+    """
+
+    value: float
+    std: float
+    low: float
+    high: float
+
+
+def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
+    """The parameters of a fit under MEASURED.md's names, with their uncertainty to first order."""
+    covariance = _covariance(fitter, fit)
+    result: dict[str, Estimate] = {}
+    for i, effect in enumerate(fit.hypothesis):
+        key = release_key(effect)
+        here = _reported(fit, fit.at.z, i, force)
+        own = (
+            [k for k, c in enumerate(fit.found) if c.kind == "effect" and c.subject == str(i)]
+            if key is None
+            else [k for k, c in enumerate(fit.found) if (c.kind, c.subject) == key]
+        )
+        slopes = {name: np.zeros(len(fit.found)) for name in here}
+        for k in own:
+            h = 1e-5 * max(1.0, abs(float(fit.at.z[k])))
+            z = fit.at.z.copy()
+            z[k] += h
+            for name, value in _reported(fit, z, i, force).items():
+                slopes[name][k] = (value - here[name]) / h
+        for name, value in here.items():
+            std = max(float(slopes[name] @ covariance @ slopes[name]), 0.0) ** 0.5
+            result[name] = Estimate(value, std, value - NORMAL_95 * std, value + NORMAL_95 * std)
+    return result
+
+
+def _reported(fit: Fit, z: Array, index: int, force: float) -> dict[str, float]:
+    effect = fit.hypothesis[index]
+    values = values_of(fit.found, z, fit.hypothesis)[index]
+    key = release_key(effect)
+    if key is None:
+        return effect.reported(values, force)
+    name = {"modulus": "factor", "length": "delta_mm"}.get(key[0], effect.part)
+    return {f"{effect.cause}.{name}": float(values[0])}
+
+
+def _covariance(fitter: Fitter, fit: Fit) -> Array:
+    A = fitter.normal(fit)
+    free = np.array([c.sigma != 0.0 for c in fit.found]) & (np.diag(A) > 0.0)
+    size = np.sqrt(np.diag(A)[free])
+    covariance = np.zeros_like(A)
+    inner = A[np.ix_(free, free)] / size[:, None] / size
+    covariance[np.ix_(free, free)] = np.linalg.pinv(inner, rcond=1e-12, hermitian=True) / size[:, None] / size
+    rows = int(fitter.whitening.present.sum())
+    inflation = max(1.0, fit.objective / max(rows - fit.free, 1))
+    result: Array = covariance * inflation
+    return result
+
+
+def nuisance_estimates(fitter: Fitter, fit: Fit) -> dict[str, Estimate]:
+    """The nuisances of a fit."""
+    covariance = _covariance(fitter, fit)
+    result = {}
+    for i, c in enumerate(fit.found):
+        if c.kind == "effect" or c.sigma == 0.0:
+            continue
+        value, std = c.value(float(fit.at.z[i])), float(np.sqrt(covariance[i, i])) * c.scale
+        result[c.name] = Estimate(value, std, value - NORMAL_95 * std, value + NORMAL_95 * std)
+    return result
