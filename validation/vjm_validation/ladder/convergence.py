@@ -30,7 +30,10 @@ HIGHEST_ORDER = 16.0
 """Orders are sought up to here; the springs' tenth is the highest in the house."""
 ORDER_TOLERANCE = 0.2
 """How far the observed order may be from that of theory."""
+MESHLESS = 0.05
+"""An order of errors nearer to zero than this has nothing to do with meshes."""
 EXACT = "exact at every mesh"
+SAME = "the same error at every mesh"
 TOO_FEW = "too few meshes above 1e-8 for an order"
 
 
@@ -78,6 +81,8 @@ def convergence(
         errors = [abs(value - exact) / size for value in values]
         order = fitted_order(meshes, errors)
         flag = _flag_of_errors(errors, order, theory)
+        if order is not None and abs(order) < MESHLESS:
+            order, flag = None, SAME
     else:
         order = three_mesh_order(meshes[-3:], coarse, fine) if abs(fine) > floor else None
         flag = _flag_of_changes(order, theory, coarse, fine, floor)
