@@ -177,7 +177,8 @@ class LumpedProblem:
             unstable=unstable,
             iterations=at.iterations,
             residual=at.residual,
-            shape=self.model.compiled.shape(at.x),
+            # without the hand, which is behind the chain
+            shape=self.model.compiled.shape(at.x)[: len(self.stations)],
             state=np.concatenate([at.x, at.wrench, [ramp]]),
             stiffness=K,
             ramp=ramp,

@@ -1,5 +1,7 @@
 """End-effectors that are let go in some components: closed forms, and the same joints put into the chain."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -120,3 +122,12 @@ def test_a_tool_that_turns_by_half_a_turn_has_a_displacement():
     programme = Programme("straight", np.pi * EI / LENGTH, "load", free=("x", "y", "rz"), loads=(moment,))
     path = VjmEngine(4).walk(column(), programme)
     assert abs(path.points[-1].displacement[5]) == pytest.approx(np.pi, abs=1e-9)
+
+
+def test_the_shape_is_the_chain_s_without_the_hand(chain):
+    programme = Programme("B", -1.0, free=("rx", "ry", "rz"))
+    path = VjmEngine(4).walk(chain, programme)
+    locked = VjmEngine(4).walk(chain, replace(programme, free=()))
+    assert path.stations == locked.stations
+    assert all(point.shape.shape == (len(path.stations), 3) for point in path.points)
+    assert np.array_equal(path.points[0].shape, locked.points[0].shape)
