@@ -160,14 +160,17 @@ def readings(
     rho: float = 0.0,
     wild: float = 0.0,
     columns: Sequence[str] = COLUMNS,
+    drawn: Sequence[float] | None = None,
 ) -> list[Row]:
     """Rows as read: true, times one plus scale, plus zero, plus noise of memory ``rho``, a share of them wild.
 
-    The draws do not depend on the machine. Displacements are read with errors too.
+    The draws do not depend on the machine. Displacements are read with errors too. ``drawn`` are standard normal
+    numbers for the zeros and the scales of the columns, then of the displacement, in place of the dice.
     """
-    zero = {n: errors * SIGMA[n][1] * rng.standard_normal() for n in columns}
-    scale = {n: errors * SIGMA[n][2] * rng.standard_normal() for n in columns}
-    zero_u, scale_u = (errors * sigma * rng.standard_normal() for sigma in SIGMA_UX[1:])
+    dice = iter(rng.standard_normal(2 * len(columns) + 2) if drawn is None else drawn)
+    zero = {n: errors * SIGMA[n][1] * next(dice) for n in columns}
+    scale = {n: errors * SIGMA[n][2] * next(dice) for n in columns}
+    zero_u, scale_u = (errors * sigma * next(dice) for sigma in SIGMA_UX[1:])
     rows: list[Row] = []
     for posture, ends in ramps.items():
         memory = {n: rng.standard_normal() for n in columns}
