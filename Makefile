@@ -17,7 +17,7 @@ export MKL_NUM_THREADS = 1
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help validate report test test-all bench lint schemas lock clean
+.PHONY: help validate report test test-all bench blind lint schemas lock clean
 
 help:
 	@echo 'make validate   every comparison (validate all $$ARGS); says where the report is'
@@ -25,6 +25,7 @@ help:
 	@echo 'make test       ruff, mypy and the tests that are not slow'
 	@echo 'make test-all   ruff, mypy and all tests'
 	@echo 'make bench      the benchmarks; writes bench.json'
+	@echo 'make blind      hides causes in made-up readings and scores their diagnoses ($$ARGS; --sample is quick)'
 	@echo 'make lint       ruff and mypy only'
 	@echo 'make schemas    the JSON schemas in docs/schemas anew'
 	@echo 'make lock       constraints.txt anew, from the ranges in pyproject.toml'
@@ -48,6 +49,10 @@ test-all: lint $(VENV)/.project
 
 bench: $(VENV)/.test $(VENV)/.project
 	$(BIN)/pytest tests/benchmarks $(ARGS)
+
+# An interrupted campaign goes on where it was.
+blind: $(VENV)/.project
+	$(BIN)/python -m vjm_validation.blind --readme README.md $(ARGS)
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check

@@ -69,7 +69,7 @@ class Laws:
             torques=tuple(torques.tolist()),
             waves=(float(rng.uniform(-0.25, 0.25)), float(rng.uniform(-0.1, 0.1))),
             direction=float(rng.uniform(0.0, 2.0 * np.pi)),
-            base=(float(rng.uniform(0.4, 2.5)), float(rng.uniform(0.4, 2.5)), float(rng.uniform(0.0, 1e-5))),
+            base=(float(rng.uniform(0.4, 2.5)), float(rng.uniform(0.4, 2.5)), float(rng.uniform(0.0, 4e-6))),
             creep=(float(rng.uniform(10.0, 40.0)), float(rng.uniform(90.0, 300.0)), float(rng.uniform(0.4, 0.8))),
             start=(float(rng.uniform(0.35, 0.65)), float(rng.uniform(1.1, 1.8))),
             spread=float(rng.uniform(0.2, 0.6)),

@@ -10,7 +10,8 @@ import numpy as np
 from vjm.chain import Chain
 from vjm.parts import Actuator, Beam, PassiveJoint
 from vjm.rotations import Array, rotate_matrix6, rotation_from_vector
-from vjm_validation.blind.chain_kernel import TERMS, march
+from vjm_validation.blind.chain_kernel import TERMS
+from vjm_validation.blind.history_kernel import march
 from vjm_validation.blind.rod_kernel import COLUMNS, DRIVE, FOOT, LINEAR, LINK, ROD
 
 LINK_STEPS, FOOT_STEPS = 16, 6

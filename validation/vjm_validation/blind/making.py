@@ -15,6 +15,7 @@ from vjm.rotations import Array
 from vjm_validation.blind.causes import Family, Laws, Put, catalogue
 from vjm_validation.blind.designs import Design, draw
 from vjm_validation.blind.drawing import as_drawn
+from vjm_validation.blind.further import extended
 from vjm_validation.blind.machine import NoTruthError
 from vjm_validation.blind.noise import read, with_nuisances
 from vjm_validation.blind.outside import outside
@@ -57,13 +58,19 @@ class Hidden:
         return put
 
 
-def make(plan: Plan, store: Store, folder: Path) -> dict[str, Any]:
+def make(plan: Plan, store: Store, folder: Path, proposal: dict[str, Any] | None = None) -> dict[str, Any]:
     """Write a set's files and return what is hidden in it.
 
     Args:
         plan: of the set.
         store: of signatures.
         folder: that gets ``data.csv``, ``sheet.toml``, ``still.csv`` (the same without noise) and ``truth.json``.
+        proposal: a further experiment, whose readings are added; then there is no ``truth.json``.
+
+    Raises:
+        UnreachableError: the causes cannot be hidden as strongly as wanted.
+        NoTruthError: the simulator gave up.
+        NoExperimentError: the proposal cannot be carried out.
     """
     rng = np.random.default_rng([plan.number, 3])
     known, hidden = _hide(plan, store, rng)
@@ -71,19 +78,22 @@ def make(plan: Plan, store: Store, folder: Path) -> dict[str, Any]:
     rig = as_drawn(design)
     for one in hidden:
         rig = one.put(rig, one.size)
-    clean = rig.response(design)
-    change = known.visibility.whitened(clean.less(known.visibility.nominal))
     loose, nuisances = with_nuisances(rig, design, rng)
+    if proposal is not None:
+        design = extended(design, proposal)
     still = loose.response(design)
     seen, regular = read(design, still, rng)
-    title = f"blind {plan.name}"
-    write_whole(folder / "sheet.toml", sheet_text(design, title))
+    truth = {}
+    if proposal is None:
+        change = known.visibility.whitened(rig.response(design).less(known.visibility.nominal))
+        truth = _truth(plan, known, hidden, change, nuisances)
+        truth["rivals"] = verdicts(known, seen, regular)
+        truth["oracle"] = _oracle(known, seen, still)
+    write_whole(folder / "sheet.toml", sheet_text(design, f"blind {plan.name}"))
     write_whole(folder / "data.csv", data_text(design, seen.ux, seen.forces))
     write_whole(folder / "still.csv", data_text(design, still.ux, still.forces))
-    truth = _truth(plan, known, hidden, change, nuisances)
-    truth["rivals"] = verdicts(known, seen, regular)
-    truth["oracle"] = _oracle(known, seen, still)
-    write_whole(folder / "truth.json", json.dumps(truth, indent=1))
+    if truth:
+        write_whole(folder / "truth.json", json.dumps(truth, indent=1))
     return truth
 
 
@@ -111,6 +121,7 @@ def _truth(
         "strength": float(np.linalg.norm(change)),
         "wanted": list(plan.strengths),
         "alike": alike,
+        "apart": _apart(known, change, names),
         "admitted": _admitted(known, change, names, alike),
         "nuisances": nuisances,
     }  # fmt: skip
@@ -128,6 +139,12 @@ def _admitted(known: Signatures, change: Array, names: Sequence[str], alike: dic
     pairs = {pair for pair in pairs if set(pair) <= set(known.causes)}
     admitted += [list(pair) for pair in sorted(pairs) if known.admits(change, pair)]
     return admitted
+
+
+def _apart(known: Signatures, change: Array, names: Sequence[str]) -> float:
+    """Strength that the nearest cause beside the hidden ones leaves."""
+    others = [cause for cause in known.causes if cause not in names]
+    return min((known.nearest(change, [cause]).distance for cause in others), default=float(np.linalg.norm(change)))
 
 
 def _hide(plan: Plan, store: Store, rng: np.random.Generator) -> tuple[Signatures, list[Hidden]]:

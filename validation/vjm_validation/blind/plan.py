@@ -88,7 +88,7 @@ def plans(share: float = 1.0, seed: int = 0, designs: int = DESIGNS) -> list[Pla
         order = rng.permutation(len(CAUSES))
         for k in range(max(2, round(share * count))):
             cause = CAUSES[order[k % len(CAUSES)]]
-            strength = STRENGTHS[(k + k // len(CAUSES)) % len(STRENGTHS)]
+            strength = STRENGTHS[(k % len(CAUSES) + k // len(CAUSES)) % len(STRENGTHS)]
             if group is Group.QUIET:
                 wanted.append((group, (), ()))
             elif group is Group.SINGLE:
@@ -96,7 +96,7 @@ def plans(share: float = 1.0, seed: int = 0, designs: int = DESIGNS) -> list[Pla
             elif group is Group.PAIR:
                 wanted.append((group, _pair(rng, k), tuple(float(rng.choice([8.0, 16.0])) for _ in range(2))))
             elif group is Group.OUTSIDE:
-                wanted.append((group, (str(k),), (float(rng.choice([8.0, 16.0, 32.0])),)))
+                wanted.append((group, (str(k),), (float(rng.choice([16.0, 32.0, 64.0])),)))
             elif group is Group.OMITTED:
                 wanted.append((group, (cause,), (float(rng.choice([8.0, 16.0])),)))
             else:

@@ -72,7 +72,7 @@ def _largest_drop(known: Signatures, ratio: Array) -> dict[str, Any]:
 
 def _plain_bic(known: Signatures, ratio: Array, count: int) -> dict[str, Any]:
     """Bayes' information criterion over raw readings, as if they were independent; none is a candidate too."""
-    square = float(ratio @ ratio)
+    square = max(float(ratio @ ratio), 1e-12)
     drops = _plain_drops(known, ratio)
     sizes = np.array([len(curve.nodes) if curve.spans else 1 for curve in known.curves])
     scores = count * np.log(np.maximum(square - drops, 1e-9 * square) / count) + sizes * np.log(count)

@@ -1,0 +1,80 @@
+"""``python -m vjm_validation.blind``: the campaign, its score, its page and the README's table."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, CycloptsError, Parameter
+
+from vjm.io.files import check_writable, write_whole
+from vjm_validation import show
+from vjm_validation.blind.campaign import results, run
+from vjm_validation.blind.page import page
+from vjm_validation.blind.plan import plans
+from vjm_validation.blind.score import score
+from vjm_validation.blind.table import markdown, with_table
+
+SAMPLE = 0.03
+"""Share of a whole campaign that `--sample` makes."""
+OK, BAD_INPUT, INTERRUPTED = 0, 2, 130
+
+app = App(name="blind", help="Hide causes in made-up readings, have them diagnosed, and score the verdicts.")
+
+
+@app.default
+def campaign(
+    *,
+    out: Annotated[Path, Parameter(help="Folder of the campaign; one that was cut off goes on there.")] = Path(
+        "reports/runs/blind"
+    ),
+    jobs: Annotated[int, Parameter(help="Processes.")] = 2,
+    sample: Annotated[bool, Parameter(negative="", help="A few sets of every group only.")] = False,
+    seed: Annotated[int, Parameter(help="Of the campaign; another one has other designs and sets.")] = 0,
+    only_make: Annotated[bool, Parameter(negative="", help="Make the sets and diagnose none.")] = False,
+    readme: Annotated[Path | None, Parameter(help="README whose table is renewed.")] = None,
+) -> int:
+    """Make the sets, diagnose them, write score.json, blind.html and blind.md; go on where it was cut off."""
+    if jobs < 1 or seed < 0:
+        raise ValueError("--jobs must be 1 or more and --seed 0 or more")
+    check_writable(out)
+    todo = plans(SAMPLE if sample else 1.0, seed)
+    try:
+        with show.progress() as progress:
+            run(todo, out, jobs=jobs, diagnose=not only_make, progress=lambda n, of: progress("sets", n, of))
+    except KeyboardInterrupt:
+        show.error(f"interrupted; what is finished is in {out} and is not done again")
+        return INTERRUPTED
+    if only_make:
+        return OK
+    done = results(todo, out)
+    held, development = score(done, held_out=True), score(done, held_out=False)
+    document = {"seed": seed, "sample": sample, "held_out": held, "development": development}
+    write_whole(out / "score.json", json.dumps(document, indent=1))
+    write_whole(out / "blind.html", page(held, development))
+    write_whole(out / "blind.md", markdown(held))
+    if readme is not None:
+        write_whole(readme, with_table(readme.read_text(encoding="utf-8"), held))
+    console = show.console()
+    console.print(markdown(held), soft_wrap=True, markup=False)
+    console.print(f"page: {out / 'blind.html'}", soft_wrap=True)
+    return OK
+
+
+def main() -> None:
+    """Run and exit; errors are one line."""
+    try:
+        status = app(sys.argv[1:], exit_on_error=False, print_error=False, result_action="return_value")
+    except CycloptsError as error:
+        show.error(" ".join(str(error).split()))
+        sys.exit(BAD_INPUT)
+    except (ValueError, OSError) as error:
+        show.error(show.one_line(error))
+        sys.exit(BAD_INPUT)
+    sys.exit(status)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,150 @@
+"""The campaign: sets made, diagnosed, and kept one by one, so that a kill at any point costs one set.
+
+A set's folder holds ``data.csv`` and ``sheet.toml`` (all that the finder gets), ``truth.json``, and what the finder
+wrote: ``found/`` of the readings, ``still/`` of the same readings without noise (what the finder's own law makes of
+the truth), ``next/`` with the readings of the experiment that it proposed.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from vjm.batch import map_all
+from vjm.io.files import write_whole
+from vjm_validation.blind.finder import diagnosed, understands
+from vjm_validation.blind.further import NoExperimentError
+from vjm_validation.blind.machine import NoTruthError
+from vjm_validation.blind.making import UnreachableError, make
+from vjm_validation.blind.plan import Group, Plan
+from vjm_validation.blind.store import Store
+
+WORTH = 8.0
+"""Strength from which on parameters are compared."""
+WITHOUT = "--without"
+"""Option by which the finder is not told of a cause."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One set to be made and diagnosed.
+
+    Attributes:
+        plan: what it is.
+        folder: of the campaign.
+        diagnose: whether it is diagnosed; else only made.
+        without: whether the finder can be told to leave a cause out.
+    """
+
+    plan: Plan
+    folder: Path
+    diagnose: bool
+    without: bool
+
+    @property
+    def place(self) -> Path:
+        """Folder of the set."""
+        return self.folder / "sets" / self.plan.name
+
+    @property
+    def result(self) -> Path:
+        """What there is at the end."""
+        return self.place / ("result.json" if self.diagnose else "truth.json")
+
+
+def run(
+    plans: list[Plan],
+    folder: Path,
+    *,
+    jobs: int = 2,
+    diagnose: bool = True,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Make and diagnose what is not there yet.
+
+    Args:
+        plans: of the campaign.
+        folder: of its files.
+        jobs: processes.
+        diagnose: whether the finder runs.
+        progress: told how many of the sets are done.
+    """
+    without = diagnose and understands(WITHOUT)
+    tasks = [Task(plan, folder, diagnose, without) for plan in plans]
+    todo = [task for task in tasks if not task.result.is_file()]
+    there = len(tasks) - len(todo)
+
+    def tell(done: int, _: int) -> None:
+        if progress is not None:
+            progress(there + done, len(tasks))
+
+    tell(0, 0)
+    # neighbours share their design's signatures
+    todo.sort(key=lambda task: (task.plan.design, task.plan.number))
+    map_all(work, todo, jobs, tell)
+
+
+def work(task: Task) -> str:
+    """One set, from wherever it stands; the name of its folder."""
+    truth = _made(task)
+    if task.diagnose:
+        result = {"truth": truth} | ({} if "skipped" in truth else _found(task, truth))
+        write_whole(task.result, json.dumps(result))
+    return task.plan.name
+
+
+def _made(task: Task) -> dict[str, Any]:
+    file = task.place / "truth.json"
+    if file.is_file():
+        known: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        return known
+    try:
+        return make(task.plan, _store(task.folder), task.place)
+    except (UnreachableError, NoTruthError) as error:
+        plan = task.plan
+        skipped = {"set": plan.number, "group": str(plan.group), "held_out": plan.held_out,
+                   "causes": list(plan.causes), "skipped": str(error)}  # fmt: skip
+        write_whole(file, json.dumps(skipped))
+        return skipped
+
+
+_STORES: dict[Path, Store] = {}
+
+
+def _store(folder: Path) -> Store:
+    return _STORES.setdefault(folder, Store(folder / "designs"))
+
+
+def _found(task: Task, truth: dict[str, Any]) -> dict[str, Any]:
+    place, sheet = task.place, task.place / "sheet.toml"
+    options: list[str] = []
+    if task.plan.group is Group.OMITTED:
+        if not task.without:
+            return {"found": {"error": f"the finder has no option {WITHOUT}"}}
+        options = [WITHOUT, *truth["causes"]]
+    result = {"found": diagnosed(place / "data.csv", sheet, place / "found", options)}
+    hidden = [one["strength"] for one in truth["hidden"]]
+    if task.plan.group is Group.SINGLE and hidden[0] >= 0.9 * WORTH:
+        result["still"] = diagnosed(place / "still.csv", sheet, place / "still")
+    proposal = result["found"].get("next_experiment") or {}
+    if task.plan.group is Group.INSEPARABLE and proposal.get("path"):
+        try:
+            if not (place / "next" / "data.csv").is_file():
+                make(task.plan, _store(task.folder), place / "next", proposal)
+            result["next"] = diagnosed(place / "next" / "data.csv", place / "next" / "sheet.toml", place / "next")
+        except (NoExperimentError, NoTruthError) as error:
+            result["next"] = {"error": str(error)}
+    return result
+
+
+def results(plans: list[Plan], folder: Path) -> list[dict[str, Any]]:
+    """Of the sets that are done, in order."""
+    found = []
+    for plan in plans:
+        file = Task(plan, folder, True, False).result
+        if file.is_file():
+            found.append(json.loads(file.read_text(encoding="utf-8")))
+    return found

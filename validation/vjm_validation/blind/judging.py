@@ -1,0 +1,98 @@
+"""What is right: a verdict against what was hidden, by MEASURED.md."""
+
+from __future__ import annotations
+
+from typing import Any
+
+Sets = list[list[str]]
+RATIOS = ("factor", "ratio", "stiffness_ratio")
+"""Last words of parameters whose error is taken on r − 1."""
+
+
+def admitted(truth: dict[str, Any]) -> set[frozenset[str]]:
+    """Sets of causes that a verdict may name: the hidden one, and what is one class with it.
+
+    A cause that the finder was not told of, or that no catalogue has, is none of them.
+    """
+    unknown = set(truth["causes"]) if truth["group"] == "outside" else set(truth.get("omitted", []))
+    own = {frozenset(causes) for causes in truth["admitted"]}
+    own |= {frozenset(truth["causes"])} if truth["causes"] else set()
+    return {causes for causes in own if not causes & unknown}
+
+
+def right(truth: dict[str, Any], found: dict[str, Any]) -> bool:
+    """Whether a verdict is right.
+
+    ``none`` where nothing is hidden. ``named`` with exactly the hidden set; ``class`` with candidates that contain
+    it and all lie in its equivalence class. Where the finder cannot know the cause: ``unknown``, or if causes that
+    it knows are one class with it, any of these.
+    """
+    if "error" in found:
+        return False
+    verdict, candidates = found["verdict"], candidate_sets(found)
+    if not truth["causes"]:
+        return bool(verdict == "none")
+    may = admitted(truth)
+    if truth["group"] in ("outside", "omitted"):
+        if verdict == "unknown":
+            return True
+        return bool(candidates) and all(causes in may for causes in candidates)
+    hidden = frozenset(truth["causes"])
+    if verdict == "named":
+        return candidates == [hidden]
+    return bool(verdict == "class") and hidden in candidates and all(causes in may for causes in candidates)
+
+
+def candidate_sets(found: dict[str, Any]) -> list[frozenset[str]]:
+    """The sets of causes that remain possible."""
+    return [frozenset(candidate["causes"]) for candidate in found.get("candidates", [])]
+
+
+def column(found: dict[str, Any]) -> str:
+    """Where a verdict stands in the confusion matrix: the one cause that it names, or what else it says."""
+    if "error" in found:
+        return "failed"
+    if found["verdict"] != "named":
+        return str(found["verdict"])
+    return str(found["causes"][0]) if len(found["causes"]) == 1 else "several"
+
+
+def parameter(found: dict[str, Any], causes: list[str], key: str) -> dict[str, Any] | None:
+    """An estimate of the candidate with these causes."""
+    for candidate in found.get("candidates", []):
+        if sorted(candidate["causes"]) == sorted(causes):
+            value = candidate.get("parameters", {}).get(key)
+            if value is None and candidate is found["candidates"][0]:
+                value = found.get("parameters", {}).get(key)
+            return value if isinstance(value, dict) else None
+    return None
+
+
+def principal(truth: dict[str, Any], found: dict[str, Any], still: dict[str, Any]) -> dict[str, Any] | None:
+    """Error and coverage of the principal parameter; the truth is the finder's law fitted to quiet readings.
+
+    Returns:
+        ``error`` relative (of r − 1 for a ratio), ``inside`` the 95 % interval; None where there is no estimate of
+        it or no truth.
+    """
+    (hidden,) = truth["hidden"]
+    key = hidden["parameter"] or ("plasticity.yield_N" if hidden["cause"] == "plasticity" else "")
+    if not key:
+        return None
+    estimate = parameter(found, truth["causes"], key)
+    known = parameter(still, truth["causes"], key)
+    if estimate is None or known is None:
+        return None
+    value, true = float(estimate["value"]), float(known["value"])
+    less = 1.0 if key.rsplit(".", 1)[-1] in RATIOS else 0.0
+    if true == less:
+        return None
+    low, high = estimate["interval95"]
+    return {
+        "key": key,
+        "error": abs(value - true) / abs(true - less),
+        "inside": bool(low <= true <= high),
+        "injected": hidden["value"],
+        "true": true,
+        "value": value,
+    }
