@@ -145,3 +145,12 @@ def test_iterations_contract_by_the_force_over_the_critical_force(summary):
     assert max(row["paper"] for row in sharp) <= 4
     assert any(row["paper"] is None for row in rows if row["posture"] == "A" and row["predicted"] is None)
     assert all(row["paper"] is not None for row in rows if row["posture"] == "B")
+
+
+def test_the_printed_matrices_are_examined(summary):
+    found = summary["matrices"]
+    assert any("misprint: (2,6)" in line for line in found["bar"]["findings"])
+    assert any("rigid offset" in line and "meets every entry" in line for line in found["foot"]["findings"])
+    table = found["table2"]
+    assert table["rms_fitted"] < table["rms_printed"]
+    assert {"B K3", "D K3"} <= set(table["agreements"][-1]["not_met"])

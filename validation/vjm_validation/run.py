@@ -10,6 +10,7 @@ from typing import Any
 from vjm.chain import Chain
 from vjm.imperfections import ImperfectionCurve
 from vjm.paths import Path
+from vjm_validation.printed_matrices import PrintedMatrices
 
 
 class Direction(StrEnum):
@@ -128,6 +129,7 @@ class Run:
         paths: by posture, direction and engine.
         lumping: the study that names the tension artefact's cause, one per direction.
         end_conditions: critical points under other hands than the paper's; None without the study.
+        matrices: what the printed matrices are as beams, and what Table II implies; None without the study.
         iterations: what the paper's iteration and Newton-Raphson take, one study per posture.
         summary: the content of ``summary.json``.
     """
@@ -136,5 +138,6 @@ class Run:
     paths: dict[Key, Path] = field(default_factory=dict)
     lumping: tuple[LumpingStudy, ...] = ()
     end_conditions: EndConditionStudy | None = None
+    matrices: PrintedMatrices | None = None
     iterations: tuple[IterationStudy, ...] = ()
     summary: Mapping[str, Any] = field(default_factory=dict)

@@ -19,6 +19,7 @@ from vjm_validation.end_conditions import end_condition_study
 from vjm_validation.engines import engine_by_name
 from vjm_validation.iterations import iteration_study
 from vjm_validation.lumping import SPRINGS, lumping_study
+from vjm_validation.printed_matrices import printed_matrices
 from vjm_validation.rounding import reach
 from vjm_validation.run import Direction, EndConditionStudy, IterationStudy, Key, LumpingStudy, Run
 from vjm_validation.summary import Summary, as_json, summarise
@@ -32,6 +33,7 @@ COMPARISONS = {
     "table2": "every figure of the paper's Table II, and what the rounding of its inputs can reach",
     "link_lumping": "critical force against number and placement of the bar's springs",
     "end_conditions": "critical points under dead loads and with free rotations, and what imperfections cost",
+    "matrices": "the beams behind the printed matrices (19), (20), and what Table II implies for them",
     "iterations": "iterations of the paper's (13) and of Newton-Raphson along the paper's paths",
     "verification": "cases with a known answer on every engine, and three engines on the paper's chain",
 }
@@ -100,13 +102,16 @@ def run_all(options: Options, progress: Progress) -> Summary:
         run.lumping = _lumping(run, progress)
     if options.wants("end_conditions"):
         run.end_conditions = _end_conditions(chain, postures, options, progress)
+    if options.wants("matrices") and not options.quick:
+        progress("matrices", 0, 3)
+        run.matrices = printed_matrices(chain, options.jobs, partial(progress, "matrices"))
     if options.wants("iterations"):
         run.iterations = _iterations(chain, postures, options, progress)
     published: list[PublishedFigure] = []
     if options.wants("table2"):
         published = _table2(chain, options, progress)
         if options.quick:
-            notes.append("--quick: the reach of the rounding was not sought, and postures C and D were left out")
+            notes.append("--quick: without the reach of the rounding, the matrices, and postures C and D")
     verification = Verification()
     if options.wants("verification") or options.cases:
         verification = verify(
