@@ -29,7 +29,7 @@ MAY_IMPORT = {
     "vjm_fea": {"vjm", "numpy", "scipy", "exudyn", "openseespy"},
     "vjm_validation": {
         *("vjm", "vjm_fea", "numpy", "scipy", "pydantic"),
-        *("matplotlib", "pyvista", "jinja2", "cyclopts", "rich"),
+        *("matplotlib", "pyvista", "jinja2", "cyclopts", "rich", "distributed"),
     },
 }
 

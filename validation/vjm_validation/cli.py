@@ -18,18 +18,20 @@ from vjm.chain import Chain
 from vjm.equilibrium import NoConvergenceError
 from vjm.io.errors import did_you_mean
 from vjm.io.files import check_writable
-from vjm.io.model_file import library, load_chain
+from vjm.io.manipulator_file import manipulators
+from vjm.io.model_file import library
 from vjm.io.path_files import write_curve
 from vjm.parts import Placement
 from vjm.paths import Path
 from vjm.programme import RAMP, TO_LIMIT
 from vjm.vjm_engine import VjmEngine
-from vjm_validation import cli_calibrate, cli_identify, show
+from vjm_validation import cli_calibrate, cli_identify, cli_map, show
 from vjm_validation.acceptance import FROZEN
 from vjm_validation.documents import BucklingDocument
 from vjm_validation.engines import DESCRIPTIONS, EngineOptions, engine_by_name
 from vjm_validation.ladder.library import library as cases
 from vjm_validation.loaded import under_displacement, under_wrench
+from vjm_validation.manipulators import loaded, stiffness_document
 from vjm_validation.metrics import PathMetrics, path_metrics
 from vjm_validation.programme_options import parsed_programme
 from vjm_validation.run import Direction
@@ -38,6 +40,7 @@ from vjm_validation.summary import as_json
 from vjm_validation.sweeps import ramp_end
 
 OK, NOT_ACCEPTED, BAD_INPUT, GAVE_UP, INTERRUPTED = 0, 1, 2, 3, 130
+ZERO = "0,0,0,0,0,0"
 
 app = App(
     name="validate",
@@ -45,7 +48,7 @@ app = App(
     version=__version__,
     result_action="return_value",
 )
-for command in (cli_calibrate, cli_identify):
+for command in (cli_calibrate, cli_identify, cli_map):
     command.register(app)
 
 Segments = Annotated[
@@ -130,6 +133,7 @@ def list_() -> int:
     """Show the models, engines, comparisons and verification cases that there are."""
     console = show.console()
     console.print(show.two_columns("Models", {entry.name: entry.title for entry in library()}))
+    console.print(show.two_columns("Manipulators", {entry.name: entry.title for entry in manipulators()}))
     console.print(show.two_columns("Engines", DESCRIPTIONS))
     console.print(show.two_columns("Comparisons of `validate all`", COMPARISONS))
     console.print(show.two_columns("Verification cases", {case.name: case.file.title for case in cases()}))
@@ -181,14 +185,14 @@ def curve(
 ) -> int:
     """Walk one load path and show it."""
     _positive("--steps", steps)
-    chain = load_chain(model)
+    chain, whole = loaded(model)
     label = _postures(chain, (posture,) if posture else ())[0]
     programme = parsed_programme(
         label, to, axis=axis, force=force, steps=steps, branch={"+": 1, "-": -1, "0": 0}[branch], free=free,
         loads=load, gravity=gravity, control=control, imperfection=imperfection,
     )  # fmt: skip
     _within_reach("--to", chain, programme.displacement(programme.length).tolist())
-    walker = engine_by_name(engine, _options(segments, foot_segments, placement, shear))
+    walker = whole(engine_by_name(engine, _options(segments, foot_segments, placement, shear)))
     if csv is not None:
         check_writable(csv.parent)
     with show.progress() as progress:
@@ -231,9 +235,9 @@ def buckling(
         raise UsageError(f"--to: the reach must be positive, not {to}; --direction gives the sign")
     if force and to is None:
         raise UsageError("--to: with --force say up to how many N")
-    chain = load_chain(model)
+    chain, whole = loaded(model)
     options = _options(segments, foot_segments, placement, shear)
-    walkers = [engine_by_name(name, options) for name in engine]
+    walkers = [whole(engine_by_name(name, options)) for name in engine]
     directions = (
         [Direction.TENSION if direction == "+" else Direction.COMPRESSION] if direction else list(Direction)
     )
@@ -284,15 +288,18 @@ def stiffness(
     """The loaded equilibrium: deflection, wrench, 6×6 stiffness (18) and the unloaded one, stability."""
     if wrench is not None and displacement is not None:
         raise UsageError("give --wrench or --displacement, not both: one imposes the other")
-    chain = load_chain(model)
+    chain, _ = loaded(model)
     walker = engine_by_name(engine, _options(segments, foot_segments, placement, shear=False))
     if not isinstance(walker, VjmEngine):
         raise UsageError(f"--engine {engine}: `validate stiffness` needs vjm-paper, vjm or vjm-<n>f<m>")
     label = _postures(chain, (posture,) if posture else ())[0]
-    if wrench is not None:
+    if not isinstance(chain, Chain):
+        control, values = ("wrench", wrench) if wrench is not None else ("displacement", displacement)
+        document = stiffness_document(chain, walker, label, control, _six(f"--{control}", values or ZERO))
+    elif wrench is not None:
         document = under_wrench(chain, walker, label, _six("--wrench", wrench))
     else:
-        imposed = _six("--displacement", displacement or "0,0,0,0,0,0")
+        imposed = _six("--displacement", displacement or ZERO)
         _within_reach("--displacement", chain, imposed)
         document = under_displacement(chain, walker, label, imposed)
     if json:

@@ -217,6 +217,22 @@ class Manipulator:
         return (PLATFORM, *(name for name in ends if name != PLATFORM))
 
     @property
+    def postures(self) -> Mapping[str, Array]:
+        """Its poses, under the name that they have for a chain."""
+        return self.poses
+
+    def posture(self, label: str) -> Array:
+        """`displacement`, as a chain's posture is asked for.
+
+        Raises:
+            KeyError: no such pose.
+        """
+        try:
+            return self.displacement(label)
+        except ValueError as error:
+            raise KeyError(str(error)) from None
+
+    @property
     def characteristic_length(self) -> float:
         """The longest elastic part's length in mm."""
         return max(leg.chain.characteristic_length for leg in self.legs)
