@@ -135,3 +135,29 @@ def test_a_bow_softens_a_column(chain):
 def test_it_says_when_it_gives_up(chain):
     with pytest.raises(NoTruthError, match="reading 1 of 1"):
         Machine(chain).readings("A", np.array([[500.0, 0, 0, 0, 0, 0]]))
+
+
+def test_finite_elements_stand_in_for_rods_where_they_can(design):
+    from vjm_validation.blind.drawing import by_finite_elements
+    from vjm_validation.blind.rig import drawn
+
+    rig = drawn(design)
+    rig = replace(rig, machine=replace(rig.machine, link_factor=1.02, link_longer=0.3, foot_factor=0.97))
+    other = by_finite_elements(rig.__class__(rig.machine.with_law(DRIVE, linear=1e-5)))
+    rods = replace(rig, machine=rig.machine.with_law(DRIVE, linear=1e-5)).response(design)
+    # a tenth of the readings' noise: 2 N
+    assert other.response(design).forces == pytest.approx(rods.forces, abs=0.2)
+    assert by_finite_elements(replace(rig, tilt=(0.01, 0.0))) is None
+    bowed = replace(rig.machine, bow=np.array([[1.0, 0.0], [0.0, 0.0]]))
+    assert by_finite_elements(replace(rig, machine=bowed)) is None
+
+
+def test_a_lumped_link_is_the_sheets_own(design):
+    from vjm_validation.blind.drawing import LumpedRig, as_drawn
+
+    lumped = as_drawn(replace(design, link_segments=1, foot_segments=1, drive=0.0))
+    assert isinstance(lumped, LumpedRig)
+    path = VjmEngine().walk(lumped.machine.chain, Programme("B", 2.5, steps=8))
+    wrench = lumped.response(replace(design, link_segments=1, foot_segments=1, drive=0.0)).forces
+    here = int(np.argmax(np.concatenate([s.ux for s in design.sequences])))
+    assert wrench[here, 0] == pytest.approx(path.wrench[-1, 0], rel=1e-6)

@@ -96,6 +96,11 @@ class Machine:
         wrench: Array = result[:, :6].copy()
         return wrench
 
+    @property
+    def drive(self) -> float:
+        """Linear compliance of the drive, mm/N, what was added to the drawing's included."""
+        return self._drive.compliance + float(self.laws[DRIVE, LINEAR])
+
     # --- numbers --------------------------------------------------------------------------------------------
 
     @property

@@ -14,7 +14,7 @@ from vjm.io.files import write_whole
 from vjm.rotations import Array
 from vjm_validation.blind.causes import Family, Laws, Put, catalogue
 from vjm_validation.blind.designs import Design, draw
-from vjm_validation.blind.drawing import as_drawn
+from vjm_validation.blind.drawing import as_drawn, by_finite_elements
 from vjm_validation.blind.further import extended
 from vjm_validation.blind.machine import NoTruthError
 from vjm_validation.blind.noise import read, with_nuisances
@@ -29,6 +29,8 @@ from vjm_validation.blind.visibility import visibility
 
 TRIALS = 8
 """Designs that are tried for a wanted strength."""
+BY_ELEMENTS = 4
+"""Of so many sets one is read off finite elements, where they have what it needs."""
 NEAR = 0.05
 """Relative error of a strength that is near enough."""
 
@@ -79,6 +81,9 @@ def make(plan: Plan, store: Store, folder: Path, proposal: dict[str, Any] | None
     for one in hidden:
         rig = one.put(rig, one.size)
     loose, nuisances = with_nuisances(rig, design, rng)
+    simulator = "rods"
+    if plan.number % BY_ELEMENTS == 0 and proposal is None:
+        loose, simulator = _elements(loose, design)
     if proposal is not None:
         design = extended(design, proposal)
     still = loose.response(design)
@@ -88,6 +93,7 @@ def make(plan: Plan, store: Store, folder: Path, proposal: dict[str, Any] | None
         change = known.visibility.whitened(rig.response(design).less(known.visibility.nominal))
         truth = _truth(plan, known, hidden, change, nuisances)
         truth["rivals"] = verdicts(known, seen, regular)
+        truth["simulator"] = simulator
         truth["oracle"] = _oracle(known, seen, still)
     write_whole(folder / "sheet.toml", sheet_text(design, f"blind {plan.name}"))
     write_whole(folder / "data.csv", data_text(design, seen.ux, seen.forces))
@@ -95,6 +101,19 @@ def make(plan: Plan, store: Store, folder: Path, proposal: dict[str, Any] | None
     if truth:
         write_whole(folder / "truth.json", json.dumps(truth, indent=1))
     return truth
+
+
+def _elements(rig: Rig, design: Design) -> tuple[Rig, str]:
+    """The rig on finite elements if they can be it, and by what it is simulated."""
+    other = by_finite_elements(rig)
+    if other is None:
+        return rig, "rods"
+    try:
+        other.response(design)
+    except NoTruthError:
+        # behind a bifurcation there is no smooth path
+        return rig, "rods"
+    return other, "finite elements"
 
 
 def _truth(

@@ -92,6 +92,10 @@ class Rig:
             forces.append(seen.forces)
         return Response(np.concatenate(ux), np.concatenate(forces))
 
+    def _wrench(self, sequence: Sequence, poses: Array) -> Array:
+        """Wrench ``(n, 6)`` that the machine needs at true displacements ``(n, 6)``."""
+        return self.machine.readings(sequence.posture, poses, sequence.time - sequence.time[0] + 1.0)
+
     def _forces(self, design: Design, sequence: Sequence) -> Array:
         poses = np.zeros((len(sequence), 6))
         travel = sequence.ux if self.screw is None else sequence.ux + self.screw(sequence.ux)
@@ -99,8 +103,7 @@ class Rig:
         size = float(np.hypot(y, z))
         across = np.sinc(size / np.pi)
         poses[:, 0], poses[:, 1], poses[:, 2] = travel * np.cos(size), travel * y * across, travel * z * across
-        time = sequence.time - sequence.time[0] + 1.0
-        wrench = self.machine.readings(sequence.posture, poses, time)
+        wrench = self._wrench(sequence, poses)
         if self.softer_per_kelvin:
             # stiffness falls in proportion at every reading: all parts together, so that only the scale changes
             wrench = wrench / (1.0 + self.softer_per_kelvin * (sequence.temperature - 21.0))[:, None]

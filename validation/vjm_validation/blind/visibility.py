@@ -102,14 +102,12 @@ def _nuisances(design: Design, rig: Rig, nominal: Response, stiffness: Array) ->
     gauge = design.instruments["ux_mm"]
     columns += [-stiffness, -stiffness * nominal.ux[:, None]]
     sigmas += [gauge.zero, gauge.scale]
-    # how the machine's tolerances act hardly differs between a lumped link and a bar
-    bar = Rig(rig.machine).response(design)
     for machine, sigma in (
         (replace(rig.machine, link_longer=design.length), design.length),
         (replace(rig.machine, foot_factor=1.0 / (1.0 + design.modulus)), design.modulus),
         (replace(rig.machine, link_factor=1.0 / (1.0 + design.modulus)), design.modulus),
     ):
-        other = Rig(machine).response(design)
-        columns.append((other.forces - bar.forces) / sigma)
+        other = replace(rig, machine=machine).response(design)
+        columns.append((other.forces - nominal.forces) / sigma)
         sigmas.append(sigma)
     return np.array([column.ravel() for column in columns]).T, np.array(sigmas)
