@@ -25,7 +25,7 @@ from vjm.parts import Placement
 from vjm.paths import Path
 from vjm.programme import RAMP, TO_LIMIT
 from vjm.vjm_engine import VjmEngine
-from vjm_validation import cli_calibrate, cli_identify, cli_map, show
+from vjm_validation import cli_calibrate, cli_diagnose, cli_identify, cli_map, show
 from vjm_validation.acceptance import FROZEN
 from vjm_validation.documents import BucklingDocument
 from vjm_validation.engines import DESCRIPTIONS, EngineOptions, engine_by_name
@@ -48,7 +48,7 @@ app = App(
     version=__version__,
     result_action="return_value",
 )
-for command in (cli_calibrate, cli_identify, cli_map):
+for command in (cli_calibrate, cli_diagnose, cli_identify, cli_map):
     command.register(app)
 
 Segments = Annotated[
