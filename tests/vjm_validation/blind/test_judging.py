@@ -146,3 +146,7 @@ def test_the_table_says_what_is_missed_and_goes_between_its_marks():
     assert with_table(new, held) == new
     assert with_table("no marks", held) == "no marks"
     assert markdown(score([])).count("–") > 10
+
+
+def test_candidates_that_differ_in_the_part_alone_are_one():
+    assert right(truth(["creep"]), found("named", ["creep"], ["creep"]))

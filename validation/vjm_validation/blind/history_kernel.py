@@ -1,8 +1,8 @@
 """Kernels: the chain's equilibria step after step along a history, with what each step leaves behind.
 
 What depends on the history (bristles in the joints, sets, what lags behind) keeps its state between steps. A step
-on which Newton's method fails is halved. Where the chain has become unstable (its Jacobian's determinant has changed
-its sign) the branch that leaves along the softest motion is taken.
+on which Newton's method fails is halved. Where the chain has become unstable (the determinant has changed its sign)
+the branch that leaves along the softest motion is taken.
 """
 
 from __future__ import annotations

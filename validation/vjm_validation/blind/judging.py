@@ -44,8 +44,8 @@ def right(truth: dict[str, Any], found: dict[str, Any]) -> bool:
 
 
 def candidate_sets(found: dict[str, Any]) -> list[frozenset[str]]:
-    """The sets of causes that remain possible."""
-    return [frozenset(candidate["causes"]) for candidate in found.get("candidates", [])]
+    """The sets of causes that remain possible, each once: candidates may differ in the part alone."""
+    return list(dict.fromkeys(frozenset(candidate["causes"]) for candidate in found.get("candidates", [])))
 
 
 def column(found: dict[str, Any]) -> str:
@@ -58,13 +58,11 @@ def column(found: dict[str, Any]) -> str:
 
 
 def parameter(found: dict[str, Any], causes: list[str], key: str) -> dict[str, Any] | None:
-    """An estimate of the candidate with these causes."""
+    """An estimate of the first candidate with these causes that has it."""
     for candidate in found.get("candidates", []):
-        if sorted(candidate["causes"]) == sorted(causes):
-            value = candidate.get("parameters", {}).get(key)
-            if value is None and candidate is found["candidates"][0]:
-                value = found.get("parameters", {}).get(key)
-            return value if isinstance(value, dict) else None
+        value = candidate.get("parameters", {}).get(key)
+        if sorted(candidate["causes"]) == sorted(causes) and isinstance(value, dict):
+            return value
     return None
 
 

@@ -146,7 +146,7 @@ def _resolved(r: Result) -> bool:
 
 
 def _class_sizes(results: list[Result]) -> dict[str, float | None]:
-    said = [len(r["found"]["candidates"]) for r in results if r["found"].get("verdict") == "class" and _right(r)]
+    said = [len(candidate_sets(r["found"])) for r in results if r["found"].get("verdict") == "class" and _right(r)]
     true = [len(admitted(r["truth"])) for r in results if r["truth"]["group"] == "single" and _strength(r) >= 7.2]
     return {
         "of_right_classes": float(np.mean(said)) if said else None,
