@@ -41,6 +41,7 @@ class ManipulatorExudynProblem(BeamProblem):
         held, _, _ = on_platform(programme)
         if pose is None:
             pose = inverse_kinematics(manipulator, manipulator.displacement(programme.posture))
+        pose = replace(pose, manipulator=manipulator)
         free = [name for name, fixed in zip(COMPONENTS, held, strict=True) if not fixed]
         free.sort(key=len, reverse=True)
         hand = [PassiveJoint(f"hand-{name}", AXES[name[-1]], slides=len(name) == 1) for name in free]

@@ -295,7 +295,10 @@ def stiffness(
     label = _postures(chain, (posture,) if posture else ())[0]
     if not isinstance(chain, Chain):
         control, values = ("wrench", wrench) if wrench is not None else ("displacement", displacement)
-        document = stiffness_document(chain, walker, label, control, _six(f"--{control}", values or ZERO))
+        numbers = _six(f"--{control}", values or ZERO)
+        if control == "displacement":
+            _within_reach("--displacement", chain, numbers)
+        document = stiffness_document(chain, walker, label, control, numbers)
     elif wrench is not None:
         document = under_wrench(chain, walker, label, _six("--wrench", wrench))
     else:

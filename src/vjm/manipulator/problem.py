@@ -56,6 +56,8 @@ class ManipulatorProblem(LumpedProblem):
         held, constant, ramped = on_platform(programme)
         if pose is None:
             pose = inverse_kinematics(manipulator, manipulator.displacement(programme.posture))
+        # a pose is rigid: errors and offsets are those of the machine that is given
+        pose = replace(pose, manipulator=manipulator)
         self.model = Whole(pose, engine, held, constant, ramped)
         self.stations = self.model.labels()
         self._loading, self._on_tool, self._watched = NO_LOADING, np.zeros(0, dtype=bool), -1

@@ -106,8 +106,8 @@ def inverse_kinematics(manipulator: Manipulator, displacement: Array, start: Rig
     begin = pose.frames[0]
     way = displacement_between(begin, wanted)
     driven = any(leg.drive for leg in manipulator.legs)
-    basis = _freedom(pose)
-    rates = _rates(pose, basis)
+    basis = freedom(pose)
+    before = rates(pose, basis)
     done, step = 0.0, 1.0
     while done < 1.0:
         to = min(1.0, done + step)
@@ -119,13 +119,13 @@ def inverse_kinematics(manipulator: Manipulator, displacement: Array, start: Rig
             (float(np.abs(a - b).max(initial=0.0)) for a, b in zip(there.q, pose.q, strict=True)), default=0
         )
         if left < CLOSED and turned <= LARGEST_TURN:
-            answers = _rates(there, basis)
-            if _turned_back(rates, answers):
+            answers = rates(there, basis)
+            if _turned_back(before, answers):
                 raise PoseError(
                     f"{manipulator.name}: the pose {_words(displacement)} lies on another branch: between "
                     f"{done:.0%} and {to:.0%} of the way from home the machine passes a singularity"
                 )
-            pose, done, step, rates = there, to, 2.0 * (to - done), answers
+            pose, done, step, before = there, to, 2.0 * (to - done), answers
             continue
         step = 0.5 * (to - done)
         if step < SMALLEST_STEP:
@@ -135,7 +135,7 @@ def inverse_kinematics(manipulator: Manipulator, displacement: Array, start: Rig
     return pose
 
 
-def _rates(pose: RigidPose, basis: Array) -> Array | None:
+def rates(pose: RigidPose, basis: Array) -> Array | None:
     """Drives' motions by the platform's in a ``basis`` (6, f) of these; None where they do not match one to one."""
     closure = Closure(pose.manipulator)
     free = _null(closure.linearised(pose)[1])
@@ -146,7 +146,7 @@ def _rates(pose: RigidPose, basis: Array) -> Array | None:
     return np.array(np.linalg.solve(platform.T, drive.T).T, dtype=float)
 
 
-def _freedom(pose: RigidPose) -> Array:
+def freedom(pose: RigidPose) -> Array:
     """Orthonormal motions ``(6, f)`` of the platform with the drives free."""
     closure = Closure(pose.manipulator)
     U, s, _ = np.linalg.svd(_null(closure.linearised(pose)[1])[closure.body_at : closure.body_at + 6])

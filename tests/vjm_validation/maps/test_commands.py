@@ -48,7 +48,7 @@ def test_an_imposed_displacement_of_a_platform(name, capsys):
         (["curve", "orthoglide", "--to", "1", "--posture", "A"], "has no posture 'A'"),
         (["curve", "orthoglide", "--to", "1", "--engine", "msa"], "walks single chains only"),
         (["curve", "orthoglide", "--to", "1", "--gravity", "0,0,-9.81"], "no weight"),
-        (["stiffness", "orthoglide", "--displacement", "900,0,0,0,0,0"], "out of reach"),
+        (["stiffness", "orthoglide", "--displacement", "900,0,0,0,0,0"], "is out of reach: orthoglide's longest"),
     ],
 )
 def test_what_a_manipulator_cannot_do_is_one_line(arguments, words, capsys):
