@@ -24,7 +24,7 @@ def validate(*arguments: str, cwd: Path | None = None) -> Finished:
     # no display, as on a server: rendering must not need one
     environment = {k: v for k, v in os.environ.items() if k != "DISPLAY"}
     done = subprocess.run(
-        command, capture_output=True, text=True, cwd=cwd, env=environment, timeout=600, check=False
+        command, capture_output=True, text=True, cwd=cwd, env=environment, timeout=1800, check=False
     )
     return Finished(done.returncode, done.stdout, done.stderr)
 
