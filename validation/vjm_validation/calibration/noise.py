@@ -125,16 +125,20 @@ class Memory:
     def estimated(self, whitened: Array, present: np.ndarray) -> Memory:
         """The same with the autocorrelation of whitened residuals ``(n, 6)``.
 
-        What is not told apart from none counts as none. Wild residuals are cut off at 4 standard deviations.
+        What is not told apart from none counts as none. Wild residuals, beyond 4 standard deviations, are left out.
         """
         rho = np.zeros(6)
-        cut = np.clip(whitened, -4.0, 4.0)
         for c in range(6):
-            near = np.flatnonzero((self.before[:, c] >= 0) & (self.gap[:, c] == 1))
+            if not present[:, c].any():
+                continue
+            size = np.abs(whitened[:, c])
+            good = present[:, c] & (size < 4.0 * max(1.4826 * float(np.median(size[present[:, c]])), 1.0))
+            linked = (self.before[:, c] >= 0) & (self.gap[:, c] == 1)
+            near = np.flatnonzero(linked & good & good[np.maximum(self.before[:, c], 0)])
             if len(near) < LEAST_SAMPLES:
                 continue
-            a, b = cut[near, c], cut[self.before[near, c], c]
-            spread = float(np.mean(cut[present[:, c], c] ** 2))
+            a, b = whitened[near, c], whitened[self.before[near, c], c]
+            spread = float(np.mean(whitened[good, c] ** 2))
             if spread == 0.0:
                 continue
             r = float(np.mean(a * b)) / spread
