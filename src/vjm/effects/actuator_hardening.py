@@ -25,6 +25,7 @@ class ActuatorHardening(Effect):
     force: float = 1000.0
     cause = "actuator_hardening"
     title = "the drive's spring stiffens or softens with load"
+    contains = ("actuator_compliance",)
 
     def quantities(self) -> tuple[Quantity, ...]:
         """r, and c₀ at zero load."""

@@ -2,19 +2,18 @@
 
 The line of action passes through both pins, so that the bending moment is the force times the distance from it.
 From the middle outwards ``dy/ds = sin θ``, ``dθ/ds = −(κ(P y) + κ₀(s))`` with κ the curvature that a moment makes
-and κ₀ that of the bow; P is such that y vanishes at the pin (the elastica where κ = M/EI). The curve is the limit of
-many virtual springs. Loading must be monotone: what has yielded is taken to follow the same curve (deformation
-theory).
+and κ₀ that of the bow. P is such that y vanishes at the pin: the elastica where κ = M/EI, and the limit of many
+virtual springs. Loading must be monotone: what has yielded is taken to follow the same curve (deformation theory).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
+from vjm.compilation import entry, kernel
 from vjm.rotations import Array
 
 STEPS = 24
@@ -23,7 +22,7 @@ FIBRES = 400
 """Over half the depth of the section."""
 FAR = 60.0
 """Curvature over that at first yield up to which moments are tabulated."""
-ROUNDS = 60
+ROUNDS = 90
 """Of the search for the force."""
 
 
@@ -65,92 +64,131 @@ def yield_curve(fibres: Fibres, hardening: float) -> tuple[Array, Array]:
     return moment / elastic, curvature
 
 
-def bending(stiffness: float, first_yield: float, fibres: Fibres, hardening: float) -> Callable[[Array], Array]:
-    """Curvature by moment.
-
-    Args:
-        stiffness: EI, N mm².
-        first_yield: moment, N mm; infinite where it never yields.
-        fibres: of the section.
-        hardening: tangent modulus over Young's beyond yield.
-    """
-    if not np.isfinite(first_yield):
-        return lambda M: M / stiffness
-    moments, curvatures = yield_curve(fibres, hardening)
-    last = (curvatures[-1] - curvatures[-2]) / (moments[-1] - moments[-2])
-
-    def curvature(M: Array) -> Array:
-        m = np.abs(M) / first_yield
-        k = np.interp(m, moments, curvatures) + last * np.maximum(m - moments[-1], 0.0)
-        result: Array = np.sign(M) * k * first_yield / stiffness
-        return result
-
-    return curvature
-
-
 def column_force(
-    deflection: Array, length: float, stiffness: float, bow: float, curvature: Callable[[Array], Array]
+    deflection: Array,
+    length: float,
+    stiffness: float,
+    bow: float = 0.0,
+    first_yield: float = float("inf"),
+    fibres: Fibres | None = None,
+    hardening: float = 0.0,
 ) -> Array:
     """Compressive forces ``(n,)`` at deflections of the middle from the unloaded shape.
 
     Args:
         deflection: ``(n,)`` mm.
         length: between the pins, mm.
-        stiffness: EI, N mm², for the scale of the search.
+        stiffness: EI, N mm².
         bow: amplitude of the half sine wave of the unloaded shape, mm, towards positive deflections.
-        curvature: by moment.
+        first_yield: bending moment, N mm; infinite where it never yields.
+        fibres: of the section, where it yields.
+        hardening: tangent modulus over Young's beyond yield.
 
     Returns:
         N; Euler's load where a straight column is not deflected.
     """
+    moments, curvatures = np.array([0.0, 1.0]), np.array([0.0, 1.0])
+    if fibres is not None and np.isfinite(first_yield):
+        moments, curvatures = yield_curve(fibres, hardening)
+    scale = first_yield if len(moments) > 2 else stiffness / length
+    start = np.asarray(deflection, dtype=float) + bow
+    force = np.empty(len(start))
+    _forces(start, length, stiffness, bow, scale, moments, curvatures, force)
+    return force
+
+
+@entry
+def _forces(
+    start: Array,
+    length: float,
+    stiffness: float,
+    bow: float,
+    scale: float,
+    moments: Array,
+    curvatures: Array,
+    force: Array,
+) -> None:
+    """Write the forces ``(n,)`` by bisection and false position; the moment ``scale`` has the curve's unit."""
     euler = np.pi**2 * stiffness / length**2
-    start = bow + deflection
-    start = np.where(np.abs(start) < 1e-6, 1e-6, start)
-    low, high = np.full(len(start), -4.0 * euler), np.full(len(start), 2.0 * euler)
-    # at the pin y falls with the force
-    value_low, value_high = (_end(P, start, length, bow, curvature) * np.sign(start) for P in (low, high))
-    # Illinois: the end that stays twice counts half
-    side = np.zeros(len(start))
-    P = low
-    size = np.abs(start)
-    value_low = np.minimum(value_low, size)
-    for k in range(ROUNDS):
-        P = high - value_high * (high - low) / np.where(value_high == value_low, 1.0, value_high - value_low)
-        P = np.clip(P, low + 1e-3 * (high - low), high - 1e-3 * (high - low))
-        P = np.where(k % 4 == 3, 0.5 * (low + high), P)
-        value = np.clip(_end(P, start, length, bow, curvature) * np.sign(start), -size, size)
-        above = value > 0.0
-        low, high = np.where(above, P, low), np.where(above, high, P)
-        value_high = np.where(above, np.where(side > 0.0, 0.5, 1.0) * value_high, value)
-        value_low = np.where(above, value, np.where(side < 0.0, 0.5, 1.0) * value_low)
-        side = np.where(above, 1.0, -1.0)
-        if float(np.minimum((high - low) / euler, np.abs(value) / size).max()) < 1e-9:
-            break
-    return P
+    for i in range(len(start)):
+        y0 = start[i] if abs(start[i]) > 1e-6 else 1e-6
+        low, high = -4.0 * euler, 2.0 * euler
+        at_low = _end(low, y0, length, bow, stiffness, scale, moments, curvatures)
+        at_high = _end(high, y0, length, bow, stiffness, scale, moments, curvatures)
+        P = low
+        side = 0
+        for k in range(ROUNDS):
+            P = 0.5 * (low + high)
+            if k % 4 != 3 and at_high != at_low:
+                P = high - at_high * (high - low) / (at_high - at_low)
+                P = min(max(P, low + 1e-3 * (high - low)), high - 1e-3 * (high - low))
+            value = _end(P, y0, length, bow, stiffness, scale, moments, curvatures)
+            if abs(value) < 1e-12 or high - low < 1e-11 * euler:
+                break
+            # Illinois: the end that stays twice counts half
+            if value > 0.0:
+                low, at_low = P, value
+                at_high *= 0.5 if side == 1 else 1.0
+                side = 1
+            else:
+                high, at_high = P, value
+                at_low *= 0.5 if side == -1 else 1.0
+                side = -1
+        force[i] = P
 
 
-def _end(P: Array, start: Array, length: float, bow: float, curvature: Callable[[Array], Array]) -> Array:
-    """Distance ``(n,)`` of the pin from the line of action."""
+@kernel
+def _curvature(M: float, stiffness: float, scale: float, moments: Array, curvatures: Array) -> float:
+    """Curvature that a moment makes."""
+    m = abs(M) / scale
+    n = len(moments)
+    if n == 2:
+        return M / stiffness
+    if m <= moments[1]:
+        k = m
+    else:
+        j = min(max(int(np.searchsorted(moments, m)), 1), n - 1)
+        share = (m - moments[j - 1]) / (moments[j] - moments[j - 1])
+        k = curvatures[j - 1] + share * (curvatures[j] - curvatures[j - 1])
+    k *= scale / stiffness
+    return k if M > 0.0 else -k
+
+
+@kernel
+def _end(
+    P: float,
+    y0: float,
+    length: float,
+    bow: float,
+    stiffness: float,
+    scale: float,
+    moments: Array,
+    curvatures: Array,
+) -> float:
+    """Distance of the pin from the line of action over that of the middle, between −1 and 1."""
     h = 0.5 * length / STEPS
     own = bow * (np.pi / length) ** 2
-    y, turn = start.copy(), np.zeros(len(start))
-    curled, flung = np.zeros(len(start), dtype=bool), np.zeros(len(start), dtype=bool)
-
-    def rate(s: float, y: Array, turn: Array) -> tuple[Array, Array]:
-        return np.sin(turn), -(curvature(P * y) + own * np.cos(np.pi * s / length))
-
+    y, turn = y0, 0.0
+    sign = 1.0 if y0 > 0.0 else -1.0
     for k in range(STEPS):
         s = k * h
-        a, b = rate(s, y, turn)
-        c, d = rate(s + 0.5 * h, y + 0.5 * h * a, turn + 0.5 * h * b)
-        e, f = rate(s + 0.5 * h, y + 0.5 * h * c, turn + 0.5 * h * d)
-        g, i = rate(s + h, y + h * e, turn + h * f)
-        y = y + h / 6.0 * (a + 2.0 * c + 2.0 * e + g)
-        turn = turn + h / 6.0 * (b + 2.0 * d + 2.0 * f + i)
-        # beyond a right angle the force is too large, wherever the curl ends
-        way = turn * np.sign(start)
-        curled |= way < -0.5 * np.pi
-        flung |= ~curled & (way > 0.5 * np.pi)
-        y = np.where(curled, -start, np.where(flung, start, y))
-        turn = np.where(curled | flung, 0.0, turn)
-    return y
+        a = np.sin(turn)
+        b = -_curvature(P * y, stiffness, scale, moments, curvatures) - own * np.cos(np.pi * s / length)
+        middle = own * np.cos(np.pi * (s + 0.5 * h) / length)
+        y1, t1 = y + 0.5 * h * a, turn + 0.5 * h * b
+        c, d = np.sin(t1), -_curvature(P * y1, stiffness, scale, moments, curvatures) - middle
+        y2, t2 = y + 0.5 * h * c, turn + 0.5 * h * d
+        e, f = np.sin(t2), -_curvature(P * y2, stiffness, scale, moments, curvatures) - middle
+        y3, t3 = y + h * e, turn + h * f
+        g = np.sin(t3)
+        i = -_curvature(P * y3, stiffness, scale, moments, curvatures) - own * np.cos(np.pi * (s + h) / length)
+        y += h / 6.0 * (a + 2.0 * c + 2.0 * e + g)
+        turn += h / 6.0 * (b + 2.0 * d + 2.0 * f + i)
+        # beyond a right angle, or across the line of action, the force is too large, wherever the curl ends
+        if turn * sign < -0.5 * np.pi:
+            return -1.0
+        if turn * sign > 0.5 * np.pi:
+            return 1.0
+        if y * sign < 0.0 and k < STEPS - 1:
+            return max(y * sign / abs(y0), -1.0) if y * sign / abs(y0) < -1e-3 else -1e-3
+    return min(max(y * sign / abs(y0), -1.0), 1.0)

@@ -82,11 +82,14 @@ class Effect:
 
     Attributes:
         cause: name of the cause, MEASURED's where it has one.
+        title: what it is, in a few words.
+        contains: causes that are this one with a parameter at its neutral value.
         part: where it sits, for causes that can sit in several places; else empty.
     """
 
     cause: ClassVar[str] = ""
     title: ClassVar[str] = ""
+    contains: ClassVar[tuple[str, ...]] = ()
     part: str = ""
 
     @property

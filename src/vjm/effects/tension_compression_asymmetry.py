@@ -23,6 +23,7 @@ class Asymmetry(Effect):
     beam: str = "link"
     cause = "tension_compression_asymmetry"
     title = "a stiffness differs between pull and push"
+    contains = ("foot_compliance", "link_compliance")
 
     def quantities(self) -> tuple[Quantity, ...]:
         """Pull stiffness over push stiffness, and the factor on their geometric mean's compliance."""

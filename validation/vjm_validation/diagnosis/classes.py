@@ -9,7 +9,6 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_validation.calibration.noise import memory_of
 from vjm_validation.diagnosis.fitting import Fit, Fitter
-from vjm_validation.diagnosis.forward import Forward
 from vjm_validation.diagnosis.unknowns import Coordinate, release_key
 
 APART = 2.0
@@ -39,7 +38,7 @@ def _refitted(fitter: Fitter, wrench: Array, other: Fit) -> float:
     observed = fitter.forward.observed
     clean = np.where(observed.present, wrench, np.nan)
     made = replace(observed, wrench=clean, memory=memory_of(observed.readings.sequence, ~np.isnan(clean)))
-    forward = Forward(made, dict(fitter.forward.branches), fitter.forward._tables)
+    forward = fitter.forward.reading(made)
     own = Fitter(forward, fitter.nuisances, fitter.whitening, fitter.machine_slopes)
     freed = {release_key(effect) for effect in other.hypothesis}
     m = len(fitter.nuisances)

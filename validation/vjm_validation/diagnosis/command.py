@@ -9,6 +9,7 @@ from pathlib import Path
 from vjm import __version__
 from vjm.effects.catalogue import plug_in
 from vjm.io.files import check_writable, write_whole
+from vjm_validation.diagnosis.column import FIRST_YIELD, ColumnForward, is_column, observe_column
 from vjm_validation.diagnosis.contrasts import contrasts
 from vjm_validation.diagnosis.critical import critical_forces
 from vjm_validation.diagnosis.document import (
@@ -29,8 +30,8 @@ from vjm_validation.diagnosis.fitting import Fit
 from vjm_validation.diagnosis.holdout import gain
 from vjm_validation.diagnosis.observed import observe
 from vjm_validation.diagnosis.page import write_page
-from vjm_validation.diagnosis.preparation import Prepared, prepare
-from vjm_validation.diagnosis.search import Ranked, Search, effective_samples
+from vjm_validation.diagnosis.preparation import Prepared, prepare, refresh
+from vjm_validation.diagnosis.search import STRONG, Ranked, Search, effective_samples
 from vjm_validation.diagnosis.verdict import Estimate, Verdict, estimates, judge, nuisance_estimates
 from vjm_validation.measurement import Measurement, read_measurement
 from vjm_validation.measurement.channels import WRENCH
@@ -66,12 +67,18 @@ def diagnose(
     begun = time.perf_counter()
     more = [plug_in(path) for path in plug_ins]
     measurement = read_measurement(data, sheet)
-    observed = observe(measurement)
+    observed = observe_column(measurement) if is_column(measurement) else observe(measurement)
     check_writable(out)
     progress("the nominal model")
     prepared = prepare(observed, more)
     search = _search(prepared, progress)
     best = search.run()
+    strong = prepared.null.objective - best.fit.objective > STRONG
+    if best.labels and (strong or observed.steered):
+        # seen from a model so far off, noise and wild samples were guesses
+        prepared = refresh(prepared, best.fit)
+        search = _search(prepared, progress)
+        best = search.run()
     progress("verdict")
     verdict = judge(search, best)
     document = _document(measurement, prepared, search, verdict, begun)
@@ -100,7 +107,7 @@ def _document(
         CandidateRow(
             causes=sorted(member.causes),
             probability=p,
-            parameters=_values(estimates(fitter, member.fit, 0.0), member.fit),
+            parameters=_values(prepared, member.fit),
             gain=_gain(prepared, member.fit),
         )
         for member, p in zip(verdict.members, verdict.probabilities, strict=True)
@@ -144,8 +151,17 @@ def _value(e: Estimate) -> ValueRow:
     return ValueRow(value=e.value, std=e.std, interval95=[e.low, e.high])
 
 
-def _values(found: dict[str, Estimate], fit: Fit) -> dict[str, ValueRow | str]:
+def _values(prepared: Prepared, fit: Fit) -> dict[str, ValueRow | str]:
+    found = estimates(prepared.fitter, fit, 0.0)
     result: dict[str, ValueRow | str] = {name: _value(e) for name, e in found.items()}
+    forward = prepared.fitter.forward
+    if isinstance(forward, ColumnForward):
+        here = forward.first_yield(fit.found, fit.at.z, fit.hypothesis)
+        if here is not None:
+            stress = found["plasticity.yield_stress_MPa"]
+            std = abs(here[0]) * stress.std / stress.value
+            ends = [here[0] - 1.96 * std, here[0] + 1.96 * std]
+            result[FIRST_YIELD] = ValueRow(value=here[0], std=std, interval95=ends)
     for effect in fit.hypothesis:
         if effect.part and not any(name.startswith(f"{effect.cause}.{effect.part}") for name in result):
             result[f"{effect.cause}.part"] = effect.part
@@ -171,6 +187,12 @@ def _next(prepared: Prepared, verdict: Verdict) -> ExperimentRow:
         return ExperimentRow()
     first = verdict.members[0]
     other: Ranked = next(m for m in verdict.members if m.causes != first.causes)
+    if isinstance(prepared.fitter.forward, ColumnForward):
+        return ExperimentRow(
+            why="turned over, a bow changes sides while errors of the instruments and the stiffness stay",
+            posture=str(prepared.fitter.forward.observed.readings.posture[0]),
+            path="the same marks with the specimen turned half a turn about its axis, and the gauges read unloaded",
+        )
     found = propose(prepared.fitter, first.fit, other.fit)
     if found is None:
         return ExperimentRow(why="no posture of the model separates them")

@@ -9,7 +9,7 @@ from vjm_validation.diagnosis.document import Diagnosis
 from vjm_validation.diagnosis.fitting import Fit
 from vjm_validation.diagnosis.preparation import Prepared
 from vjm_validation.diagnosis.shapes import driven_channel, loading
-from vjm_validation.measurement.channels import POSE, WRENCH
+from vjm_validation.measurement.channels import WRENCH
 from vjm_validation.report.style import Picture, figure, png
 
 INK, BEFORE, AFTER, BACK = "#1b1f24", "#D55E00", "#0072B2", "#7a7a7a"
@@ -26,7 +26,7 @@ def pictures(prepared: Prepared, fit: Fit, document: Diagnosis) -> list[Picture]
 def _force(prepared: Prepared) -> int:
     """The wrench channel that is drawn: the driven one, else the first that was read."""
     observed = prepared.fitter.forward.observed
-    driven = POSE.index(driven_channel(observed))
+    driven = observed.slot(driven_channel(observed))
     return driven if observed.present[:, driven].any() else int(np.argmax(observed.present.any(axis=0)))
 
 

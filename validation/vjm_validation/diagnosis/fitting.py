@@ -15,11 +15,11 @@ import numpy as np
 from vjm.equilibrium import NoConvergenceError
 from vjm.rotations import Array
 from vjm_validation.calibration.noise import Memory, whiten
-from vjm_validation.diagnosis.forward import Evaluation, Forward, values_of
+from vjm_validation.diagnosis.forward import Evaluation, Predictor, values_of
 from vjm_validation.diagnosis.unknowns import Coordinate, Hypothesis, coordinates, start
-from vjm_validation.measurement.channels import POSE, WRENCH
+from vjm_validation.measurement.channels import WRENCH
 
-STEPS = 14
+STEPS = 20
 """Of Gauss-Newton at most."""
 ENOUGH = 0.03
 """Expected fall of the objective at which it ends."""
@@ -27,7 +27,9 @@ FAR = 1.0
 """Distance of a machine nuisance from where tables were made, in sigmas, at which they are made anew at once."""
 NEAR = 0.15
 """And at which they are made anew at the end of a fit."""
-DIFFERENCE = 1e-3
+LONGEST = 1.0
+"""Of one step, in units of one and the coordinate itself."""
+DIFFERENCE = 0.03
 """Step of differences, in units of a coordinate."""
 
 
@@ -105,7 +107,7 @@ class Fitter:
         anchor: those nuisances ``(m,)`` for which tables are made; from there the slopes lead on. None: exact.
     """
 
-    forward: Forward
+    forward: Predictor
     nuisances: tuple[Coordinate, ...]
     whitening: Whitening
     machine_slopes: Array | None = None
@@ -167,7 +169,7 @@ class Fitter:
             k = WRENCH.index(c.subject)
             J[:, k, i] = -c.scale * (1.0 if c.kind == "zero" else at.wrench[:, k])
             return
-        k = POSE.index(c.subject)
+        k = self.forward.observed.slot(c.subject)
         moved = np.ones(len(at.place)) if c.kind == "zero" else at.place[:, k]
         J[:, :, i] = c.scale / at.gain_u[k] * at.gain * at.stiffness[:, :, k] * moved[:, None]
 
@@ -246,7 +248,7 @@ class Fitter:
         low, high = (np.array([getattr(c, end) for c in found]) for end in ("low", "high"))
         fixed = np.array([c.sigma == 0.0 for c in found])
         A, b = self._system(found, at, J)
-        for _ in range(5):
+        for _ in range(6):
             move = _solve(A, b, damping, fixed, at.z, low, high)
             if float(move @ b) < 0.5 * ENOUGH:
                 return None, damping
@@ -287,17 +289,29 @@ def prior(found: Sequence[Coordinate], z: Array) -> tuple[Array, Array]:
 
 
 def _solve(A: Array, b: Array, damping: float, fixed: np.ndarray, z: Array, low: Array, high: Array) -> Array:
-    """A damped step that leaves out what is fixed, or at a bound and pushed outwards."""
+    """A damped step within the bounds and the trusted range of each coordinate.
+
+    What would go further stops there, and the others are solved for again: a bow, say, acts with its square, and
+    the slope at a small one says little of a large one.
+    """
+    most = LONGEST * (1.0 + np.abs(z))
+    floor, roof = np.maximum(low - z, -most), np.minimum(high - z, most)
     step = np.zeros(len(b))
-    held = fixed | ((z <= low) & (b < 0.0)) | ((z >= high) & (b > 0.0))
-    on = ~held
-    if not on.any():
-        return step
-    M = A[np.ix_(on, on)]
-    size = np.sqrt(np.maximum(np.diag(M), 1e-300))
-    M = M / size[:, None] / size + damping * np.eye(int(on.sum()))
-    try:
-        step[on] = np.linalg.solve(M, b[on] / size) / size
-    except np.linalg.LinAlgError:
-        step[on] = np.linalg.lstsq(M, b[on] / size, rcond=1e-12)[0] / size
-    return step
+    on = ~fixed
+    for _ in range(4):
+        if not on.any():
+            break
+        M = A[np.ix_(on, on)] + damping * np.diag(np.diag(A)[on])
+        size = np.sqrt(np.maximum(np.diag(M), 1e-300))
+        right = (b - A @ np.where(on, 0.0, step))[on] / size
+        M = M / size[:, None] / size
+        try:
+            step[on] = np.linalg.solve(M, right) / size
+        except np.linalg.LinAlgError:
+            step[on] = np.linalg.lstsq(M, right, rcond=1e-12)[0] / size
+        beyond = on & ((step < floor) | (step > roof))
+        if not beyond.any():
+            break
+        step = np.clip(step, floor, roof)
+        on &= ~beyond
+    return np.clip(step, floor, roof)

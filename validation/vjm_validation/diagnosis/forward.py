@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -51,6 +52,25 @@ class Evaluation:
     gain_u: Array
 
 
+class Predictor(Protocol):
+    """What predicts the readings of a kind of test."""
+
+    observed: Observed
+    branches: dict[tuple[int, int], int]
+
+    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> Machine:
+        """The machine of a hypothesis."""
+
+    def evaluate(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> Evaluation:
+        """Readings against a hypothesis."""
+
+    def reading(self, observed: Observed) -> Predictor:
+        """The same for other readings of the same test."""
+
+    def branched(self, ray: Ray, sign: int, reach: float) -> bool:
+        """Whether a half-ray has a bifurcation within its reach."""
+
+
 @dataclass
 class Forward:
     """Predicts readings; keeps the tables that it has made.
@@ -64,19 +84,18 @@ class Forward:
     branches: dict[tuple[int, int], int] = field(default_factory=dict)
     _tables: OrderedDict[tuple[object, ...], Table] = field(default_factory=OrderedDict)
 
+    def reading(self, observed: Observed) -> Forward:
+        """The same for other readings of the same test."""
+        return Forward(observed, dict(self.branches), self._tables)
+
+    def branched(self, ray: Ray, sign: int, reach: float) -> bool:
+        """Whether a half-ray has a bifurcation within its reach, in any table made so far."""
+        d = tuple(float(v) for v in np.round(sign * ray.direction, 15))
+        return any(t.bifurcation < reach for k, t in self._tables.items() if k[1] == ray.posture and k[2] == d)
+
     def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> Machine:
         """The machine of a hypothesis."""
-        measurement = self.observed.measurement
-        machine = Machine(measurement.chain, measurement.engine)
-        for c, value in zip(found, z, strict=True):
-            if c.kind == "modulus":
-                machine = machine.times(c.subject, 1.0 / (1.0 + c.value(value)))
-            elif c.kind == "length":
-                machine = machine.longer(c.subject, c.value(value))
-        for effect, values in zip(hypothesis, values_of(found, z, hypothesis), strict=True):
-            if release_key(effect) is None:
-                machine = effect.machine(machine, values)
-        return machine
+        return machine_of(self.observed, found, z, hypothesis)
 
     def evaluate(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> Evaluation:
         """Readings against a hypothesis.
@@ -87,8 +106,8 @@ class Forward:
         observed = self.observed
         machine = self.machine(found, z, hypothesis)
         values = values_of(found, z, hypothesis)
-        zero_u, gain_u = _errors(found, z, POSE)
-        zero_f, gain_f = _errors(found, z, WRENCH)
+        zero_u, gain_u = channel_errors(found, z, POSE)
+        zero_f, gain_f = channel_errors(found, z, WRENCH)
         drift = self._drift(hypothesis, values)
         place = (observed.pose - drift[:, :6] - zero_u) / gain_u
         own = [(effect, v) for effect, v in zip(hypothesis, values, strict=True) if release_key(effect) is None]
@@ -243,6 +262,20 @@ def _turned(before: Array, after: Array) -> Array:
     return result
 
 
+def machine_of(observed: Observed, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> Machine:
+    """The nominal machine with the nuisances and effects of a hypothesis."""
+    machine = Machine(observed.measurement.chain, observed.measurement.engine)
+    for c, value in zip(found, z, strict=True):
+        if c.kind == "modulus":
+            machine = machine.times(c.subject, 1.0 / (1.0 + c.value(value)))
+        elif c.kind == "length":
+            machine = machine.longer(c.subject, c.value(value))
+    for effect, values in zip(hypothesis, values_of(found, z, hypothesis), strict=True):
+        if release_key(effect) is None:
+            machine = effect.machine(machine, values)
+    return machine
+
+
 def values_of(found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> list[list[float]]:
     """Each effect's values; a released nuisance's own value, as its cause reports it."""
     result: list[list[float]] = []
@@ -257,7 +290,7 @@ def values_of(found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> 
     return result
 
 
-def _errors(found: Sequence[Coordinate], z: Array, names: Sequence[str]) -> tuple[Array, Array]:
+def channel_errors(found: Sequence[Coordinate], z: Array, names: Sequence[str]) -> tuple[Array, Array]:
     """Zeros ``(6,)`` and gains ``(6,)`` of channels."""
     zero, gain = np.zeros(6), np.ones(6)
     for c, value in zip(found, z, strict=True):

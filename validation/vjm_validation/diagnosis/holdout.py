@@ -6,7 +6,7 @@ A refit without the readings held out is one step from the full fit, whose slope
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,6 +74,8 @@ def split_of(observed: Observed) -> Split:
 
 def held_out_residual(fitter: Fitter, fit: Fit, split: Split) -> Array:
     """Raw residual ``(n, 6)`` of each reading under the fit without its part."""
+    if fitter.forward.observed.steered:
+        return _refitted(fitter, fit, split)
     flat_fold = np.broadcast_to(split.fold[:, None], fitter.whitening.present.shape)[fitter.whitening.present]
     W, r = fitter.whitening.flat(fit.jacobian), fitter.whitening.flat(fit.at.residual)
     p, weight = prior(fit.found, fit.at.z)
@@ -90,6 +92,23 @@ def held_out_residual(fitter: Fitter, fit: Fit, split: Split) -> Array:
         step = np.linalg.solve(A, b)
         own = split.fold == number
         result[own] += fit.jacobian[own] @ step
+    return np.where(fitter.whitening.present, result, 0.0)
+
+
+def _refitted(fitter: Fitter, fit: Fit, split: Split) -> Array:
+    """The same by refits in full, where a step would not do: a curve that is level says nothing of its start."""
+    observed, m = fitter.forward.observed, len(fitter.nuisances)
+    result = fit.at.residual.copy()
+    for number in np.unique(split.fold):
+        own = split.fold == number
+        kept = observed.without(observed.present & own[:, None])
+        whitening = replace(fitter.whitening, memory=replace(kept.memory, rho=fitter.whitening.memory.rho))
+        less = Fitter(fitter.forward.reading(kept), fitter.nuisances, replace(whitening, present=kept.present))
+        found = less.fit(fit.hypothesis, fit.at.z[:m], fit.values, fresh=True)
+        fitter.anchor = None
+        at = None if found is None else fitter.evaluate(found.found, found.at.z, fit.hypothesis)
+        if at is not None:
+            result[own] = at.residual[own]
     return np.where(fitter.whitening.present, result, 0.0)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from vjm.rotations import Array
-from vjm_validation.diagnosis.fitting import Fit, Fitter
+from vjm_validation.diagnosis.fitting import Fit, Fitter, prior
 from vjm_validation.diagnosis.screening import Projection, projection
 from vjm_validation.diagnosis.shapes import smooth_shapes
 from vjm_validation.measurement.channels import WRENCH
@@ -32,11 +32,13 @@ class Misfit:
         p: chance of such a residual where nothing is wrong.
         left: squares of the residual in the shapes beyond what noise has there.
         worst: the shape that stands out most, in words; empty where none does.
+        strained: chance of nuisances as far from the sheet's as they had to go.
     """
 
     p: float
     left: float
     worst: str
+    strained: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,10 @@ def misfit(fitter: Fitter, fit: Fit) -> Misfit:
     if rank <= 20.0 / DRAWS:
         rank = min(rank, float(p[worst] * 0.02 / np.quantile(least, 0.02)))
     total = min(1.0, 2.0 * min(rank, overall))
-    return Misfit(total, left, blocks[worst].name if total < 0.05 else "")
+    off, weight = prior(fit.found, fit.at.z)
+    sheet = np.array([c.kind != "effect" for c in fit.found]) & (weight > 0.0)
+    strained = float(chi2.sf(float(np.sum(off[sheet] ** 2)), max(int(sheet.sum()), 1)))
+    return Misfit(total, left, blocks[worst].name if total < 0.05 else "", strained)
 
 
 def _blocks(fitter: Fitter, space: Projection) -> list[_Block]:

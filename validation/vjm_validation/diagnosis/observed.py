@@ -34,6 +34,7 @@ class Observed:
         clock: s since the first reading ``(n,)``, or None.
         warmth: K above the first reading ``(n,)``, or None.
         wild: number of samples left out as wild.
+        steered: column that takes the place of the first displacement, where a point steered the test.
     """
 
     measurement: Measurement
@@ -47,6 +48,7 @@ class Observed:
     clock: Array | None
     warmth: Array | None
     wild: int = 0
+    steered: str = ""
 
     @property
     def present(self) -> np.ndarray:
@@ -62,7 +64,11 @@ class Observed:
     @property
     def pose_channels(self) -> list[str]:
         """Columns of the displacement that were read."""
-        return [name for name in POSE if name in self.readings.values]
+        return [self.steered] if self.steered else [name for name in POSE if name in self.readings.values]
+
+    def slot(self, channel: str) -> int:
+        """Index of a displacement's channel."""
+        return 0 if channel == self.steered else POSE.index(channel)
 
     def without(self, wild: np.ndarray) -> Observed:
         """The same with samples ``(n, 6)`` left out."""

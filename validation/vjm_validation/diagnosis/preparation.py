@@ -10,8 +10,9 @@ import numpy as np
 from vjm.effects.catalogue import Maker, catalogue
 from vjm.effects.effect import Effect, Scene
 from vjm.equilibrium import NoConvergenceError
+from vjm_validation.diagnosis.column import ColumnForward, column_effects, with_noise_found
 from vjm_validation.diagnosis.fitting import Fit, Fitter, Whitening
-from vjm_validation.diagnosis.forward import Forward
+from vjm_validation.diagnosis.forward import Evaluation, Forward, Predictor
 from vjm_validation.diagnosis.instrument import InstrumentScale, InstrumentZero, ThermalDrift
 from vjm_validation.diagnosis.noise_model import estimate_memory
 from vjm_validation.diagnosis.observed import Observed, wild_samples
@@ -28,11 +29,13 @@ class Prepared:
         fitter: with its noise known.
         null: fit of the sheet's tolerances alone.
         effects: the catalogue.
+        all: every reading, wild ones included.
     """
 
     fitter: Fitter
     null: Fit
     effects: tuple[Effect, ...]
+    all: Observed
 
 
 def prepare(observed: Observed, more: Sequence[Maker] = ()) -> Prepared:
@@ -41,23 +44,47 @@ def prepare(observed: Observed, more: Sequence[Maker] = ()) -> Prepared:
     Raises:
         NoConvergenceError: the nominal machine has no equilibrium at the readings.
     """
-    forward = Forward(observed)
+    forward: Predictor = ColumnForward(observed) if observed.steered else Forward(observed)
     nuisances = tuple(nuisance_coordinates(observed))
     found = coordinates(nuisances, ())
     zero = np.zeros(len(found))
     at = forward.evaluate(found, zero, ())
     fitter = Fitter(forward, nuisances, Whitening(np.zeros(0), observed.memory, np.ones(6), observed.present))
     fitter.weigh(at)
-    observed = observed.without(wild_samples(observed, at.residual, fitter.whitening.factors))
-    forward.observed = observed
-    fitter.whitening = replace(fitter.whitening, memory=observed.memory, present=observed.present)
-    fitter.weigh(at)
+    _without_wild(fitter, observed, at)
     null = _fitted(fitter)
     null = choose_branches(fitter, null)
-    effects = tuple(effects_of(observed, more))
+    effects = tuple(effects_of(forward.observed, more))
     remember(fitter, null, effects)
     null = _fitted(fitter)
-    return Prepared(fitter, null, effects)
+    return Prepared(fitter, null, effects, observed)
+
+
+def _without_wild(fitter: Fitter, observed: Observed, at: Evaluation) -> None:
+    """Leave out wild samples as the residuals of an evaluation show them."""
+    kept = observed.without(wild_samples(observed, at.residual, fitter.whitening.factors))
+    fitter.forward.observed = kept
+    fitter.whitening = replace(fitter.whitening, memory=kept.memory, present=kept.present)
+    fitter.weigh(at)
+
+
+def refresh(prepared: Prepared, best: Fit) -> Prepared:
+    """Find wild samples, the readings' covariances and the noise's memory again, about a better model."""
+    fitter, everything = prepared.fitter, prepared.all
+    if everything.steered:
+        everything = with_noise_found(everything, best)
+    fitter.forward.observed = everything
+    fitter.whitening = replace(fitter.whitening, memory=everything.memory, present=everything.present)
+    fitter.anchor = None
+    at = fitter.evaluate(best.found, best.at.z, best.hypothesis)
+    if at is None:
+        return prepared
+    fitter.weigh(at)
+    _without_wild(fitter, everything, at)
+    m = len(fitter.nuisances)
+    fit = choose_branches(fitter, fitter.fit(best.hypothesis, best.at.z[:m], best.values, fresh=True) or best)
+    remember(fitter, fit, ())
+    return replace(prepared, null=_fitted(fitter), all=everything)
 
 
 def _fitted(fitter: Fitter) -> Fit:
@@ -89,7 +116,7 @@ def choose_branches(fitter: Fitter, base: Fit) -> Fit:
     for number, ray in enumerate(forward.observed.rays):
         s = forward.observed.pose[ray.index] @ ray.measure
         for sign in (1, -1):
-            if not _branched(forward, number, sign, float((sign * s).max())):
+            if not forward.branched(ray, sign, float((sign * s).max())):
                 continue
             before = dict(forward.branches)
             forward.branches[number, sign] = -forward.branches.get((number, sign), 1)
@@ -101,16 +128,10 @@ def choose_branches(fitter: Fitter, base: Fit) -> Fit:
     return best
 
 
-def _branched(forward: Forward, number: int, sign: int, reach: float) -> bool:
-    ray = forward.observed.rays[number]
-    d = tuple(float(v) for v in np.round(sign * ray.direction, 15))
-    return any(
-        table.bifurcation < reach for key, table in forward._tables.items() if key[1] == ray.posture and key[2] == d
-    )
-
-
 def effects_of(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
     """The catalogue of a test: the machine's effects, and the instruments'."""
+    if observed.steered:
+        return column_effects(observed)
     measurement = observed.measurement
     clock = observed.clock
     force = float(np.nanmax(np.linalg.norm(np.nan_to_num(observed.wrench[:, :3]), axis=1)))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 from scipy.stats import chi2
@@ -36,6 +37,8 @@ HOPEFUL = 30.0
 """How far from significance, by its score's p-value over the threshold, an effect is still fitted in full."""
 WRONG_LAW = 0.008
 """Share of the squares explained that a slightly wrong law of the right cause may leave: a tenth of its size."""
+STRAINED = 4.0
+"""Sigmas of a nuisance from which on fits begin at zero, too."""
 CLOSE = 40.0
 """Criterion within which of the best a rough fit is made exact."""
 STRONG = 4000.0
@@ -129,7 +132,7 @@ class Search:
         if any(s.p < HOPEFUL * self.alarm and s.explained > WRONG_LAW * gained for s in ranked):
             return False
         rest = misfit(self.fitter, base)
-        return rest.p > self.alarm or rest.left < WRONG_LAW * gained
+        return (rest.p > self.alarm or rest.left < WRONG_LAW * gained) and rest.strained > self.alarm
 
     def _pairs(self) -> None:
         """Pairs that together explain what neither shows alone."""
@@ -146,8 +149,12 @@ class Search:
         self.progress(" + ".join(effect.label for effect in hypothesis))
         m = len(self.fitter.nuisances)
         best: Fit | None = None
-        for values in starts:
-            fit = self.fitter.fit(hypothesis, base.at.z[:m], values, rough=True)
+        begins = [base.at.z[:m]]
+        if float(np.abs(begins[0]).max(initial=0.0)) > STRAINED:
+            # a wrong model has dragged the nuisances along
+            begins.append(np.zeros(m))
+        for begin, values in product(begins, starts):
+            fit = self.fitter.fit(hypothesis, begin, values, rough=True)
             if fit is not None and (best is None or fit.objective < best.objective):
                 best = fit
         if best is not None:

@@ -16,6 +16,8 @@ from vjm_validation.diagnosis.unknowns import release_key
 
 MISFIT = 0.002
 """Chance of calling a right model wrong."""
+STRAINED = 1e-6
+"""Chance of nuisances so far from the sheet's below which the model is wrong, however well it then fits."""
 RIVAL = 16.0
 """Criterion within which of the best a hypothesis may belong to its class."""
 SUREST = 0.99
@@ -49,18 +51,20 @@ def judge(search: Search, best: Ranked) -> Verdict:
     fitter = search.fitter
     rest = misfit(fitter, best.fit)
     explained = search.null.objective - best.fit.objective
-    wrong = rest.p < MISFIT and rest.left > WRONG_LAW * explained
+    wrong = (rest.p < MISFIT and rest.left > WRONG_LAW * explained) or rest.strained < STRAINED
     weights = _weights(search, best)
     if not best.labels:
         if rest.p < MISFIT:
             return Verdict("unknown", (), (), min(SUREST, 1.0 - rest.p), _others(weights, []), rest)
         return Verdict("none", (), (), _quiet(search, weights, rest), _others(weights, [best]), rest)
     if wrong:
-        return Verdict("unknown", (), (), min(SUREST, 1.0 - rest.p), _others(weights, []), rest)
+        return Verdict("unknown", (), (), min(SUREST, 1.0 - min(rest.p, rest.strained)), _others(weights, []), rest)
     members = [best]
     rivals = [r for r in weights if r.labels != best.labels and r.criterion < best.criterion + RIVAL]
     for rival in sorted(rivals, key=lambda r: r.criterion)[:6]:
-        small = len(rival.labels) <= len(best.labels)
+        # what says the same with a parameter more is not a rival
+        wider = any(cause in best.causes for effect in rival.fit.hypothesis for cause in effect.contains)
+        small = len(rival.labels) <= len(best.labels) and not (wider and rival.criterion > best.criterion)
         if small and rival.labels and not rival.labels > best.labels and together(fitter, best.fit, rival.fit):
             members.append(rival)
     causes = {m.causes for m in members}

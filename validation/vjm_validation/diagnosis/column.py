@@ -1,0 +1,279 @@
+"""Tests of a pinned column that is steered by the deflection of its middle, with the load read at each mark.
+
+The deflection takes the place of the imposed displacement; see `vjm.effects.column` for the mechanics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from vjm.effects.column import Fibres, column_force
+from vjm.effects.effect import Effect, Quantity
+from vjm.effects.link_bow import LinkBow
+from vjm.effects.link_length import LinkLength
+from vjm.effects.machine import Machine, beam_of, link_of
+from vjm.effects.part_compliance import LinkCompliance
+from vjm.effects.series import History
+from vjm.parts import Beam, PassiveJoint
+from vjm.rotations import Array
+from vjm_validation.calibration.noise import memory_of, noise_of
+from vjm_validation.calibration.rays import Ray
+from vjm_validation.diagnosis.fitting import Fit
+from vjm_validation.diagnosis.forward import Evaluation, channel_errors, machine_of, values_of
+from vjm_validation.diagnosis.instrument import InstrumentScale, InstrumentZero
+from vjm_validation.diagnosis.observed import Observed
+from vjm_validation.diagnosis.unknowns import Coordinate, Hypothesis
+from vjm_validation.measurement import Measurement
+from vjm_validation.measurement.channels import WRENCH, split_point
+
+LEAST = 5
+"""Half of the marks from which noise is estimated."""
+FIRST_YIELD = "plasticity.yield_N"
+
+
+@dataclass(frozen=True)
+class ColumnBow(LinkBow):
+    """A bow in the plane in which the column gives way."""
+
+    sizes: tuple[float, ...] = (0.5, 1.5, 4.0)
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Towards the positive deflection."""
+        return (Quantity("amplitude_mm", -20.0, 20.0, 0.5, neutral=0.0),)
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Small and large."""
+        return [(size,) for size in self.sizes]
+
+    def machine(self, machine: Machine, values: Sequence[float]) -> Machine:
+        """Built with the bow."""
+        return replace(machine, bow=(values[0], 0.0))
+
+    def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
+        """Amplitude, and the side."""
+        return {
+            "link_bow.amplitude_mm": abs(float(values[0])),
+            "link_bow.direction_rad": 0.0 if values[0] >= 0.0 else float(np.pi),
+        }
+
+
+@dataclass(frozen=True)
+class ColumnYield(Effect):
+    """Bending beyond yield, fibre by fibre, with linear hardening.
+
+    Attributes:
+        stress: the handbook's yield stress, MPa, from which a search begins.
+    """
+
+    part: str = "link"
+    stress: float = 250.0
+    cause = "plasticity"
+    title = "a permanent set after a yield load"
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Yield stress, and the tangent modulus over Young's beyond it."""
+        return (
+            Quantity("yield_stress_MPa", 0.3 * self.stress, 4.0 * self.stress, 0.1 * self.stress),
+            Quantity("hardening", 0.0, 0.3, 0.02, usual=0.01, spread=0.03),
+        )
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """About the handbook's value."""
+        return [(share * self.stress, 0.01) for share in (0.8, 1.0, 1.25)]
+
+
+def is_column(measurement: Measurement) -> bool:
+    """Whether a test steered a pinned beam by the deflection of its middle, the end displacement not being read."""
+    point, channel = split_point(measurement.sheet.test.control)
+    return bool(point) and channel == "uy_mm" and not measurement.imposed
+
+
+def observe_column(measurement: Measurement) -> Observed:
+    """What there is to be explained: the last reading at each mark, as long as the deflection grows.
+
+    Raises:
+        ValueError: the machine is no pinned beam, or the load was not read along it.
+    """
+    chain, sheet, control = measurement.chain, measurement.sheet, measurement.sheet.test.control
+    where = sheet.points[split_point(control)[0]]
+    kinds = [type(part) for part in chain.parts]
+    if kinds != [PassiveJoint, Beam, PassiveJoint] or where.at != 0.5 or where.body != link_of(chain):
+        raise ValueError(
+            f"{sheet.file}: control {control}: a test steered by a point is diagnosed for a beam between two pins, "
+            "by its middle; give the displacement of the end-effector instead"
+        )
+    readings = measurement.readings
+    if WRENCH[0] not in readings.values:
+        raise ValueError(f"{readings.file}: column {WRENCH[0]} is missing: the load along the column is needed")
+    if sheet.sigma(control).held:
+        readings = readings.settled(control)
+    mark, force = readings.values[control], readings.wrench
+    known = np.flatnonzero(~np.isnan(mark) & ~np.isnan(force[:, 0]))
+    readings = readings.only(known)
+    mark = readings.values[control]
+    # what comes back has another law; the last block of a file may be stale
+    growing = np.concatenate([[True], mark[1:] > np.maximum.accumulate(mark)[:-1]])
+    end = int(np.argmin(growing)) if not growing.all() else len(growing)
+    readings = readings.only(np.arange(end))
+    n = len(readings)
+    pose = np.zeros((n, 6))
+    pose[:, 0] = readings.values[control]
+    wrench = np.full((n, 6), np.nan)
+    wrench[:, 0] = readings.wrench[:, 0]
+    noise = noise_of(measurement)
+    own = np.zeros(6)
+    own[0] = sheet.sigma(control).noise
+    x = np.eye(6)[0]
+    begins = np.arange(n) == 0
+    line = Machine(chain, measurement.engine).line(str(readings.posture[0]))
+    return Observed(
+        measurement,
+        readings,
+        pose,
+        wrench,
+        replace(noise, pose=own),
+        (Ray(str(readings.posture[0]), x, x, np.arange(n)),),
+        memory_of(readings.sequence, ~np.isnan(wrench)),
+        History(np.zeros(n), begins, np.tile(line, (n, 1))),
+        None,
+        None,
+        steered=control,
+    )
+
+
+def with_noise_found(observed: Observed, fit: Fit) -> Observed:
+    """Readings with the noise of mark and load as a fit's residuals have it, by maximum likelihood.
+
+    Who steers to a ruler's marks by hand does better or worse than the sheet's guess. The mark's noise shows where
+    the curve is steep, the load's where it is level.
+    """
+    on = observed.present[:, 0]
+    r, slope = fit.at.residual[on, 0], fit.at.stiffness[on, 0, 0]
+    if len(r) < 2 * LEAST:
+        return observed
+    mark, load = observed.noise.pose[0], observed.noise.wrench[0]
+    best, chosen = np.inf, (1.0, 1.0)
+    for a in np.geomspace(0.05, 2.0, 16):
+        for b in np.geomspace(1.0, 6.0, 8):
+            variance = (b * load) ** 2 + (a * mark * slope) ** 2
+            cost = float(np.sum(np.log(variance) + r**2 / variance))
+            if cost < best:
+                best, chosen = cost, (float(a), float(b))
+    # parameters that were fitted have taken their share
+    share = (len(r) / max(len(r) - fit.free - 2, 1)) ** 0.5
+    pose, wrench = observed.noise.pose.copy(), observed.noise.wrench.copy()
+    pose[0], wrench[0] = mark * chosen[0] * share, load * max(chosen[1] * share, 1.0)
+    return replace(observed, noise=replace(observed.noise, pose=pose, wrench=wrench))
+
+
+def column_effects(observed: Observed) -> list[Effect]:
+    """The catalogue of such a test."""
+    link = link_of(observed.measurement.chain)
+    found: list[Effect] = [ColumnBow(), LinkCompliance(beam=link), LinkLength(beam=link)]
+    section = _section(observed.measurement)
+    if section is not None:
+        stress = _table(observed.measurement).get("yield_stress_MPa")
+        found.append(ColumnYield(stress=float(str(stress)) if stress else 250.0))
+    for channel in (observed.steered, WRENCH[0]):
+        found += [InstrumentZero(part=channel), InstrumentScale(part=channel)]
+    return found
+
+
+def _table(measurement: Measurement) -> dict[str, object]:
+    link = link_of(measurement.chain)
+    part = next(part for part in measurement.document["parts"] if part.get("name") == link)
+    found: dict[str, object] = part.get("section", {})
+    return found
+
+
+def _section(measurement: Measurement) -> Fibres | None:
+    """Fibres of the link's section in the plane of bending, where its shape is known."""
+    table = _table(measurement)
+
+    def number(key: str) -> float:
+        return float(str(table[key]))
+
+    if table.get("shape") == "rectangle":
+        return Fibres(number("thickness_mm"), 0.0, number("width_mm") * number("thickness_mm"))
+    if table.get("shape") == "square_tube":
+        width, core = number("width_mm"), number("width_mm") - 2.0 * number("wall_mm")
+        return Fibres(width, core, width**2 - core**2)
+    return None
+
+
+@dataclass
+class ColumnForward:
+    """Predicts the loads at the marks; see `vjm_validation.diagnosis.forward.Forward`."""
+
+    observed: Observed
+    branches: dict[tuple[int, int], int] = field(default_factory=dict)
+
+    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> Machine:
+        """The machine of a hypothesis."""
+        return machine_of(self.observed, found, z, hypothesis)
+
+    def reading(self, observed: Observed) -> ColumnForward:
+        """The same for other readings of the same test."""
+        return ColumnForward(observed)
+
+    def branched(self, ray: Ray, sign: int, reach: float) -> bool:
+        """Both sides are alike."""
+        return False
+
+    def evaluate(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> Evaluation:
+        """Readings against a hypothesis."""
+        observed = self.observed
+        zero_u, gain_u = channel_errors(found, z, [observed.steered])
+        zero_f, gain_f = channel_errors(found, z, WRENCH)
+        w = (observed.pose[:, 0] - zero_u[0]) / gain_u[0]
+        wrench = np.zeros((len(w), 6))
+        wrench[:, 0] = -self._force(found, z, hypothesis, w)
+        stiffness = np.zeros((len(w), 6, 6))
+        stiffness[:, 0, 0] = np.gradient(wrench[:, 0], w)
+        place = np.zeros((len(w), 6))
+        place[:, 0] = w
+        residual = np.where(observed.present, observed.wrench - gain_f * wrench - zero_f, 0.0)
+        return Evaluation(z, residual, wrench, stiffness, place, gain_f, gain_u)
+
+    def first_yield(
+        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis
+    ) -> tuple[float, float] | None:
+        """Load in N and deflection in mm at which the middle's outer fibre begins to yield on the way."""
+        stress = self._stress(found, z, hypothesis)
+        fibres = _section(self.observed.measurement)
+        if stress is None or fibres is None:
+            return None
+        w = np.linspace(0.05, float(self.observed.pose[:, 0].max()), 120)
+        P = self._force(found, z, hypothesis, w)
+        machine = self.machine(found, z, hypothesis)
+        beam = beam_of(machine.chain(), link_of(machine.nominal))
+        modulus = beam.effective_section().EA / fibres.area
+        inertia = beam.effective_section().EIz / modulus
+        reached = P / fibres.area + P * (machine.bow[0] + w) * 0.5 * fibres.depth / inertia
+        over = np.flatnonzero(reached >= stress)
+        return (float(P[over[0]]), float(w[over[0]])) if len(over) else None
+
+    def _stress(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> float | None:
+        for effect, values in zip(hypothesis, values_of(found, z, hypothesis), strict=True):
+            if isinstance(effect, ColumnYield):
+                return values[0]
+        return None
+
+    def _force(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, w: Array) -> Array:
+        machine = self.machine(found, z, hypothesis)
+        beam = beam_of(machine.chain(), link_of(machine.nominal))
+        section = beam.effective_section()
+        fibres = _section(self.observed.measurement)
+        limit, hardening = np.inf, 0.0
+        for effect, values in zip(hypothesis, values_of(found, z, hypothesis), strict=True):
+            if isinstance(effect, ColumnYield) and fibres is not None:
+                modulus = section.EA / fibres.area
+                euler = np.pi**2 * section.EIz / beam.length**2
+                # the load's own stress is there before the bending
+                left = max(values[0] - euler / fibres.area, 1.0)
+                limit = left * section.EIz / modulus / (0.5 * fibres.depth)
+                hardening = values[1]
+        return column_force(w, beam.length, section.EIz, machine.bow[0], limit, fibres, hardening)
