@@ -133,12 +133,13 @@ def test_a_campaign_has_every_cause_at_every_strength_in_both_halves():
     assert 0.45 < np.mean([p.held_out for p in todo]) < 0.55
     assert len({p.number for p in todo}) == len(todo)
     assert not {p.number for p in todo} & {p.number for p in plans(seed=1)}
-    assert plans(0.03)[0] is not None
+    assert not {p.number for p in todo} & {p.number for p in plans(0.03, designs=6)}
+    assert len({p.design for p in plans(0.03, designs=6)}) <= 6
     assert all(count >= 2 for count in Counter(p.group for p in plans(0.001)).values())
 
 
 def test_a_campaign_goes_on_where_it_was_killed(known, tmp_path, monkeypatch):
-    monkeypatch.setattr(campaign, "_store", lambda folder: OneDesign(known))
+    monkeypatch.setattr(campaign, "_store", lambda task: OneDesign(known))
     asked = []
 
     def finder(data, sheet, out, options=()):
@@ -152,7 +153,7 @@ def test_a_campaign_goes_on_where_it_was_killed(known, tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         work(tasks[0])
     monkeypatch.undo()
-    monkeypatch.setattr(campaign, "_store", lambda folder: pytest.fail("made twice"))
+    monkeypatch.setattr(campaign, "_store", lambda task: pytest.fail("made twice"))
     monkeypatch.setattr(campaign, "diagnosed", finder)
     work(tasks[0])
     assert [r["truth"]["set"] for r in results(quiet, tmp_path)] == [1]

@@ -17,8 +17,8 @@ from vjm_validation.blind.plan import plans
 from vjm_validation.blind.score import score
 from vjm_validation.blind.table import markdown, with_table
 
-SAMPLE = 0.03
-"""Share of a whole campaign that `--sample` makes."""
+SAMPLE, SAMPLE_DESIGNS = 0.03, 6
+"""Share of a whole campaign that `--sample` makes, and the designs that it has."""
 OK, BAD_INPUT, INTERRUPTED = 0, 2, 130
 
 app = App(name="blind", help="Hide causes in made-up readings, have them diagnosed, and score the verdicts.")
@@ -40,7 +40,7 @@ def campaign(
     if jobs < 1 or seed < 0:
         raise ValueError("--jobs must be 1 or more and --seed 0 or more")
     check_writable(out)
-    todo = plans(SAMPLE if sample else 1.0, seed)
+    todo = plans(SAMPLE, seed, SAMPLE_DESIGNS) if sample else plans(1.0, seed)
     try:
         with show.progress() as progress:
             run(todo, out, jobs=jobs, diagnose=not only_make, progress=lambda n, of: progress("sets", n, of))

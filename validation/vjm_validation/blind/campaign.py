@@ -102,7 +102,7 @@ def _made(task: Task) -> dict[str, Any]:
         known: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
         return known
     try:
-        return make(task.plan, _store(task.folder), task.place)
+        return make(task.plan, _store(task), task.place)
     except (UnreachableError, NoTruthError) as error:
         plan = task.plan
         skipped = {"set": plan.number, "group": str(plan.group), "held_out": plan.held_out,
@@ -111,11 +111,12 @@ def _made(task: Task) -> dict[str, Any]:
         return skipped
 
 
-_STORES: dict[Path, Store] = {}
+_STORES: dict[tuple[Path, int], Store] = {}
 
 
-def _store(folder: Path) -> Store:
-    return _STORES.setdefault(folder, Store(folder / "designs"))
+def _store(task: Task) -> Store:
+    key = task.folder, task.plan.designs
+    return _STORES.setdefault(key, Store(task.folder / "designs", task.plan.designs))
 
 
 def _found(task: Task, truth: dict[str, Any]) -> dict[str, Any]:
@@ -133,7 +134,7 @@ def _found(task: Task, truth: dict[str, Any]) -> dict[str, Any]:
     if task.plan.group is Group.INSEPARABLE and proposal.get("path"):
         try:
             if not (place / "next" / "data.csv").is_file():
-                make(task.plan, _store(task.folder), place / "next", proposal)
+                make(task.plan, _store(task), place / "next", proposal)
             result["next"] = diagnosed(place / "next" / "data.csv", place / "next" / "sheet.toml", place / "next")
         except (NoExperimentError, NoTruthError) as error:
             result["next"] = {"error": str(error)}

@@ -54,6 +54,7 @@ class Plan:
         causes: to be hidden, by name; of a cause outside the catalogue its number in turn.
         strengths: wanted of each.
         held_out: whether it belongs to the half that is reported, not developed on.
+        designs: among which the campaign's sets are spread.
     """
 
     number: int
@@ -62,6 +63,7 @@ class Plan:
     causes: tuple[str, ...]
     strengths: tuple[float, ...]
     held_out: bool
+    designs: int = DESIGNS
 
     @property
     def name(self) -> str:
@@ -109,7 +111,9 @@ def plans(share: float = 1.0, seed: int = 0, designs: int = DESIGNS) -> list[Pla
         group, causes, strengths = wanted[k]
         seen[group] += 1
         design = int(rng.integers(designs)) + 1000 * seed
-        result.append(Plan(number + 100_000 * seed, group, design, causes, strengths, seen[group] % 2 == 0))
+        # a sample in a whole campaign's folder has sets of its own
+        first = 100_000 * seed + (50_000 if share < 1.0 else 0)
+        result.append(Plan(first + number, group, design, causes, strengths, seen[group] % 2 == 0, designs))
     return result
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from vjm.io.files import write_whole
 from vjm_validation.blind.designs import draw
-from vjm_validation.blind.plan import DESIGNS
 from vjm_validation.blind.signatures import Signatures, signatures
 
 KEPT = 6
@@ -25,7 +24,7 @@ class Store:
     """
 
     folder: Path
-    designs: int = DESIGNS
+    designs: int
     _held: dict[int, Signatures] = field(default_factory=dict)
 
     def another(self, seed: int, trial: int) -> int:
