@@ -21,9 +21,9 @@ def chapter(found: Study) -> tuple[str, list[Picture]]:
     lines = [
         f"## {TITLE}",
         "",
-        "The paper replaces each parallelogram, two bars between four hinges, by one bar of double stiffness "
-        "between two. Both were computed with the near axis held; the real one as a closed loop of two legs, in the "
-        "virtual joint method and in Exudyn.",
+        "The paper replaces each parallelogram, two bars between four hinges, by one bar of double "
+        "stiffness between two. Both were computed with the near axis held; the real one as a closed loop "
+        "of two legs, in the virtual joint method and in Exudyn.",
         "",
         *_table(straight),
         "",
@@ -59,10 +59,10 @@ def _verdict(e: Element) -> str:
     felt = np.abs(e.real) > ZERO * np.repeat([np.abs(e.real[:3]).max(), np.abs(e.real[3:]).max()], 3)
     apart = float(np.max(np.abs(e.real[felt] / e.exudyn[felt] - 1.0)))
     return (
-        f"Along the bars and out of the plane the replacement is exact. It is not in torsion, where the two bars "
-        f"bend as well as twist: the real one is {number(float(torsion), 3)} times as stiff, which grows with the "
-        f"square of the distance. And it leaves the far axis free to turn in the plane, which the real one holds by "
-        f"the bars' stretch. Exudyn has the same to {percent(apart)}."
+        f"Along the bars and out of the plane the replacement is exact. It is not in torsion, where the two "
+        f"bars bend as well as twist: the real one is {number(float(torsion), 3)} times as stiff, which grows "
+        f"with the square of the distance. And it leaves the far axis free to turn in the plane, which the "
+        f"real one holds by the bars' stretch. Exudyn has the same to {percent(apart)}."
     )
 
 
