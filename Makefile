@@ -6,6 +6,8 @@ PYTHON = python3
 VENV = .venv
 BIN = $(VENV)/bin
 PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input
+# The tests in as many processes as there are cores; `tests/conftest.py` says what stays together.
+SHARED = -n auto --dist loadgroup
 # The directories count too: a deleted module changes only its directory's time.
 SOURCES := $(shell find src fea validation -not -name __pycache__ -not -name '*.pyc')
 
@@ -42,10 +44,11 @@ report: $(VENV)/.project
 	cd reports/runs/reference/figures && cp link_lumping.png lumping_convergence.png foot_law.png end_conditions.png published.png iterations.png $(CURDIR)/reports/reference/figures/
 
 test: lint $(VENV)/.project
-	$(BIN)/pytest -m 'not slow' --ignore=tests/benchmarks $(ARGS)
+	$(BIN)/pytest $(SHARED) -m 'not slow' --ignore=tests/benchmarks $(ARGS)
 
 test-all: lint $(VENV)/.project
-	$(BIN)/pytest $(ARGS)
+	$(BIN)/pytest $(SHARED) --ignore=tests/benchmarks $(ARGS)
+	$(BIN)/pytest tests/benchmarks
 
 bench: $(VENV)/.test $(VENV)/.project
 	$(BIN)/pytest tests/benchmarks $(ARGS)
