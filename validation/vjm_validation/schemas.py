@@ -13,6 +13,7 @@ from typing import Any
 from vjm.io.files import write_whole
 from vjm.io.model_file import model_schema
 from vjm_validation.calibration.document import Calibration
+from vjm_validation.diagnosis.document import Diagnosis
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
 from vjm_validation.identification.documents import IdentificationDocument
 from vjm_validation.identification.table2_document import Table2Document
@@ -27,6 +28,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         "stiffness.schema.json": schema(StiffnessDocument),
         "identification.schema.json": schema(IdentificationDocument),
         "calibration.schema.json": schema(Calibration),
+        "diagnosis.schema.json": schema(Diagnosis),
         "table2.schema.json": schema(Table2Document),
         "model.schema.json": model_schema(),
     }

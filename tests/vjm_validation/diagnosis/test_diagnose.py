@@ -7,6 +7,7 @@ import json
 import sys
 from pathlib import Path
 
+import jsonschema
 import pytest
 
 from vjm.io.model_file import load_chain
@@ -18,6 +19,9 @@ sys.modules[_spec.name] = _module
 _spec.loader.exec_module(_module)
 
 
+SCHEMA = Path(__file__).parents[3] / "docs/schemas/diagnosis.schema.json"
+
+
 @pytest.fixture(scope="module")
 def make():
     return _module
@@ -26,7 +30,9 @@ def make():
 def run(make, folder, hidden, seed, monkeypatch):
     files = make.made_up(folder / "test", hidden, seed, monkeypatch)
     document = diagnose(files.data, files.sheet, folder / "out")
-    return document, json.loads((folder / "out" / DOCUMENT).read_text())
+    found = json.loads((folder / "out" / DOCUMENT).read_text())
+    jsonschema.validate(found, json.loads(SCHEMA.read_text()))
+    return document, found
 
 
 def test_a_quiet_test_is_quiet(make, tmp_path, monkeypatch):

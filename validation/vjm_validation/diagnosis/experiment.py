@@ -23,9 +23,10 @@ from vjm_validation.measurement.channels import POSE, WRENCH
 
 PER_RAMP = 12
 """Readings on each way."""
+FURTHER = 2.5
+"""How far beyond the furthest reading a test may be taken."""
 HELD = 6
 """Readings while held."""
-UNMEASURED = ("fx_N", "fy_N", "fz_N")
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,9 @@ def propose(fitter: Fitter, one: Fit, other: Fit) -> Proposal | None:
     best: Proposal | None = None
     for posture in chain.postures:
         reach = _reach(observed, posture)
-        for name, ends in (("pull and push", (reach, -reach)), ("pull", (reach,)), ("push", (-reach,))):
+        far = FURTHER * reach
+        both = "pull and push"
+        for name, ends in ((both, (reach, -reach)), ("pull", (reach,)), ("push", (-reach,)), (both, (far, -far))):
             found = _candidate(fitter, one, other, posture, name, ends)
             if found is not None and (best is None or found.strength > 1.05 * best.strength):
                 best = found
