@@ -18,6 +18,7 @@ from vjm_fea.mesh import Mesh
 EXUDYN = ManipulatorExudynEngine(elements=6)
 SPRINGS = VjmEngine(4, 4)
 MACHINES = ["orthoglide", "orthoglide-parallelograms", "3-puu", "delta", "par2"]
+CURVES = [("isotropic", "y", -3.5), ("isotropic", "z", -3.5), ("Q1", "x", -8.0), ("Q2", "y", -8.0)]
 POSES = [(name, label) for name in MACHINES for label in load_manipulator(name).poses]
 
 
@@ -57,6 +58,27 @@ def test_under_a_kilonewton_the_stiffness_is_exudyns(label, axis):
     )
     K = platform_stiffness(EXUDYN, machine, label, theirs.displacement)
     assert eigenvalues(ours.stiffness, machine) == pytest.approx(eigenvalues(K, machine), rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("pose", "axis", "to"),
+    [("isotropic", "x", -3.5), *(pytest.param(*case, marks=pytest.mark.slow) for case in CURVES)],
+)
+def test_the_force_displacement_curve_is_exudyns_past_its_critical_point(pose, axis, to):
+    # the rest of the pose held, as for the chain
+    machine, programme = load_manipulator("orthoglide"), Programme(pose, to, axis)
+    ours = ManipulatorEngine(VjmEngine(8, 8)).walk(machine, programme)
+    theirs = ManipulatorExudynEngine(8).walk(machine, programme)
+    assert ours.complete
+    assert theirs.complete
+    assert [event.kind for event in ours.events] == [event.kind for event in theirs.events]
+    for a, b in zip(ours.events, theirs.events, strict=True):
+        assert (a.s, a.force) == pytest.approx((b.s, b.force), rel=2e-3)
+        if a.stiffness_after is not None:
+            assert a.stiffness_after == pytest.approx(b.stiffness_after, rel=5e-3)
+    assert ours.force[-1] == pytest.approx(theirs.force[-1], rel=2e-3)
+    assert ours.tangent[0] == pytest.approx(theirs.tangent[0], rel=1e-5)
+    assert ours.tangent[-1] == pytest.approx(theirs.tangent[-1], rel=5e-3)
 
 
 def first_bifurcation(problem):

@@ -115,6 +115,21 @@ def test_refined_chains_buckle_in_compression_and_the_held_robot_goes_on(robot):
     assert np.all(path.unstable <= 0)
 
 
+def test_a_chain_may_be_past_its_own_critical_force_while_the_robot_is_stable(robot):
+    # alone, its end let go under the same force, the pressed chain swings away at once: its K_i^F is indefinite
+    programme = Programme(
+        "isotropic", -5000.0, "load", loads=(Load((1.0, 0, 0, 0, 0, 0)),), free=COMPONENTS, steps=4
+    )
+    problem = ManipulatorProblem(robot("orthoglide"), programme, VjmEngine(4))
+    point = follow(problem, programme).points[-1]
+    at = problem.configuration(point)
+    pressed = problem.model.network.leg_stiffness(at.x, at.wrench, at.load)[0]
+    lowest = np.linalg.eigvalsh(0.5 * (pressed + pressed.T)[:3, :3])[0]
+    assert lowest == pytest.approx(-5000.0 / 310.0, rel=0.05)
+    assert point.unstable == 0
+    assert np.linalg.eigvalsh(0.5 * (point.stiffness + point.stiffness.T))[0] > 0.0
+
+
 def test_a_chain_too_long_shifts_an_isostatic_robot_and_strains_an_overconstrained_one(robot):
     free = Programme("isotropic", 1.0, "load", loads=(Load((1e-3, 0, 0, 0, 0, 0)),), free=COMPONENTS, steps=1)
     plain = robot("orthoglide").with_errors({"x": {"link": 0.2}})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -179,6 +179,9 @@ def run_map(
         for rows in _on_cluster(scheduler, missing):
             keep(rows)
     elif missing:
+        if jobs > 1 and compiled_for(wanted.manipulator):
+            # compiled here once, or every process would do it
+            evaluate(replace(missing[0], poses=missing[0].poses[:1]))
         map_all(evaluate, missing, min(jobs, len(missing)), done=lambda _, rows: keep(rows))
     ordered = [found[task.index] for task in tasks]
     return MapResult(wanted, np.vstack([rows.values for rows in ordered]), tuple(w for r in ordered for w in r.why))
