@@ -11,12 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from vjm.io.files import write_whole
+from vjm.io.manipulator_file import manipulator_schema
 from vjm.io.model_file import model_schema
 from vjm_validation.calibration.document import Calibration
 from vjm_validation.diagnosis.document import Diagnosis
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
 from vjm_validation.identification.documents import IdentificationDocument
 from vjm_validation.identification.table2_document import Table2Document
+from vjm_validation.maps.documents import MapDocument, MapTaskDocument
 from vjm_validation.summary import Summary, schema
 
 
@@ -30,6 +32,9 @@ def schemas() -> dict[str, dict[str, Any]]:
         "calibration.schema.json": schema(Calibration),
         "diagnosis.schema.json": schema(Diagnosis),
         "table2.schema.json": schema(Table2Document),
+        "map.schema.json": schema(MapDocument),
+        "map-task.schema.json": schema(MapTaskDocument),
+        "manipulator.schema.json": manipulator_schema(),
         "model.schema.json": model_schema(),
     }
 

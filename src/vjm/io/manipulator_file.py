@@ -126,6 +126,11 @@ def manipulators() -> list[Entry]:
     ]
 
 
+def manipulator_schema() -> dict[str, Any]:
+    """JSON Schema of a manipulator file."""
+    return ManipulatorFile.model_json_schema()
+
+
 def load_model(name_or_path: str | Path) -> Chain | Manipulator:
     """The chain or the manipulator of a file.
 

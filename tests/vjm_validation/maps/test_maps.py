@@ -3,7 +3,9 @@
 import csv
 import json
 from dataclasses import replace
+from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -16,6 +18,9 @@ from vjm_validation.maps import run as runner
 from vjm_validation.maps.evaluate import COLUMNS, OK, Quantity, evaluate, principal
 from vjm_validation.maps.grid import parsed_grid
 from vjm_validation.maps.run import Map, run_map
+from vjm_validation.schemas import schemas
+
+SCHEMAS = Path(__file__).parents[3] / "docs/schemas"
 
 
 def small(quantity=Quantity.STIFFNESS, name="orthoglide", grid="x=-40:40:3,y=0:60:2,z=0", **more):
@@ -121,7 +126,11 @@ def test_the_command_writes_csv_vtk_and_a_figure(tmp_path, capsys, monkeypatch):
     assert grid.dimensions == (1, 3, 2)
     # VTK runs x fastest
     assert grid.point_data["kt_min_N_per_mm"][1] == pytest.approx(float(rows[2]["kt_min_N_per_mm"]))
-    assert json.loads((tmp_path / "map.json").read_text(encoding="utf-8"))["quantity"] == "stiffness"
+    for file, schema in (("map.json", "map"), ("tasks/000000.json", "map-task")):
+        document = json.loads((tmp_path / file).read_text(encoding="utf-8"))
+        published = json.loads((SCHEMAS / f"{schema}.schema.json").read_text(encoding="utf-8"))
+        assert published == schemas()[f"{schema}.schema.json"]
+        jsonschema.validate(document, published)
 
 
 @pytest.mark.parametrize(

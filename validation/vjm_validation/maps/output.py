@@ -52,9 +52,9 @@ def csv_text(result: MapResult) -> str:
     """One row a pose: where, the values, and ``ok`` or why there are none."""
     stream = io.StringIO()
     wanted = result.map
-    head = wanted.description
-    stream.write("# " + " ".join(f"{k}={head[k]}" for k in ("model", "engine", "quantity", "version")))
-    stream.write(f" model_sha256={head['model_sha256']} wrench={','.join(f'{v:g}' for v in wanted.wrench)}\n")
+    head = wanted.document
+    stream.write(f"# model={head.model} engine={head.engine} quantity={head.quantity} version={head.version}")
+    stream.write(f" model_sha256={head.model_sha256} wrench={','.join(f'{v:g}' for v in head.wrench)}\n")
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(["x_mm", "y_mm", "z_mm", *COLUMNS[wanted.quantity], "status"])
     for pose, row, why in zip(wanted.grid.poses(), result.values, result.why, strict=True):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -18,6 +17,7 @@ from vjm.io.files import check_writable, write_whole
 from vjm.manipulator.manipulator import Manipulator
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
+from vjm_validation.maps.documents import MapDocument, MapTaskDocument
 from vjm_validation.maps.evaluate import COLUMNS, MapRows, MapTask, Quantity, compiled_for, evaluate
 from vjm_validation.maps.grid import Grid
 
@@ -50,19 +50,19 @@ class Map:
     most: float = 20_000.0
 
     @property
-    def description(self) -> dict[str, Any]:
-        """What makes two maps the same, as JSON's types."""
-        return {
-            "model": self.manipulator.name,
-            "model_sha256": self.manipulator.sha256,
-            "version": __version__,
-            "engine": self.springs.label,
-            "quantity": str(self.quantity),
-            "columns": list(COLUMNS[self.quantity]),
-            "grid_mm": [list(axis) for axis in self.grid.axes],
-            "wrench": list(self.wrench),
-            "most_N": self.most,
-        }
+    def document(self) -> MapDocument:
+        """What makes two maps the same."""
+        return MapDocument(
+            model=self.manipulator.name,
+            model_sha256=self.manipulator.sha256,
+            version=__version__,
+            engine=self.springs.label,
+            quantity=str(self.quantity),
+            columns=list(COLUMNS[self.quantity]),
+            grid_mm=[list(axis) for axis in self.grid.axes],
+            wrench=list(self.wrench),
+            most_N=self.most,
+        )
 
     def tasks(self) -> list[MapTask]:
         """The poses in pieces, neighbours together."""
@@ -104,7 +104,7 @@ class MapStore:
         """
         self.folder = folder
         check_writable(folder)
-        text = json.dumps(wanted.description, indent=1)
+        text = wanted.document.model_dump_json(indent=1)
         self._digest = hashlib.sha256(text.encode()).hexdigest()
         description = folder / "map.json"
         if description.exists() and description.read_text(encoding="utf-8") != text:
@@ -117,18 +117,19 @@ class MapStore:
     def find(self, task: MapTask) -> MapRows | None:
         """The rows of a finished task, if there are any."""
         try:
-            data = json.loads(self._file(task.index).read_text(encoding="utf-8"))
-            values = np.array(data["values"], dtype=float).reshape(len(task.poses), -1)
-        except (OSError, ValueError, KeyError):
+            found = MapTaskDocument.model_validate_json(self._file(task.index).read_text(encoding="utf-8"))
+            values = np.array(found.values, dtype=float).reshape(len(task.poses), len(COLUMNS[task.quantity]))
+        except (OSError, ValueError):
             return None
-        if data.get("map") != self._digest or len(data["why"]) != len(task.poses):
+        if found.map != self._digest or len(found.why) != len(task.poses):
             return None
-        return MapRows(task.index, values, data["why"])
+        return MapRows(task.index, values, found.why)
 
     def keep(self, rows: MapRows) -> None:
         """Write a task's rows, whole or not at all."""
-        data = {"map": self._digest, "values": rows.values.tolist(), "why": rows.why}
-        write_whole(self._file(rows.task), json.dumps(data))
+        values = [[None if np.isnan(v) else float(v) for v in row] for row in rows.values]
+        found = MapTaskDocument(map=self._digest, values=values, why=rows.why)
+        write_whole(self._file(rows.task), found.model_dump_json())
 
 
 def run_map(
