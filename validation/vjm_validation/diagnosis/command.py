@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from vjm import __version__
@@ -73,12 +74,14 @@ def diagnose(
     prepared = prepare(observed, more)
     search = _search(prepared, progress)
     best = search.run()
+    prepared = replace(prepared, null=search.null)
     strong = prepared.null.objective - best.fit.objective > STRONG
     if best.labels and (strong or observed.steered):
         # seen from a model so far off, noise and wild samples were guesses
         prepared = refresh(prepared, best.fit)
         search = _search(prepared, progress)
         best = search.run()
+        prepared = replace(prepared, null=search.null)
     progress("verdict")
     verdict = judge(search, best)
     document = _document(measurement, prepared, search, verdict, begun)

@@ -137,16 +137,19 @@ def wild_samples(observed: Observed, residual: Array, factors: Array) -> np.ndar
         at = np.flatnonzero(observed.present[:, c])
         for number in np.unique(sequence[at]):
             own = at[sequence[at] == number]
-            if len(own) < 5:
+            if len(own) < 7:
                 continue
             r = given[own, c]
-            padded = np.pad(r, 2, mode="reflect")
-            near = np.stack([padded[:-4], padded[1:-3], padded[3:-1], padded[4:]])
+            padded = np.pad(r, 3, mode="reflect")
+            n = len(r)
+            near = np.stack([padded[k : k + n] for k in (0, 1, 2, 4, 5, 6)])
             off = r - np.median(near, axis=0)
             usual = 1.4826 * float(np.median(np.abs(off)))
             level = SPIKE * max(usual, 1.0)
-            left, right = r - padded[1:-3], r - padded[3:-1]
-            alone = (np.abs(left) > 0.7 * level) & (np.abs(right) > 0.7 * level) & (left * right > 0.0)
+            # one or two wild ones have better neighbours on both sides, a step has not
+            way = np.sign(off)
+            left, right = (way * (r - near[k : k + 2]) for k in (1, 3))
+            alone = (left.max(axis=0) > 0.7 * level) & (right.max(axis=0) > 0.7 * level)
             found[own, c] = np.where((np.abs(off) > level) & alone, np.abs(off), 0.0)
     # one wild channel spoils what the others are expected to be: of several the worst
     result: np.ndarray = (found > 0.0) & (found == found.max(axis=1, keepdims=True))

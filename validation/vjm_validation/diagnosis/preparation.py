@@ -91,7 +91,26 @@ def _fitted(fitter: Fitter) -> Fit:
     null = fitter.fit((), np.zeros(len(fitter.nuisances)), [], fresh=True)
     if null is None:
         raise NoConvergenceError("the nominal machine has no equilibrium at the readings")
+    if _kinked(fitter):
+        # the critical point moves over readings: the objective has more than one minimum
+        for i in fitter.of_machine:
+            for sign in (1.0, -1.0):
+                start = np.zeros(len(fitter.nuisances))
+                start[i] = sign
+                other = fitter.fit((), start, [])
+                if other is not None and other.objective < null.objective - 0.5:
+                    null = other
     return null
+
+
+def _kinked(fitter: Fitter) -> bool:
+    """Whether readings lie on both sides of a bifurcation."""
+    forward = fitter.forward
+    for ray in forward.observed.rays:
+        s = forward.observed.pose[ray.index] @ ray.measure
+        if any(forward.branched(ray, sign, float((sign * s).max())) for sign in (1, -1)):
+            return True
+    return False
 
 
 def remember(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> None:

@@ -39,6 +39,8 @@ WRONG_LAW = 0.008
 """Share of the squares explained that a slightly wrong law of the right cause may leave: a tenth of its size."""
 STRAINED = 4.0
 """Sigmas of a nuisance from which on fits begin at zero, too."""
+WORTH_A_LOOK = 60.0
+"""Squares explained up to which a hypothesis may owe them to better nuisances alone."""
 CLOSE = 40.0
 """Criterion within which of the best a rough fit is made exact."""
 STRONG = 4000.0
@@ -111,6 +113,8 @@ class Search:
                 self._try((*base.hypothesis, score.effect), base, [[*base.values, v] for v in score.starts])
             if step == 1:
                 self._pairs()
+            if step == 0 and self._null_from(base):
+                return self.run()
             better = self._better(best, step + 1)
             if better is None:
                 break
@@ -118,6 +122,19 @@ class Search:
             if len(best.labels) <= step:
                 break
         return best
+
+    def _null_from(self, base: Fit) -> bool:
+        """Whether the null fits better from where a hypothesis with hardly any effect has led."""
+        m = len(self.fitter.nuisances)
+        for ranked in sorted(self.tried.values(), key=lambda r: r.fit.objective)[:3]:
+            if not ranked.labels or ranked.fit.objective < base.objective - WORTH_A_LOOK:
+                continue
+            null = self.fitter.fit((), ranked.fit.at.z[:m], [])
+            if null is not None and null.objective < base.objective - 1.0:
+                self.null = null
+                self.tried = {}
+                return True
+        return False
 
     def _signatures(self, best: Ranked) -> list[Signature]:
         self.progress(f"signatures of {len(self.effects)} effects")
