@@ -40,6 +40,7 @@ class Laws:
         spread: share of the weight that the foot has.
         centre: share of a difference between pull and push that the push takes.
         lag: s by which a reading's drift lags behind the temperature.
+        ratio: tangent stiffness of a drive at the largest force over that at zero, where the sheet has it rigid.
     """
 
     play_force: float = 5.0
@@ -55,6 +56,7 @@ class Laws:
     spread: float = 0.4
     centre: float = 0.0
     lag: float = 0.0
+    ratio: float = 2.0
 
     @staticmethod
     def draw(rng: np.random.Generator) -> Laws:
@@ -75,6 +77,7 @@ class Laws:
             spread=float(rng.uniform(0.2, 0.6)),
             centre=float(rng.choice([0.0, 0.5])),
             lag=float(rng.choice([0.0, 20.0])),
+            ratio=float(rng.choice([0.4, 0.6, 2.0, 3.0])),
         )
 
 
@@ -148,7 +151,14 @@ def _drive(design: Design, largest: float, laws: Laws) -> list[Family]:
         Family("contact_compliance", "actuator", (_contact(DRIVE, laws),), 0.01, most=0.3,
                parameter="contact_compliance.displacement_at_1kN_mm"),
     ]  # fmt: skip
-    if c > 0.0:
+    if c == 0.0:
+        # the sheet has no spring that could stiffen: it brings its own
+        own = _law(DRIVE, lambda s: {"stiffening": s, "stiffening_force": largest / np.log(laws.ratio)})
+        found.append(
+            Family("actuator_hardening", "", (own,), 1e-5, most=1e-3,
+                   parameter="actuator_hardening.stiffness_ratio", value=lambda _: laws.ratio)
+        )  # fmt: skip
+    else:
         stiffening = _law(
             DRIVE, lambda s: {"linear": -c, "stiffening": c, "stiffening_force": largest / (s or 1e-9)}
         )

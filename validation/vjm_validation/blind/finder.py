@@ -14,8 +14,8 @@ from typing import Any
 
 from vjm.io.files import write_whole
 
-PATIENCE = 180
-"""Seconds that a diagnosis may take before it counts as failed."""
+PATIENCE = 240.0
+"""Seconds of a processor that a diagnosis may take before it counts as failed."""
 DOCUMENT = "diagnosis.json"
 
 
@@ -27,16 +27,19 @@ def diagnosed(data: Path, sheet: Path, out: Path, options: Sequence[str] = ()) -
     """What the finder says of a test; read from its folder if it has said it before.
 
     Returns:
-        ``diagnosis.json``, with ``took`` in seconds; or ``error`` with one line where there is none.
+        ``diagnosis.json``, with ``took`` and ``busy``, seconds by the clock and of a processor; or ``error`` with
+        one line where there is none.
     """
     marked = out / "run.json"
     if marked.is_file():
         took: dict[str, Any] = json.loads(marked.read_text(encoding="utf-8"))
         document = out / DOCUMENT
         return json.loads(document.read_text(encoding="utf-8")) | took if "error" not in took else took
-    begun = time.perf_counter()
+    begun, busy = time.perf_counter(), time.process_time()
     error = _run(["diagnose", str(data), "--sheet", str(sheet), "--out", str(out), *options])
-    took = {"took": time.perf_counter() - begun} | ({"error": error} if error else {})
+    took = {"took": time.perf_counter() - begun, "busy": time.process_time() - busy} | (
+        {"error": error} if error else {}
+    )
     if not error and not (out / DOCUMENT).is_file():
         took["error"] = "no diagnosis.json was written"
     write_whole(marked, json.dumps(took))
@@ -56,7 +59,7 @@ def _run(arguments: Sequence[str]) -> str:
         with _patience(), contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
             status = run(arguments)
     except TooLongError:
-        return f"no end after {PATIENCE} s"
+        return f"no end after {PATIENCE:g} s"
     except Exception as error:
         # a finder that breaks is a finding, not the end of the campaign
         return f"{type(error).__name__}: {' '.join(str(error).split())}"[:500]
@@ -69,13 +72,13 @@ def _patience() -> Iterator[None]:
     def enough(_: int, __: FrameType | None) -> None:
         raise TooLongError
 
-    before = signal.signal(signal.SIGALRM, enough)
-    signal.alarm(PATIENCE)
+    before = signal.signal(signal.SIGPROF, enough)
+    signal.setitimer(signal.ITIMER_PROF, PATIENCE)
     try:
         yield
     finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def understands(option: str) -> bool:

@@ -206,4 +206,9 @@ def _confusion(results: list[Result]) -> dict[str, dict[str, int]]:
 
 def _seconds(results: list[Result]) -> dict[str, float | None]:
     took = [float(r["found"]["took"]) for r in results if "took" in r["found"]]
-    return {"mean": float(np.mean(took)) if took else None, "largest": max(took, default=None)}
+    busy = [float(r["found"]["busy"]) for r in results if "busy" in r["found"]]
+    return {
+        "mean": float(np.mean(took)) if took else None,
+        "largest": max(took, default=None),
+        "mean_of_a_processor": float(np.mean(busy)) if busy else None,
+    }

@@ -27,6 +27,8 @@ ONE_CLASS = 2.0
 """Strength within which two causes are one class."""
 VARIANTS = (
     ("contact_compliance", {"contact_power": 0.5}), ("contact_compliance", {"contact_power": 0.75}),
+    ("actuator_hardening", {"ratio": 4.0}), ("actuator_hardening", {"ratio": 1.3}),
+    ("actuator_hardening", {"ratio": 0.7}), ("actuator_hardening", {"ratio": 0.4}),
     ("creep", {"creep": (10.0, 90.0, 0.7)}), ("creep", {"creep": (40.0, 300.0, 0.4)}),
     ("plasticity", {"start": (0.35, 1.2)}), ("plasticity", {"start": (0.65, 1.2)}),
     ("plasticity", {"start": (0.8, 1.2)}),
@@ -205,6 +207,9 @@ def signatures(design: Design) -> Signatures:
     largest = float(np.abs(seen.nominal.forces[:, 0]).max())
     families = catalogue(design, largest)
     for cause, change in VARIANTS:
+        if cause == "actuator_hardening" and design.drive > 0.0:
+            # there the ratio is its size
+            continue
         families += [f for f in catalogue(design, largest, replace(Laws(), **change)) if f.cause == cause]
     curves: list[Curve] = []
     nodes: list[Array] = []
