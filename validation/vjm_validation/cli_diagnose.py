@@ -28,6 +28,12 @@ def diagnose_(
         tuple[Path, ...],
         Parameter(consume_multiple=True, help="Python files with effects of your own; see docs/effects.md."),
     ] = (),
+    only: Annotated[
+        tuple[str, ...], Parameter(consume_multiple=True, help="The causes that are thought possible; else all.")
+    ] = (),
+    without: Annotated[
+        tuple[str, ...], Parameter(consume_multiple=True, help="Causes that are ruled out beforehand.")
+    ] = (),
     json: Annotated[bool, Parameter(negative="", help="Print diagnosis.json and nothing else.")] = False,
 ) -> int:
     """Show what the model gets wrong, name the cause, extend the model and measure the gain."""
@@ -39,7 +45,7 @@ def diagnose_(
             done += 1
             progress("diagnosis", done, 0)
 
-        document = diagnose(data, sheet, out, plug_ins=effects, progress=tell)
+        document = diagnose(data, sheet, out, plug_ins=effects, only=only, without=without, progress=tell)
     if json:
         sys.stdout.write(as_json(document))
         return 0

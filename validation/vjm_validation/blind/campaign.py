@@ -26,6 +26,8 @@ WORTH = 8.0
 """Strength from which on parameters are compared."""
 WITHOUT = "--without"
 """Option by which the finder is not told of a cause."""
+ONLY = "--only"
+"""Option by which it is told which it is."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +131,8 @@ def _found(task: Task, truth: dict[str, Any]) -> dict[str, Any]:
     result = {"found": diagnosed(place / "data.csv", sheet, place / "found", options)}
     hidden = [one["strength"] for one in truth["hidden"]]
     if task.plan.group is Group.SINGLE and hidden[0] >= 0.9 * WORTH:
-        result["still"] = diagnosed(place / "still.csv", sheet, place / "still")
+        told = [ONLY, *truth["causes"]] if task.without else []
+        result["still"] = diagnosed(place / "still.csv", sheet, place / "still", told)
     proposal = result["found"].get("next_experiment") or {}
     if task.plan.group is Group.INSEPARABLE and proposal.get("path"):
         try:

@@ -67,7 +67,9 @@ def parameter(found: dict[str, Any], causes: list[str], key: str) -> dict[str, A
 
 
 def principal(truth: dict[str, Any], found: dict[str, Any], still: dict[str, Any]) -> dict[str, Any] | None:
-    """Error and coverage of the principal parameter; the truth is the finder's law fitted to quiet readings.
+    """Error and coverage of the principal parameter.
+
+    The truth is the finder's law fitted to the readings without noise, else what the injector built in.
 
     Returns:
         ``error`` relative (of r − 1 for a ratio), ``inside`` the 95 % interval; None where there is no estimate of
@@ -78,8 +80,8 @@ def principal(truth: dict[str, Any], found: dict[str, Any], still: dict[str, Any
     if not key:
         return None
     estimate = parameter(found, truth["causes"], key)
-    known = parameter(still, truth["causes"], key)
-    if estimate is None or known is None:
+    known = parameter(still, truth["causes"], key) or {"value": hidden["value"]}
+    if estimate is None or known["value"] is None:
         return None
     value, true = float(estimate["value"]), float(known["value"])
     less = 1.0 if key.rsplit(".", 1)[-1] in RATIOS else 0.0

@@ -34,6 +34,8 @@ VARIANTS = (
     ("plasticity", {"start": (0.8, 1.2)}),
 )  # fmt: skip
 """Other laws with which a cause may imitate another one."""
+SWEEPS, SETTLED = 400, 1e-5
+"""Turns in which several curves share a change, at most, and the relative drop of its square that ends them."""
 INVISIBLE = 1e-3
 """Strength per first size below which a family says nothing about a design."""
 
@@ -126,13 +128,20 @@ class Signatures:
             curves: one of each cause.
         """
         parts = [np.zeros(len(self.nodes)) for _ in curves]
-        for _ in range(1 if len(curves) == 1 else 12):
+        seen = [np.zeros(len(self.nodes)) for _ in curves]  # each part's products with the nodes
+        last = np.inf
+        for _ in range(1 if len(curves) == 1 else SWEEPS):
             for k, curve in enumerate(curves):
-                rest = np.sum([p for j, p in enumerate(parts) if j != k], axis=0) if len(parts) > 1 else 0.0
-                parts[k] = self._on(curve, products - self.gram @ rest if len(parts) > 1 else products)
-        weights = np.sum(parts, axis=0)
-        left = square - 2.0 * float(weights @ products) + float(weights @ self.gram @ weights)
-        return Fit(float(np.sqrt(max(left, 0.0))), weights)
+                rest = sum((s for j, s in enumerate(seen) if j != k), np.zeros(len(products)))
+                parts[k] = self._on(curve, products - rest)
+                at = np.flatnonzero(parts[k])
+                seen[k] = self.gram[:, at] @ parts[k][at]
+            weights, whole = np.sum(parts, axis=0), np.sum(seen, axis=0)
+            left = max(square - 2.0 * float(weights @ products) + float(weights @ whole), 0.0)
+            if last - left < SETTLED * max(left, 1.0):
+                break
+            last = left
+        return Fit(float(np.sqrt(left)), weights)
 
     def _on(self, curve: Curve, products: Array) -> Array:
         """Weights ``(m,)`` of the point of a curve with the largest drop of the squared distance."""

@@ -49,6 +49,8 @@ def diagnose(
     out: Path,
     *,
     plug_ins: Sequence[Path] = (),
+    only: Sequence[str] = (),
+    without: Sequence[str] = (),
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Diagnose a test and write what was found.
@@ -58,6 +60,8 @@ def diagnose(
         sheet: test sheet, TOML.
         out: folder for `DOCUMENT`, `MODEL` and `PAGE`; all are written at the end or none.
         plug_ins: files with effects of one's own, see docs/effects.md.
+        only: the causes that are thought possible; all where none is given.
+        without: causes that are not.
         progress: told what is being done.
 
     Raises:
@@ -71,7 +75,7 @@ def diagnose(
     observed = observe_column(measurement) if is_column(measurement) else observe(measurement)
     check_writable(out)
     progress("the nominal model")
-    prepared = prepare(observed, more)
+    prepared = prepare(observed, more, only=only, without=without)
     search = _search(prepared, progress)
     best = search.run()
     prepared = replace(prepared, null=search.null)

@@ -10,6 +10,7 @@ import numpy as np
 from vjm.effects.catalogue import Maker, catalogue
 from vjm.effects.effect import Effect, Scene
 from vjm.equilibrium import NoConvergenceError
+from vjm.io.errors import did_you_mean
 from vjm_validation.diagnosis.column import ColumnForward, column_effects, with_noise_found
 from vjm_validation.diagnosis.fitting import Fit, Fitter, Whitening
 from vjm_validation.diagnosis.forward import Evaluation, Forward, Predictor
@@ -38,10 +39,19 @@ class Prepared:
     all: Observed
 
 
-def prepare(observed: Observed, more: Sequence[Maker] = ()) -> Prepared:
+def prepare(
+    observed: Observed, more: Sequence[Maker] = (), *, only: Sequence[str] = (), without: Sequence[str] = ()
+) -> Prepared:
     """Fit the nominal model, find wild samples and the noise's memory.
 
+    Args:
+        observed: the test.
+        more: effects beyond the catalogue's.
+        only: the causes that are thought possible; all where none is given.
+        without: causes that are not.
+
     Raises:
+        ValueError: no effect of this test has such a cause.
         NoConvergenceError: the nominal machine has no equilibrium at the readings.
     """
     forward: Predictor = ColumnForward(observed) if observed.steered else Forward(observed)
@@ -54,10 +64,19 @@ def prepare(observed: Observed, more: Sequence[Maker] = ()) -> Prepared:
     _without_wild(fitter, observed, at)
     null = _fitted(fitter)
     null = choose_branches(fitter, null)
-    effects = tuple(effects_of(forward.observed, more))
+    effects = _thought_possible(effects_of(forward.observed, more), only, without)
     remember(fitter, null, effects)
     null = _fitted(fitter)
     return Prepared(fitter, null, effects, observed)
+
+
+def _thought_possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]:
+    causes = {effect.cause for effect in effects}
+    for cause in (*only, *without):
+        if cause not in causes:
+            known = ", ".join(sorted(causes))
+            raise ValueError(f"no cause '{cause}' in this test{did_you_mean(cause, causes)}; there are {known}")
+    return tuple(e for e in effects if e.cause not in without and (not only or e.cause in only))
 
 
 def _without_wild(fitter: Fitter, observed: Observed, at: Evaluation) -> None:
