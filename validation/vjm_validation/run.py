@@ -10,6 +10,7 @@ from typing import Any
 from vjm.chain import Chain
 from vjm.imperfections import ImperfectionCurve
 from vjm.paths import Path
+from vjm_validation.parallelogram import Study as ParallelogramStudy
 from vjm_validation.printed_matrices import PrintedMatrices
 
 
@@ -130,6 +131,7 @@ class Run:
         lumping: the study that names the tension artefact's cause, one per direction.
         end_conditions: critical points under other hands than the paper's; None without the study.
         matrices: what the printed matrices are as beams, and what Table II implies; None without the study.
+        parallelogram: the real one beside one bar of double stiffness; None without the study.
         iterations: what the paper's iteration and Newton-Raphson take, one study per posture.
         summary: the content of ``summary.json``.
     """
@@ -139,5 +141,6 @@ class Run:
     lumping: tuple[LumpingStudy, ...] = ()
     end_conditions: EndConditionStudy | None = None
     matrices: PrintedMatrices | None = None
+    parallelogram: ParallelogramStudy | None = None
     iterations: tuple[IterationStudy, ...] = ()
     summary: Mapping[str, Any] = field(default_factory=dict)

@@ -14,6 +14,7 @@ from vjm.io.files import check_writable, write_whole
 from vjm.io.model_file import load_chain
 from vjm.parts import Placement
 from vjm.paths import Path
+from vjm_validation import parallelogram
 from vjm_validation.acceptance import agreement_rows, end_rows, ladder_rows, solver_rows
 from vjm_validation.end_conditions import end_condition_study
 from vjm_validation.engines import engine_by_name
@@ -34,6 +35,7 @@ COMPARISONS = {
     "link_lumping": "critical force against number and placement of the bar's springs",
     "end_conditions": "critical points under dead loads and with free rotations, and what imperfections cost",
     "matrices": "the beams behind the printed matrices (19), (20), and what Table II implies for them",
+    "parallelogram": "two bars at their distance against the paper's one of double stiffness",
     "iterations": "iterations of the paper's (13) and of Newton-Raphson along the paper's paths",
     "verification": "cases with a known answer on every engine, and three engines on the paper's chain",
 }
@@ -105,13 +107,17 @@ def run_all(options: Options, progress: Progress) -> Summary:
     if options.wants("matrices") and not options.quick:
         progress("matrices", 0, 3)
         run.matrices = printed_matrices(chain, options.jobs, partial(progress, "matrices"))
+    if options.wants("parallelogram") and not options.quick:
+        progress("parallelogram", 0, 1)
+        run.parallelogram = parallelogram.study()
+        progress("parallelogram", 1, 1)
     if options.wants("iterations"):
         run.iterations = _iterations(chain, postures, options, progress)
     published: list[PublishedFigure] = []
     if options.wants("table2"):
         published = _table2(chain, options, progress)
         if options.quick:
-            notes.append("--quick: without the reach of the rounding, the matrices, and postures C and D")
+            notes.append("--quick: without the rounding's reach, the matrices, the parallelogram, postures C and D")
     verification = Verification()
     if options.wants("verification") or options.cases:
         verification = verify(

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from vjm.io.manipulator_file import load_manipulator
+from vjm.io.model_file import load_chain
 from vjm_fea.manipulator_engine import ManipulatorExudynEngine, platform_stiffness
 from vjm_validation.parallelogram import Robot, Study, critical_force, element
-from vjm_validation.report.parallelogram_chapter import chapter
+from vjm_validation.report.parallelogram_chapter import distance_picture, parallelogram, parallelogram_tables
+from vjm_validation.run import Run
 
 L, EA, GJ, EI_SOFT, EI_STIFF = 310.0, 6.7391304e6, 1.0689655e7, 4.3055556e7, 2.0666667e8
 
@@ -54,7 +56,9 @@ def test_the_chapter_says_where_the_replacement_fails(machine):
     found = [element(machine, pose, 80.0) for pose in machine.poses]
     with_exudyn = tuple(replace(e, exudyn=e.real) for e in found)
     robots = (Robot("isotropic", np.ones(6), np.full(6, 40.0), 8850.0, None),)
-    text, pictures = chapter(Study((straight, *with_exudyn), robots))
-    assert "the real one is 1.80 times as stiff" in text
-    assert "| turn in its plane, N mm/rad | 0 | 6.96×10⁷ | ∞ |" in text
-    assert pictures[0].content[:4] == b"\x89PNG"
+    study = Study((straight, *with_exudyn), robots)
+    finding = parallelogram(Run(load_chain("orthoglide-chain"), parallelogram=study))
+    assert any("the real one is 1.80 times as stiff" in sentence for sentence in finding.sentences)
+    rows = {row[0]: row[1:4] for row in parallelogram_tables(study)[0].rows}
+    assert rows["turn in its plane, N mm/rad"] == ("0", "6.96×10⁷", "∞")
+    assert distance_picture(study).content[:4] == b"\x89PNG"

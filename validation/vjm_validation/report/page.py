@@ -19,6 +19,7 @@ from vjm_validation.report.iteration_figures import iteration_picture
 from vjm_validation.report.ladder_figures import digits_table, ladder_picture
 from vjm_validation.report.lumping_figures import lumping_pictures
 from vjm_validation.report.markdown import findings_markdown
+from vjm_validation.report.parallelogram_chapter import distance_picture, parallelogram_tables
 from vjm_validation.report.proofs import foot_picture, published_picture
 from vjm_validation.report.renders import impossible, render_pictures
 from vjm_validation.report.style import Picture, engine_order, engine_style
@@ -62,10 +63,11 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     proofs = lumping_pictures(run)
     foot, table2, counts = foot_picture(run), published_picture(run), iteration_picture(run)
     hands = end_condition_picture(run)
+    bars = distance_picture(run.parallelogram) if run.parallelogram is not None else None
     ladder = ladder_picture(run)
     curves = {posture: posture_pictures(run, posture) for posture in postures(run)}
     renders, no_renders = _renders(run)
-    proof = [picture for picture in (*proofs, foot, hands, table2, counts, ladder) if picture]
+    proof = [picture for picture in (*proofs, foot, hands, table2, bars, counts, ladder) if picture]
     figures = [*proof, *chain.from_iterable(curves.values())]
     for folder, pictures in (("figures", figures), ("renders", renders)):
         for picture in pictures:
@@ -99,6 +101,8 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         proofs=proofs,
         foot=foot,
         hands=hands,
+        bars=bars,
+        bar_tables=parallelogram_tables(run.parallelogram) if run.parallelogram is not None else (),
         table2=table2,
         counts=counts,
         sections=sections,

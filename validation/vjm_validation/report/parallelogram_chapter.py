@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from vjm_validation.parallelogram import Element, Robot, Study
-from vjm_validation.report.style import Picture, figure, number, percent, png
+from vjm_validation.report.style import DASH, Picture, figure, number, percent, png
+from vjm_validation.report.words import Finding, Tone
+from vjm_validation.run import Run
 
 TITLE = "A parallelogram is not one bar of double stiffness"
 DIRECTIONS = ("along the bars, N/mm", "across, in its plane, N/mm", "across, out of its plane, N/mm",
@@ -14,43 +18,59 @@ ZERO = 1e-6
 """Stiffness over that of the real parallelogram's largest of the kind below which it is none."""
 
 
-def chapter(found: Study) -> tuple[str, list[Picture]]:
-    """The chapter as Markdown, and its figures."""
-    straight = next(e for e in found.elements if e.exudyn is not None and e.pose == "straight")
-    turned = next(e for e in found.elements if e.exudyn is not None and e.pose != "straight")
-    lines = [
-        f"## {TITLE}",
-        "",
-        "The paper replaces each parallelogram, two bars between four hinges, by one bar of double "
-        "stiffness between two. Both were computed with the near axis held; the real one as a closed loop "
-        "of two legs, in the virtual joint method and in Exudyn.",
-        "",
-        *_table(straight),
-        "",
-        *_table(turned),
-        "",
-        _verdict(straight),
-        "",
-        *_robots(found.robots),
-    ]
-    return "\n".join(lines) + "\n", [distance_picture(found)]
+@dataclass(frozen=True)
+class Table:
+    """A table of the page.
+
+    Attributes:
+        caption: what it holds.
+        header: of its columns; the first ones are words.
+        rows: as they are written.
+        words: number of leading columns that hold words.
+    """
+
+    caption: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    words: int = 1
 
 
-def _table(e: Element) -> list[str]:
+def parallelogram(run: Run) -> Finding | None:
+    """Where the paper's replacement is good, and where not."""
+    found = run.parallelogram
+    if found is None:
+        return None
+    sentences = (
+        "The paper replaces each parallelogram, two bars between four hinges, by one bar of double stiffness "
+        "between two. Both were computed with the near axis held; the real one as a closed loop of two legs, in "
+        "the virtual joint method and in Exudyn.",
+        _verdict(_checked(found, "straight")),
+        _whole(found.robots),
+    )
+    return Finding(Tone.CAUSE, TITLE, sentences)
+
+
+def parallelogram_tables(found: Study) -> list[Table]:
+    """Stiffness of the parallelogram alone, straight and turned, and of the whole robot with either."""
+    alone = [e for e in found.elements if e.exudyn is not None]
+    return [*(_alone(e) for e in alone), _robots(found.robots)]
+
+
+def _checked(found: Study, pose: str) -> Element:
+    return next(e for e in found.elements if e.exudyn is not None and e.pose == pose)
+
+
+def _alone(e: Element) -> Table:
     assert e.exudyn is not None
-    what = "straight" if e.pose == "straight" else "turned by 30°"
-    rows = [
-        f"Bars {e.distance:g} mm apart, {what}:",
-        "",
-        "| | one bar, doubled | two bars | ratio | two bars, Exudyn |",
-        "| --- | ---: | ---: | ---: | ---: |",
-    ]
+    rows = []
     for k, name in enumerate(DIRECTIONS):
         scale = np.abs(e.real[:3] if k < 3 else e.real[3:]).max()
         values = [0.0 if abs(v) < ZERO * scale else float(v) for v in (e.single[k], e.real[k], e.exudyn[k])]
-        ratio = number(values[1] / values[0], 3) if values[0] else ("∞" if values[1] else "–")
-        rows.append(f"| {name} | {number(values[0])} | {number(values[1])} | {ratio} | {number(values[2])} |")
-    return rows
+        ratio = number(values[1] / values[0], 3) if values[0] else ("∞" if values[1] else DASH)
+        rows.append((name, number(values[0]), number(values[1]), ratio, number(values[2])))
+    what = "straight" if e.pose == "straight" else "turned by 30°"
+    header = ("", "one bar, doubled", "two bars", "ratio", "two bars, Exudyn")
+    return Table(f"Parallelogram alone, bars {e.distance:g} mm apart, {what}", header, tuple(rows))
 
 
 def _verdict(e: Element) -> str:
@@ -66,36 +86,36 @@ def _verdict(e: Element) -> str:
     )
 
 
-def _robots(robots: tuple[Robot, ...]) -> list[str]:
-    rows = [
-        "In the whole Orthoglide, eigenvalues of the platform's stiffness (turns over 310 mm), N/mm, and the force "
-        "against x at which the free platform loses its stability:",
-        "",
-        "| pose | | three soft ones | three stiff ones | lost at, N |",
-        "| --- | --- | --- | --- | ---: |",
-    ]
+def _robots(robots: tuple[Robot, ...]) -> Table:
+    rows = []
     for r in robots:
         for name, values, force in (
             ("one bar", r.single, r.critical_single),
             ("two bars", r.real, r.critical_real),
         ):
             soft, stiff = (", ".join(number(float(v), 3) for v in part) for part in (values[:3], values[3:]))
-            rows.append(f"| {r.pose} | {name} | {soft} | {stiff} | {number(force)} |")
+            rows.append((r.pose, name, soft, stiff, number(force)))
+    caption = (
+        "The whole Orthoglide: eigenvalues of the platform's stiffness, turns over 310 mm, N/mm, and the force "
+        "against x at which the free platform loses its stability, N"
+    )
+    return Table(caption, ("pose", "", "three soft ones", "three stiff ones", "lost at"), tuple(rows), words=2)
+
+
+def _whole(robots: tuple[Robot, ...]) -> str:
     softest = min(float(r.real[0] / r.single[0]) for r in robots)
-    rows += [
-        "",
-        f"The platform's shifts are alike; its turns are at least {number(softest, 2)} times as stiff with real "
-        f"parallelograms. The single bar between universal joints leaves two of a leg's constraints where the "
-        f"parallelogram has three, so that the platform is held against turning by torsion alone.",
-    ]
-    return rows
+    return (
+        f"In the whole Orthoglide the platform's shifts are alike; its turns are at least {number(softest, 2)} "
+        "times as stiff with real parallelograms. The single bar between universal joints leaves two of a leg's "
+        "constraints where the parallelogram has three: the platform is held against turning by torsion alone."
+    )
 
 
 def distance_picture(found: Study) -> Picture:
     """Torsion and turn in the plane against the bars' distance."""
     own = sorted((e for e in found.elements if e.exudyn is None), key=lambda e: e.distance)
     d = np.array([e.distance for e in own])
-    checked = next(e for e in found.elements if e.exudyn is not None and e.pose == "straight")
+    checked = _checked(found, "straight")
     assert checked.exudyn is not None
     with figure(2.8, 2) as (fig, axes):
         for ax, k, name in zip(axes, (3, 5), ("torsion", "turn in the plane"), strict=True):
