@@ -81,7 +81,7 @@ $(VENV)/.test: $(VENV)/.runtime
 # The project as it now stands.
 $(VENV)/.project: $(VENV)/.runtime $(SOURCES)
 	@$(PIP_INSTALL) --no-build-isolation --no-deps --force-reinstall .
-	@echo 'Compiling the kernels: half a minute, once.'
+	@echo 'Compiling the kernels: a minute, once.'
 	@$(BIN)/python -m vjm.warm_up
 	@touch $@
 
