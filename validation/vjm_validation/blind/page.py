@@ -56,7 +56,7 @@ def _strengths(score: dict[str, Any]) -> Picture:
         ax.set_xscale("log", base=2)
         ax.set(xlabel="strength", ylabel="share of right verdicts", ylim=(-0.03, 1.03))
         ax.set_xticks([1, 2, 4, 8, 16, 32], ["1", "2", "4", "8", "16", "32"])
-        ax.legend(loc="lower right", fontsize=7)
+        ax.legend(loc="upper left", fontsize=7)
         caption = "One hidden cause. Bars: 95 % intervals (Wilson)."
         return Picture("blind_strength", png(fig), "How visible a cause must be to be named", caption)
 
