@@ -27,8 +27,6 @@ from vjm_validation.blind.signatures import Signatures, signatures
 from vjm_validation.blind.store import Store
 from vjm_validation.blind.visibility import visibility
 
-TRIALS = 8
-"""Designs that are tried for a wanted strength."""
 BY_ELEMENTS = 4
 """Of so many sets one is read off finite elements, where they have what it needs."""
 NEAR = 0.05
@@ -169,7 +167,7 @@ def _apart(known: Signatures, change: Array, names: Sequence[str]) -> float:
 def _hide(plan: Plan, store: Store, rng: np.random.Generator) -> tuple[Signatures, list[Hidden]]:
     """Signatures of the first design in which all of a plan's causes can be hidden as strongly as wanted."""
     best: tuple[float, Signatures, list[Hidden]] | None = None
-    for trial in range(TRIALS):
+    for trial in range(store.designs):
         seed = store.another(plan.design, trial)
         if plan.causes and plan.causes[0].endswith("lumping"):
             found = _lumped(plan, seed)
