@@ -39,7 +39,7 @@ class Row:
 def rows(score: dict[str, Any]) -> list[Row]:
     """The headline figures of a score."""
     best = score["rivals"]["likelihood_ratio"]["by_strength"]["4"]["rate"]
-    four = None if best is None else best - 0.05
+    four = None if best is None else max(best - 0.05, 0.0)
     words = (
         "no figure" if best is None else f"at least {_percent(four or 0.0)}, the likelihood ratio's less 5 points"
     )
