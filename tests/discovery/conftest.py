@@ -19,7 +19,7 @@ from vjm_validation.blind.signatures import Signatures, signatures
 GOOD = {"ux_mm": Known(0.0005, 0.002, 0.001)} | {
     name: Known(2.0, 3.0, 0.003) if name[0] == "f" else Known(150.0, 300.0, 0.003) for name in WRENCH
 }
-"""A force cell of six channels and a gauge, about those of MEASURED.md's example."""
+"""A force cell of six channels and a gauge, about those of docs/measured-data.md's example."""
 
 
 def bipolar(posture: str, pull: float, push: float, start: float, steps: int = 8) -> Sequence:

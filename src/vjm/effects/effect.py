@@ -122,5 +122,5 @@ class Effect:
         return pose
 
     def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
-        """Parameters under the names of MEASURED.md."""
+        """Parameters under the names of docs/measured-data.md."""
         return {f"{self.cause}.{q.name}": float(v) for q, v in zip(self.quantities(), values, strict=True)}

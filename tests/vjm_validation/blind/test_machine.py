@@ -31,7 +31,7 @@ def cycle(reach, steps=20):
 def test_beams_as_drawn_are_those_of_finite_elements(chain, posture, to):
     path = ExudynEngine(elements=16).walk(chain, Programme(posture, to, steps=8))
     wrench = Machine(chain).readings(posture, ramp(to))
-    # elements of both in large rotations: second order at 16, EXUDYN.md; 0.2 N is a tenth of the reading's noise
+    # elements of both in large rotations: second order at 16; 0.2 N is a tenth of the reading's noise
     assert wrench[:, :3] == pytest.approx(path.wrench[1:, :3], abs=0.3)
     assert wrench[:, 3:] == pytest.approx(path.wrench[1:, 3:], abs=2.0)
 

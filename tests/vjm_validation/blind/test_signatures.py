@@ -30,7 +30,7 @@ def test_every_cause_of_the_contract_has_a_family(design):
 
 
 def test_a_base_along_the_drive_is_a_drive(design):
-    # MEASURED.md: one class in every design
+    # docs/measured-data.md: one class in every design
     rig = drawn(design)
     base = replace(rig, machine=replace(rig.machine, base=np.diag([1e-5, 0, 0, 0, 0, 0]))).response(design)
     drive = replace(rig, machine=rig.machine.with_law(0, linear=1e-5)).response(design)

@@ -1,4 +1,4 @@
-"""Strength is MEASURED.md's minimum, found here by brute minimisation."""
+"""Strength is docs/measured-data.md's minimum, found here by brute minimisation."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from vjm_validation.blind.visibility import visibility
 
 
 def covariance(design, stiffness):
-    """Σ of MEASURED.md written out reading by reading."""
+    """Σ of docs/measured-data.md written out reading by reading."""
     c = len(design.channels)
     n = len(design)
     sequence = np.repeat(np.arange(len(design.sequences)), [len(s) for s in design.sequences])
@@ -72,7 +72,7 @@ def test_what_the_gauge_shows_counts_as_force(design):
 
 @pytest.mark.parametrize("name", ["fx_N", "ux_mm"])
 def test_a_zero_is_no_more_visible_than_its_size_over_its_sigma(design, name):
-    # MEASURED.md: causes that are also nuisances are visible only as far as they exceed the sheet's sigma
+    # docs/measured-data.md: causes that are also nuisances are visible only as far as they exceed the sheet's sigma
     seen = visibility(design)
     known = design.instruments[name]
     (family,) = [f for f in catalogue(design, 4000.0) if f.name == f"instrument_zero {name}"]

@@ -1,4 +1,4 @@
-"""The causes of MEASURED.md as the injector has them: each a change of the rig that grows with one size.
+"""The causes of docs/measured-data.md as the injector has them: each a change of the rig that grows with one size.
 
 A *family* is what a finder may call one candidate: a cause in one part, on one channel. Its members are the forms
 that it takes: one form scaled by its size, or several that add up (both directions of a tilt). The laws are not the
@@ -86,7 +86,7 @@ class Family:
     """One candidate.
 
     Attributes:
-        cause: name of MEASURED.md, or of `outside`.
+        cause: name of docs/measured-data.md, or of `outside`.
         label: tells a cause's families apart: the part or channel.
         members: forms.
         first: size that can be seen, roughly.

@@ -1,4 +1,4 @@
-"""What is right: a verdict against what was hidden, by MEASURED.md."""
+"""What is right: a verdict against what was hidden, by docs/measured-data.md."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ CAUSES = (
     "gravity", "thermal_drift",
     "creep", "plasticity", "instrument_zero", "instrument_scale",
 )  # fmt: skip
-"""Of MEASURED.md."""
+"""Of docs/measured-data.md."""
 STRENGTHS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 MASKING = (
     ("actuator_compliance", "foot_compliance"), ("joint_friction", "creep"), ("joint_clearance", "instrument_zero"),

@@ -1,4 +1,4 @@
-"""A design as a test sheet, and readings as a data file, as MEASURED.md has them."""
+"""A design as a test sheet, and readings as a data file, as docs/measured-data.md has them."""
 
 from __future__ import annotations
 

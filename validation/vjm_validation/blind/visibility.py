@@ -1,4 +1,4 @@
-"""How visible a change of the readings is: the strength of MEASURED.md.
+"""How visible a change of the readings is: the strength of docs/measured-data.md.
 
     strength² = min over ν of (Δ − Gν)ᵀ Σ⁻¹ (Δ − Gν) + νᵀ P⁻¹ ν = Δᵀ (Σ + G P Gᵀ)⁻¹ Δ
 

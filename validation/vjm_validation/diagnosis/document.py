@@ -1,4 +1,4 @@
-"""``diagnosis.json`` as MEASURED.md has it."""
+"""``diagnosis.json`` as docs/measured-data.md has it."""
 
 from __future__ import annotations
 

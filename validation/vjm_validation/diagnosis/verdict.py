@@ -124,7 +124,7 @@ class Estimate:
 
 
 def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
-    """The parameters of a fit under MEASURED.md's names, with their uncertainty to first order."""
+    """The parameters of a fit under docs/measured-data.md's names, with their uncertainty to first order."""
     covariance = _covariance(fitter, fit)
     result: dict[str, Estimate] = {}
     for i, effect in enumerate(fit.hypothesis):

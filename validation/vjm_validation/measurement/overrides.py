@@ -21,8 +21,8 @@ _SECTION_KEYS = {*StiffnessSection.model_fields, *Rectangle.model_fields, *Squar
 def overridden(content: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
     """A model document with a sheet's overrides.
 
-    A key is one of MEASURED.md's, a key of the link or its section, or a dotted path into the file: a list's table
-    is found by its ``name`` or its number from 1, and a path may begin at a part's name.
+    A key is one of docs/measured-data.md's, a key of the link or its section, or a dotted path into the file: a
+    list's table is found by its ``name`` or its number from 1, and a path may begin at a part's name.
 
     Args:
         content: as TOML gives it; not changed.
