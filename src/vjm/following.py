@@ -6,6 +6,7 @@ branch at a bifurcation. The rest is here, once for all engines.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -257,7 +258,7 @@ class _Walk:
 
     def _along(self, s: float) -> float:
         """What states are smooth in: the path parameter; behind a bifurcation the root of the distance from it."""
-        return s if self.origin is None else float(np.sqrt(s - self.origin.s))
+        return s if self.origin is None else math.sqrt(s - self.origin.s)
 
     def _slope(self, target: float) -> Array | None:
         """Of the chord from the last point to where the parabola through the last three is at the target."""
@@ -265,11 +266,14 @@ class _Walk:
         if len(known) < 2:
             return None
         nodes, at = [self._along(p.s) for p in known], self._along(target)
-        state = np.zeros_like(known[-1].state)
-        for i, p in enumerate(known):
-            others = [u for j, u in enumerate(nodes) if j != i]
-            state = state + p.state * np.prod([(at - u) / (nodes[i] - u) for u in others])
-        slope: Array = (state - known[-1].state) / (target - known[-1].s)
+        change = -known[-1].state
+        for i, point in enumerate(known):
+            weight = 1.0
+            for k, node in enumerate(nodes):
+                if k != i:
+                    weight *= (at - node) / (nodes[i] - node)
+            change += weight * point.state
+        slope: Array = change / (target - known[-1].s)
         return slope
 
     def _bend(self, there: Equilibrium) -> float:

@@ -49,9 +49,13 @@ def rotation_vector(R: Array) -> Array:
     return result
 
 
+_IDENTITY = np.eye(4)
+"""Copied, for that is faster than to make one."""
+
+
 def frame(R: Array | None = None, p: ArrayLike | None = None) -> Array:
     """Homogeneous matrix ``(4, 4)`` from a rotation ``(3, 3)`` and a position ``(3,)`` in mm."""
-    T = np.eye(4)
+    T = _IDENTITY.copy()
     if R is not None:
         T[:3, :3] = R
     if p is not None:

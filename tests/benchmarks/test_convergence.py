@@ -41,7 +41,7 @@ class March:
         started = time.perf_counter()
         good, why, _, force, stiffness, residual, iterations = model.compiled.march(
             self.problem.target(0.0), self.problem.programme.direction, GRID,
-            self.start[:size], self.start[size:], TOLERANCE, 30,
+            self.start[:size], self.start[size : size + 6], TOLERANCE, 30,
         )  # fmt: skip
         seconds = time.perf_counter() - started
         assert (good, why) == (len(GRID), "")

@@ -25,7 +25,7 @@ from vjm.parts import Placement
 from vjm.paths import Path
 from vjm.programme import RAMP, TO_LIMIT
 from vjm.vjm_engine import VjmEngine
-from vjm_validation import cli_calibrate, cli_diagnose, cli_identify, cli_map, show
+from vjm_validation import show
 from vjm_validation.acceptance import FROZEN
 from vjm_validation.documents import BucklingDocument
 from vjm_validation.engines import DESCRIPTIONS, EngineOptions, engine_by_name
@@ -48,8 +48,15 @@ app = App(
     version=__version__,
     result_action="return_value",
 )
-for command in (cli_calibrate, cli_diagnose, cli_identify, cli_map):
-    command.register(app)
+LATER = {
+    "calibrate": "Fit spring compliances to measured force-displacement readings, with their uncertainty.",
+    "diagnose": "Show what the model gets wrong, name the cause, extend the model and measure the gain.",
+    "identify": "A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance.",
+    "map": "Map a quantity over a manipulator's workspace: CSV, VTK, a figure and a render.",
+}
+"""Commands of modules that are read when they are called: what they need takes seconds to import."""
+for name, text in LATER.items():
+    app.command(f"vjm_validation.cli_{name}:{name}_", name=name, help=text)
 
 Segments = Annotated[
     int | None, Parameter(name="--segments", help="Springs or elements in every beam but the foot.")

@@ -6,17 +6,12 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from vjm_validation import show
 from vjm_validation.calibration.command import PAGE, STAGES, calibrate, prepare
 from vjm_validation.calibration.words import tables
 from vjm_validation.summary import as_json
-
-
-def register(app: App) -> None:
-    """Give the `validate` command its ``calibrate``."""
-    app.command(calibrate_, name="calibrate")
 
 
 def calibrate_(

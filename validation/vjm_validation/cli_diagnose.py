@@ -6,17 +6,12 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from vjm_validation import show
 from vjm_validation.diagnosis.command import PAGE, diagnose
 from vjm_validation.diagnosis.words import lines
 from vjm_validation.summary import as_json
-
-
-def register(app: App) -> None:
-    """Give the `validate` command its ``diagnose``."""
-    app.command(diagnose_, name="diagnose")
 
 
 def diagnose_(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from vjm.io.model_file import build_chain, load_chain, read_document
 from vjm_validation import show
@@ -20,12 +20,7 @@ from vjm_validation.identification.table2_fit import TableFit
 from vjm_validation.summary import as_json
 
 
-def register(app: App) -> None:
-    """Give the `validate` command its ``identify``."""
-    app.command(identify)
-
-
-def identify(
+def identify_(
     model: Annotated[
         str | None, Parameter(help="A model of the library, or a path to a model file or a beam-path file.")
     ] = None,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from vjm.io.manipulator_file import load_manipulator
 from vjm.vjm_engine import VjmEngine
@@ -21,11 +21,6 @@ from vjm_validation.maps.output import write_map
 from vjm_validation.maps.run import Map, run_map
 
 INTERRUPTED = 130
-
-
-def register(app: App) -> None:
-    """Give the `validate` command its ``map``."""
-    app.command(map_, name="map")
 
 
 def map_(
