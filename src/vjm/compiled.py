@@ -158,8 +158,8 @@ class Compiled:
 
     def _remember(self, x: Array, wrench: Array, load: float) -> None:
         """Which state the factors belong to."""
-        # copies: the caller may write to its own
-        self._x, self._wrench, self._load = x.copy(), wrench.copy(), load
+        # bytes: the caller may write to its own arrays, and these are compared fastest
+        self._state, self._load = (x.tobytes(), wrench.tobytes()), load
         self._force = wrench / self.wrench_unit
         self._border: tuple[Array, Array] | None = None
 
@@ -183,7 +183,7 @@ class Compiled:
 
     def visit(self, x: Array, wrench: Array, load: float = 0.0) -> int:
         """Factor at a state unless it is the last one; number of negative eigenvalues, −1 where singular."""
-        if not (load == self._load and np.array_equal(x, self._x) and np.array_equal(wrench, self._wrench)):
+        if not (load == self._load and (x.tobytes(), wrench.tobytes()) == self._state):
             self._factor(x, wrench, load, self._anywhere)
         return self._negative
 

@@ -292,7 +292,7 @@ class _Walk:
             start, last, at = (self._along(p.s) for p in (a, b, there))
             ratios.append((at - last) / (last - start))
         missed = [there.shape - b.shape - (b.shape - a.shape) * ratio for ratio in ratios]
-        return min(float(np.linalg.norm(distance)) for distance in missed) / way
+        return min(math.sqrt(np.vdot(distance, distance)) for distance in missed) / way
 
     def _between(self, a: Equilibrium, b: Equilibrium, value: Callable[[Equilibrium], float]) -> Equilibrium:
         """The point between a and b, on their path, where a value that differs in sign there is zero."""

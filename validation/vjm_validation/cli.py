@@ -29,13 +29,11 @@ from vjm_validation import show
 from vjm_validation.acceptance import FROZEN
 from vjm_validation.documents import BucklingDocument
 from vjm_validation.engines import DESCRIPTIONS, EngineOptions, engine_by_name
-from vjm_validation.ladder.library import library as cases
 from vjm_validation.loaded import under_displacement, under_wrench
 from vjm_validation.manipulators import loaded, stiffness_document
 from vjm_validation.metrics import PathMetrics, path_metrics
 from vjm_validation.programme_options import parsed_programme
 from vjm_validation.run import Direction
-from vjm_validation.run_all import COMPARISONS, Options, run_all
 from vjm_validation.summary import as_json
 from vjm_validation.sweeps import ramp_end
 
@@ -95,6 +93,10 @@ def all_(
     steps: Annotated[int | None, Parameter(help="Equal steps of every path; 4000 is the paper's grid.")] = None,
 ) -> int:
     """Run every comparison and write the report."""
+    # all comparisons take a second to import, which no other command should wait for
+    from vjm_validation.ladder.library import library as cases
+    from vjm_validation.run_all import COMPARISONS, Options, run_all
+
     known = {*COMPARISONS, *(case.name for case in cases())}
     unknown = [name for name in only if name not in known]
     if unknown:
@@ -105,14 +107,7 @@ def all_(
         )
     _positive("--steps", steps)
     folder = out or FilePath("reports") / "runs" / time.strftime("%Y%m%d-%H%M%S")
-    options = Options(
-        out=folder,
-        jobs=_jobs(jobs),
-        quick=quick,
-        only=only,
-        steps=steps,
-        command=_command(quick, only, steps),
-    )
+    options = Options(folder, _jobs(jobs), quick, only, steps, _command(quick, only, steps))
     try:
         with show.progress() as progress:
             summary = run_all(options, progress)
@@ -138,6 +133,9 @@ def _command(quick: bool, only: Sequence[str], steps: int | None) -> str:
 @app.command(name="list")
 def list_() -> int:
     """Show the models, engines, comparisons and verification cases that there are."""
+    from vjm_validation.ladder.library import library as cases
+    from vjm_validation.run_all import COMPARISONS
+
     console = show.console()
     console.print(show.two_columns("Models", {entry.name: entry.title for entry in library()}))
     console.print(show.two_columns("Manipulators", {entry.name: entry.title for entry in manipulators()}))

@@ -81,7 +81,7 @@ class NetworkSolver(Compiled):
 
     def _look(self, x: Array, wrench: Array, load: float) -> None:
         """Linearise every leg and assemble the bodies' matrix and what their balance lacks."""
-        if load == self._load and np.array_equal(x, self._x) and np.array_equal(wrench, self._wrench):
+        if load == self._load and (x.tobytes(), wrench.tobytes()) == self._state:
             return
         self._remember(x, wrench, load)
         self._legs: list[Visited] = []
