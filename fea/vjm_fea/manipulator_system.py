@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,11 +13,11 @@ from vjm.manipulator.manipulator import BASE, PLATFORM, Leg
 from vjm.parts import PassiveJoint
 from vjm.paths import StationLabel
 from vjm.rotations import Array, frame
-from vjm_fea.backend import exu, items
+from vjm_fea.backend import items
 from vjm_fea.mesh import Mesh
-from vjm_fea.points import NO_POINTS, Piece
+from vjm_fea.points import NO_POINTS
 from vjm_fea.quaternions import quaternion
-from vjm_fea.system import ExudynSystem, Rigid, Station, _crossing
+from vjm_fea.system import ExudynSystem, Rigid, _crossing
 
 LOCKED = (1, 1, 1, 1, 1, 1)
 CLOSED = 1e-7
@@ -61,17 +61,8 @@ class ManipulatorSystem(ExudynSystem):
             ValueError: a beam without a section.
         """
         robot = pose.manipulator
-        exu.config.printToConsole = False
-        self._container = exu.SystemContainer()
-        self.mbs = self._container.AddSystem()
-        self.mesh = mesh
-        self._frames: list[Array] = []
-        self._connected: set[int] = set()
-        self._locked: list[tuple[int, int]] = []
-        self.stations: list[Station] = []
-        self.pieces: list[Piece] = []
+        self._begin(mesh)
         self._points = NO_POINTS
-        self._waiting: list[Callable[[], None]] = []
         self._open = None
         ground = Rigid(-1, self.mbs.AddObject(items.ObjectGround()), np.eye(4))
         self._bodies = {BASE: ground}

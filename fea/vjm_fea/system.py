@@ -79,6 +79,20 @@ class ExudynSystem:
         end: frame ``(4, 4)`` of the end-effector in the reference configuration.
     """
 
+    def _begin(self, mesh: Mesh) -> None:
+        """An empty system, to be filled with bodies."""
+        exu.config.printToConsole = False
+        # the container owns the system: without it the system dies
+        self._container = exu.SystemContainer()
+        self.mbs = self._container.AddSystem()
+        self.mesh = mesh
+        self._frames: list[Array] = []
+        self._connected: set[int] = set()
+        self._locked: list[tuple[int, int]] = []
+        self.stations: list[Station] = []
+        self.pieces: list[Piece] = []
+        self._waiting: list[Callable[[], None]] = []
+
     def __init__(
         self,
         chain: Chain,
@@ -103,18 +117,8 @@ class ExudynSystem:
             raise ValueError(
                 f"{chain.name}: {len(chain.joints)} passive joints but {len(q)} coordinates in the posture"
             )
-        exu.config.printToConsole = False
-        # the container owns the system: without it the system dies
-        self._container = exu.SystemContainer()
-        self.mbs = self._container.AddSystem()
-        self.mesh = mesh
-        self._frames: list[Array] = []
-        self._connected: set[int] = set()
-        self._locked: list[tuple[int, int]] = []
-        self.stations: list[Station] = []
-        self.pieces: list[Piece] = []
+        self._begin(mesh)
         self._chain, self._points = chain, points
-        self._waiting: list[Callable[[], None]] = []
         self._frame = chain.base
         self._rigid = Rigid(-1, self.mbs.AddObject(items.ObjectGround()), np.eye(4))
         self._open: Connect | None = None

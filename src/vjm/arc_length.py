@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from vjm.equilibrium import NoConvergenceError
-from vjm.following import Problem, bifurcation, follow, locate
+from vjm.following import Problem, bifurcation, follow, locate, walked
 from vjm.paths import Equilibrium, Event, EventKind, Path, driven_force
 from vjm.programme import TO_LIMIT, Programme
 from vjm.rotations import Array
@@ -132,16 +132,7 @@ class _ArcWalk:
     def run(self) -> Path:
         started = time.perf_counter()
         stopped = self._walk()
-        return Path(
-            engine=self.problem.label,
-            model="",
-            programme=self.programme,
-            points=tuple(self.points),
-            events=tuple(self.events),
-            stations=self.problem.stations,
-            stopped=stopped,
-            seconds=time.perf_counter() - started,
-        )
+        return walked(self.problem, self.programme, self.points, self.events, stopped, started)
 
     def _walk(self) -> str:
         step, end = self.control.first, self.programme.length

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -157,6 +157,36 @@ def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium, tolerance: flo
     return critical
 
 
+def walked(
+    problem: Problem,
+    programme: Programme,
+    points: Sequence[Equilibrium],
+    events: Sequence[Event],
+    stopped: str,
+    started: float,
+) -> Path:
+    """A finished walk as a path of a model that the engine names.
+
+    Args:
+        problem: whose path it is.
+        programme: the ramp.
+        points: in order.
+        events: in order.
+        stopped: why it ended early; empty where it did not.
+        started: reading of `time.perf_counter` at its beginning.
+    """
+    return Path(
+        engine=problem.label,
+        model="",
+        programme=programme,
+        points=tuple(points),
+        events=tuple(events),
+        stations=problem.stations,
+        stopped=stopped,
+        seconds=time.perf_counter() - started,
+    )
+
+
 class _Walk:
     """The state of one walk."""
 
@@ -180,16 +210,7 @@ class _Walk:
         started = time.perf_counter()
         stopped = self._walk()
         self._add_neighbour_stiffness()
-        return Path(
-            engine=self.problem.label,
-            model="",
-            programme=self.programme,
-            points=tuple(self.points),
-            events=tuple(self.events),
-            stations=self.problem.stations,
-            stopped=stopped,
-            seconds=time.perf_counter() - started,
-        )
+        return walked(self.problem, self.programme, self.points, self.events, stopped, started)
 
     def _walk(self) -> str:
         grid = None

@@ -10,14 +10,16 @@ import pytest
 from vjm.chain import Chain
 from vjm.equilibrium import NoConvergenceError
 from vjm.lumped import LumpedModel
-from vjm.parts import Actuator, Beam, PassiveJoint, RigidOffset, Section
+from vjm.parts import Actuator, Beam, PassiveJoint, Section
 from vjm.paths import StationLabel
 from vjm.programme import COMPONENTS, Load, Programme
-from vjm.rotations import AXES, frame, rotation_from_vector
+from vjm.rotations import AXES, rotation_from_vector
 from vjm_fea.opensees import OpenSeesEngine, available
 from vjm_fea.opensees.backend import opensees
 from vjm_fea.opensees.beams import Beams, Element
 from vjm_fea.opensees.system import ChainSystem
+
+from .odd_parts import OddParts
 
 needs_opensees = pytest.mark.skipif(not available(), reason="OpenSeesPy, an optional extra, is not installed")
 
@@ -30,29 +32,16 @@ BAR = Section(6.74e6, 1.07e7, 2.07e8, 4.3e7)
 @pytest.fixture(scope="module")
 def odd_chain():
     """Every kind of part at every kind of place, nothing along an axis."""
-    rng = np.random.default_rng(11)
-
-    def unit():
-        v = rng.normal(size=3)
-        return v / np.linalg.norm(v)
-
-    def rotation():
-        return rotation_from_vector(0.5 * rng.normal(size=3))
-
-    def offset(name):
-        return RigidOffset(name, frame(rotation(), 50.0 * rng.normal(size=3)))
-
-    def beam(name):
-        arm = 30.0 * rng.normal(size=3)
-        return Beam(name, 200.0, own_frame=rotation(), section_frame=rotation(), end_offset=arm, section=BAR)
-
+    odd = OddParts(11, BAR)
     parts = (
-        offset("o1"), Actuator("drive", unit(), 2e-5), beam("b1"), offset("o2"), PassiveJoint("p1", unit()),
-        offset("o3"), beam("b2"), PassiveJoint("p2", unit()), PassiveJoint("p3", unit()),
-        Actuator("slide", unit(), 1e-5), offset("o4"), beam("b3"), beam("b4"), Actuator("held", unit()),
-        PassiveJoint("p4", unit()), offset("o5"), Actuator("last", unit(), 3e-5), offset("o6"),
+        odd.offset("o1"), Actuator("drive", odd.unit(), 2e-5), odd.beam("b1"), odd.offset("o2"),
+        PassiveJoint("p1", odd.unit()),
+        odd.offset("o3"), odd.beam("b2"), PassiveJoint("p2", odd.unit()), PassiveJoint("p3", odd.unit()),
+        Actuator("slide", odd.unit(), 1e-5), odd.offset("o4"), odd.beam("b3"), odd.beam("b4"),
+        Actuator("held", odd.unit()),
+        PassiveJoint("p4", odd.unit()), odd.offset("o5"), Actuator("last", odd.unit(), 3e-5), odd.offset("o6"),
     )  # fmt: skip
-    return Chain("odd", parts, base=frame(rotation(), [10.0, 20.0, 30.0]), postures={"P": 0.4 * rng.normal(size=4)})
+    return odd.chain(parts)
 
 
 def cantilever(**of_beam):

@@ -8,12 +8,14 @@ import pytest
 from vjm.chain import Chain
 from vjm.equilibrium import NoConvergenceError
 from vjm.lumped import LumpedModel
-from vjm.parts import Actuator, Beam, PassiveJoint, RigidOffset, Section
+from vjm.parts import Actuator, Beam, PassiveJoint, Section
 from vjm.paths import StationLabel
 from vjm.programme import Programme
-from vjm.rotations import frame, rotation_from_vector
+from vjm.rotations import rotation_from_vector
 from vjm_fea import ExudynEngine
 from vjm_fea.quaternions import quaternion, rotation_matrices
+
+from .odd_parts import OddParts
 
 # wrench and stiffness in units of 300 mm, so that forces and moments weigh the same
 ARM = np.array([1.0, 1.0, 1.0, 300.0, 300.0, 300.0])
@@ -22,33 +24,19 @@ ARM = np.array([1.0, 1.0, 1.0, 300.0, 300.0, 300.0])
 @pytest.fixture(scope="module")
 def odd_chain():
     """Every kind of part, every kind of joint: oblique, crossing and single revolutes, drives, arms."""
-    rng = np.random.default_rng(3)
-
-    def unit():
-        v = rng.normal(size=3)
-        return v / np.linalg.norm(v)
-
-    def rotation():
-        return rotation_from_vector(0.5 * rng.normal(size=3))
-
-    def offset(name):
-        return RigidOffset(name, frame(rotation(), 50.0 * rng.normal(size=3)))
-
-    def beam(name):
-        arm = 30.0 * rng.normal(size=3)
-        section = Section(6e6, 1e7, 2e8, 4e7)
-        return Beam(name, 200.0, own_frame=rotation(), section_frame=rotation(), end_offset=arm, section=section)
-
-    first = unit()
-    second = np.cross(first, unit())
+    odd = OddParts(3, Section(6e6, 1e7, 2e8, 4e7))
+    first = odd.unit()
+    second = np.cross(first, odd.unit())
     second /= np.linalg.norm(second)
     parts = (
-        offset("o1"), Actuator("drive", unit(), 2e-5), beam("b1"), offset("o2"), PassiveJoint("p1", unit()),
-        offset("o3"), beam("b2"), PassiveJoint("p2", first), PassiveJoint("p3", second),
-        Actuator("slide", unit(), 1e-5), offset("o4"), beam("b3"), beam("b4"), Actuator("held", unit()),
-        PassiveJoint("p4", unit()), offset("o5"),
+        odd.offset("o1"), Actuator("drive", odd.unit(), 2e-5), odd.beam("b1"), odd.offset("o2"),
+        PassiveJoint("p1", odd.unit()),
+        odd.offset("o3"), odd.beam("b2"), PassiveJoint("p2", first), PassiveJoint("p3", second),
+        Actuator("slide", odd.unit(), 1e-5), odd.offset("o4"), odd.beam("b3"), odd.beam("b4"),
+        Actuator("held", odd.unit()),
+        PassiveJoint("p4", odd.unit()), odd.offset("o5"),
     )  # fmt: skip
-    return Chain("odd", parts, base=frame(rotation(), [10.0, 20.0, 30.0]), postures={"P": 0.4 * rng.normal(size=4)})
+    return odd.chain(parts)
 
 
 def test_any_chain_has_the_lumped_model_s_unloaded_stiffness_and_stations(odd_chain, linear_stiffness):

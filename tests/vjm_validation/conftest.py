@@ -18,6 +18,23 @@ class Finished:
     err: str
 
 
+GAUGE_SHEET = """
+[test]
+model = "pinned-column"
+control = "mid.uy_mm"
+[postures]
+straight = []
+[points.mid]
+body = "link"
+at = 0.5
+[instrument.fx_N]
+noise = 1.0
+[instrument."mid.uy_mm"]
+noise = 0.4
+"""
+"""A column steered by a gauge at its middle."""
+
+
 def validate(*arguments: str, cwd: Path | None = None) -> Finished:
     """Run the command as a user does, in a process of its own."""
     command = [sys.executable, "-c", "from vjm_validation.cli import main; main()", *arguments]

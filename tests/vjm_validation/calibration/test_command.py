@@ -14,6 +14,7 @@ from vjm_validation.calibration.command import DOCUMENT, MODEL, PAGE
 from vjm_validation.cli import run
 from vjm_validation.schemas import schemas
 
+from ..conftest import GAUGE_SHEET
 from . import synthetic
 from .conftest import ENGINE, RAMPS, TRUTH
 
@@ -165,20 +166,7 @@ def test_bad_options_are_refused(files, capsys, options: tuple[str, ...], words:
 
 
 def test_a_test_without_the_end_effectors_displacement(files, capsys):
-    files.sheet.write_text("""
-[test]
-model = "pinned-column"
-control = "mid.uy_mm"
-[postures]
-straight = []
-[points.mid]
-body = "link"
-at = 0.5
-[instrument.fx_N]
-noise = 1.0
-[instrument."mid.uy_mm"]
-noise = 0.4
-""")
+    files.sheet.write_text(GAUGE_SHEET)
     rows = [f"straight,{-500.0 * np.tanh(m):.3f},{m:.3f}" for m in np.linspace(0.0, 20.0, 15)]
     files.data.write_text("posture,fx_N,mid.uy_mm\n" + "\n".join(rows) + "\n")
     assert run(command(files)) == 2

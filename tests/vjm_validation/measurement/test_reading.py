@@ -10,6 +10,7 @@ import pytest
 from vjm_validation.measurement import Kind, read_measurement
 from vjm_validation.measurement.readings import Branch
 
+from ..conftest import GAUGE_SHEET
 from .conftest import Draft
 
 
@@ -126,21 +127,7 @@ def test_noise_makes_no_branches(draft: Draft):
     assert found[81:].count(Branch.HOLD) >= 39
 
 
-MARKS = """
-[test]
-model = "pinned-column"
-control = "mid.uy_mm"
-[postures]
-straight = []
-[points.mid]
-body = "link"
-at = 0.5
-[instrument.fx_N]
-noise = 1.0
-[instrument."mid.uy_mm"]
-noise = 0.4
-held = "target"
-"""
+MARKS = GAUGE_SHEET + 'held = "target"\n'
 
 
 def test_a_mark_that_was_steered_to_keeps_its_last_row(draft: Draft):

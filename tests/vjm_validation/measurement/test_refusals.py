@@ -7,6 +7,7 @@ import pytest
 
 from vjm_validation.measurement import read_measurement
 
+from ..conftest import GAUGE_SHEET
 from .conftest import Draft, times
 
 
@@ -202,20 +203,7 @@ def test_wrong_sheets(draft: Draft, old: str, new: str, words: str):
 
 def test_forces_of_a_column_in_kilonewtons(draft: Draft):
     """Steered by a point between the ends: the buckling load is the measure."""
-    draft.sheet = """
-[test]
-model = "pinned-column"
-control = "mid.uy_mm"
-[postures]
-straight = []
-[points.mid]
-body = "link"
-at = 0.5
-[instrument.fx_N]
-noise = 1.0
-[instrument."mid.uy_mm"]
-noise = 0.4
-"""
+    draft.sheet = GAUGE_SHEET
     draft.header = ["posture", "fx_N", "mid.uy_mm"]
     marks = np.linspace(0.0, 20.0, 15)
     draft.rows = [["straight", f"{-500.0 * np.tanh(m):.3f}", f"{m:.3f}"] for m in marks]

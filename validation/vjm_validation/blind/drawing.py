@@ -7,6 +7,7 @@ and are interpolated between the path's points; so they know no history.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -52,7 +53,7 @@ def _without_drive(machine: Machine) -> Array:
     return laws
 
 
-class _WalkedRig(Rig):
+class _WalkedRig(Rig, ABC):
     """Forces off load paths."""
 
     def _wrench(self, sequence: Sequence, poses: Array) -> Array:
@@ -64,8 +65,9 @@ class _WalkedRig(Rig):
                 wrench[at] = self._curve(sequence.posture, to)(np.abs(ux[at]))
         return wrench
 
+    @abstractmethod
     def _curve(self, posture: str, to: float) -> Curve:
-        raise NotImplementedError
+        """Forces over the size of the displacement, along a ramp that ends at ``to``, mm."""
 
 
 _CURVES: dict[tuple[float | int | str, ...], Curve] = {}
