@@ -18,6 +18,7 @@ from vjm.paths import Equilibrium, Path
 from vjm.programme import COMPONENTS, Programme
 from vjm.rotations import AXES, Array
 from vjm_fea.beam_problem import BeamProblem
+from vjm_fea.branches import TINY
 from vjm_fea.manipulator_statics import ManipulatorStatics
 from vjm_fea.manipulator_system import ManipulatorSystem
 from vjm_fea.mesh import Mesh
@@ -76,6 +77,34 @@ class ManipulatorExudynProblem(BeamProblem):
         if len(nodes) < 2:
             raise ValueError(f"leg '{leg}' has no beam '{beam}'")
         return self.statics.section_force(point.state, nodes[0], nodes[1])
+
+    def giving_way(self, critical: Equilibrium) -> dict[str, float]:
+        """Which legs give way at a critical point: each one's share of the mode, their squares adding up to one.
+
+        What counts is how far a leg's beams bow out of their chords.
+        """
+        mode = self.exact(critical.state).critical_modes()[0]
+        ahead, behind = (
+            self.statics.shape(self.statics.moved_freely(critical.state, t * mode)) for t in (TINY, -TINY)
+        )
+        bows: dict[str, float] = {}
+        for part in dict.fromkeys(station.part for station in self.stations):
+            rows = [i for i, station in enumerate(self.stations) if station.part == part]
+            leg = part.partition("/")[0]
+            fractions = np.array([self.stations[i].fraction for i in rows])
+            bows[leg] = bows.get(leg, 0.0) + _bow(fractions, (ahead - behind)[rows])
+        whole = sum(bows.values())
+        return {leg: float(np.sqrt(bow / whole)) for leg, bow in bows.items()}
+
+
+def _bow(fractions: Array, moved: Array) -> float:
+    """Sum of the squares of what stations ``(k, 3)`` of a part move out of the chord between its ends."""
+    first, last = np.argmin(fractions), np.argmax(fractions)
+    if first == last:
+        return 0.0
+    along = (fractions - fractions[first]) / (fractions[last] - fractions[first])
+    chord = moved[first] + np.outer(along, moved[last] - moved[first])
+    return float(np.sum((moved - chord) ** 2))
 
 
 @dataclass(frozen=True)

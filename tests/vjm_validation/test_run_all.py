@@ -154,3 +154,10 @@ def test_the_printed_matrices_are_examined(summary):
     table = found["table2"]
     assert table["rms_fitted"] < table["rms_printed"]
     assert {"B K3", "D K3"} <= set(table["agreements"][-1]["not_met"])
+
+
+def test_whole_robots_are_in_the_summary(summary):
+    found = summary["robots"]
+    assert {row["robot"] for row in found["stiffness"]} == {"orthoglide", "3-puu", "delta", "par2"}
+    assert len(found["critical"]) == 24
+    assert any(row["name"] == "robots: critical forces" for row in summary["acceptance"])

@@ -14,6 +14,7 @@ from vjm.paths import EventKind, Path
 from vjm_validation.comparison import force_difference, shape_difference
 from vjm_validation.ladder.invariance import GROUP
 from vjm_validation.metrics import PathMetrics, path_metrics
+from vjm_validation.robots import COMPARED, ROBOT, SPRINGS, CriticalRow, RobotStudy
 from vjm_validation.run import Direction, EndConditionStudy, Key
 from vjm_validation.verification import Verification
 
@@ -27,6 +28,11 @@ LOAD_AGREEMENT = 1e-3
 """Of critical forces between converged engines: their discretisation errors at 16 are below 1e-4."""
 CURVE_AGREEMENT = 5e-3
 """Of forces at equal displacement over the critical force, critical displacements and deflected shapes."""
+
+ROBOT_AGREEMENT = 5e-3
+"""Of the Orthoglide's stiffness and critical forces; with the foot as one spring its law takes nearly all of it."""
+OTHERS_AGREEMENT = 1e-2
+"""Of the other robots' stiffness, and of what errors of assembly do."""
 
 
 class AcceptanceRow(BaseModel):
@@ -116,6 +122,57 @@ def end_rows(study: EndConditionStudy | None) -> list[AcceptanceRow]:
         _empty("end conditions: paths complete", "every path reaches its end or a limit point", early),
         _empty("end conditions: kinds", "the engines find the same kind of critical point", kinds),
         _at_most("end conditions: critical forces", max(apart, default=0.0), LOAD_AGREEMENT),
+    ]
+
+
+def robot_rows(study: RobotStudy | None) -> list[AcceptanceRow]:
+    """Whole robots: refined chains against finite elements, and mobility by theory."""
+    if study is None:
+        return []
+    rows = study.rows
+    groups = (
+        ("free of load", ROBOT_AGREEMENT, [r for r in rows.stiffness if r.robot == ROBOT and r.load == "none"]),
+        ("under 1 kN", ROBOT_AGREEMENT, [r for r in rows.stiffness if r.robot == ROBOT and r.load != "none"]),
+        ("other robots", OTHERS_AGREEMENT, [r for r in rows.stiffness if r.robot != ROBOT]),
+    )
+    result = [
+        _at_most(f"robots: stiffness, {name}", max(row.difference for row in group), limit)
+        for name, limit, group in groups
+        if group
+    ]
+    found: dict[tuple[str, str], list[CriticalRow]] = {}
+    for row in rows.critical:
+        if row.engine in COMPARED:
+            found.setdefault((row.pose, row.direction), []).append(row)
+    lost = [f"{' '.join(key)} {row.engine}" for key, group in found.items() for row in group if row.stopped]
+    lost += [f"{pose} {engine}" for (pose, _, engine), path in study.curves.items() if not path.complete]
+    kinds = [" ".join(key) for key, group in found.items() if len({row.kind for row in group}) > 1]
+    legs = [" ".join(key) for key, group in found.items() if len({row.first_leg for row in group}) > 1]
+    gaps = [
+        abs(row.F_cr / group[-1].F_cr - 1.0) for group in found.values() for row in group
+        if row.F_cr and group[-1].F_cr
+    ]  # fmt: skip
+    result += [
+        _empty("robots: paths complete", "every path reaches its end or a critical point", lost),
+        _empty("robots: kinds of critical points", "the same in all engines that are refined", kinds),
+        _empty("robots: legs that give way first", "the same in all engines that are refined", legs),
+        _at_most("robots: critical forces", max(gaps, default=float("nan")), ROBOT_AGREEMENT),
+    ]
+    curves = study.curves
+    if curves:
+        apart = [
+            force_difference(curves[pose, sign, SPRINGS.label], path) / float(np.max(path.force))
+            for (pose, sign, engine), path in curves.items()
+            if engine == COMPARED[-1]
+        ]
+        result.append(
+            _at_most("robots: force at equal displacement, over the largest", max(apart), CURVE_AGREEMENT)
+        )
+    wrong = [f"{row.robot} at {row.pose}" for row in rows.mobility if not row.holds]
+    return [
+        *result,
+        _at_most("robots: a part too long", max(row.difference for row in rows.misfit), OTHERS_AGREEMENT),
+        _empty("robots: mobility and rank of K", "as theory says", wrong),
     ]
 
 

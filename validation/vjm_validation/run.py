@@ -12,6 +12,7 @@ from vjm.imperfections import ImperfectionCurve
 from vjm.paths import Path
 from vjm_validation.parallelogram import Study as ParallelogramStudy
 from vjm_validation.printed_matrices import PrintedMatrices
+from vjm_validation.robots import RobotStudy
 
 
 class Direction(StrEnum):
@@ -132,6 +133,7 @@ class Run:
         end_conditions: critical points under other hands than the paper's; None without the study.
         matrices: what the printed matrices are as beams, and what Table II implies; None without the study.
         parallelogram: the real one beside one bar of double stiffness; None without the study.
+        robots: whole robots beside Exudyn's; None without the study.
         iterations: what the paper's iteration and Newton-Raphson take, one study per posture.
         summary: the content of ``summary.json``.
     """
@@ -142,5 +144,6 @@ class Run:
     end_conditions: EndConditionStudy | None = None
     matrices: PrintedMatrices | None = None
     parallelogram: ParallelogramStudy | None = None
+    robots: RobotStudy | None = None
     iterations: tuple[IterationStudy, ...] = ()
     summary: Mapping[str, Any] = field(default_factory=dict)

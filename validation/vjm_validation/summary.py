@@ -20,6 +20,7 @@ from vjm_validation.iterations import LIMIT, LOOSE, NOISE, STEP_MM
 from vjm_validation.ladder.rows import TriangulationRow, VerificationRow
 from vjm_validation.metrics import PathMetrics, path_metrics
 from vjm_validation.printed_matrices import PrintedMatrices
+from vjm_validation.robots import Robots
 from vjm_validation.run import Run
 from vjm_validation.table2 import PublishedFigure
 from vjm_validation.verification import Verification
@@ -139,6 +140,8 @@ class Summary(BaseModel):
     imperfections: list[ImperfectionRow]
     matrices: PrintedMatrices | None
     """The printed matrices as beams and Table II; null where they were left out."""
+    robots: Robots | None = None
+    """Whole robots beside Exudyn's; null where they were left out."""
     iterations: Iterations | None
     """Null where they were left out."""
     verification: list[VerificationRow]
@@ -203,6 +206,7 @@ def summarise(
         end_conditions=_end_conditions(run),
         imperfections=_imperfections(run),
         matrices=run.matrices,
+        robots=run.robots.rows if run.robots is not None else None,
         iterations=_iterations(run),
         verification=verification.rows,
         triangulation=verification.triangulation,

@@ -94,9 +94,17 @@ class ManipulatorProblem(LumpedProblem):
         return self.model.network.leg_wrenches(at.x, at.wrench, at.load)
 
     def giving_way(self, critical: Equilibrium) -> dict[str, float]:
-        """Which legs give way at a critical point: each one's share of the mode, their squares adding up to one."""
+        """Which legs give way at a critical point: each one's share of the mode, their squares adding up to one.
+
+        What counts is how far a leg's springs give way; a leg that only turns in its joints follows the others.
+        """
         mode = critical_modes(self.configuration(critical))[0] / self.model.coordinate_scale
-        sizes = np.array([np.linalg.norm(mode[where]) for where in self.model.layout.legs])
+        sizes = np.array(
+            [
+                np.linalg.norm(mode[where][model.elastic])
+                for where, model in zip(self.model.layout.legs, self.model.models, strict=True)
+            ]
+        )
         names = [leg.name for leg in self.model.pose.manipulator.legs]
         return dict(zip(names, (sizes / np.linalg.norm(sizes)).tolist(), strict=True))
 

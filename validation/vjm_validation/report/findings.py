@@ -12,6 +12,7 @@ from vjm_validation.report.ladder_figures import verified
 from vjm_validation.report.lumping_words import foot_law, lumping_evidence
 from vjm_validation.report.matrix_words import matrices_as_beams, table_fit
 from vjm_validation.report.parallelogram_chapter import parallelogram
+from vjm_validation.report.robots_chapter import robots
 from vjm_validation.report.style import FE, FROZEN, LINEAR, MSA, PAPER, REFINED, listed, number, percent
 from vjm_validation.report.words import (
     SHARP,
@@ -41,7 +42,7 @@ def findings(run: Run, no_renders: str = "") -> list[Finding]:
     """
     parts: Sequence[Callable[[Run], Finding | None]] = (
         failed_acceptance, no_finite_elements, paper_model, link_lumping, refined_agreement, foot, end_conditions,
-        published, matrices_as_beams, table_fit, parallelogram, conventional, iterations, verified,
+        published, matrices_as_beams, table_fit, parallelogram, robots, conventional, iterations, verified,
         stopped_paths, left_out,
     )  # fmt: skip
     found = [finding for part in parts if (finding := part(run)) is not None]

@@ -22,6 +22,7 @@ from vjm_validation.report.markdown import findings_markdown
 from vjm_validation.report.parallelogram_chapter import distance_picture, parallelogram_tables
 from vjm_validation.report.proofs import foot_picture, published_picture
 from vjm_validation.report.renders import impossible, render_pictures
+from vjm_validation.report.robots_chapter import robot_pictures, robot_tables
 from vjm_validation.report.style import Picture, engine_order, engine_style
 from vjm_validation.report.templating import environment
 from vjm_validation.run import Direction, Run
@@ -64,10 +65,11 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     foot, table2, counts = foot_picture(run), published_picture(run), iteration_picture(run)
     hands = end_condition_picture(run)
     bars = distance_picture(run.parallelogram) if run.parallelogram is not None else None
+    machines = robot_pictures(run.robots) if run.robots is not None else []
     ladder = ladder_picture(run)
     curves = {posture: posture_pictures(run, posture) for posture in postures(run)}
     renders, no_renders = _renders(run)
-    proof = [picture for picture in (*proofs, foot, hands, table2, bars, counts, ladder) if picture]
+    proof = [picture for picture in (*proofs, foot, hands, table2, bars, *machines, counts, ladder) if picture]
     figures = [*proof, *chain.from_iterable(curves.values())]
     for folder, pictures in (("figures", figures), ("renders", renders)):
         for picture in pictures:
@@ -103,6 +105,8 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         hands=hands,
         bars=bars,
         bar_tables=parallelogram_tables(run.parallelogram) if run.parallelogram is not None else (),
+        machines=machines,
+        machine_tables=robot_tables(run.robots.rows) if run.robots is not None else (),
         table2=table2,
         counts=counts,
         sections=sections,

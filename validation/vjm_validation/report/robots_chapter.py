@@ -1,0 +1,284 @@
+"""The chapter on whole robots: the Orthoglide loaded, its critical forces, errors of assembly, and the others."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vjm_validation.comparison import force_difference
+from vjm_validation.report.figures import draw_force, legend
+from vjm_validation.report.parallelogram_chapter import Table
+from vjm_validation.report.style import (
+    DASH,
+    FE,
+    FOOT_SPRING,
+    PAPER,
+    REFINED,
+    Picture,
+    engine_style,
+    figure,
+    listed,
+    number,
+    percent,
+    png,
+)
+from vjm_validation.report.words import Finding, Tone
+from vjm_validation.robots import (
+    COMPARED,
+    LARGEST,
+    LOAD,
+    REACH,
+    ROBOT,
+    TOO_LONG,
+    CriticalRow,
+    MisfitRow,
+    Robots,
+    RobotStudy,
+    StiffnessRow,
+)
+from vjm_validation.run import Run
+
+AGREEMENT = 0.005
+"""Relative difference up to which the robot's stiffness and critical forces are said to agree."""
+SHOWN = 1e-6
+"""Of a row's scale: what is less is none."""
+COMMAND = "validate all --only robots"
+
+
+def robots(run: Run) -> Finding | None:
+    """What the whole robots show."""
+    if run.robots is None:
+        return None
+    rows = run.robots.rows
+    worst = max(row.difference for row in rows.stiffness if row.robot == ROBOT)
+    others = max(row.difference for row in rows.stiffness if row.robot != ROBOT)
+    apart = max(worst, _apart(_forces(rows, "-x"), REFINED))
+    agree = apart <= AGREEMENT
+    words = "and finite elements agree within" if agree else "miss the finite elements by"
+    title = f"The whole Orthoglide: refined chains {words} {percent(apart)}"
+    sentences = [
+        f"Its platform's six stiffnesses, free of load and under {LOAD:g} N along and against each axis, differ by "
+        f"{percent(worst)} at most at the isotropic point and at both corners of the workspace; those of the "
+        f"others ({listed(sorted({row.robot for row in rows.stiffness} - {ROBOT}))}) by {percent(others)}.",
+        *_pressed(rows),
+        *_pulled(rows),
+        _misfit(rows.misfit),
+    ]
+    mobility = [f"{row.robot} at {row.pose}" for row in rows.mobility if not row.holds]
+    sentences.append(
+        f"Mobility, constraints too many and rank of K are not theory's in {listed(mobility)}."
+        if mobility
+        else "Mobility, constraints too many and rank of K are theory's in every pose of all robots."
+    )
+    return Finding(Tone.AGREES if agree else Tone.DIFFERS, title, tuple(sentences))
+
+
+def _forces(rows: Robots, direction: str) -> dict[str, dict[str, CriticalRow]]:
+    """Critical rows of one direction by pose and engine."""
+    found: dict[str, dict[str, CriticalRow]] = {}
+    for row in rows.critical:
+        if row.direction == direction:
+            found.setdefault(row.pose, {})[row.engine] = row
+    return found
+
+
+def _apart(found: dict[str, dict[str, CriticalRow]], label: str) -> float:
+    """Largest relative difference of an engine's critical forces from the finite elements'."""
+    gaps = []
+    for engines in found.values():
+        ours, theirs = engines[label].F_cr, engines[FE].F_cr
+        if ours and theirs:
+            gaps.append(abs(ours / theirs - 1.0))
+        elif ours or theirs:  # one has none
+            gaps.append(float("inf"))
+    return max(gaps, default=0.0)
+
+
+def _pressed(rows: Robots) -> list[str]:
+    found = _forces(rows, "-x")
+    where = [
+        f"{number(engines[FE].F_cr)} N at {pose} (leg {engines[FE].first_leg})"
+        for pose, engines in found.items()
+        if engines[FE].F_cr
+    ]
+    if not where:
+        return [f"Pressed against x, {FE} stays stable up to {LARGEST:g} N."]
+    legs = {engines[label].first_leg or "" for engines in found.values() for label in COMPARED} - {""}
+    same = f"in all engines leg {legs.pop()}" if len(legs) == 1 else f"legs {listed(sorted(legs))}"
+    text = (
+        f"Pressed against x, the free platform loses its stability at {listed(where)} with finite elements, the "
+        f"same with {REFINED} to {percent(_apart(found, REFINED))} and with {FOOT_SPRING}, the foot as one "
+        f"spring, to {percent(_apart(found, FOOT_SPRING))}; {same} gives way first."
+    )
+    return [text]
+
+
+def _pulled(rows: Robots) -> list[str]:
+    found = _forces(rows, "+x")
+    artefact = [
+        f"{number(engines[PAPER].F_cr)} N at {pose}" for pose, engines in found.items() if engines[PAPER].F_cr
+    ]
+    real = [pose for pose, engines in found.items() if any(engines[label].F_cr for label in COMPARED)]
+    sentences = []
+    if artefact:
+        rest = f"the others lose theirs too at {listed(real)}" if real else f"no other does up to {LARGEST:g} N"
+        sentences.append(
+            f"Pulled along x, the robot of the paper's chains buckles at {listed(artefact)}; {rest}: the artefact "
+            "of one spring a link is the whole robot's too."
+        )
+    for pose, engines in _forces(rows, "-x").items():
+        ours, theirs = engines[PAPER], engines[FE]
+        if ours.F_cr and theirs.F_cr and ours.first_leg != theirs.first_leg:
+            sentences.append(
+                f"Pressed at {pose} it buckles at {number(ours.F_cr)} N by leg {ours.first_leg}, which is "
+                f"pulled there, long before leg {theirs.first_leg} at {number(theirs.F_cr)} N."
+            )
+    return sentences
+
+
+def _misfit(rows: list[MisfitRow]) -> str:
+    worst = max(row.difference for row in rows)
+    strained = [row for row in rows if "against" not in row.what and row.quantity.startswith("force")]
+    most = {name: max(r.exudyn for r in strained if r.robot == name) for name in {r.robot for r in strained}}
+    parts = [
+        f"{number(force, 3)} N in {name}" if force > SHOWN * LOAD else f"none in {name}"
+        for name, force in sorted(most.items())
+    ]
+    return (
+        f"A bar {TOO_LONG:g} mm too long: the forces that it leaves in the unloaded machine are {listed(parts)}; "
+        f"where the platform goes and what the beams bear, loaded and not, is Exudyn's to {percent(worst)}."
+    )
+
+
+# --- tables -----------------------------------------------------------------------------------------------
+
+
+def robot_tables(rows: Robots) -> list[Table]:
+    """Stiffness, critical forces, errors of assembly and mobility."""
+    return [_stiffness(rows.stiffness), _critical(rows.critical), _misfits(rows.misfit), _mobility(rows)]
+
+
+def _stiffness(rows: list[StiffnessRow]) -> Table:
+    table = [
+        (
+            row.robot,
+            row.pose,
+            "none" if row.load == "none" else row.load.replace("-", "−"),
+            ", ".join(number(v) for v in row.vjm),
+            ", ".join(number(v) for v in row.exudyn),
+            percent(row.difference),
+        )
+        for row in rows
+    ]
+    caption = (
+        f"Eigenvalues of the platform's stiffness, turns over the longest part's length, N/mm; load: {LOAD:g} N on "
+        f"the free platform. Made by {COMMAND}"
+    )
+    return Table(caption, ("robot", "pose", "load", REFINED, FE, "largest difference"), tuple(table), words=3)
+
+
+def _critical(rows: list[CriticalRow]) -> Table:
+    table = [
+        (
+            row.pose,
+            row.direction.replace("-", "−"),
+            row.engine,
+            str(row.kind or DASH),
+            number(row.F_cr),
+            (row.first_leg or DASH),
+        )
+        for row in rows
+    ]
+    caption = (
+        f"The Orthoglide's free platform under a dead force along x, up to {LARGEST:g} N: where it first loses its "
+        f"stability. Made by {COMMAND}"
+    )
+    header = ("pose", "along", "engine", "event", "force, N", "leg that gives way")
+    return Table(caption, header, tuple(table), words=4)
+
+
+def _misfits(rows: list[MisfitRow]) -> Table:
+    table = [
+        (row.robot, row.what, row.quantity, number(row.vjm), number(row.exudyn), percent(row.difference))
+        for row in rows
+        if abs(row.exudyn) > SHOWN * row.scale
+    ]
+    caption = f"A part too long at Q1; differences over the largest of their kind. Made by {COMMAND}"
+    header = ("robot", "what", "quantity", REFINED, FE, "difference")
+    return Table(caption, header, tuple(table), words=3)
+
+
+def _mobility(rows: Robots) -> Table:
+    table = [
+        (row.robot, row.pose, *(f"{a} ({b})" for a, b in zip(found, row.theory, strict=True)))
+        for row in rows.mobility
+        for found in [(row.freedom, row.overconstraint, row.rank)]
+    ]
+    caption = f"Mobility, found and by theory (in brackets). Made by {COMMAND}"
+    header = ("robot", "pose", "freedom", "constraints too many", "rank of K, drives held")
+    return Table(caption, header, tuple(table), words=2)
+
+
+# --- figures ----------------------------------------------------------------------------------------------
+
+
+def robot_pictures(study: RobotStudy) -> list[Picture]:
+    """Force-displacement curves and critical forces."""
+    return [_curves(study), _bars(study.rows)] if study.curves else [_bars(study.rows)]
+
+
+def _curves(study: RobotStudy) -> Picture:
+    poses = list(dict.fromkeys(pose for pose, _, _ in study.curves))
+    apart = max(
+        force_difference(study.curves[pose, sign, REFINED], study.curves[pose, sign, FE])
+        / float(np.max(study.curves[pose, sign, FE].force))
+        for pose in poses
+        for sign in (1, -1)
+    )
+    with figure(3.0, len(poses)) as (fig, axes):
+        for ax, pose in zip(axes, poses, strict=True):
+            for label in (FE, REFINED, PAPER):
+                for sign in (1, -1):
+                    draw_force(ax, label, study.curves[pose, sign, label], sign)
+            ax.axhline(0.0, color="#888888", lw=0.6)
+            ax.axvline(0.0, color="#888888", lw=0.6)
+            ax.set(title=pose, xlabel="displacement along x, mm", xlim=(-REACH, REACH))
+        axes[0].set_ylabel("force, kN")
+        legend(fig, axes)
+        content = png(fig)
+    return Picture(
+        "robot_curves",
+        content,
+        "The whole Orthoglide pulled and pressed along x",
+        f"Force against displacement, the rest of the platform's pose held. {REFINED} and {FE} differ by at most "
+        f"{percent(apart)} of the largest force. Made by {COMMAND}",
+    )
+
+
+def _bars(rows: Robots) -> Picture:
+    labels = [label for label in (PAPER, FOOT_SPRING, REFINED, FE) if any(r.engine == label for r in rows.critical)]
+    poses = list(dict.fromkeys(row.pose for row in rows.critical))
+    width = 0.8 / len(labels)
+    with figure(2.8, 2, sharey=True) as (fig, axes):
+        for ax, (direction, title) in zip(axes, {"-x": "pressed against x", "+x": "pulled along x"}.items(),
+                                          strict=True):  # fmt: skip
+            found = _forces(rows, direction)
+            for k, label in enumerate(labels):
+                at = np.arange(len(poses)) + (k - 0.5 * (len(labels) - 1)) * width
+                force = [found[pose][label].F_cr or 0.0 for pose in poses]
+                ax.bar(at, np.array(force) / 1e3, width, color=engine_style(label).colour, label=label)
+                for x, value in zip(at, force, strict=True):
+                    if not value:
+                        ax.text(x, 0.0, "none", rotation=90, ha="center", va="bottom", fontsize=6.5)
+            ax.set_xticks(np.arange(len(poses)), poses)
+            ax.set(title=title)
+        axes[0].set_ylabel("critical force, kN")
+        handles, names = axes[0].get_legend_handles_labels()
+        fig.legend(handles, names, loc="outside upper center", ncols=len(labels))
+        content = png(fig)
+    return Picture(
+        "robot_critical",
+        content,
+        "Critical forces of the whole Orthoglide",
+        f"Dead force along x on the free platform at which it loses its stability; none: stable up to {LARGEST:g} "
+        f"N. Made by {COMMAND}",
+    )
