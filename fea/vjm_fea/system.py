@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from vjm.chain import FOOT, Chain
-from vjm.parts import Actuator, Beam, Part, PassiveJoint, RigidOffset
+from vjm.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
 from vjm.paths import StationLabel
 from vjm.rotations import Array, frame, inverse_frame, translation, turn
 from vjm_fea.backend import Item, exu, items
@@ -153,7 +153,7 @@ class ExudynSystem:
                 along = self._frame[:3, :3] @ part.transform[:3, 3]
                 self._piece(part.name, self._frame[:3, 3], along, part.mass)
                 self._frame = self._frame @ part.transform
-            case Actuator():
+            case Actuator() | Mount():
                 if part.compliance > 0.0:
                     self._add_drive(part)
             case Beam() if self.mesh.foot_spring and part.name == FOOT:
@@ -162,6 +162,7 @@ class ExudynSystem:
                 self._add_beam(part)
 
     def _add_beam(self, beam: Beam) -> None:
+        beam.refuse_bow("exudyn")
         grid = self.mesh.grid(self._points.get(beam.name, ()))
         section = beam.effective_section()
         root = self._frame @ beam.section_in_chain
@@ -214,7 +215,7 @@ class ExudynSystem:
         self._piece(beam.name, self._frame[:3, 3], np.zeros(3), start=1.0)
         self._mark(beam.name, 1.0)
 
-    def _add_drive(self, drive: Actuator) -> None:
+    def _add_drive(self, drive: Actuator | Mount) -> None:
         at = self._frame @ frame(_axes_with(drive.axis, 0))
         before = self._marker(self._at(), at)
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.chain import Chain
-from vjm.parts import Actuator, Beam, Part, PassiveJoint, Placement, RigidOffset
-from vjm.rotations import AXES, Array, frame, translation
+from vjm.parts import Actuator, Beam, Mount, Part, PassiveJoint, Placement, RigidOffset
+from vjm.rotations import AXES, Array, frame, rotation_from_vector, translation
 from vjm.springs import BeamColumnSpring, LinearSpring, Spring
 
 
@@ -114,7 +114,7 @@ class Assembly:
                 self._move(part.transform)
             case PassiveJoint():
                 self._coordinate_joint(part.axis, rotary=not part.slides)
-            case Actuator():
+            case Actuator() | Mount():
                 if part.compliance > 0.0:
                     self._coordinate_joint(part.axis, rotary=False)
                     self.springs.append(LinearSpring(np.array([[part.compliance]])))
@@ -123,6 +123,8 @@ class Assembly:
 
     def _add_beam(self, beam: Beam) -> None:
         own = frame(beam.own_frame)
+        if beam.segments is None or beam.segments < 2:
+            beam.refuse_bow("one spring, which has no shape,")
         if beam.segments is None:
             self._mark(beam.name, 0.0)
             along = beam.section_in_chain[:3, 0] * beam.length
@@ -139,19 +141,26 @@ class Assembly:
         self._move(beam.section_in_chain)
         self._mark(beam.name, 0.0)
         n, along = beam.segments, np.array([beam.length, 0.0, 0.0])
+        slope = beam.end_slope
+        self._turn(slope)
         # a spring in the middle turns as the segment under its own weight does where the halves' weights act at a
         # third of their length from its ends: q h/2 · h/3 = q h²/6, the moment's mean
         lever = 1.0 / 3.0 if at == 0.5 else 0.5
         for i in range(n):
             self._piece(beam.name, i / n, (i + at) / n, along, beam.mass * at / n, lever)
             self._move(translation([at * h, 0.0, 0.0]))
+            # what the slope changes by over the segment, half of it on either side of the spring
+            kink = 0.5 * slope * (np.cos(np.pi * (i + 1) / n) - np.cos(np.pi * i / n))
+            self._turn(kink)
             if beam.placement is Placement.BEST:
                 self._symmetric_spring(BeamColumnSpring(section, h))
             else:
                 self._spring_of_22(section.compliance(h, at), beam.name)
+            self._turn(kink)
             self._piece(beam.name, (i + at) / n, (i + 1) / n, along, beam.mass * (1.0 - at) / n, 1.0 - lever)
             self._move(translation([(1.0 - at) * h, 0.0, 0.0]))
             self._mark(beam.name, (i + 1) / beam.segments)
+        self._turn(slope)
         self._move(frame(beam.section_frame.T) @ translation(beam.end_offset))
         if np.any(beam.end_offset):
             self._mark(beam.name, 1.0 + float(np.linalg.norm(beam.end_offset)) / beam.length)
@@ -159,6 +168,10 @@ class Assembly:
 
     def _move(self, transform: Array) -> None:
         self.rigid = self.rigid @ transform
+
+    def _turn(self, vector: Array) -> None:
+        if vector.any():
+            self._move(frame(rotation_from_vector(vector)))
 
     def _coordinate_joint(self, axis: Array, *, rotary: bool) -> None:
         """A joint with a coordinate of its own."""

@@ -26,6 +26,9 @@ class Chain:
         title: one line for people.
         source: where the numbers come from.
         sha256: of the model file, empty where there was none.
+        link_segments: springs in every beam but the foot that its model file asks for; 1: the paper's one spring
+            at the far end. None where it leaves that to the engine.
+        foot_segments: likewise in the foot.
     """
 
     name: str
@@ -35,6 +38,8 @@ class Chain:
     title: str = ""
     source: str = ""
     sha256: str = ""
+    link_segments: int | None = None
+    foot_segments: int | None = None
 
     def __post_init__(self) -> None:
         names = [part.name for part in self.parts]

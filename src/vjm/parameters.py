@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.chain import Chain
-from vjm.parts import Actuator, Beam, Part, PassiveJoint, RigidOffset
+from vjm.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
 from vjm.rotations import AXES, frame, rotation_from_vector
 
 SECTION_VALUES = ("EA", "GJ", "EIy", "EIz", "GAy", "GAz")
@@ -170,6 +170,8 @@ def orientation(chain: Chain, part: str, axis: str) -> Parameter:
             case RigidOffset(), RigidOffset():
                 return _with(chain, replace(now, transform=frame(R) @ given.transform))
             case Actuator(), Actuator():
+                return _with(chain, replace(now, axis=R @ given.axis))
+            case Mount(), Mount():
                 return _with(chain, replace(now, axis=R @ given.axis))
             case PassiveJoint(), PassiveJoint():
                 return _with(chain, replace(now, axis=R @ given.axis))

@@ -127,6 +127,20 @@ class Actuator:
 
 
 @dataclass(frozen=True)
+class Mount:
+    """What carries the chain and gives way along one axis: a frame, a guide.
+
+    Attributes:
+        axis: unit vector ``(3,)`` in the chain frame.
+        compliance: mm/N; zero for a rigid one.
+    """
+
+    name: str
+    axis: Array
+    compliance: float = 0.0
+
+
+@dataclass(frozen=True)
 class PassiveJoint:
     """A perfect joint: no friction, no play.
 
@@ -154,6 +168,8 @@ class Beam:
         count: equal members side by side that share every load (a parallelogram as a bar of double stiffness).
         segments: None: one virtual spring with ``compliance`` at the tip; n: the section in n segments.
         placement: where a segment's spring sits.
+        bow: mid-span amplitudes ``(2,)`` along the section's y and z, mm, of a half sine wave that the beam is when
+            it bears nothing. Its two ends keep the directions that they have without it.
     """
 
     name: str
@@ -166,6 +182,7 @@ class Beam:
     count: int = 1
     segments: int | None = None
     placement: Placement = Placement.BEST
+    bow: tuple[float, float] = (0.0, 0.0)
 
     @property
     def tip(self) -> Array:
@@ -194,6 +211,26 @@ class Beam:
         """Of all members, kg; zero where the section is not known."""
         return 0.0 if self.section is None else self.section.mass * self.count * self.length
 
+    @property
+    def end_slope(self) -> Array:
+        """Turn ``(3,)`` in rad, section axes, of the root's tangent by the bow; the tip's is its opposite.
+
+        ``v = a sin(πs/L)`` begins with the slope ``a π/L``; a slope along z is a turn about −y.
+        """
+        y, z = self.bow
+        return np.array([0.0, -z, y]) * (np.pi / self.length)
+
+    def refuse_bow(self, engine: str) -> None:
+        """For engines whose beams are straight.
+
+        Raises:
+            ValueError: this one is bowed.
+        """
+        if any(self.bow):
+            raise ValueError(
+                f"part '{self.name}' has a bow, which {engine} does not know: take vjm with 2 springs or more"
+            )
+
     def beam_compliance(self) -> Array:
         """Compliance ``(6, 6)`` of all members at the tip, own axes, from the section by beam theory."""
         at_end = rotate_matrix6(self.effective_section().compliance(self.length), self.section_frame)
@@ -204,5 +241,5 @@ class Beam:
         return self.beam_compliance() if self.compliance is None else self.compliance / self.count
 
 
-Part = RigidOffset | Actuator | PassiveJoint | Beam
+Part = RigidOffset | Actuator | Mount | PassiveJoint | Beam
 """Anything that a chain is made of."""

@@ -30,6 +30,11 @@ class VjmEngine:
     foot_segments: int | None = None
     placement: Placement = Placement.BEST
 
+    @classmethod
+    def of(cls, link: int, foot: int = 1, placement: Placement = Placement.BEST) -> VjmEngine:
+        """With the springs that files ask for: 1 in the link is the paper's one spring at its far end."""
+        return cls(link if link > 1 else None, foot if foot > 1 else None, placement)
+
     @property
     def label(self) -> str:
         """``vjm-paper``, ``vjm-16`` or ``vjm-16f16``, with the placement where it is not the best."""

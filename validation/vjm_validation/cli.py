@@ -152,8 +152,8 @@ def curve(
     to: Annotated[float, Parameter(help="End of the ramp, mm or rad; -4 is compression for posture A.")],
     posture: Annotated[str | None, Parameter(help="Label of a posture of the model.")] = None,
     axis: Annotated[
-        Literal["x", "y", "z", "rx", "ry", "rz", "load"],
-        Parameter(help="Driven component of the displacement; or load: the factor on every --load."),
+        str,
+        Parameter(help="x, y, z, rx, ry, rz, a direction dx,dy,dz, or load: the factor on every --load."),
     ] = "x",
     steps: Annotated[int | None, Parameter(help="Equal steps; adaptive by default.")] = None,
     engine: Annotated[str, Parameter(help="See `validate list`.")] = "vjm",
@@ -197,7 +197,7 @@ def curve(
         loads=load, gravity=gravity, control=control, imperfection=imperfection,
     )  # fmt: skip
     _within_reach("--to", chain, programme.displacement(programme.length).tolist())
-    walker = whole(engine_by_name(engine, _options(segments, foot_segments, placement, shear)))
+    walker = whole(engine_by_name(engine, _options(segments, foot_segments, placement, shear), chain))
     if csv is not None:
         check_writable(csv.parent)
     with show.progress() as progress:
@@ -242,7 +242,7 @@ def buckling(
         raise UsageError("--to: with --force say up to how many N")
     chain, whole = loaded(model)
     options = _options(segments, foot_segments, placement, shear)
-    walkers = [whole(engine_by_name(name, options)) for name in engine]
+    walkers = [whole(engine_by_name(name, options, chain)) for name in engine]
     directions = (
         [Direction.TENSION if direction == "+" else Direction.COMPRESSION] if direction else list(Direction)
     )
@@ -294,7 +294,7 @@ def stiffness(
     if wrench is not None and displacement is not None:
         raise UsageError("give --wrench or --displacement, not both: one imposes the other")
     chain, _ = loaded(model)
-    walker = engine_by_name(engine, _options(segments, foot_segments, placement, shear=False))
+    walker = engine_by_name(engine, _options(segments, foot_segments, placement, shear=False), chain)
     if not isinstance(walker, VjmEngine):
         raise UsageError(f"--engine {engine}: `validate stiffness` needs vjm-paper, vjm or vjm-<n>f<m>")
     label = _postures(chain, (posture,) if posture else ())[0]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 
 from vjm.baselines import LinearEngine, MsaEngine, UnloadedJacobianEngine
+from vjm.chain import Chain
 from vjm.engine import Engine
 from vjm.parts import Placement
 from vjm.vjm_engine import VjmEngine
@@ -45,8 +46,13 @@ class EngineOptions:
     shear: bool = False
 
 
-def engine_by_name(name: str, options: EngineOptions = EngineOptions()) -> Engine:
+def engine_by_name(name: str, options: EngineOptions = EngineOptions(), chain: object = None) -> Engine:
     """The engine of a name.
+
+    Args:
+        name: see `DESCRIPTIONS`.
+        options: what the command line says.
+        chain: what it is for; ``vjm`` takes as many springs as its model file asks for, unless the options say so.
 
     Raises:
         ValueError: there is none; the message lists those that there are.
@@ -59,7 +65,7 @@ def engine_by_name(name: str, options: EngineOptions = EngineOptions()) -> Engin
         case "vjm-paper":
             return VjmEngine()
         case "vjm":
-            return VjmEngine(options.segments or DEFAULT_SEGMENTS, options.foot_segments, options.placement)
+            return _vjm(options, chain)
         case "vjm-linear":
             return LinearEngine()
         case "vjm-unloaded-jacobian":
@@ -77,3 +83,11 @@ def engine_by_name(name: str, options: EngineOptions = EngineOptions()) -> Engin
     near = get_close_matches(name, DESCRIPTIONS, 1)
     hint = f"; did you mean '{near[0]}'?" if near else ""
     raise ValueError(f"unknown engine '{name}'{hint} (there are {', '.join(DESCRIPTIONS)})")
+
+
+def _vjm(options: EngineOptions, chain: object) -> VjmEngine:
+    link, foot = (chain.link_segments, chain.foot_segments) if isinstance(chain, Chain) else (None, None)
+    foot = options.foot_segments or foot
+    if options.segments is None and link is not None:
+        return VjmEngine.of(link, foot or 1, options.placement)
+    return VjmEngine(options.segments or DEFAULT_SEGMENTS, foot, options.placement)

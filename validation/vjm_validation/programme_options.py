@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from vjm.programme import ARC, COMPONENTS, LOAD, RAMP, TO_LIMIT, Load, PointControl, Programme
@@ -26,7 +27,7 @@ def parsed_programme(
     Args:
         posture: label.
         to: end of the ramp: mm or rad, or with ``force`` N or N mm, or a load factor.
-        axis: driven component, or ``load``.
+        axis: driven component, a direction ``dx,dy,dz`` (or six numbers), or ``load``.
         force: a dead force or moment along ``axis`` is driven, and the end-effector is free there.
         steps: equal steps.
         branch: +1, −1 or 0.
@@ -45,16 +46,32 @@ def parsed_programme(
         if axis == LOAD:
             raise ValueError("--force: it drives a force along --axis, which must be a component of the pose")
         unit = [float(name == axis) for name in COMPONENTS]
+        if axis not in COMPONENTS:
+            raise ValueError(f"--force: --axis must be one of {', '.join(COMPONENTS)}, not '{axis}'")
         acting.append(Load(tuple(unit)))
         let_go = (axis, *(name for name in let_go if name != axis))
         axis = LOAD
     try:
         return Programme(
-            posture, to, axis, steps, branch, let_go, tuple(acting),
+            posture, to, _direction(axis), steps, branch, let_go, tuple(acting),
             _three("--gravity", gravity) if gravity else None, _control(control), imperfection,
         )  # fmt: skip
     except ValueError as error:
         raise ValueError(f"the programme makes no sense: {error}") from error
+
+
+def _direction(axis: str) -> str | tuple[float, ...]:
+    """A component, or a direction's six numbers, its shift of length one: the ramp stays in mm."""
+    if "," not in axis:
+        return axis
+    try:
+        numbers = [float(word) for word in axis.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (3, 6):
+        raise ValueError(f"--axis {axis}: write a component, or three or six numbers separated by commas")
+    size = math.hypot(*numbers[:3]) or 1.0
+    return tuple(v / size for v in (*numbers, *[0.0] * (6 - len(numbers))))
 
 
 def _load(text: str, *, ramped: bool) -> Load:

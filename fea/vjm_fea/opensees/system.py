@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.chain import Chain
-from vjm.parts import Actuator, Beam, PassiveJoint, RigidOffset
+from vjm.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
 from vjm.paths import StationLabel
 from vjm.rotations import Array, translation, turn
 from vjm_fea.mesh import grid, lumped_mass
@@ -105,7 +105,7 @@ class ChainSystem:
                     self._mark(part.name, 0.0)
                     self._add_piece(part)
                     self._frame = self._frame @ part.transform
-                case Actuator():
+                case Actuator() | Mount():
                     if part.compliance > 0.0:
                         self._add_joint(part.axis, slides=True, stiffness=1.0 / part.compliance)
                 case PassiveJoint():
@@ -137,6 +137,7 @@ class ChainSystem:
         self._slides.append(slides)
 
     def _add_beam(self, beam: Beam) -> None:
+        beam.refuse_bow("opensees")
         section = beam.effective_section()
         root = self._frame @ beam.section_in_chain
         fractions = grid(self._elements, self._points.get(beam.name, ()))

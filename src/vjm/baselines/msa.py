@@ -13,7 +13,7 @@ import numpy as np
 
 from vjm.baselines.linear import straight_path
 from vjm.chain import FOOT, Chain
-from vjm.parts import Actuator, Beam, PassiveJoint, RigidOffset, Section
+from vjm.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset, Section
 from vjm.paths import Path
 from vjm.programme import Programme, refuse_unless_pose_only
 from vjm.rotations import Array, frame, rotate_matrix6, skew, translation, turn
@@ -120,7 +120,7 @@ def msa_stiffness(chain: Chain, posture: Array) -> Array:
                 world_axis = assembly.T[:3, :3] @ part.axis
                 assembly.free(np.concatenate([np.zeros(3), world_axis])[:, None])
                 assembly.T = assembly.T @ turn(part.axis, next(q))
-            case Actuator():
+            case Actuator() | Mount():
                 if part.compliance > 0.0:
                     world_axis = assembly.T[:3, :3] @ part.axis
                     assembly.free(np.concatenate([world_axis, np.zeros(3)])[:, None], 1.0 / part.compliance)
@@ -139,6 +139,7 @@ def msa_stiffness(chain: Chain, posture: Array) -> Array:
 
 
 def _add_beam(assembly: _Assembly, beam: Beam) -> None:
+    beam.refuse_bow("msa")
     if beam.section is not None and beam.name != FOOT:
         axes = assembly.T[:3, :3] @ beam.own_frame @ beam.section_frame
         along = beam.own_frame @ beam.section_frame @ np.array([beam.length, 0.0, 0.0])

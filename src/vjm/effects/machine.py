@@ -13,7 +13,7 @@ import numpy as np
 from vjm.chain import Chain
 from vjm.lumped import LumpedModel
 from vjm.parameters import beam_length, compliance_factor
-from vjm.parts import Actuator, Beam, PassiveJoint
+from vjm.parts import Actuator, Beam, Mount, PassiveJoint
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 
@@ -128,7 +128,7 @@ def springs_of(model: LumpedModel, part: str) -> list[slice]:
     at = 0
     for own in model.chain.parts:
         count = 0
-        if isinstance(own, Actuator):
+        if isinstance(own, Actuator | Mount):
             count = int(own.compliance > 0.0)
         elif isinstance(own, Beam):
             count = own.segments or 1

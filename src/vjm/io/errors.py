@@ -85,7 +85,7 @@ def _place(loc: tuple[int | str, ...], document: Mapping[str, Any]) -> tuple[str
     if len(path) >= 2 and path[0] == "postures":
         # pydantic's way to say that the key itself is wrong
         return f"posture '{path[1]}'", ["its label" if step == "[key]" else step for step in path[2:]], ""
-    if len(path) >= 2 and path[0] in ("units", "base"):
+    if len(path) >= 2 and path[0] in ("units", "base", "springs"):
         return f"[{path[0]}]", path[1:], "turn" if "turns" in path[:-1] else str(path[0])
     return "", path, ""
 

@@ -6,8 +6,10 @@ unit; lengths are mm, forces N, joint coordinates rad. ``source`` is free text a
 
 from __future__ import annotations
 
+import math
 import reprlib
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -23,7 +25,7 @@ from pydantic import (
 )
 
 from vjm import parts
-from vjm.chain import Chain
+from vjm.chain import FOOT, Chain
 from vjm.io import checks
 from vjm.io.errors import printed
 from vjm.io.sections import (
@@ -138,6 +140,20 @@ class ActuatorTable(Table):
         return parts.Actuator(self.name, self.axis, self.compliance_mm_per_N)
 
 
+class MountTable(Table):
+    """What carries the chain and gives way along one axis: a frame, a guide."""
+
+    kind: Literal["mount"]
+    name: Label
+    source: str = ""
+    axis: Axis
+    compliance_mm_per_N: float = Field(ge=0.0, le=1e3)  # noqa: N815
+
+    def part(self) -> parts.Mount:
+        """The part that the table describes."""
+        return parts.Mount(self.name, self.axis, self.compliance_mm_per_N)
+
+
 class JointTable(Table):
     """A perfect passive revolute joint."""
 
@@ -176,6 +192,10 @@ class BeamTable(Table):
     section: AnySection | None = None
     compliance: Matrix6 | None = Field(None, description="mm/N, 1/N, rad/(N mm)")
     compliance_source: str = ""
+    bow_mm: Annotated[list[float], Field(min_length=2, max_length=2)] = Field(
+        [0.0, 0.0], description="mid-span, along the section's y and z, of the half sine wave that it is unloaded"
+    )
+    mass_kg: float | None = Field(None, ge=0.0, le=1e4, description="of all members, in place of a density")
 
     @field_validator("compliance")
     @classmethod
@@ -193,19 +213,35 @@ class BeamTable(Table):
             checks.check_compliance_units(beam)
         if beam.section is not None and beam.compliance is not None:
             checks.check_against_section(beam)
+        self._check_extras()
         return self
+
+    def _check_extras(self) -> None:
+        for key, given in (("bow_mm", any(self.bow_mm)), ("mass_kg", self.mass_kg is not None)):
+            if given and self.section is None:
+                raise ValueError(f"has {key} but no [parts.section]: it is spread along a section")
+        if math.hypot(*self.bow_mm) > 0.2 * self.length_mm:
+            raise ValueError(
+                f"has bow_mm = {self.bow_mm}, above a fifth of length_mm = {printed(self.length_mm)}: give mm"
+            )
+        if self.mass_kg is not None and getattr(self.section, "density_kg_per_m3", None) is not None:
+            raise ValueError("has mass_kg and density_kg_per_m3, two masses: give one")
 
     def part(self) -> parts.Beam:
         """The part that the table describes."""
+        section = None if self.section is None else self.section.stiffness()
+        if section is not None and self.mass_kg is not None:
+            section = replace(section, mass=self.mass_kg / self.length_mm / self.count)
         return parts.Beam(
             self.name,
             self.length_mm,
             own_frame=rotation(self.own_axes),
             section_frame=rotation(self.section_axes),
             end_offset=np.array(self.end_offset_mm, dtype=float),
-            section=None if self.section is None else self.section.stiffness(),
+            section=section,
             compliance=None if self.compliance is None else np.array(self.compliance, dtype=float),
             count=self.count,
+            bow=(self.bow_mm[0], self.bow_mm[1]),
         )
 
 
@@ -217,6 +253,15 @@ class Units(Table):
     angle: Literal["rad"]
 
 
+class Springs(Table):
+    """How many springs the machine is to be computed with, unless a command says so itself."""
+
+    link_segments: int | None = Field(
+        None, ge=1, le=1000, description="every beam but the foot; 1: one spring at the far end, the paper's"
+    )
+    foot_segments: int | None = Field(None, ge=1, le=1000)
+
+
 class Base(Table):
     """Where the first part begins in the world: shifted first, then turned."""
 
@@ -224,7 +269,7 @@ class Base(Table):
     turns: Turns = Field([])
 
 
-AnyPart = Annotated[Offset | ActuatorTable | BeamTable | JointTable, Field(discriminator="kind")]
+AnyPart = Annotated[Offset | ActuatorTable | MountTable | BeamTable | JointTable, Field(discriminator="kind")]
 
 
 class ModelFile(Table):
@@ -236,6 +281,7 @@ class ModelFile(Table):
     source: str = Field(min_length=1)
     units: Units
     base: Base = Base()
+    springs: Springs = Springs()
     parts: list[AnyPart] = Field(min_length=1)
     postures: dict[Label, list[float]] = Field(
         min_length=1, description="passive joint coordinates in rad, base to tool"
@@ -250,6 +296,12 @@ class ModelFile(Table):
                 raise ValueError(f"part name '{name}' stands twice, as parts {places}: rename one")
         if not any(isinstance(part, BeamTable) for part in self.parts):
             raise ValueError("no part has kind = 'beam': a chain needs at least one, or nothing gives way")
+        for part in self.parts:
+            one = self.springs.foot_segments if part.name == FOOT else self.springs.link_segments
+            if isinstance(part, BeamTable) and any(part.bow_mm) and one == 1:
+                raise ValueError(
+                    f"part '{part.name}' has a bow, and [springs] one spring, which has no shape: give 2"
+                )
         joints = [part for part in self.parts if isinstance(part, JointTable)]
         for label, q in self.postures.items():
             _check_coordinates(label, q, joints)
@@ -269,6 +321,8 @@ class ModelFile(Table):
             title=self.title,
             source=self.source,
             sha256=sha256,
+            link_segments=self.springs.link_segments,
+            foot_segments=self.springs.foot_segments,
         )
         checks.check_postures(chain)
         return chain
@@ -300,7 +354,9 @@ _TABLES: dict[str, type[Table]] = {
     "base": Base,
     "turn": Turn,
     "offset": Offset,
+    "springs": Springs,
     "actuator": ActuatorTable,
+    "mount": MountTable,
     "beam": BeamTable,
     "joint": JointTable,
     "stiffness": StiffnessSection,

@@ -119,7 +119,9 @@ class Shape(Table):
     def _stiffness(self, area: float, J: float, Iy: float, Iz: float) -> parts.Section:
         E, G = self.youngs_modulus_MPa, self.shear_modulus
         GA = math.inf if self.shear_factor is None else G * area * self.shear_factor
-        return parts.Section(E * area, G * J, E * Iy, E * Iz, GA, GA)
+        # kg/m³ are 1e-9 kg/mm³
+        mass = 1e-9 * area * (self.density_kg_per_m3 or 0.0)
+        return parts.Section(E * area, G * J, E * Iy, E * Iz, GA, GA, mass)
 
 
 class Rectangle(Shape):

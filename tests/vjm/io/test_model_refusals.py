@@ -53,7 +53,7 @@ REFUSALS = {
     "unknown key": ("parts/4/lenght_mm", 310.0, "part 'link': unknown key 'lenght_mm'; did you mean 'length_mm'?"),
     "unknown top key": (
         "zzz", 1,
-        "unknown key 'zzz'; known are format, name, title, source, units, base, parts, postures",
+        "unknown key 'zzz'; known are format, name, title, source, units, base, springs, parts, postures",
     ),
     "unknown unit key": ("units/mass", "kg", "[units]: unknown key 'mass'; known are length, force, angle"),
     "unknown turn key": (
@@ -77,10 +77,28 @@ REFUSALS = {
         "part 'q1': axis must be 'x', 'y', 'z' or a unit vector [x, y, z], got [nan, 0.0, 1.0]"),
     "nan in posture": ("postures/A/1", math.nan, "posture 'A': entry 2 must be finite, got nan"),
     "negative stiffness": ("parts/4/section/EA_N", -1.0, "part 'link': section.EA_N must be at least 1e-3, got -1"),
+    # what an extended model says
+    "bow in metres": (
+        "parts/4/bow_mm", [70.0, 0.0],
+        "part 'link': has bow_mm = [70.0, 0.0], above a fifth of length_mm = 310: give mm",
+    ),
+    "bow of three": ("parts/4/bow_mm", [1.0, 0.0, 0.0], "part 'link': bow_mm must have at most 2 entries, got 3"),
+    "bow without section": (
+        "parts/4", {k: v for k, v in ORTHOGLIDE["parts"][LINK].items() if k != "section"} | {"bow_mm": [1.0, 0.0]},
+        "part 'link': has bow_mm but no [parts.section]: it is spread along a section",
+    ),
+    "negative mass": ("parts/4/mass_kg", -1.0, "part 'link': mass_kg must be at least 0, got -1"),
+    "no springs": ("springs", {"link_segments": 0}, "[springs]: link_segments must be at least 1, got 0"),
+    "half a spring": ("springs", {"link_segments": 1.5}, "[springs]: link_segments must be a whole number, got 1.5"),
+    "springs of a link": ("springs", {"segments": 4}, "[springs]: unknown key 'segments'; did you mean 'link_segments'?"),
+    "soft mount": (
+        "parts/0", {"kind": "mount", "name": "frame", "axis": "x"},
+        "part 'frame': compliance_mm_per_N is missing: add it",
+    ),
     "format": ("format", 2, "format must be 1, got 2: this release reads no other"),
     "kind": (
         "parts/2/kind", "hinge",
-        "part 'q1': kind must be one of 'offset', 'actuator', 'beam', 'joint', got 'hinge'",
+        "part 'q1': kind must be one of 'offset', 'actuator', 'mount', 'beam', 'joint', got 'hinge'",
     ),
     "no kind": ("parts/2/kind", ..., "part 'q1': kind is missing: add it"),
     "part name": (

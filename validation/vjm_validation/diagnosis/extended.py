@@ -1,45 +1,119 @@
 """The extended machine as a model file.
 
-What the chain's own numbers can express goes into them; laws that a model file has no words for stand in its head
-as comments, with their parameters.
+What a quasi-static chain without memory can express goes into the file's values. What belongs to the test, and laws
+that a model file has no words for, stand in its head as comments, with their parameters.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
+
+import numpy as np
 
 from vjm.chain import Chain
 from vjm.effects.actuator_compliance import ActuatorCompliance
+from vjm.effects.base_compliance import AXES, BaseCompliance
+from vjm.effects.effect import Effect
 from vjm.effects.foot_lumping import FootLumping
+from vjm.effects.gravity import Gravity
+from vjm.effects.link_bow import LinkBow
 from vjm.effects.link_length import LinkLength
 from vjm.effects.link_lumping import LinkLumping
-from vjm.effects.machine import Machine
+from vjm.effects.load_misalignment import LoadMisalignment
+from vjm.effects.machine import STANDARD_GRAVITY, Machine, beam_of, link_of
 from vjm.effects.part_compliance import PartCompliance
 from vjm.io.model_file import build_chain
 from vjm.io.toml_text import toml_text
 from vjm.parts import Actuator
 from vjm_validation.calibration.calibrated_model import calibrated_document
+from vjm_validation.diagnosis.column import ColumnYield
 from vjm_validation.diagnosis.fitting import Fit, Fitter
+from vjm_validation.diagnosis.instrument import InstrumentScale, InstrumentZero, ThermalDrift
 from vjm_validation.diagnosis.verdict import Estimate
 from vjm_validation.measurement import Measurement
 
-INSIDE = (ActuatorCompliance, PartCompliance, LinkLength, LinkLumping, FootLumping)
-"""Causes that a model file or the number of springs expresses."""
+FILE = "extended-model.toml"
+WORDS: dict[type[Effect], str] = {
+    ActuatorCompliance: "in the drive's compliance_mm_per_N",
+    BaseCompliance: "in the mounts before the chain",
+    PartCompliance: "in the part's section and matrix",
+    LinkLength: "in the link's length_mm",
+    LinkBow: "in the link's bow_mm",
+    Gravity: "in the link's mass_kg; it weighs where a command says --gravity",
+    LinkLumping: "in link_segments",
+    FootLumping: "in foot_segments",
+}
+"""Causes that the file's values express, and where."""
+ERRORS = (InstrumentZero, InstrumentScale, ThermalDrift)
+MOUNT = "base"
+"""Beginning of the names of the springs that carry the chain."""
 
 
 def extended_chain(fitter: Fitter, fit: Fit) -> Chain:
-    """The chain with all of a fit that a chain can hold, its machine's nuisances included."""
+    """The chain as the extended file has it, its machine's nuisances included."""
+    measurement = fitter.forward.observed.measurement
+    return build_chain(extended_document(measurement, fitter, fit), FILE)
+
+
+def extended_document(measurement: Measurement, fitter: Fitter, fit: Fit) -> dict[str, Any]:
+    """The model document of a fit's machine.
+
+    Raises:
+        ValueError: the machine is not one that a model file admits.
+    """
     machine: Machine = fitter.forward.machine(fit.found, fit.at.z, fit.hypothesis)
-    chain = replace(machine, bow=(0.0, 0.0), asymmetry=(), weight=()).chain()
+    springs = replace(machine, bow=(0.0, 0.0), asymmetry=(), weight=()).chain()
+    document = calibrated_document(measurement, springs)
+    title = str(measurement.document["title"])
+    document["title"] = f"{title}, extended" if fit.hypothesis else title
+    document["source"] = (
+        f"extended from {measurement.readings.file} with {measurement.sheet.file}; nominal values: "
+        f"{measurement.document['source']}"
+    )
+    engine = machine.engine
+    document["springs"] = {"link_segments": engine.segments or 1, "foot_segments": engine.foot_segments or 1}
+    link = _part(document, link_of(machine.nominal))
+    if any(machine.bow):
+        own = beam_of(machine.nominal, link_of(machine.nominal)).bow
+        link["bow_mm"] = [float(a + b) for a, b in zip(own, machine.bow, strict=True)]
+    for name, mass in machine.weight:
+        part = _part(document, name)
+        part["mass_kg"] = float(mass)
+        part.get("section", {}).pop("density_kg_per_m3", None)
     for effect, values in zip(fit.hypothesis, fit.values, strict=True):
-        if isinstance(effect, ActuatorCompliance):
-            parts = tuple(
-                replace(p, compliance=p.compliance + values[0]) if isinstance(p, Actuator) else p
-                for p in chain.parts
-            )
-            chain = replace(chain, parts=parts)
-    return chain
+        _add(document, machine.nominal, effect, values)
+    build_chain(document, FILE)
+    return document
+
+
+def _add(document: dict[str, Any], nominal: Chain, effect: Effect, values: Sequence[float]) -> None:
+    """What is no value of a beam."""
+    if isinstance(effect, ActuatorCompliance):
+        for part in nominal.parts:
+            if isinstance(part, Actuator):
+                _part(document, part.name)["compliance_mm_per_N"] = float(part.compliance + values[0])
+    elif isinstance(effect, BaseCompliance):
+        c, y, z = values
+        names = {part.name for part in nominal.parts}
+        mounts = [
+            {
+                "kind": "mount",
+                "name": next(n for k in range(99) if (n := f"{MOUNT}-{letter}" + "-" * k) not in names),
+                # along the world's axes, wherever the base is turned
+                "axis": (nominal.base[:3, :3].T @ np.array(axis)).tolist(),
+                "compliance_mm_per_N": float(c * share),
+            }
+            for letter, axis, share in zip("xyz", AXES, (1.0, y, z), strict=True)
+        ]
+        document["parts"] = [*mounts, *document["parts"]]
+    elif isinstance(effect, ColumnYield):
+        _part(document, link_of(nominal))["section"]["yield_stress_MPa"] = float(values[0])
+
+
+def _part(document: Mapping[str, Any], name: str) -> dict[str, Any]:
+    return next(part for part in document["parts"] if part["name"] == name)
 
 
 def extended_text(
@@ -50,36 +124,42 @@ def extended_text(
     Raises:
         ValueError: the machine is not one that a model file admits.
     """
-    document = calibrated_document(measurement, extended_chain(fitter, fit))
-    title = str(measurement.document["title"])
-    document["title"] = f"{title}, extended" if fit.hypothesis else title
-    document["source"] = (
-        f"extended from {measurement.readings.file} with {measurement.sheet.file}; nominal values: "
-        f"{measurement.document['source']}"
-    )
-    build_chain(document, "extended-model.toml")
+    document = extended_document(measurement, fitter, fit)
+    machine: Machine = fitter.forward.machine(fit.found, fit.at.z, fit.hypothesis)
     head = [
         f"Extended from {measurement.readings.file} with {measurement.sheet.file} by `validate diagnose`.",
         f"Verdict: {verdict}.",
-        *_causes(fit, found),
+        *_causes(fit, found, machine),
     ]
     return "".join(f"# {line}\n" for line in head) + toml_text(document)
 
 
-def _causes(fit: Fit, found: Mapping[str, Estimate]) -> Sequence[str]:
+def _causes(fit: Fit, found: Mapping[str, Estimate], machine: Machine) -> list[str]:
     lines = []
-    for effect in fit.hypothesis:
-        if isinstance(effect, LinkLumping | FootLumping):
-            part = "link" if isinstance(effect, LinkLumping) else "foot"
-            lines.append(f"{effect.label}: give the {part} springs all along, as the engine vjm does for the link.")
-            continue
+    for effect, values in zip(fit.hypothesis, fit.values, strict=True):
         own = ", ".join(
             f"{name.partition('.')[2]} = {e.value:.6g} ± {e.std:.2g}"
             for name, e in found.items()
             if name.startswith(f"{effect.cause}.")
         )
-        where = (
-            "in the numbers below" if isinstance(effect, INSIDE) else "not in the numbers below: it is no spring"
-        )
-        lines.append(f"{effect.label}: {own}; {where}.")
+        said = f"{effect.label}: {own}; " if own else f"{effect.label}: "
+        lines.append(said + _where(effect, values, machine) + ".")
     return lines
+
+
+def _where(effect: Effect, values: Sequence[float], machine: Machine) -> str:
+    """Where an effect is in the file, or why it is not."""
+    words = next((words for kind, words in WORDS.items() if isinstance(effect, kind)), "")
+    if isinstance(effect, Gravity):
+        g = ",".join(f"{STANDARD_GRAVITY * v:.6g}" for v in machine.gravity)
+        return f"{words} {g}"
+    if isinstance(effect, LoadMisalignment):
+        tilted = effect.imposed(np.eye(6)[:1], values)[0, :3]
+        return f"of the test, not of the machine: a command says --axis {','.join(f'{v:.6g}' for v in tilted)}"
+    if isinstance(effect, ColumnYield):
+        return (
+            "in the section's yield_stress_MPa; springs stay elastic beyond it, so the numbers below hold up to it"
+        )
+    if isinstance(effect, ERRORS):
+        return "an error of the instrument, not in the numbers below"
+    return words or "not in the numbers below: a chain of springs has no word for it"

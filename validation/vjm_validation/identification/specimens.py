@@ -9,7 +9,7 @@ import numpy as np
 
 from vjm.chain import Chain
 from vjm.io.errors import did_you_mean
-from vjm.parts import Actuator, Beam, Part, PassiveJoint, RigidOffset
+from vjm.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
 from vjm.rotations import Array, frame, rotate_matrix6, shift_compliance, translation
 
 BETWEEN = ".."
@@ -88,7 +88,7 @@ def series_compliance(chain: Chain) -> Array:
         if isinstance(part, Beam):
             own = rotate_matrix6(part.beam_compliance(), R @ part.own_frame)
             C += shift_compliance(own, T[:3, 3] - p - R @ part.tip)
-        elif isinstance(part, Actuator):
+        elif isinstance(part, Actuator | Mount):
             along = np.append(R @ part.axis, np.zeros(3))
             C += part.compliance * np.outer(along, along)
     return C

@@ -56,7 +56,7 @@ def read_measurement(data: Path, sheet: Path) -> Measurement:
     """
     page = read_sheet(sheet)
     document, chain, sha256 = _machine(page, sheet)
-    engine = _engine(page)
+    engine = _engine(page, chain)
     readings = read_readings(data, page)
     unknown = next((p for p in readings.posture.tolist() if p not in chain.postures), None)
     if unknown is not None:
@@ -110,13 +110,13 @@ def _machine(sheet: Sheet, path: Path) -> tuple[dict[str, Any], Chain, str]:
     return document, build_chain(document, f"{sheet.file}, model {source.file}", source.sha256), source.sha256
 
 
-def _engine(sheet: Sheet) -> VjmEngine:
-    """The lumped model with the sheet's number of springs; one spring a link is the paper's own."""
+def _engine(sheet: Sheet, chain: Chain) -> VjmEngine:
+    """The lumped model with the sheet's number of springs, else the model file's; one a link is the paper's own."""
     counts = []
-    for key, default in zip(SEGMENTS, (12, 1), strict=True):
+    for key, default in zip(SEGMENTS, (chain.link_segments or 12, chain.foot_segments or 1), strict=True):
         count = sheet.model.get(key, default)
         if not isinstance(count, int) or isinstance(count, bool) or not 1 <= count <= 1000:
             raise SheetError(f"{sheet.file}: [model] {key} must be a whole number from 1 to 1000, got {count!r}")
         counts.append(count)
     link, foot = counts
-    return VjmEngine(link if link > 1 else None, foot if foot > 1 else None)
+    return VjmEngine.of(link, foot)

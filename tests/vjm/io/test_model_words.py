@@ -1,0 +1,146 @@
+"""What a model file says beyond springs: a bow, weight, a frame that gives way, how many springs to take."""
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vjm.arc_length import walk
+from vjm.effects.base_compliance import BaseCompliance
+from vjm.effects.machine import Machine, bowed
+from vjm.effects.series import History, balance
+from vjm.effects.tables import HalfRay, tabulate
+from vjm.io.model_file import ModelFileError, build_chain, load_chain, read_document
+from vjm.lumped_problem import LumpedProblem
+from vjm.programme import Programme
+from vjm.vjm_engine import VjmEngine
+from vjm_fea.exudyn_engine import ExudynEngine
+
+ORTHOGLIDE = read_document("orthoglide-chain").content
+COLUMN = read_document("pinned-column").content
+LINK = 4
+
+
+def changed(document, index, **keys):
+    content = copy.deepcopy(document)
+    content["parts"][index] |= keys
+    return content
+
+
+def last(path):
+    assert path.complete
+    return path.points[-1].wrench
+
+
+@pytest.mark.parametrize(
+    ("posture", "to", "near"),
+    [
+        # in A chord and line of action are one line
+        ("A", -2.0, 1e-7),
+        # elsewhere the pose of reference differs by the chord's shortening, 0.005 mm of 2
+        ("B", 1.0, 3e-4),
+        ("D", -2.0, 3e-4),
+    ],
+)
+def test_a_bow_in_the_file_is_the_bow_that_springs_are_free_of_stress_in(posture, to, near):
+    bow = (0.3, -0.8)
+    engine, programme = VjmEngine(12), Programme(posture, to)
+    drawn = engine.walk(build_chain(changed(ORTHOGLIDE, LINK, bow_mm=list(bow)), "m.toml"), programme)
+    model = engine.model(load_chain("orthoglide-chain"))
+    strained = walk(LumpedProblem(model, programme, "bowed", bowed(model, posture, bow)), programme)
+    assert np.abs(last(drawn) - last(strained))[:3].max() < near * np.abs(last(strained)[:3]).max()
+    straight = engine.walk(load_chain("orthoglide-chain"), programme)
+    if posture == "A":
+        assert np.abs(last(straight) - last(strained))[0] > 0.005 * abs(last(strained)[0])
+
+
+def test_a_bow_has_its_amplitude():
+    model = VjmEngine(64).model(build_chain(changed(ORTHOGLIDE, LINK, bow_mm=[2.0, 0.0]), "m.toml"))
+    chain = model.chain
+    points = model.shape(model.kinematics(model.configuration(chain.posture("A"))))
+    own = np.array([p for p, s in zip(points, model.stations, strict=True) if s.part == "link"])
+    chord = own[-1] - own[0]
+    off = own - own[0] - np.outer((own - own[0]) @ chord, chord) / (chord @ chord)
+    # kinks in the middles of 64 segments make a polygon of the sine
+    assert np.linalg.norm(off, axis=1).max() == pytest.approx(2.0, rel=2e-3)
+    assert np.linalg.norm(off[32]) == pytest.approx(2.0, rel=2e-3)
+
+
+def test_one_spring_has_no_shape():
+    chain = build_chain(changed(ORTHOGLIDE, LINK, bow_mm=[0.5, 0.0]), "m.toml")
+    with pytest.raises(ValueError, match="part 'link' has a bow, which one spring"):
+        VjmEngine().walk(chain, Programme("A", -1.0))
+    with pytest.raises(ValueError, match="part 'link' has a bow, which exudyn does not know"):
+        ExudynEngine().walk(chain, Programme("A", -1.0))
+    document = changed(ORTHOGLIDE, LINK, bow_mm=[0.5, 0.0]) | {"springs": {"link_segments": 1}}
+    with pytest.raises(ModelFileError, match=r"m\.toml: part 'link' has a bow, and \[springs\] one spring"):
+        build_chain(document, "m.toml")
+
+
+def with_mounts(c, shares=(1.0, 1.0, 1.0)):
+    content = copy.deepcopy(ORTHOGLIDE)
+    mounts = [
+        {"kind": "mount", "name": f"frame-{a}", "axis": a, "compliance_mm_per_N": c * s}
+        for a, s in zip("xyz", shares, strict=True)
+    ]
+    content["parts"] = [*mounts, *content["parts"]]
+    return build_chain(content, "m.toml")
+
+
+@pytest.mark.parametrize("posture", ["A", "B", "D"])
+def test_mounts_before_the_drive_are_a_base_that_gives_way(posture):
+    c, shares = 3e-5, (1.0, 2.0, 0.5)
+    engine = VjmEngine(12)
+    path = engine.walk(with_mounts(c, shares), Programme(posture, 1.5))
+    machine = Machine(load_chain("orthoglide-chain"), engine)
+    table = tabulate(machine, HalfRay(posture, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 2.0, 1), pulls=True)
+
+    def look(u):
+        W, K = table.at(u[:, 0])
+        return W + np.einsum("nij,nj->ni", K[:, :, 1:], u[:, 1:]), K
+
+    elements = BaseCompliance().elements(machine, (c, shares[1], shares[2]))
+    history = History(np.zeros(1), np.ones(1, dtype=bool), np.array([[1.0, 0.0, 0.0]]))
+    found = balance(look, np.array([[1.5, 0, 0, 0, 0, 0]]), elements, history)
+    # tables are linear across their ray
+    assert np.abs(found.wrench[0] - last(path))[:3].max() < 1e-3 * np.abs(last(path)[:3]).max()
+    rigid = engine.walk(load_chain("orthoglide-chain"), Programme(posture, 1.5))
+    assert np.abs(last(rigid) - last(path))[0] > 0.05 * abs(last(path)[0])
+
+
+def test_finite_elements_have_the_mounts_too():
+    # so small that it does not matter in which order the foot's spring turns
+    chain, programme = with_mounts(3e-5), Programme("A", 0.01)
+    elements = ExudynEngine(foot_spring=True).walk(chain, programme)
+    assert last(elements)[0] == pytest.approx(last(VjmEngine(16).walk(chain, programme))[0], rel=1e-3)
+
+
+@pytest.mark.parametrize("by", ["mass", "density"])
+def test_weight_hangs_on_a_beam_with_a_mass(by):
+    # a pinned bar squeezed by nothing bears half of its weight at its end
+    mass = 2700e-9 * 25.4 * 3.175 * 299.085
+    if by == "mass":
+        content = changed(COLUMN, 1, mass_kg=mass)
+    else:
+        content = copy.deepcopy(COLUMN)
+        content["parts"][1]["section"]["density_kg_per_m3"] = 2700.0
+    chain = build_chain(content, "m.toml")
+    assert chain.beams[0].mass == pytest.approx(mass, rel=1e-12)
+    path = VjmEngine(16).walk(chain, Programme("straight", 0.01, gravity=(0.0, -9.81, 0.0)))
+    assert path.points[0].wrench[1] == pytest.approx(0.5 * 9.81 * mass, rel=1e-4)
+
+
+def test_a_mass_and_a_density_are_one_too_many():
+    content = changed(COLUMN, 1, mass_kg=0.1)
+    content["parts"][1]["section"]["density_kg_per_m3"] = 2700.0
+    with pytest.raises(ModelFileError, match=r"part 'link': has mass_kg and density_kg_per_m3, two masses"):
+        build_chain(content, "m.toml")
+
+
+def test_the_file_says_how_many_springs():
+    chain = build_chain(ORTHOGLIDE | {"springs": {"link_segments": 12, "foot_segments": 8}}, "m.toml")
+    assert (chain.link_segments, chain.foot_segments) == (12, 8)
+    assert VjmEngine.of(12, 8).label == "vjm-12f8"
+    assert VjmEngine.of(1).label == "vjm-paper"
+    assert replace(chain, link_segments=None).parts == chain.parts
