@@ -5,7 +5,7 @@ The deflection takes the place of the imposed displacement; see `vjm.effects.col
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,6 +25,7 @@ from vjm_validation.diagnosis.fitting import Fit
 from vjm_validation.diagnosis.forward import Evaluation, channel_errors, machine_of, values_of
 from vjm_validation.diagnosis.instrument import InstrumentScale, InstrumentZero
 from vjm_validation.diagnosis.observed import Observed
+from vjm_validation.diagnosis.stress import fibre_of
 from vjm_validation.diagnosis.unknowns import Coordinate, Hypothesis
 from vjm_validation.measurement import Measurement
 from vjm_validation.measurement.channels import WRENCH, split_point
@@ -182,11 +183,16 @@ def column_effects(observed: Observed) -> list[Effect]:
     return found
 
 
-def _table(measurement: Measurement) -> dict[str, object]:
+def _part_table(measurement: Measurement) -> dict[str, object]:
     link = link_of(measurement.chain)
-    part = next(part for part in measurement.document["parts"] if part.get("name") == link)
-    found: dict[str, object] = part.get("section", {})
+    found: dict[str, object] = next(part for part in measurement.document["parts"] if part.get("name") == link)
     return found
+
+
+def _table(measurement: Measurement) -> Mapping[str, object]:
+    section = _part_table(measurement).get("section", {})
+    assert isinstance(section, Mapping)
+    return section
 
 
 def _section(measurement: Measurement) -> Fibres | None:
@@ -238,11 +244,31 @@ class ColumnForward:
         residual = np.where(observed.present, observed.wrench - gain_f * wrench - zero_f, 0.0)
         return Evaluation(z, residual, wrench, stiffness, place, gain_f, gain_u)
 
+    def evaluate_nominal(self, deflection: Array) -> Array:
+        """Loads ``(n,)`` of the sheet's own column, straight and elastic, at deflections ``(n,)`` of its middle."""
+        beam = beam_of(self.observed.measurement.chain, link_of(self.observed.measurement.chain))
+        return column_force(deflection, beam.length, beam.effective_section().EIz)
+
+    def yield_unknown(self) -> str:
+        """Why there is no first yield."""
+        fibre = fibre_of(_part_table(self.observed.measurement))
+        return fibre if isinstance(fibre, str) else "not on the way to the last reading"
+
     def first_yield(
-        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis
+        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, *, handbook: bool = False
     ) -> tuple[float, float] | None:
-        """Load in N and deflection in mm at which the middle's outer fibre begins to yield on the way."""
+        """Load in N and deflection in mm at which the middle's outer fibre begins to yield on the way.
+
+        Args:
+            found: coordinates.
+            z: their values.
+            hypothesis: the causes.
+            handbook: take the model's own yield stress where no cause has one.
+        """
         stress = self._stress(found, z, hypothesis)
+        if stress is None and handbook:
+            limit = _table(self.observed.measurement).get("yield_stress_MPa")
+            stress = None if limit is None else float(str(limit))
         fibres = _section(self.observed.measurement)
         if stress is None or fibres is None:
             return None

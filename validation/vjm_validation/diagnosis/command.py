@@ -12,11 +12,12 @@ from vjm.effects.catalogue import plug_in
 from vjm.io.files import check_writable, write_whole
 from vjm_validation.diagnosis.column import FIRST_YIELD, ColumnForward, is_column, observe_column
 from vjm_validation.diagnosis.contrasts import contrasts
-from vjm_validation.diagnosis.critical import critical_forces
+from vjm_validation.diagnosis.critical import Critical, critical_points
 from vjm_validation.diagnosis.document import (
     AlternativeRow,
     CandidateRow,
     ContrastRow,
+    CriticalPointRow,
     CriticalRow,
     Diagnosis,
     ExperimentRow,
@@ -110,17 +111,18 @@ def _document(
 ) -> Diagnosis:
     fitter = prepared.fitter
     observed = fitter.forward.observed
+    chosen = verdict.members[0].fit if verdict.members else prepared.null
+    points = {id(fit): critical_points(fitter, prepared.null, fit) for fit in _fits(verdict, chosen)}
     candidates = [
         CandidateRow(
             causes=sorted(member.causes),
             probability=p,
             parameters=_values(prepared, member.fit),
-            gain=_gain(prepared, member.fit),
+            gain=_gain(prepared, member.fit, points[id(member.fit)]),
         )
         for member, p in zip(verdict.members, verdict.probabilities, strict=True)
     ]
     channels = {name: WRENCH.index(name) for name in observed.wrench_channels}
-    chosen = verdict.members[0].fit if verdict.members else prepared.null
     return Diagnosis(
         verdict=verdict.kind,
         causes=sorted({cause for c in candidates for cause in c.causes}),
@@ -144,7 +146,29 @@ def _document(
             readings=len(observed.pose),
         ),
         nuisances={name: _value(e) for name, e in nuisance_estimates(fitter, chosen).items()},
+        critical=[_critical(one) for one in points[id(chosen)]],
         seconds=time.perf_counter() - begun,
+    )
+
+
+def _fits(verdict: Verdict, chosen: Fit) -> list[Fit]:
+    return [member.fit for member in verdict.members] or [chosen]
+
+
+def _critical(one: Critical) -> CriticalPointRow:
+    return CriticalPointRow(
+        posture=one.posture,
+        direction=one.direction,
+        reached_N=one.reached,
+        measured_N=one.measured,
+        before_N=one.before,
+        after_N=one.after,
+        nominal=one.nominal.kind,
+        nominal_N=one.nominal.force,
+        extended=one.extended.kind,
+        extended_N=one.extended.force,
+        yields_N=one.yields.force,
+        yields=one.yields.words,
     )
 
 
@@ -175,9 +199,9 @@ def _values(prepared: Prepared, fit: Fit) -> dict[str, ValueRow | str]:
     return result
 
 
-def _gain(prepared: Prepared, fit: Fit) -> GainRow:
+def _gain(prepared: Prepared, fit: Fit, points: Sequence[Critical]) -> GainRow:
     found = gain(prepared.fitter, prepared.null, fit)
-    measured, before, after = critical_forces(prepared.fitter, prepared.null, fit)
+    measured, before, after = points[0].triple if points else (None, None, None)
     return GainRow(
         rmse_before=found.before,
         rmse_after=found.after,

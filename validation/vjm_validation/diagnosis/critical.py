@@ -1,17 +1,85 @@
-"""The critical force of a measured curve: the knee of force over displacement, in data and predictions alike."""
+"""Critical forces of a test's half-rays: measured, and predicted by the nominal and by the extended model.
+
+What readings show is the knee of force over displacement; the same knee is sought in both models' predictions of
+these readings, so that like is compared with like. Beside it stand the models' own critical points, located on
+their paths as `validate buckling` does, which also reach where no reading was taken.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from vjm.arc_length import walk
+from vjm.chain import Chain
+from vjm.effects.load_misalignment import LoadMisalignment
+from vjm.effects.machine import STANDARD_GRAVITY
+from vjm.equilibrium import NoConvergenceError
+from vjm.programme import Programme
 from vjm.rotations import Array
+from vjm.vjm_engine import VjmEngine
+from vjm_validation.calibration.rays import Ray
+from vjm_validation.diagnosis.column import ColumnForward
+from vjm_validation.diagnosis.extended import extended_chain
 from vjm_validation.diagnosis.fitting import Fit, Fitter
+from vjm_validation.diagnosis.stress import First, first_yield
 from vjm_validation.measurement.channels import WRENCH
+from vjm_validation.sweeps import DEFAULT_REACH_MM
 
 LEAST = 5
 """Readings on either side of a knee."""
 FLAT = 0.3
 """Slope behind a knee over that before it, at most."""
+FURTHER = 1.5
+"""How far beyond the readings paths go."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A model's own critical point.
+
+    Attributes:
+        kind: of the event, see `vjm.paths.EventKind`; empty where the path has none.
+        force: N; None where it has none.
+    """
+
+    kind: str = ""
+    force: float | None = None
+
+
+@dataclass(frozen=True)
+class Critical:
+    """One half-ray of a test.
+
+    Attributes:
+        posture: label.
+        direction: tension or compression for a ramp along x, else the direction.
+        reached: largest force that was read, N.
+        measured: force at the knee of the readings, N; None where they have none.
+        before: the same of the nominal model's prediction of the readings.
+        after: the same of the extended model's.
+        nominal: critical point of the nominal model, sheet values.
+        extended: of the extended model.
+        yields: where the extended model's material would yield.
+    """
+
+    posture: str
+    direction: str
+    reached: float
+    measured: float | None
+    before: float | None
+    after: float | None
+    nominal: Point
+    extended: Point
+    yields: First
+
+    @property
+    def triple(self) -> tuple[float | None, float | None, float | None]:
+        """Measured, before, after: knees where the readings show one, else the models' own critical points."""
+        if self.measured is not None:
+            return self.measured, self.before, self.after
+        return None, self.nominal.force, self.extended.force
 
 
 def knee(s: Array, force: Array) -> float | None:
@@ -37,23 +105,111 @@ def knee(s: Array, force: Array) -> float | None:
     return best[1]
 
 
-def critical_forces(fitter: Fitter, null: Fit, fit: Fit) -> tuple[float | None, float | None, float | None]:
-    """Measured critical force of the first half-ray that has one, and its predictions before and after."""
-    observed = fitter.forward.observed
-    for ray in observed.rays:
-        c = int(np.argmax(np.abs(ray.direction[:3])))
-        if not observed.present[:, c].any() or WRENCH[c] not in observed.wrench_channels:
-            continue
-        s = observed.pose[ray.index] @ ray.measure
+def critical_points(fitter: Fitter, null: Fit, fit: Fit) -> list[Critical]:
+    """The test's half-rays: those with a measured critical force first, then by the extended model's own."""
+    if isinstance(fitter.forward, ColumnForward):
+        return [_column(fitter.forward, fit)]
+    found: dict[tuple[str, str], Critical] = {}
+    for ray in fitter.forward.observed.rays:
         for sign in (1.0, -1.0):
-            on = ray.index[(sign * s > 0.0) & observed.present[ray.index, c]]
-            if len(on) < 2 * LEAST + 2:
+            one = _half_ray(fitter, null, fit, ray, sign)
+            if one is None:
                 continue
-            u = sign * (observed.pose[on] @ ray.measure)
-            measured = sign * observed.wrench[on, c]
-            found = knee(u, measured)
-            if found is None:
-                continue
-            before, after = (knee(u, measured - sign * one.at.residual[on, c]) for one in (null, fit))
-            return found, before, after
-    return None, None, None
+            key = one.posture, one.direction
+            if key not in found or found[key].measured is None:
+                found[key] = one
+
+    def order(one: Critical) -> tuple[bool, float]:
+        force = one.extended.force
+        return one.measured is None, np.inf if force is None else force
+
+    return sorted(found.values(), key=order)
+
+
+def _half_ray(fitter: Fitter, null: Fit, fit: Fit, ray: Ray, sign: float) -> Critical | None:
+    observed = fitter.forward.observed
+    c = int(np.argmax(np.abs(ray.direction[:3])))
+    s = observed.pose[ray.index] @ ray.measure
+    on = ray.index[(sign * s > 0.0) & observed.present[ray.index, c]]
+    if not len(on) or WRENCH[c] not in observed.wrench_channels:
+        return None
+    u = sign * (observed.pose[on] @ ray.measure)
+    read = sign * observed.wrench[on, c]
+    measured = knee(u, read)
+    before, after = (
+        (knee(u, read - sign * one.at.residual[on, c]) for one in (null, fit)) if measured else (None, None)
+    )
+    programme = Programme(ray.posture, max(DEFAULT_REACH_MM, FURTHER * float(u.max())), tuple(sign * ray.direction))
+    return Critical(
+        ray.posture,
+        _words(sign * ray.direction),
+        float(read.max()),
+        measured,
+        before,
+        after,
+        _point(observed.measurement.engine, observed.measurement.chain, programme)[0],
+        *_extended(fitter, fit, programme),
+    )
+
+
+def _words(direction: Array) -> str:
+    along = np.flatnonzero(direction)
+    if along.tolist() == [0]:
+        return "tension" if direction[0] > 0.0 else "compression"
+    return "along " + ", ".join(f"{v:.3g}" for v in direction[:3])
+
+
+def _extended(fitter: Fitter, fit: Fit, programme: Programme) -> tuple[Point, First]:
+    """Critical point of the extended model, and where its material would yield on the way there."""
+    machine = fitter.forward.machine(fit.found, fit.at.z, fit.hypothesis)
+    axis, gravity = np.array([programme.axis], dtype=float), None
+    for effect, values in zip(fit.hypothesis, fit.values, strict=True):
+        if isinstance(effect, LoadMisalignment):
+            axis = effect.imposed(axis, values)
+    if any(mass for _, mass in machine.weight):
+        x, y, z = (STANDARD_GRAVITY * g for g in machine.gravity)
+        gravity = (x, y, z)
+    own = Programme(programme.posture, programme.to, tuple(axis[0].tolist()), gravity=gravity)
+    return _point(machine.engine, extended_chain(fitter, fit), own, fitter)
+
+
+def _point(
+    engine: VjmEngine, chain: Chain, programme: Programme, fitter: Fitter | None = None
+) -> tuple[Point, First]:
+    """The critical point of a path; with a fitter, whose document knows the material, where that yields."""
+    try:
+        problem = engine.problem(chain, programme)
+        path = walk(problem, programme)
+    except (NoConvergenceError, ValueError):
+        return Point(), First(None, "not known: the model has no path here")
+    event = path.critical
+    point = Point() if event is None else Point(str(event.kind), float(event.force))
+    if fitter is None:
+        return point, First(None, "")
+    return point, first_yield(problem, path, fitter.forward.observed.measurement.document)
+
+
+def _column(forward: ColumnForward, fit: Fit) -> Critical:
+    """A column steered by its middle: its largest load, where the readings fall again behind it."""
+    observed = forward.observed
+    on = observed.present[:, 0]
+    read = -observed.wrench[on, 0]
+    predicted = read + fit.at.residual[on, 0]
+    tops = [int(np.argmax(load)) for load in (read, predicted)]
+    turned = [top < len(read) - 2 for top in tops]
+    nominal = Point("bifurcation", float(forward.evaluate_nominal(np.zeros(1))[0]))
+    extended = Point("limit", float(predicted[tops[1]])) if turned[1] else Point()
+    here = forward.first_yield(fit.found, fit.at.z, fit.hypothesis, handbook=True)
+    return Critical(
+        str(observed.readings.posture[0]),
+        "compression",
+        float(read[tops[0]]),
+        float(read[tops[0]]) if turned[0] else None,
+        nominal.force,
+        extended.force,
+        nominal,
+        extended,
+        First(None, forward.yield_unknown())
+        if here is None
+        else First(here[0], f"at {here[1]:.3g} mm of deflection"),
+    )

@@ -42,6 +42,23 @@ class GainRow(Row):
     critical: CriticalRow = CriticalRow()
 
 
+class CriticalPointRow(Row):
+    """Critical forces of one half-ray of the test."""
+
+    posture: str
+    direction: str
+    reached_N: float = Field(description="largest force that was read")  # noqa: N815
+    measured_N: float | None = Field(description="knee of the readings")  # noqa: N815
+    before_N: float | None = Field(description="knee of the nominal model at the same readings")  # noqa: N815
+    after_N: float | None = Field(description="and of the extended one")  # noqa: N815
+    nominal: str = Field(description="kind of the nominal model's own critical point; empty where it has none")
+    nominal_N: float | None  # noqa: N815
+    extended: str = Field(description="and of the extended model's")
+    extended_N: float | None  # noqa: N815
+    yields_N: float | None = Field(description="where the extended model's material would yield first")  # noqa: N815
+    yields: str = Field(description="where that is, or why it is not known")
+
+
 class CandidateRow(Row):
     """A set of causes that remains possible."""
 
@@ -110,4 +127,5 @@ class Diagnosis(Row):
     contrasts: list[ContrastRow] = []
     noise: NoiseRow | None = None
     nuisances: dict[str, ValueRow] = {}
+    critical: list[CriticalPointRow] = Field([], description="of every half-ray that was walked")
     seconds: float = 0.0
