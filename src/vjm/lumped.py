@@ -115,6 +115,8 @@ class LumpedModel:
 
     def under(self, loading: Loading) -> LumpedModel:
         """The same model with loads on its bodies."""
+        if loading is self.loading:
+            return self
         return self._changed(loading=loading)
 
     def bent(self, natural: Array) -> LumpedModel:

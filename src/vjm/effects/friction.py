@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vjm.effects.history_kernel import friction_along
 from vjm.rotations import Array
 
 SWEEPS = 60
@@ -31,32 +32,10 @@ def friction_torques(free: Array, give: Array, limit: float, begins: np.ndarray,
         begins: ``(n,)`` where a posture begins, and with it the history.
         rest: joint coordinates ``(n, n_q)`` of the unloaded posture.
     """
-    n, joints = free.shape
-    result = np.zeros((n, joints))
     if limit <= 0.0:
-        return result
-    tau = np.zeros(joints)
-    stands = free[0] if n else np.zeros(joints)
-    # a joint that cannot turn while the end-effector is held needs no torque to stand
-    diagonal = np.einsum("njj->nj", give)
-    loose = diagonal > 1e-9 * diagonal.max(axis=1, initial=0.0, keepdims=True)
-    for k in range(n):
-        if begins[k]:
-            tau, stands = np.zeros(joints), rest[k]
-        A, start = give[k].tolist(), (free[k] - stands).tolist()
-        own = [float(t) for t in tau]
-        moving = [j for j in range(joints) if loose[k, j]]
-        for _ in range(SWEEPS):
-            largest = 0.0
-            for j in moving:
-                turn = start[j] + sum(a * t for a, t in zip(A[j], own, strict=True))
-                new = own[j] - turn / A[j][j]
-                new = limit if new > limit else -limit if new < -limit else new
-                largest = max(largest, abs(new - own[j]))
-                own[j] = new
-            if largest <= ENOUGH * max(map(abs, own)):
-                break
-        tau = np.array(own)
-        stands = free[k] + give[k] @ tau
-        result[k] = tau
+        return np.zeros_like(free)
+    result: Array = friction_along(
+        np.ascontiguousarray(free), np.ascontiguousarray(give), float(limit), begins, np.ascontiguousarray(rest),
+        SWEEPS, ENOUGH,
+    )  # fmt: skip
     return result

@@ -6,7 +6,9 @@ weight are built in here, since the equilibrium has to be solved with them.
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -20,6 +22,10 @@ from vjm.vjm_engine import VjmEngine
 LINK = "link"
 STANDARD_GRAVITY = 9.80665
 """m/s²."""
+KEPT = 64
+"""Lumped models that are kept."""
+_MODELS: OrderedDict[tuple[object, ...], tuple[Chain, LumpedModel]] = OrderedDict()
+"""With the chain that each was made from, which keeps its identity."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +96,22 @@ class Machine:
                 chain = replace(chain, parts=parts)
         return chain
 
+    def model(self, pulls: bool = True) -> LumpedModel:
+        """The lumped model, its springs free of stress where they are drawn: a bow is not in it.
+
+        Machines that differ in nothing but the bow share one.
+        """
+        key = (
+            id(self.nominal), self.engine, self.factors, self.lengthened, self.asymmetry, self.weight,
+            pulls or not self.asymmetry,
+        )  # fmt: skip
+        known = _MODELS.get(key)
+        if known is None:
+            known = _MODELS[key] = self.nominal, self.engine.model(self.chain(pulls))
+            if len(_MODELS) > KEPT:
+                _MODELS.popitem(last=False)
+        return known[1]
+
     @property
     def drive_axis(self) -> Array | None:
         """Unit vector ``(3,)`` of the drive's axis, world axes; None where there is no drive before the joints."""
@@ -103,7 +125,7 @@ class Machine:
 
     def line(self, posture: str) -> Array:
         """Unit vector ``(3,)`` along the link in an unloaded posture, from its root to its tip, world axes."""
-        model = self.engine.model(self.nominal)
+        model = Machine(self.nominal, self.engine).model()
         k = model.kinematics(model.configuration(self.nominal.posture(posture)))
         points = model.shape(k)
         own = [i for i, station in enumerate(model.stations) if station.part == link_of(self.nominal)]
@@ -138,6 +160,7 @@ def springs_of(model: LumpedModel, part: str) -> list[slice]:
     raise ValueError(f"{model.chain.name}: no elastic part '{part}'")
 
 
+@lru_cache(maxsize=KEPT)
 def bowed(model: LumpedModel, posture: str, bow: tuple[float, float]) -> Array:
     """Coordinates ``(n,)`` of a link that is a half sine wave when unloaded, its ends where they were.
 
@@ -167,10 +190,12 @@ def bowed(model: LumpedModel, posture: str, bow: tuple[float, float]) -> Array:
         x[where][4] += bow[1] * bend
     start = model.configuration(model.chain.posture(posture))
     aim = model.kinematics(start).end
-    for _ in range(4):
+    for _ in range(6):
         k = model.kinematics(start + x)
         gap = np.concatenate([aim[:3, 3] - k.end[:3, 3], 0.5 * _turn(aim[:3, :3], k.end[:3, :3])])
         scale = np.repeat([1.0, 0.01 * length], 3)
+        if np.abs(gap * scale).max() < 1e-10 * length:
+            break
         J = k.jacobian[:, model.passive] * scale[:, None]
         x[model.passive] += np.linalg.lstsq(J, gap * scale, rcond=1e-9)[0]
     return x

@@ -16,6 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
+from vjm.effects.history_kernel import decaying, flowing
 from vjm.rotations import Array
 
 TOLERANCE = 1e-7
@@ -227,10 +228,7 @@ def retarded(compliance: float, seconds: float) -> Law:
         mean = np.where(small, 0.5 * ratio, 1.0 - (1.0 - decay) / np.where(small, 1.0, ratio))
         before = np.concatenate([[0.0], force[:-1]])
         gain = compliance * (mean * force + (1.0 - decay - mean) * before)
-        x, last = np.empty(n), 0.0
-        for k, (d, g, first) in enumerate(zip(decay.tolist(), gain.tolist(), history.begins.tolist(), strict=True)):
-            last = 0.0 if first else d * last + g
-            x[k] = last
+        x = decaying(decay, gain, history.begins)
         slope = np.where(history.begins, 0.0, compliance * mean)
         return x, slope
 
@@ -246,15 +244,9 @@ def yielding(limit: float, compliance: float) -> Law:
     """
 
     def law(force: Array, history: History) -> tuple[Array, Array]:
-        x, slope = np.empty(len(force)), np.zeros(len(force))
-        last = 0.0
-        for k, (N, first) in enumerate(zip(force.tolist(), history.begins.tolist(), strict=True)):
-            last = 0.0 if first else last
-            beyond = N - last / compliance
-            if abs(beyond) > limit:
-                last += compliance * (abs(beyond) - limit) * (1.0 if beyond > 0.0 else -1.0)
-                slope[k] = compliance
-            x[k] = last
-        return x, slope
+        found: tuple[Array, Array] = flowing(
+            np.ascontiguousarray(force), history.begins, float(limit), float(compliance)
+        )
+        return found
 
     return law

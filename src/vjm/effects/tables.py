@@ -6,11 +6,13 @@ is a cubic in the root of the distance, as the branch itself is. Off the ray the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from vjm.effects.history_kernel import Packed, interpolated, looked_up
 from vjm.effects.machine import STANDARD_GRAVITY, Machine, bowed
 from vjm.equilibrium import TOLERANCE, NoConvergenceError
 from vjm.grid import walk_grid
@@ -70,26 +72,16 @@ class Table:
     stopped: str
 
     def at(self, s: Array) -> tuple[Array, Array]:
-        """Wrenches ``(k, 6)`` and stiffnesses ``(k, 6, 6)``."""
-        i, t, width = self._place(s)
-        j = i + 1
-        h00 = (1.0 + 2.0 * t) * (1.0 - t) ** 2
-        h10 = t * (1.0 - t) ** 2
-        h01 = t**2 * (3.0 - 2.0 * t)
-        h11 = t**2 * (t - 1.0)
-        own = self._own_slope
-        wrench = (
-            h00[:, None] * self.wrench[i] + h01[:, None] * self.wrench[j]
-            + (h10 * width)[:, None] * own[i] + (h11 * width)[:, None] * own[j]
-        )  # fmt: skip
-        stiffness = (1.0 - t)[:, None, None] * self.stiffness[i] + t[:, None, None] * self.stiffness[j]
-        # beyond the ends straight on
-        past = (s > self.s[-1]) | (s < 0.0)
-        if past.any():
-            end = np.where(s > 0.0, len(self.s) - 1, 0)[past]
-            wrench[past] = self.wrench[end] + (s[past] - self.s[end])[:, None] * self.slope[end]
-            stiffness[past] = self.stiffness[end]
+        """Wrenches ``(k, 6)`` and stiffnesses ``(k, 6, 6)``; straight on beyond the ends."""
+        wrench, stiffness = np.empty((len(s), 6)), np.empty((len(s), 6, 6))
+        for k, place in enumerate(s):
+            interpolated(self.packed, 0, len(self.s), self.bifurcation, float(place), wrench[k], stiffness[k])
         return wrench, stiffness
+
+    @property
+    def packed(self) -> Packed:
+        """As the kernels take it."""
+        return self.s, self.wrench, self.slope, self._own_slope, self.stiffness
 
     def linear(self, values: Array, s: Array) -> Array:
         """Values ``(m, …)`` at the nodes, interpolated linearly at ``(k,)``."""
@@ -140,6 +132,37 @@ class Table:
         return self.x[:, own], A, B
 
 
+class Sheaf:
+    """Tables side by side, to be looked up by readings on different rays.
+
+    Attributes:
+        both: numbers ``(n, 2)`` of each reading's tables, along its ray and against it.
+        measure: ``(n, 6)``; a displacement times it is its place on the ray.
+        along: direction ``(n, 6)`` of the ray.
+    """
+
+    def __init__(self, tables: Sequence[Table], both: np.ndarray, measure: Array, along: Array) -> None:
+        self.both, self.measure, self.along = both, measure, along
+        columns = zip(*(table.packed for table in tables), strict=True)
+        s, wrench, slope, own, stiffness = (np.concatenate(column) for column in columns)
+        self._packed: Packed = (s, wrench, slope, own, stiffness)
+        self._first = np.cumsum([0, *(len(table.s) for table in tables)])
+        self._bifurcation = np.array([table.bifurcation for table in tables])
+
+    def at(self, u: Array) -> tuple[Array, Array]:
+        """Wrenches ``(n, 6)`` and stiffnesses ``(n, 6, 6)`` at displacements ``(n, 6)``; linear off the rays."""
+        found: tuple[Array, Array] = looked_up(
+            self._packed,
+            self._first,
+            self._bifurcation,
+            self.both,
+            self.measure,
+            self.along,
+            np.ascontiguousarray(u),
+        )
+        return found
+
+
 def tabulate(machine: Machine, half: HalfRay, pulls: bool) -> Table:
     """The stable equilibria of a machine along half a ray.
 
@@ -147,13 +170,12 @@ def tabulate(machine: Machine, half: HalfRay, pulls: bool) -> Table:
         NoConvergenceError: the machine does not stand unloaded, or there is none at all.
         ValueError: what is built into the machine needs other springs.
     """
-    chain = machine.chain(pulls)
     gravity = None
     if any(mass for _, mass in machine.weight):
         x, y, z = (STANDARD_GRAVITY * g for g in machine.gravity)
         gravity = (x, y, z)
     programme = Programme(half.posture, half.reach, half.direction, branch=half.branch, gravity=gravity)
-    model = machine.engine.model(chain)
+    model = machine.model(pulls)
     bow = bowed(model, half.posture, machine.bow) if any(machine.bow) else None
     problem = LumpedProblem(model, programme, machine.engine.label, bow)
     grid = np.linspace(0.0, half.reach, NODES + 1)

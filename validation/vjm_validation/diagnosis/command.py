@@ -33,13 +33,15 @@ from vjm_validation.diagnosis.holdout import gain
 from vjm_validation.diagnosis.observed import observe
 from vjm_validation.diagnosis.page import write_page
 from vjm_validation.diagnosis.preparation import Prepared, prepare, refresh
-from vjm_validation.diagnosis.search import STRONG, Ranked, Search, effective_samples
+from vjm_validation.diagnosis.search import Ranked, Search, effective_samples
 from vjm_validation.diagnosis.verdict import Estimate, Verdict, estimates, judge, nuisance_estimates
 from vjm_validation.measurement import Measurement, read_measurement
 from vjm_validation.measurement.channels import WRENCH
 from vjm_validation.summary import as_json
 
 DOCUMENT, MODEL, PAGE = "diagnosis.json", "extended-model.toml", "diagnosis.html"
+AGAIN = 2
+"""Searches more at most, each about what the last one found."""
 SHOWN = 12
 """Contrasts that are kept."""
 
@@ -80,13 +82,17 @@ def diagnose(
     search = _search(prepared, progress)
     best = search.run()
     prepared = replace(prepared, null=search.null)
-    strong = prepared.null.objective - best.fit.objective > STRONG
-    if best.labels and (strong or observed.steered):
-        # seen from a model so far off, noise and wild samples were guesses
-        prepared = refresh(prepared, best.fit)
-        search = _search(prepared, progress)
+    for _ in range(AGAIN):
+        # seen from a model that was off, noise and wild samples were guesses
+        again = refresh(prepared, best.fit)
+        if again is None:
+            break
+        prepared = again
+        before, search = best, replace(_search(prepared, progress), hints=search.tried)
         best = search.run()
         prepared = replace(prepared, null=search.null)
+        if best.labels == before.labels:
+            break
     progress("verdict")
     verdict = judge(search, best)
     document = _document(measurement, prepared, search, verdict, begun)

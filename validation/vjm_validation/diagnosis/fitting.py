@@ -23,6 +23,8 @@ STEPS = 20
 """Of Gauss-Newton at most."""
 ENOUGH = 0.03
 """Expected fall of the objective at which it ends."""
+PATIENT, HOPE = 2, 5.0
+"""A fit is given up after so many steps where so many like the last would not reach its target."""
 FAR = 1.0
 """Distance of a machine nuisance from where tables were made, in sigmas, at which they are made anew at once."""
 NEAR = 0.15
@@ -194,6 +196,7 @@ class Fitter:
         *,
         fresh: bool = False,
         rough: bool = False,
+        target: float = np.inf,
     ) -> Fit | None:
         """The best coordinates from a start; None where the machine does not stand there.
 
@@ -203,6 +206,7 @@ class Fitter:
             values: of each effect.
             fresh: differentiate by the machine's nuisances anew.
             rough: be content with slopes over a sigma of the machine's nuisances.
+            target: objective worth reaching; a fit that will hardly come so far is given up.
         """
         found = coordinates(self.nuisances, hypothesis)
         z = start(found, hypothesis, nuisances, values)
@@ -230,6 +234,8 @@ class Fitter:
                 at, best, ended, damping = again, self.objective(found, again), False, 1e-3
             if ended:
                 converged = True
+                break
+            if count >= PATIENT and best - HOPE * fall > target:
                 break
             if count < 3 or fall > 1.0:
                 self._renew(J, found, at, hypothesis)

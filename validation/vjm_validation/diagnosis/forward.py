@@ -13,7 +13,7 @@ from vjm.effects.effect import Effect
 from vjm.effects.friction import friction_torques
 from vjm.effects.machine import Machine
 from vjm.effects.series import Element, balance
-from vjm.effects.tables import HalfRay, Table, tabulate
+from vjm.effects.tables import HalfRay, Sheaf, Table, tabulate
 from vjm.rotations import Array
 from vjm_validation.calibration.rays import Ray
 from vjm_validation.diagnosis.instrument import ThermalDrift
@@ -158,20 +158,13 @@ class Forward:
             )
             tables.append((index, measure, up, down, d))
 
-        def look(u: Array) -> tuple[Array, Array]:
-            wrench, stiffness = np.empty((len(u), 6)), np.empty((len(u), 6, 6))
-            for index, measure, up, down, d in tables:
-                s = u[index] @ measure
-                W, K = up.at(np.maximum(s, 0.0))
-                back = s < 0.0
-                if back.any():
-                    W[back], K[back] = down.at(-s[back])
-                off = u[index] - s[:, None] * d
-                wrench[index] = W + np.einsum("nij,nj->ni", K, off)
-                stiffness[index] = K
-            return wrench, stiffness
-
-        return look, [(index, measure, up, down) for index, measure, up, down, _ in tables]
+        n = len(place)
+        both, measures, along = np.zeros((n, 2), dtype=np.int64), np.empty((n, 6)), np.empty((n, 6))
+        for k, (index, measure, _, _, d) in enumerate(tables):
+            both[index] = 2 * k, 2 * k + 1
+            measures[index], along[index] = measure, d
+        sheaf = Sheaf([table for _, _, *two, _ in tables for table in two], both, measures, along)
+        return sheaf.at, [(index, measure, up, down) for index, measure, up, down, _ in tables]
 
     def _reach(self, ray: Ray, sign: int) -> float:
         """How far tables go: one length for all runs along one ray."""

@@ -1,4 +1,4 @@
-"""The readings of a test as a diagnosis takes them: arrays in the order of time, rays, noise, wild samples."""
+"""The readings of a test as a diagnosis takes them: arrays in the order of time, rays, noise."""
 
 from __future__ import annotations
 
@@ -13,9 +13,6 @@ from vjm_validation.calibration.noise import Memory, Noise, memory_of, noise_of
 from vjm_validation.calibration.rays import Ray, rays
 from vjm_validation.measurement import Measurement, Readings
 from vjm_validation.measurement.channels import POSE, TEMPERATURE, TIME, WRENCH
-
-SPIKE = 6.0
-"""Standard deviations by which a sample must stand out of its neighbours on both sides to count as wild."""
 
 
 @dataclass(frozen=True)
@@ -117,40 +114,3 @@ def observe(measurement: Measurement) -> Observed:
         measurement, readings, pose, wrench, noise, own,
         memory_of(readings.sequence, ~np.isnan(wrench)), history, clock, warmth,
     )  # fmt: skip
-
-
-def wild_samples(observed: Observed, residual: Array, factors: Array) -> np.ndarray:
-    """Single samples ``(n, 6)`` that stand out of their neighbours, whatever the model gets wrong.
-
-    Each channel is judged by what it is given the others of its reading: an error of the displacement shows in all.
-
-    Args:
-        observed: the readings.
-        residual: reading minus model ``(n, 6)``.
-        factors: inverse Cholesky factors ``(n, 6, 6)`` of the readings' covariances.
-    """
-    inverse = np.einsum("nki,nkj->nij", factors, factors)
-    given = np.einsum("nij,nj->ni", inverse, residual) / np.sqrt(np.einsum("nii->ni", inverse))
-    found = np.zeros_like(residual)
-    sequence = observed.readings.sequence
-    for c in range(6):
-        at = np.flatnonzero(observed.present[:, c])
-        for number in np.unique(sequence[at]):
-            own = at[sequence[at] == number]
-            if len(own) < 7:
-                continue
-            r = given[own, c]
-            padded = np.pad(r, 3, mode="reflect")
-            n = len(r)
-            near = np.stack([padded[k : k + n] for k in (0, 1, 2, 4, 5, 6)])
-            off = r - np.median(near, axis=0)
-            usual = 1.4826 * float(np.median(np.abs(off)))
-            level = SPIKE * max(usual, 1.0)
-            # one or two wild ones have better neighbours on both sides, a step has not
-            way = np.sign(off)
-            left, right = (way * (r - near[k : k + 2]) for k in (1, 3))
-            alone = (left.max(axis=0) > 0.7 * level) & (right.max(axis=0) > 0.7 * level)
-            found[own, c] = np.where((np.abs(off) > level) & alone, np.abs(off), 0.0)
-    # one wild channel spoils what the others are expected to be: of several the worst
-    result: np.ndarray = (found > 0.0) & (found == found.max(axis=1, keepdims=True))
-    return result

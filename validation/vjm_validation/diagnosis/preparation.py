@@ -12,14 +12,20 @@ from vjm.effects.effect import Effect, Scene
 from vjm.equilibrium import NoConvergenceError
 from vjm.io.errors import did_you_mean
 from vjm_validation.diagnosis.column import ColumnForward, column_effects, with_noise_found
-from vjm_validation.diagnosis.fitting import Fit, Fitter, Whitening
+from vjm_validation.diagnosis.fitting import Fit, Fitter, Whitening, prior
 from vjm_validation.diagnosis.forward import Evaluation, Forward, Predictor
 from vjm_validation.diagnosis.instrument import InstrumentScale, InstrumentZero, ThermalDrift
 from vjm_validation.diagnosis.noise_model import estimate_memory
-from vjm_validation.diagnosis.observed import Observed, wild_samples
-from vjm_validation.diagnosis.screening import signatures
+from vjm_validation.diagnosis.observed import Observed
+from vjm_validation.diagnosis.screening import STRONG, signatures
 from vjm_validation.diagnosis.shapes import smooth_shapes
 from vjm_validation.diagnosis.unknowns import coordinates, nuisance_coordinates
+from vjm_validation.diagnosis.wild import outlying, standing_out
+
+SAME_MEMORY = 0.05
+"""Change of the noise's autocorrelation that is none."""
+WORSE = 6
+"""Rounds in which wild samples are looked for, the worst first."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +67,7 @@ def prepare(
     at = forward.evaluate(found, zero, ())
     fitter = Fitter(forward, nuisances, Whitening(np.zeros(0), observed.memory, np.ones(6), observed.present))
     fitter.weigh(at)
-    _without_wild(fitter, observed, at)
+    _leave_out(fitter, observed, standing_out(observed, at.residual, fitter.whitening.factors), at)
     null = _fitted(fitter)
     null = choose_branches(fitter, null)
     effects = _thought_possible(effects_of(forward.observed, more), only, without)
@@ -79,30 +85,43 @@ def _thought_possible(effects: Sequence[Effect], only: Sequence[str], without: S
     return tuple(e for e in effects if e.cause not in without and (not only or e.cause in only))
 
 
-def _without_wild(fitter: Fitter, observed: Observed, at: Evaluation) -> None:
-    """Leave out wild samples as the residuals of an evaluation show them."""
-    kept = observed.without(wild_samples(observed, at.residual, fitter.whitening.factors))
+def _leave_out(fitter: Fitter, observed: Observed, wild: np.ndarray, at: Evaluation) -> None:
+    """Go on without wild samples ``(n, 6)``."""
+    kept = observed.without(wild)
+    memory = replace(kept.memory, rho=fitter.whitening.memory.rho)
     fitter.forward.observed = kept
-    fitter.whitening = replace(fitter.whitening, memory=kept.memory, present=kept.present)
+    fitter.whitening = replace(fitter.whitening, memory=memory, present=kept.present)
     fitter.weigh(at)
 
 
-def refresh(prepared: Prepared, best: Fit) -> Prepared:
-    """Find wild samples, the readings' covariances and the noise's memory again, about a better model."""
+def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
+    """Find wild samples, the readings' covariances and the noise's memory again, about a better model.
+
+    None where nothing changes by it.
+    """
     fitter, everything = prepared.fitter, prepared.all
+    before = fitter.forward.observed.present, fitter.whitening.memory.rho
     if everything.steered:
         everything = with_noise_found(everything, best)
-    fitter.forward.observed = everything
-    fitter.whitening = replace(fitter.whitening, memory=everything.memory, present=everything.present)
+    _leave_out(fitter, everything, np.zeros_like(everything.present), best.at)
     fitter.anchor = None
     at = fitter.evaluate(best.found, best.at.z, best.hypothesis)
     if at is None:
-        return prepared
-    fitter.weigh(at)
-    _without_wild(fitter, everything, at)
+        at = best.at
+    wild = np.zeros_like(everything.present)
+    for _ in range(WORSE):
+        _leave_out(fitter, everything, wild, at)
+        found = outlying(everything, fitter.whitening, at.residual)
+        if not found.any():
+            break
+        wild |= found
     m = len(fitter.nuisances)
     fit = choose_branches(fitter, fitter.fit(best.hypothesis, best.at.z[:m], best.values, fresh=True) or best)
     remember(fitter, fit, ())
+    same = np.array_equal(before[0], fitter.forward.observed.present)
+    close = float(np.abs(before[1] - fitter.whitening.memory.rho).max()) < SAME_MEMORY
+    if same and close and prepared.null.objective - best.objective < STRONG and not everything.steered:
+        return None
     return replace(prepared, null=_fitted(fitter), all=everything)
 
 
@@ -134,16 +153,19 @@ def _kinked(fitter: Fitter) -> bool:
 
 def remember(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> None:
     """Estimate the noise's memory; what effects or smooth shapes could explain does not count as noise."""
-    observed = fitter.forward.observed
-    shapes, _ = smooth_shapes(observed)
-    whitening = fitter.whitening
+    observed, whitening = fitter.forward.observed, fitter.whitening
+    smooth, _ = smooth_shapes(observed)
     own = [s.change for s in signatures(fitter, base, effects) if s.change is not None]
-    parts = [whitening.instant(base.jacobian)]
+    off, weight = prior(base.found, base.at.z)
+    known = weight > 0.0
+    J = whitening.instant(base.jacobian)
+    shapes = [J[:, :, ~known], np.repeat(smooth[:, None, :], 6, axis=1)]
     if own:
-        parts.append(whitening.instant(np.stack(own, axis=-1)))
-    parts.append(np.repeat(shapes[:, None, :], 6, axis=1))
-    instant = whitening.instant(base.at.residual)
-    memory = estimate_memory(observed.memory, instant, np.concatenate(parts, axis=2), observed.present)
+        shapes.append(whitening.instant(np.stack(own, axis=-1)))
+    sheet = J[:, :, known] / weight[known]
+    # as it were at the sheet's own values
+    instant = whitening.instant(base.at.residual) - sheet @ off[known]
+    memory = estimate_memory(observed.memory, instant, np.concatenate(shapes, axis=2), observed.present, sheet)
     fitter.whitening = replace(whitening, memory=memory)
 
 

@@ -27,6 +27,10 @@ DRAWS = 10000
 SAME = 0.08
 """Singular value of an effect's trials over the largest, below which they differ in nothing that shows."""
 SEED = 20240229
+STRONG = 4000.0
+"""Squares explained from which on what was found about the old fit is found anew about the new one."""
+ORDINARY = 3.0
+"""Sigmas of a machine's nuisance that change little of what effects do."""
 STARTS = 2
 """Trials from which an effect is fitted."""
 
@@ -72,6 +76,11 @@ class Score:
 def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Signature]:
     """The signatures of effects about a fit."""
     result = []
+    own = fitter.of_machine
+    if float(np.abs(base.at.z[own]).max(initial=0.0)) < ORDINARY:
+        # what the machine's own nuisances do beside the effect cancels: the nominal machine's tables serve all fits
+        fitter.anchor = np.zeros(len(own))
+    here = fitter.evaluate(base.found, base.at.z, base.hypothesis) or base.at
     for effect in effects:
         if release_key(effect) is not None:
             result.append(Signature(effect, (1.0,), None, one_sided=False))
@@ -85,7 +94,7 @@ def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Sig
             z = start(found, hypothesis, base.at.z[:m], [*base.values, trial])
             at = fitter.evaluate(found, z, hypothesis)
             if at is not None:
-                change = base.at.residual - at.residual
+                change = here.residual - at.residual
                 result.append(Signature(effect, tuple(trial), change, one_sided=sided))
     return result
 

@@ -6,7 +6,7 @@ wrong law of the causes before it leaves behind.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
@@ -18,6 +18,7 @@ from vjm.rotations import Array
 from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.misfit import misfit
 from vjm_validation.diagnosis.screening import (
+    STRONG,
     Score,
     Signature,
     best_pairs,
@@ -43,8 +44,6 @@ WORTH_A_LOOK = 60.0
 """Squares explained up to which a hypothesis may owe them to better nuisances alone."""
 CLOSE = 40.0
 """Criterion within which of the best a rough fit is made exact."""
-STRONG = 4000.0
-"""Squares explained from which on signatures are computed anew about the new fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +79,7 @@ class Search:
         effects: the catalogue.
         samples: effective number of readings.
         progress: told what is being tried.
+        hints: fits of an earlier search, by their effects, from which to begin.
     """
 
     fitter: Fitter
@@ -87,6 +87,7 @@ class Search:
     effects: Sequence[Effect]
     samples: float
     progress: Callable[[str], None] = lambda _: None
+    hints: Mapping[frozenset[str], Ranked] = field(default_factory=dict)
     tried: dict[frozenset[str], Ranked] = field(default_factory=dict)
     alarm: float = 0.0
     first: list[Score] = field(default_factory=list)
@@ -167,11 +168,16 @@ class Search:
         m = len(self.fitter.nuisances)
         best: Fit | None = None
         begins = [base.at.z[:m]]
-        if float(np.abs(begins[0]).max(initial=0.0)) > STRAINED:
+        hint = self.hints.get(key)
+        if hint is not None and hint.fit.hypothesis == hypothesis:
+            begins, starts = [hint.fit.at.z[:m]], [hint.fit.values]
+        elif float(np.abs(begins[0]).max(initial=0.0)) > STRAINED:
             # a wrong model has dragged the nuisances along
             begins.append(np.zeros(m))
+        rivals = [r.fit.objective for r in self.tried.values() if len(r.labels) == len(key)]
+        target = min(rivals, default=np.inf) + CLOSE
         for begin, values in product(begins, starts):
-            fit = self.fitter.fit(hypothesis, begin, values, rough=True)
+            fit = self.fitter.fit(hypothesis, begin, values, rough=True, target=target)
             if fit is not None and (best is None or fit.objective < best.objective):
                 best = fit
         if best is not None:

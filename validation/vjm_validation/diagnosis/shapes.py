@@ -13,6 +13,8 @@ from vjm_validation.measurement.readings import Branch
 
 ORDER = 4
 """Of the polynomials in the displacement."""
+CLEAR = 4.0
+"""Times by which a shape must exceed what the noise of the displacement makes of it."""
 
 
 def driven_place(observed: Observed) -> Array:
@@ -22,6 +24,16 @@ def driven_place(observed: Observed) -> Array:
         s = observed.pose[ray.index] @ ray.measure
         place[ray.index] = s / max(float(np.abs(s).max()), 1e-12)
     return place
+
+
+def place_noise(observed: Observed) -> Array:
+    """Standard deviation of each reading's place ``(n,)``."""
+    result = np.zeros(len(observed.pose))
+    for ray in observed.rays:
+        s = observed.pose[ray.index] @ ray.measure
+        spread = float(np.linalg.norm(ray.measure * observed.noise.pose))
+        result[ray.index] = spread / max(float(np.abs(s).max()), 1e-12)
+    return result
 
 
 def driven_channel(observed: Observed) -> str:
@@ -42,12 +54,16 @@ def loading(observed: Observed) -> Array:
 def smooth_shapes(observed: Observed) -> tuple[Array, list[str]]:
     """Shapes ``(n, k)`` of one channel, orthonormal within a posture, and what each is about."""
     place, way = driven_place(observed), loading(observed)
+    unsure = place_noise(observed)
     clock = np.arange(len(place), dtype=float) if observed.clock is None else observed.clock
     columns, names = [], []
     for label in dict.fromkeys(observed.readings.posture.tolist()):
         on = observed.readings.posture == label
         p, w = place[on], way[on]
         t = clock[on] - clock[on].mean()
+        t = t / max(float(np.abs(t).max()), 1e-12)
+        # a steady ramp tells the clock from the gauge by the gauge's noise alone, which is no shape
+        least = CLEAR * float(unsure[on].max()) * np.sqrt(len(p))
         parts = [p**k for k in range(ORDER + 1)]
         kinds = ["shape"] * len(parts)
         if (p > 0.2).any() and (p < -0.2).any():
@@ -64,7 +80,7 @@ def smooth_shapes(observed: Observed) -> tuple[Array, list[str]]:
             rest = part - Q @ (Q.T @ part)
             rest = rest - Q @ (Q.T @ rest)
             size = float(np.linalg.norm(rest))
-            if size < 1e-3 * float(np.linalg.norm(part)) or size == 0.0:
+            if size < max(1e-3 * float(np.linalg.norm(part)), least) or size == 0.0:
                 continue
             Q = np.column_stack([Q, rest / size])
             column = np.zeros(len(place))

@@ -1,0 +1,109 @@
+"""Single samples that are no readings of the machine: wild ones.
+
+There are two ways to see them. Far from a right model only neighbours can tell (`standing_out`). About a model
+that fits, each sample is compared with what all others let expect of it, in time and across channels (`deleted`);
+where too many differ it is the model that is wrong, and none of them is wild.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_validation.diagnosis.fitting import Whitening
+from vjm_validation.diagnosis.observed import Observed
+
+SPIKE = 6.0
+"""Standard deviations by which a sample must stand out of its neighbours on both sides."""
+OUTLYING = 5.0
+"""Standard deviations of a deleted residual beyond which a sample is wild."""
+FEW, SHARE = 4, 0.05
+"""Wild samples of a channel that may be, at most: their number, or their share where that is more."""
+
+
+def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndarray:
+    """Samples ``(n, 6)`` that stand out of their neighbours, whatever the model gets wrong.
+
+    Each channel is judged by what it is given the others of its reading: an error of the displacement shows in all.
+
+    Args:
+        observed: the readings.
+        residual: reading minus model ``(n, 6)``.
+        factors: inverse Cholesky factors ``(n, 6, 6)`` of the readings' covariances.
+    """
+    inverse = np.einsum("nki,nkj->nij", factors, factors)
+    given = np.einsum("nij,nj->ni", inverse, residual) / np.sqrt(np.einsum("nii->ni", inverse))
+    found = np.zeros_like(residual)
+    sequence = observed.readings.sequence
+    for c in range(6):
+        at = np.flatnonzero(observed.present[:, c])
+        for number in np.unique(sequence[at]):
+            own = at[sequence[at] == number]
+            if len(own) < 7:
+                continue
+            r = given[own, c]
+            padded = np.pad(r, 3, mode="reflect")
+            n = len(r)
+            near = np.stack([padded[k : k + n] for k in (0, 1, 2, 4, 5, 6)])
+            off = r - np.median(near, axis=0)
+            usual = 1.4826 * float(np.median(np.abs(off)))
+            level = SPIKE * max(usual, 1.0)
+            # one or two wild ones have better neighbours on both sides, a step has not
+            way = np.sign(off)
+            left, right = (way * (r - near[k : k + 2]) for k in (1, 3))
+            alone = (left.max(axis=0) > 0.7 * level) & (right.max(axis=0) > 0.7 * level)
+            found[own, c] = np.where((np.abs(off) > level) & alone, np.abs(off), 0.0)
+    # one wild channel spoils what the others are expected to be: of several the worst
+    result: np.ndarray = (found > 0.0) & (found == found.max(axis=1, keepdims=True))
+    return _few(result, observed.present)
+
+
+def deleted(whitening: Whitening, residual: Array) -> Array:
+    """Each sample's distance ``(n, 6)`` from what the others let expect of it, in standard deviations.
+
+    With P the inverse covariance of all residuals r it is ``(P r)_i / √P_ii``; P is factored into the readings'
+    own covariances and a memory of first order.
+
+    Args:
+        whitening: of the residuals.
+        residual: reading minus model ``(n, 6)``.
+    """
+    memory, F = whitening.memory, whitening.factors
+    power = np.where(memory.before >= 0, memory.rho ** np.maximum(memory.gap, 1), 0.0)
+    weight = 1.0 / (1.0 - power**2)
+    free = memory.remove(whitening.instant(residual)) * np.sqrt(weight)
+    back, diagonal = free.copy(), weight.copy()
+    for c in range(6):
+        later = np.flatnonzero(memory.before[:, c] >= 0)
+        earlier = memory.before[later, c]
+        back[earlier, c] -= power[later, c] * free[later, c]
+        diagonal[earlier, c] += power[later, c] ** 2 * weight[later, c]
+    pull = np.einsum("nki,nk->ni", F, back)
+    size = np.sqrt(np.einsum("nki,nk->ni", F**2, diagonal))
+    return np.where(whitening.present, pull / size, 0.0)
+
+
+def outlying(observed: Observed, whitening: Whitening, residual: Array) -> np.ndarray:
+    """Samples ``(n, 6)`` that are not what the others let expect, the worst among neighbours only.
+
+    Args:
+        observed: the readings.
+        whitening: of the residuals.
+        residual: reading minus model ``(n, 6)``.
+    """
+    size = np.abs(deleted(whitening, residual))
+    top = size == size.max(axis=1, keepdims=True)
+    for c in range(6):
+        # a wild sample makes its neighbours look wrong
+        later = np.flatnonzero(whitening.memory.before[:, c] >= 0)
+        earlier = whitening.memory.before[later, c]
+        top[later, c] &= size[later, c] >= size[earlier, c]
+        top[earlier, c] &= size[earlier, c] >= size[later, c]
+    return _few((size > OUTLYING) & top, observed.present)
+
+
+def _few(wild: np.ndarray, present: np.ndarray) -> np.ndarray:
+    """None in a channel that has too many: then they are no exceptions."""
+    most = np.maximum(FEW, SHARE * present.sum(axis=0))
+    result: np.ndarray = wild & (wild.sum(axis=0) <= most)
+    return result
