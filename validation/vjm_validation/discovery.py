@@ -42,7 +42,7 @@ ELEMENTS = 16
 def design() -> Design:
     """Pull and push in posture A, forces along and across read."""
     ux: Array = np.concatenate([np.linspace(0.0, PULL, 25), np.linspace(PULL - 0.05, -PUSH, 60)])
-    time: Array = 300.0 + 2.0 * np.arange(len(ux))
+    time = np.linspace(300.0, 298.0 + 2.0 * len(ux), len(ux))
     sequence = Sequence(POSTURE, ux, time, np.full(len(ux), 21.0))
     instruments = {"ux_mm": Known(0.0005, 0.002, 0.001)} | dict.fromkeys(("fx_N", "fz_N"), Known(2.0, 3.0, 0.003))
     return Design(3 * 10**6, "posture A", (sequence,), instruments, link_segments=1, foot_segments=8, memory=0.0)
