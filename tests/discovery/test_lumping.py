@@ -1,4 +1,4 @@
-"""The suite's own discovery: a bar's readings, and a sheet that says one spring per link."""
+"""The suite's own discovery: finite elements' readings, and a sheet that says one spring per link."""
 
 from __future__ import annotations
 
@@ -7,51 +7,84 @@ import json
 import numpy as np
 import pytest
 
-from vjm_validation.blind.designs import Design, Known, Sequence
-from vjm_validation.blind.drawing import by_finite_elements
+from vjm.io.model_file import load_chain
+from vjm_validation.acceptance import discovery_rows
 from vjm_validation.blind.finder import diagnosed
-from vjm_validation.blind.noise import read, with_nuisances
-from vjm_validation.blind.rig import drawn
-from vjm_validation.blind.sheets import data_text, sheet_text
-
-
-def posture_a(**changes: object) -> Design:
-    """Pull to 1.2 mm, past where the paper's model would buckle, and push to 2.4 mm; force and lateral force."""
-    ux = np.concatenate([np.linspace(0.0, 1.2, 25), np.linspace(1.15, -2.4, 60)])
-    sequence = Sequence("A", ux, 300.0 + 2.0 * np.arange(len(ux)), np.full(len(ux), 21.0))
-    instruments = {"ux_mm": Known(0.0005, 0.002, 0.001)} | dict.fromkeys(("fx_N", "fz_N"), Known(2.0, 3.0, 0.003))
-    kept = {"seed": 3 * 10**6, "kind": "posture A", "sequences": (sequence,), "instruments": instruments,
-            "link_segments": 1, "foot_segments": 8, "memory": 0.0}  # fmt: skip
-    return Design(**(kept | changes))  # type: ignore[arg-type]
+from vjm_validation.discovery import study, write_data
+from vjm_validation.report.discovery_chapter import discovery_tables
+from vjm_validation.report.findings import discovery
+from vjm_validation.run import Run
 
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("posture_a")
-    design = posture_a()
-    rng = np.random.default_rng(31)
-    rig, _ = with_nuisances(drawn(design), design, rng)
-    elements = by_finite_elements(rig)
-    assert elements is not None
-    seen, _ = read(design, elements.response(design), rng)
-    (folder / "sheet.toml").write_text(sheet_text(design, "finite elements"))
-    (folder / "data.csv").write_text(data_text(design, seen.ux, seen.forces))
-    result = diagnosed(folder / "data.csv", folder / "sheet.toml", folder / "found")
-    assert "error" not in result, result["error"]
-    pushed = seen.forces[seen.ux < 0.0, 0]
-    return json.loads((folder / "found" / "diagnosis.json").read_text()), float(np.sqrt(np.mean(pushed**2)))
+    out = tmp_path_factory.mktemp("run")
+    result = study(out)
+    written = json.loads((out / "discovery" / "diagnosis.json").read_text(encoding="utf-8"))
+    return out, result, written
 
 
 def test_finite_elements_against_one_spring_per_link_are_named_lumping(found):
-    diagnosis, _ = found
-    assert diagnosis["verdict"] == "named"
-    assert diagnosis["causes"] == ["link_lumping"]
+    _, result, written = found
+    assert (written["verdict"], written["causes"]) == ("named", ["link_lumping"])
+    assert (result.rows.verdict, result.rows.causes) == ("named", ["link_lumping"])
+    assert [row.passed for row in discovery_rows(result)] == [True] * 3
 
 
 def test_the_extension_predicts_what_was_held_out(found):
-    diagnosis, pushed = found
-    gain = diagnosis["gain"]
-    assert gain["split"] == "directions"
-    # push from pull and pull from push: within 1 % of the push's force, where the sheet's own model is far off
-    assert gain["rmse_after"] < 0.01 * pushed
-    assert gain["rmse_before"] > 0.03 * pushed
+    _, result, written = found
+    assert written["gain"]["split"] == "directions"
+    by_name = {fold["name"]: fold for fold in written["gain"]["folds"]}
+    pushed, pulled = by_name["compression"], by_name["tension"]
+    # compression from tension alone, and tension from compression alone; the mean force is some 3 kN
+    assert pushed["rmse_after"] < 0.01 * pushed["force"]
+    assert pulled["rmse_after"] < 0.01 * pulled["force"]
+    assert pulled["rmse_before"] > 0.1 * pulled["force"]
+    assert result.rows.error == pytest.approx(pushed["rmse_after"] / pushed["force"])
+
+
+def test_the_spurious_buckling_in_tension_is_shown(found):
+    _, result, _ = found
+    row = result.rows.tension
+    # posture A, the repaired data of the paper; the readings go on to 1.2 mm, half as far again
+    assert (row.nominal, row.nominal_N) == ("bifurcation", pytest.approx(2696.0, rel=2e-3))
+    assert row.measured_N is None
+    assert row.reached_N > 1.4 * row.nominal_N
+    assert row.extended_N is None
+    pulled, pushed = result.nominal
+    assert pulled.critical is not None
+    assert pushed.critical is None
+    u = result.displacement
+    far = u > 1.0
+    at = np.interp(u[far], result.extended[0].s, result.extended[0].force)
+    assert np.abs(result.force[far] / at - 1.0).max() < 0.03
+    at = np.interp(u[far], pulled.s, pulled.force)
+    assert np.abs(result.force[far] / at - 1.0).min() > 0.2
+
+
+def test_the_buckling_that_no_reading_reached_is_predicted(found):
+    out, result, _ = found
+    row = result.rows.compression
+    assert row.extended == "bifurcation"
+    assert row.reached_N < 0.9 * result.rows.truth_N
+    assert row.extended_N == pytest.approx(result.rows.truth_N, rel=0.01)
+    assert load_chain(out / "discovery" / "extended-model.toml").link_segments == 12
+
+
+def test_the_report_tells_it(found):
+    _, result, _ = found
+    finding = discovery(Run(load_chain("orthoglide-chain"), discovery=result))
+    text = " ".join(finding.sentences)
+    for part in ("named, link_lumping", "2696 N", "the readings go straight on", "predicts"):
+        assert part in text
+    critical, held = discovery_tables(result.rows)
+    assert {row[0] for row in critical.rows} == {"tension", "compression"}
+    assert {row[0] for row in held.rows} == {"tension", "compression"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_other_tolerances_and_noise_do_not_hide_it(tmp_path, seed):
+    write_data(tmp_path, seed)
+    diagnosis = diagnosed(tmp_path / "data.csv", tmp_path / "sheet.toml", tmp_path / "found")
+    assert (diagnosis["verdict"], diagnosis["causes"]) == ("named", ["link_lumping"])

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict
 
 from vjm.paths import EventKind, Path
 from vjm_validation.comparison import force_difference, shape_difference
+from vjm_validation.discovered import CAUSE, DiscoveryStudy
 from vjm_validation.ladder.invariance import GROUP
 from vjm_validation.metrics import PathMetrics, path_metrics
 from vjm_validation.robots import COMPARED, ROBOT, SPRINGS, CriticalRow, RobotStudy
@@ -31,6 +32,8 @@ CURVE_AGREEMENT = 5e-3
 
 ROBOT_AGREEMENT = 5e-3
 """Of the Orthoglide's stiffness and critical forces; with the foot as one spring its law takes nearly all of it."""
+HELD_OUT = 1e-2
+"""Of what the discovery's extended model predicts without having seen it, over its size."""
 OTHERS_AGREEMENT = 1e-2
 """Of the other robots' stiffness, and of what errors of assembly do."""
 
@@ -123,6 +126,24 @@ def end_rows(study: EndConditionStudy | None) -> list[AcceptanceRow]:
         _empty("end conditions: kinds", "the engines find the same kind of critical point", kinds),
         _at_most("end conditions: critical forces", max(apart, default=0.0), LOAD_AGREEMENT),
     ]
+
+
+def discovery_rows(study: DiscoveryStudy | None) -> list[AcceptanceRow]:
+    """The diagnosis names the cause that its data hold, predicts what it had not read, and the beams' buckling."""
+    if study is None:
+        return []
+    rows = study.rows
+    said = " + ".join([rows.verdict, *rows.causes])
+    force, truth = rows.compression.extended_N, rows.truth_N
+    apart = abs(force / truth - 1.0) if force and truth else float("inf")
+    return [
+        AcceptanceRow(
+            name="discovery: verdict", requirement=f"named, {CAUSE}", value=said,
+            passed=rows.verdict == "named" and rows.causes == [CAUSE],
+        ),
+        _at_most("discovery: error of compression held out, over its force", rows.error, HELD_OUT),
+        _at_most("discovery: critical force in compression, against the beams that made the data", apart, HELD_OUT),
+    ]  # fmt: skip
 
 
 def robot_rows(study: RobotStudy | None) -> list[AcceptanceRow]:

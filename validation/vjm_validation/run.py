@@ -10,6 +10,7 @@ from typing import Any
 from vjm.chain import Chain
 from vjm.imperfections import ImperfectionCurve
 from vjm.paths import Path
+from vjm_validation.discovered import DiscoveryStudy
 from vjm_validation.parallelogram import Study as ParallelogramStudy
 from vjm_validation.printed_matrices import PrintedMatrices
 from vjm_validation.robots import RobotStudy
@@ -134,6 +135,7 @@ class Run:
         matrices: what the printed matrices are as beams, and what Table II implies; None without the study.
         parallelogram: the real one beside one bar of double stiffness; None without the study.
         robots: whole robots beside Exudyn's; None without the study.
+        discovery: a diagnosis of finite elements' data under the paper's model; None without the study.
         iterations: what the paper's iteration and Newton-Raphson take, one study per posture.
         summary: the content of ``summary.json``.
     """
@@ -145,5 +147,6 @@ class Run:
     matrices: PrintedMatrices | None = None
     parallelogram: ParallelogramStudy | None = None
     robots: RobotStudy | None = None
+    discovery: DiscoveryStudy | None = None
     iterations: tuple[IterationStudy, ...] = ()
     summary: Mapping[str, Any] = field(default_factory=dict)

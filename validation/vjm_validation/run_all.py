@@ -15,7 +15,7 @@ from vjm.io.model_file import load_chain
 from vjm.parts import Placement
 from vjm.paths import Path
 from vjm_validation import parallelogram, robots
-from vjm_validation.acceptance import agreement_rows, end_rows, ladder_rows, robot_rows, solver_rows
+from vjm_validation.acceptance import agreement_rows, discovery_rows, end_rows, ladder_rows, robot_rows, solver_rows
 from vjm_validation.end_conditions import end_condition_study
 from vjm_validation.engines import engine_by_name
 from vjm_validation.iterations import iteration_study
@@ -37,6 +37,7 @@ COMPARISONS = {
     "matrices": "the beams behind the printed matrices (19), (20), and what Table II implies for them",
     "parallelogram": "two bars at their distance against the paper's one of double stiffness",
     "robots": "whole robots against finite elements: stiffness, critical forces, errors of assembly, mobility",
+    "discovery": "finite elements' readings under the paper's model, diagnosed: what is wrong, and the gain",
     "iterations": "iterations of the paper's (13) and of Newton-Raphson along the paper's paths",
     "verification": "cases with a known answer on every engine, and three engines on the paper's chain",
 }
@@ -114,13 +115,21 @@ def run_all(options: Options, progress: Progress) -> Summary:
         progress("parallelogram", 1, 1)
     if options.wants("robots") and not options.quick:
         run.robots = robots.study(options.jobs, partial(progress, "robots"))
+    if options.wants("discovery") and not options.quick:
+        progress("discovery", 0, 1)
+        from vjm_validation import discovery  # reads the whole diagnosis, which no other comparison needs
+
+        run.discovery = discovery.study(options.out)
+        progress("discovery", 1, 1)
     if options.wants("iterations"):
         run.iterations = _iterations(chain, postures, options, progress)
     published: list[PublishedFigure] = []
     if options.wants("table2"):
         published = _table2(chain, options, progress)
         if options.quick:
-            notes.append("--quick: without the rounding's reach, the matrices, whole robots, postures C and D")
+            notes.append(
+                "--quick: without the rounding's reach, the matrices, whole robots, the discovery, postures C and D"
+            )
     verification = Verification()
     if options.wants("verification") or options.cases:
         verification = verify(
@@ -139,6 +148,7 @@ def run_all(options: Options, progress: Progress) -> Summary:
         *agreement_rows(run.paths),
         *end_rows(run.end_conditions),
         *robot_rows(run.robots),
+        *discovery_rows(run.discovery),
         *ladder_rows(verification),
     ]
     run.summary = summarise(

@@ -16,6 +16,7 @@ from vjm import __version__
 from vjm.equilibrium import TOLERANCE
 from vjm.paths import EventKind
 from vjm_validation.acceptance import AcceptanceRow
+from vjm_validation.discovered import Discovery
 from vjm_validation.iterations import LIMIT, LOOSE, NOISE, STEP_MM
 from vjm_validation.ladder.rows import TriangulationRow, VerificationRow
 from vjm_validation.metrics import PathMetrics, path_metrics
@@ -142,6 +143,8 @@ class Summary(BaseModel):
     """The printed matrices as beams and Table II; null where they were left out."""
     robots: Robots | None = None
     """Whole robots beside Exudyn's; null where they were left out."""
+    discovery: Discovery | None = None
+    """A diagnosis of finite elements' data under the paper's model; null where it was left out."""
     iterations: Iterations | None
     """Null where they were left out."""
     verification: list[VerificationRow]
@@ -207,6 +210,7 @@ def summarise(
         imperfections=_imperfections(run),
         matrices=run.matrices,
         robots=run.robots.rows if run.robots is not None else None,
+        discovery=run.discovery.rows if run.discovery is not None else None,
         iterations=_iterations(run),
         verification=verification.rows,
         triangulation=verification.triangulation,

@@ -21,6 +21,7 @@ from vjm_validation.diagnosis.document import (
     CriticalRow,
     Diagnosis,
     ExperimentRow,
+    FoldRow,
     GainRow,
     NoiseRow,
     ValueRow,
@@ -29,6 +30,7 @@ from vjm_validation.diagnosis.document import (
 from vjm_validation.diagnosis.experiment import propose
 from vjm_validation.diagnosis.extended import extended_text
 from vjm_validation.diagnosis.fitting import Fit
+from vjm_validation.diagnosis.folds import folds
 from vjm_validation.diagnosis.holdout import gain
 from vjm_validation.diagnosis.observed import observe
 from vjm_validation.diagnosis.page import write_page
@@ -216,6 +218,10 @@ def _gain(prepared: Prepared, fit: Fit, points: Sequence[Critical]) -> GainRow:
         after_in_sigma=found.after_in_sigma,
         split=found.split,
         critical=CriticalRow(measured_N=measured, before_N=before, after_N=after),
+        folds=[
+            FoldRow(name=f.name, readings=f.readings, force=f.force, rmse_before=f.before, rmse_after=f.after)
+            for f in folds(prepared.fitter, prepared.null, fit)
+        ],
     )
 
 

@@ -134,10 +134,11 @@ def _half_ray(fitter: Fitter, null: Fit, fit: Fit, ray: Ray, sign: float) -> Cri
     if not len(on) or WRENCH[c] not in observed.wrench_channels:
         return None
     u = sign * (observed.pose[on] @ ray.measure)
-    read = sign * observed.wrench[on, c]
+    way = sign * float(np.sign(ray.direction[c]))
+    read = way * observed.wrench[on, c]
     measured = knee(u, read)
     before, after = (
-        (knee(u, read - sign * one.at.residual[on, c]) for one in (null, fit)) if measured else (None, None)
+        (knee(u, read - way * one.at.residual[on, c]) for one in (null, fit)) if measured else (None, None)
     )
     programme = Programme(ray.posture, max(DEFAULT_REACH_MM, FURTHER * float(u.max())), tuple(sign * ray.direction))
     return Critical(

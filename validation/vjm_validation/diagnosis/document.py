@@ -29,6 +29,16 @@ class CriticalRow(Row):
     after_N: float | None = None  # noqa: N815
 
 
+class FoldRow(Row):
+    """Errors of readings that were held out together."""
+
+    name: str
+    readings: int
+    force: float = Field(description="root mean square of what was read, N")
+    rmse_before: float
+    rmse_after: float
+
+
 class GainRow(Row):
     """Error of readings held out."""
 
@@ -40,6 +50,7 @@ class GainRow(Row):
     after_in_sigma: float
     split: str
     critical: CriticalRow = CriticalRow()
+    folds: list[FoldRow] = Field([], description="each part on its own")
 
 
 class CriticalPointRow(Row):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from vjm_validation.report.discovery_chapter import discovery
 from vjm_validation.report.end_condition_figures import end_conditions
 from vjm_validation.report.figures import worst_difference
 from vjm_validation.report.iteration_words import iterations
@@ -42,8 +43,8 @@ def findings(run: Run, no_renders: str = "") -> list[Finding]:
     """
     parts: Sequence[Callable[[Run], Finding | None]] = (
         failed_acceptance, no_finite_elements, paper_model, link_lumping, refined_agreement, foot, end_conditions,
-        published, matrices_as_beams, table_fit, parallelogram, robots, conventional, iterations, verified,
-        stopped_paths, left_out,
+        published, matrices_as_beams, table_fit, parallelogram, robots, discovery, conventional, iterations,
+        verified, stopped_paths, left_out,
     )  # fmt: skip
     found = [finding for part in parts if (finding := part(run)) is not None]
     if no_renders:
@@ -66,7 +67,8 @@ def failed_acceptance(run: Run) -> Finding | None:
 def no_finite_elements(run: Run) -> Finding | None:
     """Said where the comparison's other side is missing."""
     studied = run.end_conditions.paths if run.end_conditions is not None else ()
-    if any(key.engine == FE for key in run.paths) or any(engine == FE for _, _, engine in studied):
+    compared = run.discovery is not None or any(key.engine == FE for key in run.paths)
+    if compared or any(engine == FE for _, _, engine in studied):
         return None
     text = f"This run has no path of {FE}. What follows compares lumped models and the paper only."
     return Finding(Tone.NOTE, "Nothing here is compared with finite elements", (text,))

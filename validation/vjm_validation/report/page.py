@@ -12,6 +12,7 @@ import numpy as np
 
 from vjm.io.files import write_whole
 from vjm_validation.ladder.families import TITLES
+from vjm_validation.report.discovery_chapter import discovery_picture, discovery_tables
 from vjm_validation.report.end_condition_figures import end_condition_picture
 from vjm_validation.report.figures import posture_pictures, postures
 from vjm_validation.report.findings import findings
@@ -66,10 +67,11 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     hands = end_condition_picture(run)
     bars = distance_picture(run.parallelogram) if run.parallelogram is not None else None
     machines = robot_pictures(run.robots) if run.robots is not None else []
+    own = discovery_picture(run.discovery) if run.discovery is not None else None
     ladder = ladder_picture(run)
     curves = {posture: posture_pictures(run, posture) for posture in postures(run)}
     renders, no_renders = _renders(run)
-    proof = [picture for picture in (*proofs, foot, hands, table2, bars, *machines, counts, ladder) if picture]
+    proof = [picture for picture in (*proofs, foot, hands, table2, bars, *machines, own, counts, ladder) if picture]
     figures = [*proof, *chain.from_iterable(curves.values())]
     for folder, pictures in (("figures", figures), ("renders", renders)):
         for picture in pictures:
@@ -107,6 +109,9 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         bar_tables=parallelogram_tables(run.parallelogram) if run.parallelogram is not None else (),
         machines=machines,
         machine_tables=robot_tables(run.robots.rows) if run.robots is not None else (),
+        own=own,
+        own_tables=discovery_tables(run.discovery.rows) if run.discovery is not None else (),
+        own_page=run.discovery.page if run.discovery is not None else "",
         table2=table2,
         counts=counts,
         sections=sections,

@@ -1,0 +1,64 @@
+"""Errors of readings held out, part by part: each posture, direction, cycle or set of marks on its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm_validation.diagnosis.fitting import Fit, Fitter
+from vjm_validation.diagnosis.holdout import Split, held_out_residual, split_of
+from vjm_validation.diagnosis.observed import Observed
+
+
+@dataclass(frozen=True)
+class Fold:
+    """What was held out together.
+
+    Attributes:
+        name: posture, direction, cycle, or the first of the marks.
+        readings: how many.
+        force: root mean square of the forces that were read, N.
+        before: of the nominal model's errors.
+        after: of the extended model's, which had not seen them.
+    """
+
+    name: str
+    readings: int
+    force: float
+    before: float
+    after: float
+
+
+def folds(fitter: Fitter, null: Fit, fit: Fit) -> list[Fold]:
+    """Every part of the split of `vjm_validation.diagnosis.holdout.gain`."""
+    observed = fitter.forward.observed
+    split = split_of(observed)
+    before, after = (held_out_residual(fitter, one, split)[:, :3] for one in (null, fit))
+    on = fitter.whitening.present[:, :3]
+    force = np.where(on, np.nan_to_num(observed.wrench[:, :3]), 0.0)
+    found = []
+    for number in np.unique(split.fold):
+        own = split.fold == number
+        count = int(on[own].sum())
+        if count:
+            size = [float(np.sqrt((np.where(on, e, 0.0)[own] ** 2).sum() / count)) for e in (force, before, after)]
+            found.append(Fold(_name(observed, split, int(number)), count, *size))
+    return found
+
+
+def _name(observed: Observed, split: Split, number: int) -> str:
+    own = np.flatnonzero(split.fold == number)
+    first = int(own[0])
+    if split.name == "postures":
+        return f"posture {observed.readings.posture[first]}"
+    if split.name == "directions":
+        return "compression" if observed.pose[first, 0] < 0.0 else "tension"
+    if split.name == "cycles":
+        return f"cycle {observed.readings.run[first]}"
+    return "marks " + _some([int(k) + 1 for k in own])
+
+
+def _some(numbers: Sequence[int]) -> str:
+    return ", ".join(str(n) for n in numbers[:3]) + (", …" if len(numbers) > 3 else "")
