@@ -16,6 +16,7 @@ from vjm.equilibrium import NoConvergenceError
 from vjm.rotations import Array
 from vjm_validation.calibration.noise import Memory, whiten
 from vjm_validation.diagnosis.forward import Evaluation, Predictor, values_of
+from vjm_validation.diagnosis.observed import Observed
 from vjm_validation.diagnosis.unknowns import Coordinate, Hypothesis, coordinates, start
 from vjm_validation.measurement.channels import WRENCH
 
@@ -123,8 +124,7 @@ class Fitter:
     def weigh(self, at: Evaluation) -> None:
         """Renew the covariances of the readings."""
         observed = self.forward.observed
-        factors = whiten(observed.noise, at.stiffness, at.gain, observed.present)
-        self.whitening = replace(self.whitening, factors=factors, present=observed.present)
+        self.whitening = replace(self.whitening, factors=_factors(observed, at), present=observed.present)
 
     def evaluate(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> Evaluation | None:
         """The readings, or None where the machine does not stand."""
@@ -239,7 +239,17 @@ class Fitter:
                 break
             if count < 3 or fall > 1.0:
                 self._renew(J, found, at, hypothesis)
-        return Fit(hypothesis, tuple(found), at, J, best, converged)
+        return Fit(hypothesis, tuple(found), at, J, self._own_objective(found, at), converged)
+
+    def _own_objective(self, found: Sequence[Coordinate], at: Evaluation) -> float:
+        """The objective with the readings' covariances as the hypothesis' own stiffness makes them.
+
+        With another's, one that needs little of the displacement (a steady ramp, and a drift with the clock) would
+        gain by the gauge's noise that it leaves out.
+        """
+        r = replace(self.whitening, factors=_factors(self.forward.observed, at)).flat(at.residual)
+        p, _ = prior(found, at.z)
+        return float(r @ r + p @ p)
 
     def _step(
         self,
@@ -285,6 +295,11 @@ class Fitter:
     def normal(self, fit: Fit) -> Array:
         """Inverse covariance ``(n_z, n_z)`` of a fit's coordinates, priors included."""
         return self._system(fit.found, fit.at, fit.jacobian)[0]
+
+
+def _factors(observed: Observed, at: Evaluation) -> Array:
+    """Inverse Cholesky factors ``(n, 6, 6)`` of the readings' covariances under a hypothesis."""
+    return whiten(observed.noise, at.stiffness / at.gain_u, at.gain, observed.present)
 
 
 def prior(found: Sequence[Coordinate], z: Array) -> tuple[Array, Array]:

@@ -37,7 +37,7 @@ class Evaluation:
         z: coordinates ``(n_z,)``.
         residual: reading minus prediction ``(n, 6)``; zero where there is no reading.
         wrench: of the machine ``(n, 6)``.
-        stiffness: of machine and elements ``(n, 6, 6)``.
+        stiffness: of machine and elements ``(n, 6, 6)``, by the displacement that was meant.
         place: true displacements ``(n, 6)``.
         gain: one plus the scale errors of the wrench channels ``(6,)``.
         gain_u: and of the displacement's.
@@ -121,6 +121,10 @@ class Forward:
         else:
             found_ = balance(look, place, elements, observed.history)
             wrench, stiffness = found_.wrench, found_.stiffness
+        turned = np.eye(6)
+        for effect, v in own:
+            turned = effect.imposed(turned, v)
+        stiffness = stiffness @ turned.T
         residual = np.where(observed.present, observed.wrench - gain_f * wrench - zero_f - drift[:, 6:], 0.0)
         return Evaluation(z, residual, wrench, stiffness, place, gain_f, gain_u)
 

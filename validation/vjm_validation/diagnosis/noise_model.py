@@ -27,8 +27,8 @@ USUAL, WIDE = 0.4, 0.3
 """The common one, where nothing is known."""
 FEWEST = 12
 """Samples of a channel below which it takes the others' memory."""
-RANK = 1e-6
-"""Of singular values over the largest, below which shapes are one."""
+RANK = 0.02
+"""Of singular values over the largest, below which shapes are one: what sets them apart is the gauge's noise."""
 
 
 def estimate_memory(

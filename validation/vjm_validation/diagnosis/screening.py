@@ -31,6 +31,8 @@ STRONG = 4000.0
 """Squares explained from which on what was found about the old fit is found anew about the new one."""
 ORDINARY = 3.0
 """Sigmas of a machine's nuisance that change little of what effects do."""
+OWN = 0.01
+"""Share of a signature that the fit cannot absorb, below which it is the gauge's noise that sets it apart."""
 STARTS = 2
 """Trials from which an effect is fitted."""
 
@@ -137,8 +139,13 @@ def projection(fitter: Fitter, base: Fit) -> Projection:
     return Projection(basis, rest, rows, released)
 
 
-def column(fitter: Fitter, space: Projection, signature: Signature) -> Array:
-    """A signature, whitened and projected ``(N,)``."""
+def _norms(columns: Array) -> Array:
+    result: Array = np.linalg.norm(columns, axis=0)
+    return result
+
+
+def whitened(fitter: Fitter, space: Projection, signature: Signature) -> Array:
+    """A signature, whitened, priors below ``(N,)``."""
     raw = np.zeros(len(space.residual))
     key = release_key(signature.effect)
     if key is not None:
@@ -148,7 +155,7 @@ def column(fitter: Fitter, space: Projection, signature: Signature) -> Array:
     else:
         assert signature.change is not None
         raw[: space.rows] = fitter.whitening.flat(signature.change)
-    return space.rest(raw[:, None])[:, 0]
+    return raw
 
 
 def scores(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> list[Score]:
@@ -158,10 +165,12 @@ def scores(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> lis
         groups.setdefault(signature.effect.label, []).append(signature)
     result = []
     for own in groups.values():
-        columns = np.column_stack([column(fitter, space, s) for s in own])
+        raw = np.column_stack([whitened(fitter, space, s) for s in own])
+        columns = space.rest(raw)
         size = np.linalg.norm(columns, axis=0)
         # a release's row has length one before it is projected
-        visible = size > (1e-6 if release_key(own[0].effect) else 1e-3)
+        least = np.full(len(own), 1e-6) if release_key(own[0].effect) else np.maximum(1e-3, OWN * _norms(raw))
+        visible = size > least
         if not visible.any():
             continue
         size = size[visible]

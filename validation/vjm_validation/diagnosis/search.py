@@ -42,6 +42,8 @@ STRAINED = 4.0
 """Sigmas of a nuisance from which on fits begin at zero, too."""
 WORTH_A_LOOK = 60.0
 """Squares explained up to which a hypothesis may owe them to better nuisances alone."""
+NEARLY, MOST_ALIKE = 4.0, 12
+"""Strength by which, to first order, effects that may be one class differ, and how many causes are fitted."""
 CLOSE = 40.0
 """Criterion within which of the best a rough fit is made exact."""
 
@@ -151,6 +153,24 @@ class Search:
             return False
         rest = misfit(self.fitter, base)
         return (rest.p > self.alarm or rest.left < WRONG_LAW * gained) and rest.strained > self.alarm
+
+    def alike(self, best: Ranked) -> None:
+        """Fit the effects that, in the place of one of the best hypothesis', would show nearly the same."""
+        for i in range(len(best.fit.hypothesis)):
+            rest = tuple(e for k, e in enumerate(best.fit.hypothesis) if k != i)
+            base = self.tried.get(frozenset(e.label for e in rest))
+            if base is None:
+                continue
+            found = self.first if not rest else self._scores(base, self._signatures(base))
+            own = best.fit.hypothesis[i]
+            level = max((s.explained for s in found if s.effect.label == own.label), default=np.inf)
+            seen = {own.cause}
+            for score in found:
+                if score.explained < level - NEARLY**2 or score.effect.cause in seen or len(seen) > MOST_ALIKE:
+                    continue
+                # of each cause the label that explains most
+                seen.add(score.effect.cause)
+                self._try((*rest, score.effect), base.fit, [[*base.fit.values, v] for v in score.starts[:1]])
 
     def _pairs(self) -> None:
         """Pairs that together explain what neither shows alone."""

@@ -14,12 +14,16 @@ from vjm_validation.diagnosis.misfit import Misfit, misfit
 from vjm_validation.diagnosis.search import WRONG_LAW, Ranked, Search
 from vjm_validation.diagnosis.unknowns import release_key
 
-MISFIT = 0.002
+MISFIT = 0.0002
 """Chance of calling a right model wrong."""
 STRAINED = 1e-6
 """Chance of nuisances so far from the sheet's below which the model is wrong, however well it then fits."""
 RIVAL = 16.0
 """Criterion within which of the best a hypothesis may belong to its class."""
+PAYS = 6.6
+"""Fall of the objective for which a law with a parameter more is preferred: one in a hundred does so by chance."""
+RIVALS = 9
+"""Hypotheses that are compared with the best at most."""
 SUREST = 0.99
 """No verdict is surer: laws are never quite right."""
 NORMAL_95 = 1.959963984540054
@@ -52,6 +56,8 @@ def judge(search: Search, best: Ranked) -> Verdict:
     rest = misfit(fitter, best.fit)
     explained = search.null.objective - best.fit.objective
     wrong = (rest.p < MISFIT and rest.left > WRONG_LAW * explained) or rest.strained < STRAINED
+    if best.labels and not wrong:
+        search.alike(best)
     weights = _weights(search, best)
     if not best.labels:
         if rest.p < MISFIT:
@@ -60,12 +66,14 @@ def judge(search: Search, best: Ranked) -> Verdict:
     if wrong:
         return Verdict("unknown", (), (), min(SUREST, 1.0 - min(rest.p, rest.strained)), _others(weights, []), rest)
     members = [best]
-    rivals = [r for r in weights if r.labels != best.labels and r.criterion < best.criterion + RIVAL]
-    for rival in sorted(rivals, key=lambda r: r.criterion)[:6]:
-        # what says the same with a parameter more is not a rival
-        wider = any(cause in best.causes for effect in rival.fit.hypothesis for cause in effect.contains)
-        small = len(rival.labels) <= len(best.labels) and not (wider and rival.criterion > best.criterion)
-        if small and rival.labels and not rival.labels > best.labels and together(fitter, best.fit, rival.fit):
+    rivals = [r for r in weights if r.labels and r.labels != best.labels and r.criterion < best.criterion + RIVAL]
+    compared = 0
+    for rival in sorted(rivals, key=lambda r: r.criterion):
+        known = any(rival.causes == m.causes for m in members)
+        if known or _needless(search, best, rival) or compared == RIVALS:
+            continue
+        compared += 1
+        if together(fitter, best.fit, rival.fit):
             members.append(rival)
     causes = {m.causes for m in members}
     own = np.array([weights[m] for m in members])
@@ -81,6 +89,14 @@ def judge(search: Search, best: Ranked) -> Verdict:
         _others(weights, members),
         rest,
     )
+
+
+def _needless(search: Search, best: Ranked, rival: Ranked) -> bool:
+    """Whether a rival says the same with more causes, or with a parameter more that does not pay."""
+    if len(rival.labels) > len(best.labels) or rival.labels > best.labels:
+        return True
+    wider = any(cause in best.causes for effect in rival.fit.hypothesis for cause in effect.contains)
+    return wider and rival.fit.objective > best.fit.objective - PAYS
 
 
 def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:

@@ -12,6 +12,7 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_validation.diagnosis.fitting import Whitening
 from vjm_validation.diagnosis.observed import Observed
+from vjm_validation.diagnosis.shapes import driven_place
 
 SPIKE = 6.0
 """Standard deviations by which a sample must stand out of its neighbours on both sides."""
@@ -19,6 +20,9 @@ OUTLYING = 5.0
 """Standard deviations of a deleted residual beyond which a sample is wild."""
 FEW, SHARE = 4, 0.05
 """Wild samples of a channel that may be, at most: their number, or their share where that is more."""
+
+GATHERED = 1e-3
+"""Chance below which wild samples lie together by no accident."""
 
 
 def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndarray:
@@ -55,7 +59,7 @@ def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndar
             found[own, c] = np.where((np.abs(off) > level) & alone, np.abs(off), 0.0)
     # one wild channel spoils what the others are expected to be: of several the worst
     result: np.ndarray = (found > 0.0) & (found == found.max(axis=1, keepdims=True))
-    return _few(result, observed.present)
+    return _few(observed, result)
 
 
 def deleted(whitening: Whitening, residual: Array) -> Array:
@@ -99,11 +103,26 @@ def outlying(observed: Observed, whitening: Whitening, residual: Array) -> np.nd
         earlier = whitening.memory.before[later, c]
         top[later, c] &= size[later, c] >= size[earlier, c]
         top[earlier, c] &= size[earlier, c] >= size[later, c]
-    return _few((size > OUTLYING) & top, observed.present)
+    return _few(observed, (size > OUTLYING) & top)
 
 
-def _few(wild: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """None in a channel that has too many: then they are no exceptions."""
-    most = np.maximum(FEW, SHARE * present.sum(axis=0))
-    result: np.ndarray = wild & (wild.sum(axis=0) <= most)
-    return result
+def _few(observed: Observed, wild: np.ndarray) -> np.ndarray:
+    """None in a channel that has too many, or whose all lie together: then they are no accidents."""
+    place = driven_place(observed)
+    kept = wild.copy()
+    for c in range(6):
+        own, count = observed.present[:, c], int(wild[:, c].sum())
+        together = any(_gathered(way[own], wild[own, c]) < GATHERED for way in (place, np.abs(place)))
+        if count > max(FEW, SHARE * own.sum()) or together:
+            kept[:, c] = False
+    return kept
+
+
+def _gathered(place: Array, wild: np.ndarray) -> float:
+    """Chance that so many samples, drawn at random, lie within so narrow a range of places."""
+    k = int(wild.sum())
+    if k < 3:
+        return 1.0
+    inside = (place >= place[wild].min()) & (place <= place[wild].max())
+    share = float(inside.mean())
+    return k * share ** (k - 1) - (k - 1) * share**k
