@@ -190,12 +190,10 @@ def bowed(model: LumpedModel, posture: str, bow: tuple[float, float]) -> Array:
         x[where][4] += bow[1] * bend
     start = model.configuration(model.chain.posture(posture))
     aim = model.kinematics(start).end
-    for _ in range(6):
+    for _ in range(2):
         k = model.kinematics(start + x)
         gap = np.concatenate([aim[:3, 3] - k.end[:3, 3], 0.5 * _turn(aim[:3, :3], k.end[:3, :3])])
         scale = np.repeat([1.0, 0.01 * length], 3)
-        if np.abs(gap * scale).max() < 1e-10 * length:
-            break
         J = k.jacobian[:, model.passive] * scale[:, None]
         x[model.passive] += np.linalg.lstsq(J, gap * scale, rcond=1e-9)[0]
     return x

@@ -24,6 +24,8 @@ STEPS = 20
 """Of Gauss-Newton at most."""
 ENOUGH = 0.03
 """Expected fall of the objective at which it ends."""
+RENEWED = 3
+"""Steps from one differentiation to the next; Broyden's updates do in between."""
 PATIENT, HOPE = 2, 5.0
 """A fit is given up after so many steps where so many like the last would not reach its target."""
 FAR = 1.0
@@ -223,7 +225,8 @@ class Fitter:
             value = best if there is None else self.objective(found, there)
             fall = best - value
             if there is not None:
-                at, best = there, value
+                before, at, best = at, there, value
+                self._learn(J, found, before, at)
             off = float(np.abs(at.z[own] - self.anchor).max(initial=0.0))
             ended = there is None or fall < ENOUGH
             if off > FAR or (ended and not rough and off > NEAR):
@@ -237,8 +240,10 @@ class Fitter:
                 break
             if count >= PATIENT and best - HOPE * fall > target:
                 break
-            if count < 3 or fall > 1.0:
+            if count % RENEWED == 0:
                 self._renew(J, found, at, hypothesis)
+        if not rough and not fresh:
+            self._renew(J, found, at, hypothesis)
         return Fit(hypothesis, tuple(found), at, J, self._own_objective(found, at), converged)
 
     def _own_objective(self, found: Sequence[Coordinate], at: Evaluation) -> float:
@@ -273,6 +278,15 @@ class Fitter:
                 return there, max(damping * 0.1, 1e-9)
             damping = max(damping * 10.0, 1e-3)
         return None, damping
+
+    def _learn(self, J: Array, found: Sequence[Coordinate], before: Evaluation, at: Evaluation) -> None:
+        """What a step tells of the effects' slopes: Broyden's update."""
+        own = np.array([c.kind == "effect" for c in found])
+        move = np.where(own, at.z - before.z, 0.0)
+        size = float(move @ move)
+        if size > 0.0:
+            missed = at.residual - before.residual - J @ (at.z - before.z)
+            J += np.where(self.whitening.present, missed, 0.0)[:, :, None] * (move / size)
 
     def _renew(self, J: Array, found: Sequence[Coordinate], at: Evaluation, hypothesis: Hypothesis) -> None:
         """The slopes that change on the way."""

@@ -83,10 +83,11 @@ class Forward:
     observed: Observed
     branches: dict[tuple[int, int], int] = field(default_factory=dict)
     _tables: OrderedDict[tuple[object, ...], Table] = field(default_factory=OrderedDict)
+    _known_pulls: dict[tuple[str, tuple[float, ...]], bool] = field(default_factory=dict)
 
     def reading(self, observed: Observed) -> Forward:
         """The same for other readings of the same test."""
-        return Forward(observed, dict(self.branches), self._tables)
+        return Forward(observed, dict(self.branches), self._tables, self._known_pulls)
 
     def branched(self, ray: Ray, sign: int, reach: float) -> bool:
         """Whether a half-ray has a bifurcation within its reach, in any table made so far."""
@@ -196,9 +197,12 @@ class Forward:
 
     def _pulls(self, machine: Machine, posture: str, direction: Array) -> bool:
         """Whether a ramp pulls on the link."""
-        plain = Machine(machine.nominal, machine.engine)
-        table = self._table(plain, posture, direction, 1e-3, 1)
-        return bool(table.wrench[-1, :3] @ machine.line(posture) > 0.0)
+        key = posture, tuple(np.round(direction, 3).tolist())
+        if key not in self._known_pulls:
+            plain = Machine(machine.nominal, machine.engine)
+            table = self._table(plain, posture, direction, 1e-3, 1)
+            self._known_pulls[key] = bool(table.wrench[-1, :3] @ machine.line(posture) > 0.0)
+        return self._known_pulls[key]
 
     def _with_friction(
         self,

@@ -44,6 +44,10 @@ WORTH_A_LOOK = 60.0
 """Squares explained up to which a hypothesis may owe them to better nuisances alone."""
 NEARLY, MOST_ALIKE = 4.0, 12
 """Strength by which, to first order, effects that may be one class differ, and how many causes are fitted."""
+POLISHED = 3
+"""Hypotheses of one size whose fits are made exact."""
+HOPE = 0.3
+"""Share of what is left that the best causes must explain, to first order, to be worth a fit."""
 CLOSE = 40.0
 """Criterion within which of the best a rough fit is made exact."""
 
@@ -111,6 +115,8 @@ class Search:
             elif gained > STRONG:
                 found = self._signatures(best)
                 ranked = self._scores(best, found)
+            if step and self._hopeless(best, ranked, MOST_CAUSES - step):
+                break
             promising = [s for s in ranked[:SHORT] if s.p < HOPEFUL * self.alarm]
             for score in promising:
                 self._try((*base.hypothesis, score.effect), base, [[*base.values, v] for v in score.starts])
@@ -153,6 +159,14 @@ class Search:
             return False
         rest = misfit(self.fitter, base)
         return (rest.p > self.alarm or rest.left < WRONG_LAW * gained) and rest.strained > self.alarm
+
+    def _hopeless(self, best: Ranked, ranked: Sequence[Score], more: int) -> bool:
+        """Whether so many causes more, however they were mixed, would leave most of what is left."""
+        space = projection(self.fitter, best.fit)
+        left = float(space.residual @ space.residual) - len(space.residual) + space.basis.shape[1]
+        if left < WORTH_A_LOOK:
+            return False
+        return sum(score.explained for score in ranked[:more]) < HOPE * left
 
     def alike(self, best: Ranked) -> None:
         """Fit the effects that, in the place of one of the best hypothesis', would show nearly the same."""
@@ -209,7 +223,7 @@ class Search:
         if not left:
             return None
         top = min(r.criterion for r in left)
-        for near in [r for r in left if r.criterion < top + CLOSE]:
+        for near in sorted((r for r in left if r.criterion < top + CLOSE), key=lambda r: r.criterion)[:POLISHED]:
             self._polish(near)
         new = min((r for r in self.tried.values() if len(r.labels) == size), key=lambda r: r.criterion)
         gain = best.fit.objective - new.fit.objective
