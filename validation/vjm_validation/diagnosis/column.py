@@ -32,7 +32,11 @@ from vjm_validation.measurement.channels import WRENCH, split_point
 
 LEAST = 5
 """Half of the marks from which noise is estimated."""
-FIRST_YIELD = "plasticity.yield_N"
+FIRST_YIELD, DEPARTS = "plasticity.yield_N", "plasticity.departs_mm"
+SET = 0.002
+"""Permanent strain at the proof stress."""
+GONE = 0.01
+"""Share of the load that yield takes where the curve is said to depart from the elastic one."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,7 @@ class ColumnBow(LinkBow):
 
 @dataclass(frozen=True)
 class ColumnYield(Effect):
-    """Bending beyond yield, fibre by fibre, with linear hardening.
+    """Bending beyond yield, fibre by fibre, by Ramberg and Osgood's law.
 
     Attributes:
         stress: the handbook's yield stress, MPa, from which a search begins.
@@ -75,15 +79,15 @@ class ColumnYield(Effect):
     title = "a permanent set after a yield load"
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """Yield stress, and the tangent modulus over Young's beyond it."""
+        """Stress at 0.2 % of permanent strain, and the exponent: the larger the sharper the knee."""
         return (
             Quantity("yield_stress_MPa", 0.3 * self.stress, 4.0 * self.stress, 0.1 * self.stress),
-            Quantity("hardening", 0.0, 0.3, 0.02, usual=0.01, spread=0.03),
+            Quantity("exponent", 3.0, 400.0, 20.0, usual=40.0, spread=1.5, log=True),
         )
 
     def trials(self) -> Sequence[tuple[float, ...]]:
-        """About the handbook's value."""
-        return [(share * self.stress, 0.01) for share in (0.8, 1.0, 1.25)]
+        """About the handbook's value, rounded and sharp."""
+        return [(share * self.stress, n) for n in (40.0, 8.0) for share in (0.8, 1.0, 1.25)]
 
 
 def is_column(measurement: Measurement) -> bool:
@@ -158,7 +162,7 @@ def with_noise_found(observed: Observed, fit: Fit) -> Observed:
     mark, load = observed.noise.pose[0], observed.noise.wrench[0]
     best, chosen = np.inf, (1.0, 1.0)
     for a in np.geomspace(0.05, 2.0, 16):
-        for b in np.geomspace(1.0, 6.0, 8):
+        for b in np.geomspace(1.0, 20.0, 12):
             variance = (b * load) ** 2 + (a * mark * slope) ** 2
             cost = float(np.sum(np.log(variance) + r**2 / variance))
             if cost < best:
@@ -282,24 +286,34 @@ class ColumnForward:
         over = np.flatnonzero(reached >= stress)
         return (float(P[over[0]]), float(w[over[0]])) if len(over) else None
 
+    def departs(self, fit: Fit) -> float | None:
+        """Deflection in mm from which yield lowers a fit's load by `GONE`; None where it does not on the way."""
+        w = np.linspace(0.05, float(self.observed.pose[:, 0].max()), 240)
+        plain, load = (self._force(fit.found, fit.at.z, fit.hypothesis, w, elastic=e) for e in (True, False))
+        lower = np.flatnonzero(load < (1.0 - GONE) * plain)
+        return float(w[lower[0]]) if len(lower) else None
+
     def _stress(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> float | None:
         for effect, values in zip(hypothesis, values_of(found, z, hypothesis), strict=True):
             if isinstance(effect, ColumnYield):
                 return values[0]
         return None
 
-    def _force(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, w: Array) -> Array:
+    def _force(
+        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, w: Array, *, elastic: bool = False
+    ) -> Array:
         machine = self.machine(found, z, hypothesis)
         beam = beam_of(machine.chain(), link_of(machine.nominal))
         section = beam.effective_section()
         fibres = _section(self.observed.measurement)
-        limit, hardening = np.inf, 0.0
         for effect, values in zip(hypothesis, values_of(found, z, hypothesis), strict=True):
-            if isinstance(effect, ColumnYield) and fibres is not None:
+            if isinstance(effect, ColumnYield) and fibres is not None and not elastic:
                 modulus = section.EA / fibres.area
                 euler = np.pi**2 * section.EIz / beam.length**2
                 # the load's own stress is there before the bending
                 left = max(values[0] - euler / fibres.area, 1.0)
-                limit = left * section.EIz / modulus / (0.5 * fibres.depth)
-                hardening = values[1]
-        return column_force(w, beam.length, section.EIz, machine.bow[0], limit, fibres, hardening)
+                proof = left * section.EIz / modulus / (0.5 * fibres.depth)
+                return column_force(
+                    w, beam.length, section.EIz, machine.bow[0], proof, fibres, values[1], SET * modulus / left
+                )
+        return column_force(w, beam.length, section.EIz, machine.bow[0])

@@ -10,7 +10,7 @@ from pathlib import Path
 from vjm import __version__
 from vjm.effects.catalogue import plug_in
 from vjm.io.files import check_writable, write_whole
-from vjm_validation.diagnosis.column import FIRST_YIELD, ColumnForward, is_column, observe_column
+from vjm_validation.diagnosis.column import DEPARTS, FIRST_YIELD, ColumnForward, is_column, observe_column
 from vjm_validation.diagnosis.contrasts import contrasts
 from vjm_validation.diagnosis.critical import Critical, critical_points
 from vjm_validation.diagnosis.document import (
@@ -32,6 +32,7 @@ from vjm_validation.diagnosis.extended import extended_text
 from vjm_validation.diagnosis.fitting import Fit
 from vjm_validation.diagnosis.folds import folds
 from vjm_validation.diagnosis.holdout import gain
+from vjm_validation.diagnosis.marks import marks_gain, with_one_more
 from vjm_validation.diagnosis.observed import observe
 from vjm_validation.diagnosis.page import write_page
 from vjm_validation.diagnosis.preparation import Prepared, prepare, refresh
@@ -95,6 +96,8 @@ def diagnose(
         prepared = replace(prepared, null=search.null)
         if best.labels == before.labels:
             break
+    if observed.steered:
+        best = with_one_more(search, best)
     progress("verdict")
     verdict = judge(search, best)
     document = _document(measurement, prepared, search, verdict, begun)
@@ -201,6 +204,9 @@ def _values(prepared: Prepared, fit: Fit) -> dict[str, ValueRow | str]:
             std = abs(here[0]) * stress.std / stress.value
             ends = [here[0] - 1.96 * std, here[0] + 1.96 * std]
             result[FIRST_YIELD] = ValueRow(value=here[0], std=std, interval95=ends)
+        departs = forward.departs(fit)
+        if departs is not None:
+            result[DEPARTS] = f"{departs:.3g}, where yield takes a hundredth of the load"
     for effect in fit.hypothesis:
         if effect.part and not any(name.startswith(f"{effect.cause}.{effect.part}") for name in result):
             result[f"{effect.cause}.part"] = effect.part
@@ -208,7 +214,12 @@ def _values(prepared: Prepared, fit: Fit) -> dict[str, ValueRow | str]:
 
 
 def _gain(prepared: Prepared, fit: Fit, points: Sequence[Critical]) -> GainRow:
-    found = gain(prepared.fitter, prepared.null, fit)
+    steered = bool(prepared.fitter.forward.observed.steered)
+    if steered:
+        found, parts = marks_gain(prepared.fitter, prepared.null, fit)
+    else:
+        found = gain(prepared.fitter, prepared.null, fit)
+        parts = folds(prepared.fitter, prepared.null, fit)
     measured, before, after = points[0].triple if points else (None, None, None)
     return GainRow(
         rmse_before=found.before,
@@ -220,7 +231,7 @@ def _gain(prepared: Prepared, fit: Fit, points: Sequence[Critical]) -> GainRow:
         critical=CriticalRow(measured_N=measured, before_N=before, after_N=after),
         folds=[
             FoldRow(name=f.name, readings=f.readings, force=f.force, rmse_before=f.before, rmse_after=f.after)
-            for f in folds(prepared.fitter, prepared.null, fit)
+            for f in parts
         ],
     )
 

@@ -86,8 +86,8 @@ def _thought_possible(effects: Sequence[Effect], only: Sequence[str], without: S
 
 
 def _leave_out(fitter: Fitter, observed: Observed, wild: np.ndarray, at: Evaluation) -> None:
-    """Go on without wild samples ``(n, 6)``."""
-    kept = observed.without(wild)
+    """Go on without wild samples ``(n, 6)``; marks that were steered to by hand all count."""
+    kept = observed if observed.steered else observed.without(wild)
     memory = replace(kept.memory, rho=fitter.whitening.memory.rho)
     fitter.forward.observed = kept
     fitter.whitening = replace(fitter.whitening, memory=memory, present=kept.present)
