@@ -5,11 +5,12 @@ The deflection takes the place of the imposed displacement; see `vjm.effects.col
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from vjm.chain import Chain
 from vjm.effects.column import Fibres, column_force
 from vjm.effects.effect import Effect, Quantity
 from vjm.effects.link_bow import LinkBow
@@ -33,6 +34,7 @@ from vjm_validation.measurement.channels import WRENCH, split_point
 LEAST = 5
 """Half of the marks from which noise is estimated."""
 FIRST_YIELD, DEPARTS = "plasticity.yield_N", "plasticity.departs_mm"
+HANDBOOK = "plasticity.handbook"
 SET = 0.002
 """Permanent strain at the proof stress."""
 GONE = 0.01
@@ -261,7 +263,7 @@ class ColumnForward:
     def first_yield(
         self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, *, handbook: bool = False
     ) -> tuple[float, float] | None:
-        """Load in N and deflection in mm at which the middle's outer fibre begins to yield on the way.
+        """Load in N and deflection in mm at which the middle's outer fibre reaches the proof stress on the way.
 
         Args:
             found: coordinates.
@@ -271,18 +273,37 @@ class ColumnForward:
         """
         stress = self._stress(found, z, hypothesis)
         if stress is None and handbook:
-            limit = _table(self.observed.measurement).get("yield_stress_MPa")
-            stress = None if limit is None else float(str(limit))
+            stress = self._handbook()
+        machine = self.machine(found, z, hypothesis)
+        return self._reached(
+            stress, machine.chain(), machine.bow[0], lambda w: self._force(found, z, hypothesis, w)
+        )
+
+    def handbook_yield(self) -> str:
+        """Where the sheet's own column, straight and elastic, would reach the model's yield stress: no fit."""
+        stress = self._handbook()
+        here = self._reached(stress, self.observed.measurement.chain, 0.0, self.evaluate_nominal)
+        if stress is None or here is None:
+            return self.yield_unknown()
+        where = f"{here[1]:.3g} mm and {here[0]:.4g} N"
+        return f"{stress:.4g} MPa in the model file: without any fit, yield from {where} on"
+
+    def _handbook(self) -> float | None:
+        limit = _table(self.observed.measurement).get("yield_stress_MPa")
+        return None if limit is None else float(str(limit))
+
+    def _reached(
+        self, stress: float | None, chain: Chain, bow: float, force: Callable[[Array], Array]
+    ) -> tuple[float, float] | None:
+        """Load and deflection at which the middle's outer fibre has a stress, by beam theory."""
         fibres = _section(self.observed.measurement)
         if stress is None or fibres is None:
             return None
-        w = np.linspace(0.05, float(self.observed.pose[:, 0].max()), 120)
-        P = self._force(found, z, hypothesis, w)
-        machine = self.machine(found, z, hypothesis)
-        beam = beam_of(machine.chain(), link_of(machine.nominal))
-        modulus = beam.effective_section().EA / fibres.area
-        inertia = beam.effective_section().EIz / modulus
-        reached = P / fibres.area + P * (machine.bow[0] + w) * 0.5 * fibres.depth / inertia
+        w = np.linspace(0.05, float(self.observed.pose[:, 0].max()), 240)
+        P = force(w)
+        section = beam_of(chain, link_of(chain)).effective_section()
+        inertia = section.EIz / (section.EA / fibres.area)
+        reached = P / fibres.area + P * (bow + w) * 0.5 * fibres.depth / inertia
         over = np.flatnonzero(reached >= stress)
         return (float(P[over[0]]), float(w[over[0]])) if len(over) else None
 

@@ -7,10 +7,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from vjm import __version__
 from vjm.effects.catalogue import plug_in
 from vjm.io.files import check_writable, write_whole
-from vjm_validation.diagnosis.column import DEPARTS, FIRST_YIELD, ColumnForward, is_column, observe_column
+from vjm_validation.diagnosis.column import DEPARTS, FIRST_YIELD, HANDBOOK, ColumnForward, is_column, observe_column
+from vjm_validation.diagnosis.column_experiment import direct
 from vjm_validation.diagnosis.contrasts import contrasts
 from vjm_validation.diagnosis.critical import Critical, critical_points
 from vjm_validation.diagnosis.document import (
@@ -204,6 +207,7 @@ def _values(prepared: Prepared, fit: Fit) -> dict[str, ValueRow | str]:
             std = abs(here[0]) * stress.std / stress.value
             ends = [here[0] - 1.96 * std, here[0] + 1.96 * std]
             result[FIRST_YIELD] = ValueRow(value=here[0], std=std, interval95=ends)
+            result[HANDBOOK] = forward.handbook_yield()
         departs = forward.departs(fit)
         if departs is not None:
             result[DEPARTS] = f"{departs:.3g}, where yield takes a hundredth of the load"
@@ -236,17 +240,35 @@ def _gain(prepared: Prepared, fit: Fit, points: Sequence[Critical]) -> GainRow:
     )
 
 
+def _next_of_column(prepared: Prepared, verdict: Verdict) -> ExperimentRow:
+    """Of the direct measurements the one that would show most, of a cause that not all members have."""
+    observed = prepared.fitter.forward.observed
+    common = frozenset.intersection(*(member.causes for member in verdict.members))
+    load = float(np.nanmax(np.abs(observed.wrench[:, 0])))
+    ways = [
+        way
+        for member in verdict.members
+        for cause in sorted(member.causes - common)
+        if (way := direct(observed.measurement, cause, estimates(prepared.fitter, member.fit, 0.0), load))
+    ]
+    posture = str(observed.readings.posture[0])
+    if not ways:
+        why = "turned over, a bow changes sides while errors of the instruments and the stiffness stay"
+        return ExperimentRow(why=why, posture=posture, path="the same marks with the specimen turned half a turn")
+    best = max(ways, key=lambda way: (way.difference is not None, way.strength or 0.0))
+    return ExperimentRow(
+        why=best.why, posture=posture, path=best.path, difference=best.difference, channel=best.channel,
+        strength=best.strength,
+    )  # fmt: skip
+
+
 def _next(prepared: Prepared, verdict: Verdict) -> ExperimentRow:
     if verdict.kind != "class":
         return ExperimentRow()
     first = verdict.members[0]
     other: Ranked = next(m for m in verdict.members if m.causes != first.causes)
     if isinstance(prepared.fitter.forward, ColumnForward):
-        return ExperimentRow(
-            why="turned over, a bow changes sides while errors of the instruments and the stiffness stay",
-            posture=str(prepared.fitter.forward.observed.readings.posture[0]),
-            path="the same marks with the specimen turned half a turn about its axis, and the gauges read unloaded",
-        )
+        return _next_of_column(prepared, verdict)
     found = propose(prepared.fitter, first.fit, other.fit)
     if found is None:
         return ExperimentRow(why="no posture of the model separates them")
