@@ -29,6 +29,10 @@ def diagnose_(
     without: Annotated[
         tuple[str, ...], Parameter(consume_multiple=True, help="Causes that are ruled out beforehand.")
     ] = (),
+    beside: Annotated[
+        tuple[Path, Path] | None,
+        Parameter(help="DATA SHEET of another specimen: what the findings are worth there, nothing fitted anew."),
+    ] = None,
     json: Annotated[bool, Parameter(negative="", help="Print diagnosis.json and nothing else.")] = False,
 ) -> int:
     """Show what the model gets wrong, name the cause, extend the model and measure the gain."""
@@ -40,7 +44,9 @@ def diagnose_(
             done += 1
             progress("diagnosis", done, 0)
 
-        document = diagnose(data, sheet, out, plug_ins=effects, only=only, without=without, progress=tell)
+        document = diagnose(
+            data, sheet, out, plug_ins=effects, only=only, without=without, beside=beside, progress=tell
+        )
     if json:
         sys.stdout.write(as_json(document))
         return 0

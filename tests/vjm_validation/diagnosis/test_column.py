@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from vjm.effects.column import Fibres, column_force, yield_curve
+from vjm_validation.cli import run
 from vjm_validation.diagnosis.column import observe_column
+from vjm_validation.diagnosis.column_experiment import direct
 from vjm_validation.diagnosis.command import diagnose
 from vjm_validation.diagnosis.marks import marks_gain
 from vjm_validation.diagnosis.preparation import prepare
+from vjm_validation.diagnosis.transfer import transfer
+from vjm_validation.diagnosis.verdict import Estimate
 from vjm_validation.measurement import read_measurement
 
 MEASURED = Path(__file__).parents[4] / "shared" / "measured"
@@ -143,17 +148,27 @@ def test_the_tube_yields_gradually_from_the_start(tmp_path):
     assert found.gain.rmse_before > 80.0
 
 
+def made_column(
+    folder: Path, bow: float, zero: float = 0.0, wrong: dict[int, float] | None = None
+) -> tuple[Path, Path]:
+    """Data and sheet of an elastic column whose load cell has an error of zero."""
+    deflection = np.array([0.2, *np.arange(1.0, 15.0)])
+    load = column_force(deflection, 299.085, 68948.0 * 25.4 * 3.175**3 / 12.0, bow) - zero
+    for mark, error in (wrong or {}).items():
+        load[mark] += error
+    rows = [
+        f"{2.0 * k:.1f},straight,{-f:.3f},{w:.3f}" for k, (w, f) in enumerate(zip(deflection, load, strict=True))
+    ]
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "data.csv").write_text("\n".join(["time_s,posture,fx_N,mid.uy_mm", *rows]) + "\n")
+    (folder / "sheet.toml").write_text(SHEET)
+    return folder / "data.csv", folder / "sheet.toml"
+
+
 def test_a_mark_is_predicted_by_the_others_alone(tmp_path):
     """Held-out errors are those of refits in full: a wrong mark stands out by all of its error."""
-    deflection = np.array([0.2, *np.arange(1.0, 15.0)])
-    load = column_force(deflection, 299.085, 68948.0 * 25.4 * 3.175**3 / 12.0, 1.5)
-    load[7] += 40.0
-    rows = "".join(
-        f"{2.0 * k:.1f},straight,{-f:.3f},{w:.3f}\n" for k, (w, f) in enumerate(zip(deflection, load, strict=True))
-    )
-    (tmp_path / "data.csv").write_text("time_s,posture,fx_N,mid.uy_mm\n" + rows)
-    (tmp_path / "sheet.toml").write_text(SHEET)
-    prepared = prepare(observe_column(read_measurement(tmp_path / "data.csv", tmp_path / "sheet.toml")))
+    files = made_column(tmp_path, 1.5, wrong={7: 40.0})
+    prepared = prepare(observe_column(read_measurement(*files)))
     bow = next(effect for effect in prepared.effects if effect.cause == "link_bow")
     fit = prepared.fitter.fit((bow,), np.zeros(len(prepared.fitter.nuisances)), [[1.0]])
     gain, folds = marks_gain(prepared.fitter, prepared.null, fit)
@@ -162,3 +177,50 @@ def test_a_mark_is_predicted_by_the_others_alone(tmp_path):
     assert gain.after == pytest.approx(40.0 / 13.0**0.5, rel=0.05)
     assert folds[0].after == pytest.approx(40.0 / folds[0].readings ** 0.5, rel=0.05)
     assert max(folds[1].after, folds[2].after) < 8.0
+
+
+def test_what_belongs_to_the_rig_serves_another_specimen(tmp_path):
+    """A bowed column and a straight one on one load cell: its error of zero is worth something there."""
+    one, other = (made_column(tmp_path / name, bow, zero=30.0) for name, bow in (("one", 1.5), ("other", 0.0)))
+    prepared = prepare(observe_column(read_measurement(*one)))
+    known = {effect.label: effect for effect in prepared.effects}
+    causes = (known["link_bow"], known["instrument_zero.fx_N"])
+    start = np.zeros(len(prepared.fitter.nuisances))
+    fit = prepared.fitter.fit(causes, start, [[1.5], [0.0]])
+    rows = {row.what: row.rmse for row in transfer(fit, read_measurement(*other))}
+    assert set(rows) == {
+        "nothing: the sheet's own model",
+        "link_bow",
+        "instrument_zero",
+        "zeros, scales and tolerances",
+        "all of it",
+    }
+    # of a straight column an error of zero is all that there is
+    assert rows["nothing: the sheet's own model"] == pytest.approx(30.0, rel=0.01)
+    assert rows["instrument_zero"] < 0.5 * rows["nothing: the sheet's own model"]
+    # the other's bow does not
+    assert rows["link_bow"] > rows["nothing: the sheet's own model"]
+    assert rows["all of it"] > rows["instrument_zero"]
+
+
+def test_the_command_takes_another_specimen(tmp_path):
+    one, other = (made_column(tmp_path / name, bow) for name, bow in (("one", 1.5), ("other", 0.6)))
+    options = [f"--sheet={one[1]}", f"--out={tmp_path / 'out'}", "--beside", str(other[0]), str(other[1])]
+    assert run(["diagnose", str(one[0]), *options]) == 0
+    found = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert found["causes"] == ["link_bow"]
+    assert [row["what"] for row in found["transfer"]][:2] == ["nothing: the sheet's own model", "link_bow"]
+
+
+def test_a_class_of_columns_gets_the_measurement_that_shows_most(tmp_path):
+    files = made_column(tmp_path / "one", 1.5, zero=30.0)
+    found = diagnose(*files, tmp_path / "out")
+    step = found.next_experiment
+    if found.verdict == "class":
+        assert step.path
+        assert step.posture == "straight"
+    bow = Estimate(-30.0, 3.0, -36.0, -24.0)
+    measurement = read_measurement(*files)
+    shown = direct(measurement, "instrument_zero", {"instrument_zero.fx_N": bow}, 500.0)
+    assert (shown.difference, shown.channel, shown.strength) == (30.0, "fx_N", 10.0)
+    assert direct(measurement, "link_bow", {"link_bow.amplitude_mm": bow}, 500.0) is None

@@ -27,6 +27,7 @@ from vjm_validation.diagnosis.document import (
     FoldRow,
     GainRow,
     NoiseRow,
+    TransferRow,
     ValueRow,
     VersionRow,
 )
@@ -40,6 +41,7 @@ from vjm_validation.diagnosis.observed import observe
 from vjm_validation.diagnosis.page import write_page
 from vjm_validation.diagnosis.preparation import Prepared, prepare, refresh
 from vjm_validation.diagnosis.search import Ranked, Search, effective_samples
+from vjm_validation.diagnosis.transfer import transfer
 from vjm_validation.diagnosis.verdict import Estimate, Verdict, estimates, judge, nuisance_estimates
 from vjm_validation.measurement import Measurement, read_measurement
 from vjm_validation.measurement.channels import WRENCH
@@ -60,6 +62,7 @@ def diagnose(
     plug_ins: Sequence[Path] = (),
     only: Sequence[str] = (),
     without: Sequence[str] = (),
+    beside: tuple[Path, Path] | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Diagnose a test and write what was found.
@@ -71,6 +74,7 @@ def diagnose(
         plug_ins: files with effects of one's own, see docs/effects.md.
         only: the causes that are thought possible; all where none is given.
         without: causes that are not.
+        beside: readings and sheet of another specimen, of which is said what the findings are worth there.
         progress: told what is being done.
 
     Raises:
@@ -81,6 +85,7 @@ def diagnose(
     begun = time.perf_counter()
     more = [plug_in(path) for path in plug_ins]
     measurement = read_measurement(data, sheet)
+    second = None if beside is None else read_measurement(*beside)
     observed = observe_column(measurement) if is_column(measurement) else observe(measurement)
     check_writable(out)
     progress("the nominal model")
@@ -104,6 +109,8 @@ def diagnose(
     progress("verdict")
     verdict = judge(search, best)
     document = _document(measurement, prepared, search, verdict, begun)
+    if second is not None:
+        document = document.model_copy(update={"transfer": _transfer(verdict, second)})
     progress("report")
     chosen = verdict.members[0].fit if verdict.members else prepared.null
     found = estimates(prepared.fitter, chosen, 0.0)
@@ -163,6 +170,14 @@ def _document(
         critical=[_critical(one) for one in points[id(chosen)]],
         seconds=time.perf_counter() - begun,
     )
+
+
+def _transfer(verdict: Verdict, second: Measurement) -> list[TransferRow]:
+    return [
+        TransferRow(causes=sorted(member.causes), what=row.what, rmse=row.rmse)
+        for member in verdict.members
+        for row in transfer(member.fit, second)
+    ]
 
 
 def _fits(verdict: Verdict, chosen: Fit) -> list[Fit]:
