@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
@@ -36,13 +38,16 @@ def diagnose_(
     json: Annotated[bool, Parameter(negative="", help="Print diagnosis.json and nothing else.")] = False,
 ) -> int:
     """Show what the model gets wrong, name the cause, extend the model and measure the gain."""
-    with show.progress(quiet=json) as progress:
+    with ExitStack() as stack:
+        display: Callable[[str, int, int], None] | None = None
         done = 0
 
         def tell(_: str) -> None:
-            nonlocal done
+            # what is refused is refused before anything is begun, in one line
+            nonlocal display, done
+            display = display or stack.enter_context(show.progress(quiet=json))
             done += 1
-            progress("diagnosis", done, 0)
+            display("diagnosis", done, 0)
 
         document = diagnose(
             data, sheet, out, plug_ins=effects, only=only, without=without, beside=beside, progress=tell

@@ -37,9 +37,9 @@ from vjm_validation.diagnosis.fitting import Fit
 from vjm_validation.diagnosis.folds import folds
 from vjm_validation.diagnosis.holdout import gain
 from vjm_validation.diagnosis.marks import marks_gain, with_one_more
-from vjm_validation.diagnosis.observed import observe
+from vjm_validation.diagnosis.observed import Observed, observe
 from vjm_validation.diagnosis.page import write_page
-from vjm_validation.diagnosis.preparation import Prepared, prepare, refresh
+from vjm_validation.diagnosis.preparation import Prepared, effects_of, possible, prepare, refresh
 from vjm_validation.diagnosis.search import Ranked, Search, effective_samples
 from vjm_validation.diagnosis.transfer import transfer
 from vjm_validation.diagnosis.verdict import Estimate, Verdict, estimates, judge, nuisance_estimates
@@ -50,6 +50,8 @@ from vjm_validation.summary import as_json
 DOCUMENT, MODEL, PAGE = "diagnosis.json", "extended-model.toml", "diagnosis.html"
 AGAIN = 2
 """Searches more at most, each about what the last one found."""
+MANY = 6.0
+"""Noise that is found over the sheet's from which on it is spoken of."""
 SHOWN = 12
 """Contrasts that are kept."""
 
@@ -87,6 +89,7 @@ def diagnose(
     measurement = read_measurement(data, sheet)
     second = None if beside is None else read_measurement(*beside)
     observed = observe_column(measurement) if is_column(measurement) else observe(measurement)
+    possible(effects_of(observed, more), only, without)
     check_writable(out)
     progress("the nominal model")
     prepared = prepare(observed, more, only=only, without=without)
@@ -156,7 +159,7 @@ def _document(
         version=VersionRow(
             package=__version__, model_sha256=measurement.model_sha256, data_sha256=measurement.data_sha256
         ),
-        residual=_residual_words(verdict),
+        residual=_residual_words(verdict) or _noise_words(observed),
         contrasts=[
             ContrastRow(name=c.name, channel=c.channel, size=c.size, significance=c.significance)
             for c in contrasts(fitter, prepared.null)[:SHOWN]
@@ -205,6 +208,20 @@ def _residual_words(verdict: Verdict) -> str:
     if verdict.kind != "unknown":
         return ""
     return f"what is left has the shape '{verdict.rest.worst or 'rough'}', strength {verdict.rest.left**0.5:.1f}"
+
+
+def _noise_words(observed: Observed) -> str:
+    """Where loads at marks scatter more than the sheet says: what is left is not explained, only bounded."""
+    if not observed.steered:
+        return ""
+    sheet = observed.measurement.sheet
+    said, found = float(sheet.sigma(WRENCH[0]).noise), float(observed.noise.wrench[0])
+    if found < MANY * said:
+        return ""
+    return (
+        f"what is left scatters by {found:.3g} N of load, {found / said:.2g} times the sheet's noise: so much of "
+        "the curve no cause explains"
+    )
 
 
 def _value(e: Estimate) -> ValueRow:

@@ -70,13 +70,18 @@ def prepare(
     _leave_out(fitter, observed, standing_out(observed, at.residual, fitter.whitening.factors), at)
     null = _fitted(fitter)
     null = choose_branches(fitter, null)
-    effects = _thought_possible(effects_of(forward.observed, more), only, without)
+    effects = possible(effects_of(forward.observed, more), only, without)
     remember(fitter, null, effects)
     null = _fitted(fitter)
     return Prepared(fitter, null, effects, observed)
 
 
-def _thought_possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]:
+def possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]:
+    """The effects that are thought possible.
+
+    Raises:
+        ValueError: one of the causes named is not among them.
+    """
     causes = {effect.cause for effect in effects}
     for cause in (*only, *without):
         if cause not in causes:
