@@ -14,7 +14,7 @@ from vjm_validation.diagnosis.shapes import driven_channel, loading
 from vjm_validation.measurement.channels import WRENCH
 from vjm_validation.report.style import Picture, figure, png
 
-INK, BEFORE, AFTER, BACK = "#1b1f24", "#D55E00", "#0072B2", "#7a7a7a"
+INK, BEFORE, BEST, AFTER, BACK = "#1b1f24", "#D55E00", "#E69F00", "#0072B2", "#7a7a7a"
 MOST_POSTURES = 4
 """Postures that are drawn."""
 
@@ -80,6 +80,7 @@ def _curves(prepared: Prepared, fit: Fit, before: Before) -> Picture:
                 ax.plot(u[on], after, color=AFTER, lw=1.3, label="extended model", zorder=2.5)
             ax.plot(u[on], read, ".", color=INK, ms=3.5, label="measured", zorder=3)
             ax.set(title=f"posture {label}", xlabel=_axis(driven_channel(observed)), ylabel=_axis(WRENCH[c]))
+            ax.tick_params(labelbottom=True)
         axes[0].legend()
         for ax in axes[len(labels) :]:
             ax.set_visible(False)
@@ -95,25 +96,31 @@ def _residuals(prepared: Prepared, fit: Fit, before: Before) -> Picture:
     way: Array = loading(observed)
     labels = _postures(prepared)
     kinds = [k for k in ((1.0, "o", "way out"), (-1.0, "x", "way back"), (0.0, "s", "held")) if (way == k[0]).any()]
-    after = "after" if fit.hypothesis else "tolerances at their best"
-    with figure(2.3 * len(labels), 2, rows=len(labels), sharey=False) as (fig, axes):
+    panels = [(before.best, BEST, "at its best")]
+    if before.drawn is not None:
+        panels.insert(0, (before.drawn, BEFORE, "as drawn"))
+    if fit.hypothesis:
+        panels.append((fit.at.residual, AFTER, "extended"))
+    n = len(panels)
+    with figure(2.2 * len(labels), n, rows=len(labels), sharey=False) as (fig, axes):
         for k, label in enumerate(labels):
             on = (observed.readings.posture == label) & observed.present[:, c]
-            for ax, residual, colour, name in (
-                (axes[2 * k], before.shown, BEFORE, "before"),
-                (axes[2 * k + 1], fit.at.residual, AFTER, after),
-            ):
+            for ax, (residual, colour, name) in zip(axes[n * k : n * k + n], panels, strict=True):
                 for sign, marker, kind in kinds:
                     own = on & (way == sign)
-                    ax.plot(u[own], residual[own, c], marker, ms=3.5, lw=0, color=colour, label=kind, alpha=0.7)
+                    ax.plot(u[own], residual[own, c], marker, ms=3.0, lw=0, color=colour, label=kind, alpha=0.7)
                 ax.axhline(0.0, color=BACK, lw=0.7)
-                ax.set(title=f"posture {label}, {name}", ylabel=_axis(WRENCH[c]))
+                ax.set(title=f"posture {label}, {name}")
+            axes[n * k].set_ylabel(_axis(WRENCH[c]))
         if len(kinds) > 1:
             axes[0].legend()
-        for ax in axes[-2:]:
+        for ax in axes[-n:]:
             ax.set_xlabel(_axis(driven_channel(observed)))
         content = png(fig)
-    caption = "Reading minus model; the scales of both columns differ."
+    caption = (
+        "Reading minus model: the nominal one with the sheet's own values, the nominal one with zero, scale, length "
+        "and modulus at their best within the sheet's tolerances, and the extended one. Each has a scale of its own."
+    )
     return Picture("residuals", content, "Where it failed, and what is left", caption)
 
 
