@@ -17,7 +17,7 @@ from vjm.parts import PassiveJoint
 from vjm.paths import Equilibrium, Path
 from vjm.programme import COMPONENTS, Programme
 from vjm.rotations import AXES, Array
-from vjm_fea.beam_problem import BeamProblem
+from vjm_fea.beam_problem import BeamProblem, refuse_imperfection
 from vjm_fea.branches import TINY
 from vjm_fea.manipulator_statics import ManipulatorStatics
 from vjm_fea.manipulator_system import ManipulatorSystem
@@ -39,6 +39,7 @@ class ManipulatorExudynProblem(BeamProblem):
             PoseError: the rigid machine cannot take the pose.
             ValueError: a beam without a section, or a programme that only chains know.
         """
+        refuse_imperfection(label, programme)
         held, _, _ = on_platform(programme)
         if pose is None:
             pose = inverse_kinematics(manipulator, manipulator.displacement(programme.posture))

@@ -30,7 +30,7 @@ from vjm_validation.acceptance import FROZEN
 from vjm_validation.documents import BucklingDocument
 from vjm_validation.engines import DESCRIPTIONS, EngineOptions, engine_by_name
 from vjm_validation.loaded import under_displacement, under_wrench
-from vjm_validation.manipulators import loaded, stiffness_document
+from vjm_validation.manipulators import loaded, postures, stiffness_document
 from vjm_validation.metrics import PathMetrics, path_metrics
 from vjm_validation.programme_options import parsed_programme
 from vjm_validation.run import Direction
@@ -71,6 +71,10 @@ Force = Annotated[
 ]
 Jobs = Annotated[int, Parameter(help="Processes; one a core by default.")]
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print one JSON document and nothing else.")]
+Posture = Annotated[
+    str | None,
+    Parameter(allow_leading_hyphen=True, help="Label of a posture; of a manipulator also x,y,z from home in mm."),
+]
 Model = Annotated[str, Parameter(help="A model of the library, or a path to a model file.")]
 
 
@@ -150,7 +154,7 @@ def curve(
     model: Model,
     *,
     to: Annotated[float, Parameter(help="End of the ramp, mm or rad; -4 is compression for posture A.")],
-    posture: Annotated[str | None, Parameter(help="Label of a posture of the model.")] = None,
+    posture: Posture = None,
     axis: Annotated[
         str,
         Parameter(help="x, y, z, rx, ry, rz, a direction dx,dy,dz, or load: the factor on every --load."),
@@ -191,7 +195,7 @@ def curve(
     """Walk one load path and show it."""
     _positive("--steps", steps)
     chain, whole = loaded(model)
-    label = _postures(chain, (posture,) if posture else ())[0]
+    label = postures(chain, (posture,) if posture else ())[0]
     programme = parsed_programme(
         label, to, axis=axis, force=force, steps=steps, branch={"+": 1, "-": -1, "0": 0}[branch], free=free,
         loads=load, gravity=gravity, control=control, imperfection=imperfection,
@@ -246,7 +250,7 @@ def buckling(
     directions = (
         [Direction.TENSION if direction == "+" else Direction.COMPRESSION] if direction else list(Direction)
     )
-    labels = _postures(chain, posture)
+    labels = postures(chain, posture)
     cases = [(label, way, walker) for label in labels for way in directions for walker in walkers]
     tasks = []
     for label, way, walker in cases:
@@ -276,7 +280,7 @@ def buckling(
 def stiffness(
     model: Model,
     *,
-    posture: Annotated[str | None, Parameter(help="Label of a posture of the model.")] = None,
+    posture: Posture = None,
     wrench: Annotated[
         str | None,
         Parameter(allow_leading_hyphen=True, help="fx,fy,fz,mx,my,mz in N and N mm on the free end-effector."),
@@ -297,7 +301,7 @@ def stiffness(
     walker = engine_by_name(engine, _options(segments, foot_segments, placement, shear=False), chain)
     if not isinstance(walker, VjmEngine):
         raise UsageError(f"--engine {engine}: `validate stiffness` needs vjm-paper, vjm or vjm-<n>f<m>")
-    label = _postures(chain, (posture,) if posture else ())[0]
+    label = postures(chain, (posture,) if posture else ())[0]
     if not isinstance(chain, Chain):
         control, values = ("wrench", wrench) if wrench is not None else ("displacement", displacement)
         numbers = _six(f"--{control}", values or ZERO)
@@ -332,15 +336,6 @@ def _jobs(jobs: int) -> int:
     if jobs < 0:
         raise UsageError(f"--jobs: must be at least 1, not {jobs}")
     return jobs or len(os.sched_getaffinity(0))
-
-
-def _postures(chain: Chain, wanted: Sequence[str]) -> list[str]:
-    for label in wanted:
-        if label not in chain.postures:
-            raise UsageError(
-                f"--posture: {chain.name} has no posture '{label}' (it has {', '.join(chain.postures)})"
-            )
-    return list(wanted or chain.postures)
 
 
 def _six(name: str, text: str) -> list[float]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
@@ -29,18 +31,27 @@ def diagnose_(
     without: Annotated[
         tuple[str, ...], Parameter(consume_multiple=True, help="Causes that are ruled out beforehand.")
     ] = (),
+    beside: Annotated[
+        tuple[Path, Path] | None,
+        Parameter(help="DATA SHEET of another specimen: what the findings are worth there, nothing fitted anew."),
+    ] = None,
     json: Annotated[bool, Parameter(negative="", help="Print diagnosis.json and nothing else.")] = False,
 ) -> int:
     """Show what the model gets wrong, name the cause, extend the model and measure the gain."""
-    with show.progress(quiet=json) as progress:
+    with ExitStack() as stack:
+        display: Callable[[str, int, int], None] | None = None
         done = 0
 
         def tell(_: str) -> None:
-            nonlocal done
+            # what is refused is refused before anything is begun, in one line
+            nonlocal display, done
+            display = display or stack.enter_context(show.progress(quiet=json))
             done += 1
-            progress("diagnosis", done, 0)
+            display("diagnosis", done, 0)
 
-        document = diagnose(data, sheet, out, plug_ins=effects, only=only, without=without, progress=tell)
+        document = diagnose(
+            data, sheet, out, plug_ins=effects, only=only, without=without, beside=beside, progress=tell
+        )
     if json:
         sys.stdout.write(as_json(document))
         return 0

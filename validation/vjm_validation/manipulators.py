@@ -38,6 +38,25 @@ def loaded(name_or_path: str) -> tuple[Chain, Callable[[Engine], Engine]]:
     return cast(Chain, model), lambda engine: cast(Engine, walker(engine))
 
 
+def postures(model: Chain, wanted: Sequence[str]) -> list[str]:
+    """The labels that are asked for, or all; of a manipulator also coordinates, see `Manipulator.displacement`.
+
+    Raises:
+        ValueError: there is no such posture.
+    """
+    for label in wanted:
+        if isinstance(model, Manipulator):
+            try:
+                model.displacement(label)
+            except ValueError as error:
+                raise ValueError(f"--posture: {error}") from None
+        elif label not in model.postures:
+            raise ValueError(
+                f"--posture: {model.name} has no posture '{label}' (it has {', '.join(model.postures)})"
+            )
+    return list(wanted or model.postures)
+
+
 def walker(engine: Engine) -> ManipulatorEngine | ManipulatorExudynEngine:
     """The engine of the same name for whole manipulators.
 
@@ -48,7 +67,9 @@ def walker(engine: Engine) -> ManipulatorEngine | ManipulatorExudynEngine:
         return ManipulatorEngine(engine)
     if isinstance(engine, ExudynEngine) and not engine.foot_spring:
         return ManipulatorExudynEngine(engine.elements, engine.shear)
-    raise ValueError(f"engine {engine.label} walks single chains only; manipulators take vjm, vjm-paper and exudyn")
+    raise ValueError(
+        f"--engine {engine.label}: walks single chains only; manipulators take vjm, vjm-paper and exudyn"
+    )
 
 
 def stiffness_document(

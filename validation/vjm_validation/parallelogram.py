@@ -18,14 +18,13 @@ from vjm.rotations import Array, frame
 from vjm.stiffness import unloaded_stiffness
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.manipulator_engine import ManipulatorExudynEngine, platform_stiffness
+from vjm_validation.maps.evaluate import stability_lost
 
 SPRINGS = VjmEngine(8, 8)
 DISTANCES = (20.0, 40.0, 80.0, 120.0, 200.0)
 """mm between the bars; the Orthoglide's is 80."""
 LARGEST = 14_000.0
 """N up to which the whole robot is pressed."""
-NEARLY = 1e-4
-"""Smallest eigenvalue over its unloaded value at which stability is as good as lost."""
 
 
 @dataclass(frozen=True)
@@ -136,20 +135,13 @@ def robot(pose: str) -> Robot:
 
 
 def critical_force(machine: Manipulator, pose: str) -> float | None:
-    """N pressed against x at which the free platform loses its stability, at a bifurcation or a limit point.
+    """N pressed against x at which the free platform loses its stability; None where it does not.
 
-    A real parallelogram's path has no perfect bifurcation, but a knee so sharp that no step follows it: there the
-    path ends with its smallest eigenvalue all but zero, and that is the force.
+    Raises:
+        NoConvergenceError: the path ends before.
     """
     programme = Programme(
         pose, -LARGEST, "load", loads=(Load((1.0, 0, 0, 0, 0, 0)),), free=COMPONENTS, control=TO_LIMIT
     )
     problem = ManipulatorProblem(machine, programme, VjmEngine(4, 4))
-    path = walk(problem, programme, ArcControl(last=EventKind.BIFURCATION))
-    for event in path.events:
-        if event.kind in (EventKind.BIFURCATION, EventKind.LIMIT):
-            return event.force
-    lost = abs(path.eigenvalue_relative[-1]) < NEARLY
-    if path.complete or not lost:
-        return None
-    return path.points[-1].ramp
+    return stability_lost(walk(problem, programme, ArcControl(last=EventKind.BIFURCATION)))

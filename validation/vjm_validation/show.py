@@ -41,15 +41,18 @@ def one_line(failure: Exception) -> str:
 
 @contextmanager
 def progress(*, quiet: bool = False) -> Iterator[Callable[[str, int, int], None]]:
-    """A progress display on standard error, called with a stage's name, how much is done, and of how much."""
+    """A progress display on standard error, called with a stage's name, how much is done, and of how much.
+
+    Of zero means that nobody knows of how much.
+    """
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), disable=quiet) as display:
         tasks = {}
 
         def update(stage: str, done: int, total: int) -> None:
             if stage not in tasks:
-                tasks[stage] = display.add_task(stage, total=total)
-            display.update(tasks[stage], completed=done, total=total)
+                tasks[stage] = display.add_task(stage, total=total or None)
+            display.update(tasks[stage], completed=done, total=total or None)
 
         yield update
 

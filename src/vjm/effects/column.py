@@ -18,10 +18,12 @@ from vjm.rotations import Array
 
 STEPS = 24
 """Of the fourth-order Runge-Kutta rule over half the column."""
-FIBRES = 400
+FIBRES = 160
 """Over half the depth of the section."""
 FAR = 60.0
-"""Curvature over that at first yield up to which moments are tabulated."""
+"""Curvature over that at the proof stress up to which moments are tabulated."""
+CURVATURES = 160
+"""At which moments are tabulated."""
 ROUNDS = 90
 """Of the search for the force."""
 
@@ -48,17 +50,26 @@ class Fibres:
 
 
 @lru_cache(maxsize=64)
-def yield_curve(fibres: Fibres, hardening: float) -> tuple[Array, Array]:
-    """Moments ``(k,)`` over that at first yield, by curvatures ``(k,)`` over the one there.
+def yield_curve(fibres: Fibres, exponent: float, offset: float) -> tuple[Array, Array]:
+    """Moments ``(k,)`` over that at which the outer fibre would reach the proof stress elastically, by curvatures.
+
+    Each fibre follows Ramberg and Osgood (NACA TN 902, 1943), ``ε/ε_p = σ/σ_p + offset (σ/σ_p)^exponent``, with ε_p
+    the elastic strain at the proof stress σ_p. The larger the exponent the sharper the knee.
 
     Args:
         fibres: of the section.
-        hardening: tangent modulus over Young's beyond yield.
+        exponent: of the law.
+        offset: permanent strain that defines the proof stress, over ε_p.
     """
     y, width = fibres.widths()
-    curvature = np.concatenate([[0.0], np.geomspace(0.2, FAR, 240)])
-    strain = curvature[:, None] * y
-    stress = np.where(strain < 1.0, strain, 1.0 + hardening * (strain - 1.0))
+    curvature = np.concatenate([[0.0], np.geomspace(0.05, FAR, CURVATURES)])
+    # beyond the proof stress strain grows with a high power: stresses are spaced by it
+    highest = max((FAR / offset) ** (1.0 / exponent), 1.0)
+    share = np.concatenate(
+        [np.linspace(0.0, 0.9, 200), highest - (highest - 0.9) * np.linspace(1.0, 0.0, 600)[1:] ** 2]
+    )
+    strain = share + offset * share**exponent
+    stress = np.interp(curvature[:, None] * y, strain, share)
     moment = (stress * y * width).sum(axis=1)
     elastic = float((y * y * width).sum())
     return moment / elastic, curvature
@@ -69,9 +80,10 @@ def column_force(
     length: float,
     stiffness: float,
     bow: float = 0.0,
-    first_yield: float = float("inf"),
+    proof: float = float("inf"),
     fibres: Fibres | None = None,
-    hardening: float = 0.0,
+    exponent: float = 40.0,
+    offset: float = 0.5,
 ) -> Array:
     """Compressive forces ``(n,)`` at deflections of the middle from the unloaded shape.
 
@@ -80,17 +92,19 @@ def column_force(
         length: between the pins, mm.
         stiffness: EI, N mm².
         bow: amplitude of the half sine wave of the unloaded shape, mm, towards positive deflections.
-        first_yield: bending moment, N mm; infinite where it never yields.
+        proof: bending moment, N mm, at which the outer fibre would reach the proof stress elastically; infinite
+            where it never yields.
         fibres: of the section, where it yields.
-        hardening: tangent modulus over Young's beyond yield.
+        exponent: see `yield_curve`.
+        offset: see `yield_curve`.
 
     Returns:
         N; Euler's load where a straight column is not deflected.
     """
     moments, curvatures = np.array([0.0, 1.0]), np.array([0.0, 1.0])
-    if fibres is not None and np.isfinite(first_yield):
-        moments, curvatures = yield_curve(fibres, hardening)
-    scale = first_yield if len(moments) > 2 else stiffness / length
+    if fibres is not None and np.isfinite(proof):
+        moments, curvatures = yield_curve(fibres, exponent, offset)
+    scale = proof if len(moments) > 2 else stiffness / length
     start = np.asarray(deflection, dtype=float) + bow
     force = np.empty(len(start))
     _forces(start, length, stiffness, bow, scale, moments, curvatures, force)

@@ -85,7 +85,8 @@ def read_document(name_or_path: str | Path) -> ModelDocument:
         ModelFileError: no such file or model, or no TOML.
     """
     if isinstance(name_or_path, str):
-        for file in _library_files():
+        # a manipulator too, so that it can be said what it is
+        for file in (*_library_files(), *_library_files("manipulators")):
             if file.name == f"{name_or_path}.toml":
                 return _parse(file.name, file.read_bytes())
     path = Path(name_or_path)
@@ -116,6 +117,8 @@ def build_chain(content: Mapping[str, Any], file: str, sha256: str = "") -> Chai
     Raises:
         ModelFileError: as `load_chain`.
     """
+    if content.get("kind") == "manipulator":
+        raise ModelFileError(f"{file}: is a whole manipulator, and this takes one chain: give the file of a leg's")
     try:
         return ModelFile.model_validate(content).chain(sha256)
     except pydantic.ValidationError as error:
@@ -124,8 +127,8 @@ def build_chain(content: Mapping[str, Any], file: str, sha256: str = "") -> Chai
         raise ModelFileError(f"{file}: {error}") from error
 
 
-def _library_files() -> list[Traversable]:
-    files = resources.files("vjm").joinpath("models").iterdir()
+def _library_files(*folder: str) -> list[Traversable]:
+    files = resources.files("vjm").joinpath("models", *folder).iterdir()
     return sorted((file for file in files if file.name.endswith(".toml")), key=lambda file: file.name)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vjm.arrays import Floats, Ints, model_of, work_of
+from vjm.arrays import Arrays, Floats, Ints, Work
 from vjm.compilation import entry, kernel
 from vjm.condensation import factor, substitute
 from vjm.kernels import forward, missing
@@ -17,6 +17,7 @@ from vjm.manipulator.machine_kernel import (
     Machine,
     back,
     driven_world,
+    legs_of,
     negatives,
     rotation_between,
     solve_small,
@@ -34,6 +35,8 @@ NEGLIGIBLE = 1e-9
 @kernel
 def balance(
     machine: Machine,
+    models: list[Arrays],
+    works: list[Work],
     platform: Floats,
     drives: Floats,
     wrench: Floats,
@@ -48,6 +51,8 @@ def balance(
 
     Args:
         machine: the machine.
+        models: its legs, see `legs_of`.
+        works: likewise.
         platform: frame ``(12,)`` to start from; overwritten.
         drives: ``(l,)``.
         wrench: ``(6,)`` dead, at the platform's reference point.
@@ -76,11 +81,7 @@ def balance(
         energy, reach = machine.units[0, 1], machine.units[0, 0]
         for leg in range(legs):
             length, unit = machine.units[leg, 0], machine.units[leg, 1]
-            i0, i1 = machine.integers_at[leg], machine.integers_at[leg + 1]
-            integers = machine.integers[i0:i1]
-            numbers = machine.numbers[machine.numbers_at[leg] : machine.numbers_at[leg + 1]]
-            work_integers = machine.work_integers[machine.work_integers_at[leg] : machine.work_integers_at[leg + 1]]
-            work_numbers = machine.work_numbers[machine.work_numbers_at[leg] : machine.work_numbers_at[leg + 1]]
+            model, work = models[leg], works[leg]
             a, b = machine.coordinates_at[leg], machine.coordinates_at[leg + 1]
             times(platform, machine.attachments[leg], end)
             G = worlds[leg]
@@ -88,8 +89,6 @@ def balance(
             for i in range(3):
                 to[9 + i] /= length
             F = forces[leg]
-            model = model_of(integers, numbers)
-            work = work_of(integers[:5], work_integers, work_numbers)
             forward(model, x[a:b], work)
             if not missing(work, to[:9].reshape((3, 3)), to[9:]):
                 return NO_EQUILIBRIUM, -1, iteration
@@ -187,15 +186,7 @@ def balance(
         largest = max(abs(r[3]), max(abs(r[4]), abs(r[5])))
         for leg in range(legs):
             length = machine.units[leg, 0]
-            i0, i1 = machine.integers_at[leg], machine.integers_at[leg + 1]
-            integers = machine.integers[i0:i1]
-            numbers = machine.numbers[machine.numbers_at[leg] : machine.numbers_at[leg + 1]]
-            work = work_of(
-                integers[:5],
-                machine.work_integers[machine.work_integers_at[leg] : machine.work_integers_at[leg + 1]],
-                machine.work_numbers[machine.work_numbers_at[leg] : machine.work_numbers_at[leg + 1]],
-            )
-            model = model_of(integers, numbers)
+            model, work = models[leg], works[leg]
             a, b = machine.coordinates_at[leg], machine.coordinates_at[leg + 1]
             for i in range(6):
                 s = 0.0
@@ -253,7 +244,8 @@ def critical_forces(
     """
     legs, n = len(machine.slides), len(machine.x_home)
     x_rest, drives, start = np.empty(n), np.empty(legs), np.empty(12)
-    if not close_from_home(machine, pose, x_rest, drives, start):
+    models, works = legs_of(machine)
+    if not close_from_home(machine, models, works, pose, x_rest, drives, start):
         return OUT_OF_REACH
     x, own, platform = np.empty(n), np.zeros((legs, 6)), np.empty(12)
     x_good, own_good, platform_good = np.empty(n), np.empty((legs, 6)), np.empty(12)
@@ -264,7 +256,7 @@ def critical_forces(
         while good < most and bad - good > tolerance * max(good, first):
             x[:], own[:, :], platform[:] = x_good, own_good, platform_good
             how, negative, _ = balance(
-                machine, platform, drives, force * directions[k], x, own, 1e-10, 12, M, shares
+                machine, models, works, platform, drives, force * directions[k], x, own, 1e-10, 12, M, shares
             )
             if how == SOLVED and negative == 0:
                 good = force
@@ -312,6 +304,7 @@ def equilibria(
     at_rest, x = machine.x_home.copy(), machine.x_home.copy()
     own, start, platform = np.zeros((legs, 6)), np.empty(12), np.empty(12)
     shares, here = np.empty((legs, 6, 6)), machine.drives_home.copy()
+    models, works = legs_of(machine)
     known = False
     for k in range(len(poses)):
         same = known
@@ -319,9 +312,9 @@ def equilibria(
             for i in range(6):
                 same = same and poses[k, i] == poses[k - 1, i]
         if not same:
-            known = known and close_near(machine, poses[k], at_rest, here, start)
+            known = known and close_near(machine, models, works, poses[k], at_rest, here, start)
             if not known:
-                known = close_from_home(machine, poses[k], at_rest, here, start)
+                known = close_from_home(machine, models, works, poses[k], at_rest, here, start)
         for leg in range(legs):
             drives[k, leg] = here[leg]
         if not known:
@@ -331,7 +324,7 @@ def equilibria(
         own[:, :] = 0.0
         platform[:] = start
         status[k], negative[k], iterations[k] = balance(
-            machine, platform, here, wrenches[k], x, own, tolerance, most, K[k], shares
+            machine, models, works, platform, here, wrenches[k], x, own, tolerance, most, K[k], shares
         )
         for i in range(3):
             displacement[k, i] = platform[9 + i] - start[9 + i]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vjm.lumped import LumpedModel
-from vjm.rotations import Array, skew
+from vjm.rotations import Array, displacement_between, rotation_from_vector, rotation_vector, skew
 
 
 class Edge(NamedTuple):
@@ -95,6 +95,26 @@ def add_leg(M: Array, balance: Array, edge: Edge, leg: Visited, bodies: int) -> 
     for k, joint, weight, _, _ in leg.torques:
         for k2, _, _, dx2, _ in leg.torques:
             M[b + k, b + k2] -= weight * dx2[joint]
+
+
+def missing(there: Array, target: Array, held: Array) -> Array:
+    """Motion ``(6,)`` by which a body misses a frame in the held components; zero in the others.
+
+    Args:
+        there: its frame ``(4, 4)``.
+        target: where it is to be.
+        held: ``(6,)`` which components count. Where one turn is free the body hangs in a hinge along that axis.
+    """
+    d = displacement_between(there, target)
+    free = np.flatnonzero(np.logical_not(held[3:]))
+    if len(free) == 1:
+        # all but the turn about the hinge: about an axis across it
+        half = 0.5 * float(np.linalg.norm(d[3:]))
+        share = 0.5 * float(np.sinc(half / np.pi)) * d[3 + free[0]]
+        hinge = np.zeros(3)
+        hinge[free] = -2.0 * np.arctan2(share, np.cos(half))
+        d[3:] = rotation_vector(rotation_from_vector(hinge) @ rotation_from_vector(d[3:]))
+    return np.where(held, d, 0.0)
 
 
 def carried(lever: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vjm.arrays import PASSIVE, Floats, model_of, work_of
+from vjm.arrays import PASSIVE, Arrays, Floats, Work
 from vjm.compilation import kernel
 from vjm.kernels import forward, missing
 from vjm.manipulator.machine_kernel import Machine, back, driven_world, solve_small, times, turned_by
@@ -15,22 +15,16 @@ LARGEST = 0.5
 
 
 @kernel
-def _close_leg(machine: Machine, leg: int, platform: Floats, x: Floats, drive: float) -> tuple[float, float, float]:
+def _close_leg(
+    machine: Machine, model: Arrays, work: Work, leg: int, platform: Floats, x: Floats, drive: float
+) -> tuple[float, float, float]:
     """Passive coordinates and drive of a leg, its springs at rest, for a platform's frame.
 
     Returns:
         The drive, its rate by the platform's shift is left to the caller; the gap that is left; the largest turn
         that a joint made.
     """
-    a, b = machine.integers_at[leg], machine.integers_at[leg + 1]
-    integers = machine.integers[a:b]
-    model = model_of(integers, machine.numbers[machine.numbers_at[leg] : machine.numbers_at[leg + 1]])
-    work = work_of(
-        integers[:5],
-        machine.work_integers[machine.work_integers_at[leg] : machine.work_integers_at[leg + 1]],
-        machine.work_numbers[machine.work_numbers_at[leg] : machine.work_numbers_at[leg + 1]],
-    )
-    n_q = integers[3]
+    n_q = len(work.z)
     driven = machine.slides[leg] >= 0
     n = n_q + (1 if driven else 0)
     passive = np.empty(n_q, dtype=np.int64)
@@ -127,7 +121,15 @@ def _close_leg(machine: Machine, leg: int, platform: Floats, x: Floats, drive: f
 
 
 @kernel
-def close_near(machine: Machine, pose: Floats, x: Floats, drives: Floats, platform: Floats) -> bool:
+def close_near(
+    machine: Machine,
+    models: list[Arrays],
+    works: list[Work],
+    pose: Floats,
+    x: Floats,
+    drives: Floats,
+    platform: Floats,
+) -> bool:
     """All legs closed for the platform displaced from home; from ``x`` and ``drives``, which are overwritten."""
     for i in range(12):
         platform[i] = machine.home[i]
@@ -136,18 +138,26 @@ def close_near(machine: Machine, pose: Floats, x: Floats, drives: Floats, platfo
     turned_by(platform, pose[3:])
     for leg in range(len(machine.slides)):
         a, b = machine.coordinates_at[leg], machine.coordinates_at[leg + 1]
-        drives[leg], left, turned = _close_leg(machine, leg, platform, x[a:b], drives[leg])
+        drives[leg], left, turned = _close_leg(machine, models[leg], works[leg], leg, platform, x[a:b], drives[leg])
         if not left < 1e2 * RIGID_TOLERANCE or turned > LARGEST:
             return False
     return True
 
 
 @kernel
-def close_from_home(machine: Machine, pose: Floats, x: Floats, drives: Floats, platform: Floats) -> bool:
+def close_from_home(
+    machine: Machine,
+    models: list[Arrays],
+    works: list[Work],
+    pose: Floats,
+    x: Floats,
+    drives: Floats,
+    platform: Floats,
+) -> bool:
     """All legs closed, on a straight way from home in a few steps, on which they keep their branch."""
     x[:] = machine.x_home
     drives[:] = machine.drives_home
     for step in range(1, RIGID_STEPS + 1):
-        if not close_near(machine, pose * (step / RIGID_STEPS), x, drives, platform):
+        if not close_near(machine, models, works, pose * (step / RIGID_STEPS), x, drives, platform):
             return False
     return True

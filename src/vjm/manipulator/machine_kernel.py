@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vjm.arrays import Floats, Ints
+from vjm.arrays import Arrays, Floats, Ints, Work, model_of, work_of
 from vjm.compilation import kernel
 
 
@@ -46,6 +46,26 @@ class Machine(NamedTuple):
     home: Floats
     x_home: Floats
     drives_home: Floats
+
+
+@kernel
+def legs_of(machine: Machine) -> tuple[list[Arrays], list[Work]]:
+    """Every leg's model and workspace as views of the machine's buffers.
+
+    They are some fifty arrays a leg: to make them anew in every iteration would take a quarter of all time.
+    """
+    models, works = [], []
+    for leg in range(len(machine.slides)):
+        integers = machine.integers[machine.integers_at[leg] : machine.integers_at[leg + 1]]
+        models.append(model_of(integers, machine.numbers[machine.numbers_at[leg] : machine.numbers_at[leg + 1]]))
+        works.append(
+            work_of(
+                integers[:5],
+                machine.work_integers[machine.work_integers_at[leg] : machine.work_integers_at[leg + 1]],
+                machine.work_numbers[machine.work_numbers_at[leg] : machine.work_numbers_at[leg + 1]],
+            )
+        )
+    return models, works
 
 
 @kernel

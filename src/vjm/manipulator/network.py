@@ -20,8 +20,8 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 from vjm.compiled import EIGENVALUE_TOLERANCE, Compiled
 from vjm.equilibrium import scaled_norm
 from vjm.lumped import LumpedModel
-from vjm.manipulator.bodies import Edge, Layout, Visited, add_leg, carried, turn_rate
-from vjm.rotations import Array, displacement_between, frame, inverse_frame, rotation_from_vector, skew
+from vjm.manipulator.bodies import Edge, Layout, Visited, add_leg, carried, missing, turn_rate
+from vjm.rotations import Array, frame, inverse_frame, rotation_from_vector, skew
 
 FEW = 20
 """Vectors of Lanczos's method."""
@@ -160,7 +160,7 @@ class NetworkSolver(Compiled):
         The statics' part of a leg's wrench is the gap at its end.
         """
         self._look(x, wrench, load)
-        gap = np.where(self.held, displacement_between(self.frames(x)[0], target), 0.0)
+        gap = missing(self.frames(x)[0], target, self.held)
         heavy = max(1.0, float(np.max(np.abs(wrench / self.wrench_unit))))
         error = float(np.max(np.abs(gap * self.wrench_unit))) / self.energy
         statics = np.zeros(self.layout.size)
@@ -310,7 +310,8 @@ class NetworkSolver(Compiled):
         start = start + 0.01 * np.random.default_rng(0).standard_normal(n)
         try:
             inverses, V = eigsh(
-                LinearOperator((n, n), matvec=inverse, dtype=float), k=count, v0=start, ncv=min(n - 1, FEW),
+                LinearOperator((n, n), matvec=inverse, dtype=float), k=count, v0=start,
+                ncv=min(n - 1, max(FEW, 2 * count + 1)),
                 tol=1e-10 if tolerance < 1e-6 else 1e-6,
             )  # fmt: skip
         except ArpackError as error:

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 import numpy as np
 
 from vjm.arc_length import walk
+from vjm.chain import Chain
 from vjm.equilibrium import Configuration, NoConvergenceError, solve_newton
 from vjm.hand import Hand
+from vjm.imperfections import BuildsProblems, buckling_shape
 from vjm.loads import NO_LOADING
 from vjm.lumped_problem import LumpedProblem
 from vjm.manipulator.bodies import turn_rate
 from vjm.manipulator.closure import RigidPose
 from vjm.manipulator.manipulator import Manipulator
-from vjm.manipulator.rigid import inverse_kinematics
+from vjm.manipulator.rigid import SINGULAR, inverse_kinematics, mobility
 from vjm.manipulator.whole import Whole
 from vjm.paths import Equilibrium, Path
 from vjm.programme import COMPONENTS, PointControl, Programme
@@ -36,7 +39,12 @@ class ManipulatorProblem(LumpedProblem):
     model: Whole
 
     def __init__(
-        self, manipulator: Manipulator, programme: Programme, engine: VjmEngine, pose: RigidPose | None = None
+        self,
+        manipulator: Manipulator,
+        programme: Programme,
+        engine: VjmEngine,
+        pose: RigidPose | None = None,
+        bow: Array | None = None,
     ) -> None:
         """Set up the pose.
 
@@ -45,10 +53,11 @@ class ManipulatorProblem(LumpedProblem):
             programme: what is done; its posture is the label of a pose, or the platform's displacement from home.
             engine: how beams become springs.
             pose: the rigid pose, where it is known.
+            bow: deflection ``(n,)`` of the coordinates, of which that of the legs' springs is built into them.
 
         Raises:
             PoseError: the rigid machine cannot take the pose.
-            ValueError: the programme asks for what only single chains do.
+            ValueError: the programme asks for what only single chains do, or what is free leaves a mechanism.
             NoConvergenceError: constant loads or errors of assembly are more than the machine bears.
         """
         self.label = engine.label
@@ -58,7 +67,14 @@ class ManipulatorProblem(LumpedProblem):
             pose = inverse_kinematics(manipulator, manipulator.displacement(programme.posture))
         # a pose is rigid: errors and offsets are those of the machine that is given
         pose = replace(pose, manipulator=manipulator)
+        _refuse_mechanism(pose, held)
         self.model = Whole(pose, engine, held, constant, ramped)
+        if bow is not None:
+            bent = [
+                model.bent(bow[where])
+                for model, where in zip(self.model.models, self.model.layout.legs, strict=True)
+            ]
+            self.model = Whole(pose, engine, held, constant, ramped, bent)
         self.stations = self.model.labels()
         self._loading, self._on_tool, self._watched = NO_LOADING, np.zeros(0, dtype=bool), -1
         self._pose0 = pose.frames[0]
@@ -68,7 +84,9 @@ class ManipulatorProblem(LumpedProblem):
         at_rest = Configuration(Whole(pose, engine, held, models=self.model.models), self._x0, np.zeros(6), 0.0, 0)
         self._softest = stability(at_rest).eigenvalue
         # the legs' compiled models have seen the other whole's state
-        self._built = bool(np.any(constant)) or any(manipulator.errors) or any(manipulator.offsets)
+        self._built = (
+            bow is not None or bool(np.any(constant)) or any(manipulator.errors) or any(manipulator.offsets)
+        )
 
     def unloaded(self) -> Equilibrium:
         """The pose as drawn, under what acts all along: constant loads and the machine's errors.
@@ -126,15 +144,34 @@ class ManipulatorProblem(LumpedProblem):
 
 
 def on_platform(programme: Programme) -> tuple[Array, Array, Array]:
-    """Which components ``(6,)`` are held, and the constant and ramped wrench ``(6,)`` on the platform."""
-    if programme.gravity is not None or programme.imperfection or isinstance(programme.control, PointControl):
-        raise ValueError("a manipulator knows no weight, imperfection or control by a point: use its chain's model")
-    if any(load.part or load.follower for load in programme.loads):
-        raise ValueError("loads on a manipulator are dead wrenches on its platform: leave part and follower out")
-    turns = [name for name in programme.free if len(name) == 2]
-    if len(turns) not in (0, 3):
-        raise ValueError("a platform's turns are free all three or not at all: rx, ry, rz go together")
+    """Which components ``(6,)`` are held, and the constant and ramped wrench ``(6,)`` on the platform.
+
+    Raises:
+        ValueError: the programme asks for what only single chains do; the message says what to do instead.
+    """
+    if programme.gravity is not None:
+        raise ValueError(
+            "gravity: a manipulator file gives its platform no mass, so that it has no weight; put the weight on "
+            "the platform as a constant load"
+        )
+    if isinstance(programme.control, PointControl):
+        raise ValueError(
+            f"control by part '{programme.control.part}': a manipulator is steered by its ramp or along its arc; "
+            f"give ramp, arc or limit"
+        )
+    for load in programme.loads:
+        if load.part or load.follower:
+            what = f"on part '{load.part}'" if load.part else "that follows"
+            raise ValueError(f"load {what}: loads on a manipulator are dead wrenches on its platform; leave it out")
     held = np.array([name not in programme.free for name in COMPONENTS])
+    turns = int(np.count_nonzero(~held[3:]))
+    if turns == 2:
+        raise ValueError("free turns: a platform hangs in one hinge or turns freely; free one of rx, ry, rz or all")
+    if np.any(programme.direction[3:]) and (turns or 0 < np.count_nonzero(~held[:3]) < 3):
+        raise ValueError(
+            "free components: a hand that turns would take its hinge or slides with it; beside a driven turn free "
+            "x, y, z or nothing"
+        )
     constant, ramped = np.zeros(6), np.zeros(6)
     for load in programme.loads:
         if load.ramped:
@@ -144,6 +181,24 @@ def on_platform(programme: Programme) -> tuple[Array, Array, Array]:
     if programme.load_driven and not np.any(ramped[~held]):
         raise ValueError("the ramped load acts on held components only: free those that it drives, see --free")
     return held, constant, ramped
+
+
+def _refuse_mechanism(pose: RigidPose, held: Array) -> None:
+    """Refuse a machine without drives that moves in what is free without straining anything."""
+    manipulator = pose.manipulator
+    if np.all(held) or any(leg.drive for leg in manipulator.legs):
+        return
+    loose = mobility(pose).loose
+    _, sizes, V = np.linalg.svd(loose[held], full_matrices=True)
+    rank = int(np.count_nonzero(sizes > SINGULAR))
+    if rank == loose.shape[1]:
+        return
+    twist = loose @ V[rank]
+    first = COMPONENTS[int(np.argmax(np.abs(twist)))]
+    raise ValueError(
+        f"{manipulator.name}: with {', '.join(n for n, h in zip(COMPONENTS, held, strict=True) if not h)} free it "
+        f"is a mechanism: nothing drives it, and it moves without straining a spring; hold {first}"
+    )
 
 
 @dataclass(frozen=True)
@@ -162,8 +217,17 @@ class ManipulatorEngine:
         return self.springs.label
 
     def problem(self, manipulator: Manipulator, programme: Programme) -> ManipulatorProblem:
-        """The manipulator under a programme, ready to be followed."""
-        return ManipulatorProblem(manipulator, programme, self.springs)
+        """The manipulator under a programme, ready to be followed.
+
+        An imperfection is built into the springs of the legs, in the shape of the mode in which the perfect machine
+        buckles under the programme.
+        """
+        bow = None
+        if programme.imperfection:
+            # of a machine, which has a chain's name and poses
+            shape = buckling_shape(cast(BuildsProblems, self), cast(Chain, manipulator), programme)
+            bow = programme.imperfection * shape
+        return ManipulatorProblem(manipulator, programme, self.springs, bow=bow)
 
     def walk(
         self, manipulator: Manipulator, programme: Programme, progress: Callable[[float], None] | None = None

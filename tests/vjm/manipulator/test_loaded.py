@@ -7,7 +7,7 @@ from vjm.equilibrium import solve_newton
 from vjm.following import follow
 from vjm.manipulator.problem import ManipulatorEngine, ManipulatorProblem
 from vjm.paths import EventKind
-from vjm.programme import ARC, COMPONENTS, Load, Programme
+from vjm.programme import ARC, COMPONENTS, Load, PointControl, Programme
 from vjm.rotations import displaced
 from vjm.stiffness import unloaded_stiffness
 from vjm.vjm_engine import VjmEngine
@@ -159,8 +159,12 @@ def test_a_drive_that_is_off_moves_the_platform(robot):
 @pytest.mark.parametrize(
     ("programme", "words"),
     [
-        (Programme("isotropic", 1.0, gravity=(0, 0, -9.81)), "no weight"),
-        (Programme("isotropic", 1.0, free=("rx",)), "rx, ry, rz go together"),
+        (Programme("isotropic", 1.0, gravity=(0, 0, -9.81)), "no mass, so that it has no weight; put the weight"),
+        (Programme("isotropic", 1.0, free=("rx", "rz")), "one hinge or turns freely; free one of"),
+        (Programme("isotropic", 0.1, "rz", free=("rx",)), "would take its hinge or slides with it"),
+        (Programme("isotropic", 0.1, "rz", free=("x",)), "would take its hinge or slides with it"),
+        (Programme("isotropic", 1.0, control=PointControl("link", 0.5, (0, 1, 0))), "give ramp, arc or limit"),
+        (Programme("isotropic", 1.0, "load", loads=(Load((1.0, 0, 0, 0, 0, 0), follower=True),)), "that follows"),
         (Programme("isotropic", 1.0, "load", loads=(Load((1.0, 0, 0, 0, 0, 0), "link"),)), "dead wrenches"),
         (Programme("isotropic", 1.0, "load", loads=(Load((1.0, 0, 0, 0, 0, 0)),)), "held components only"),
         (Programme("nowhere", 1.0), "no pose 'nowhere'"),
@@ -169,3 +173,31 @@ def test_a_drive_that_is_off_moves_the_platform(robot):
 def test_programmes_that_only_chains_know_are_refused(robot, programme, words):
     with pytest.raises(ValueError, match=words):
         ManipulatorProblem(robot("orthoglide"), programme, VjmEngine())
+
+
+def test_a_machine_without_drives_that_is_let_go_is_a_mechanism(robot):
+    pulled = Programme("straight", 10.0, "load", loads=(Load((1.0, 0, 0, 0, 0, 0)),), free=COMPONENTS)
+    with pytest.raises(ValueError, match="nothing drives it, and it moves without straining a spring; hold y"):
+        ManipulatorProblem(robot("parallelogram"), pulled, VjmEngine(2))
+    # its own freedom held, it is none
+    held = Programme("straight", 10.0, "load", loads=pulled.loads, free=("x", "z", "rx", "ry", "rz"), steps=1)
+    L, EA = 310.0, 6.7391304e6
+    point = ManipulatorEngine(VjmEngine(2)).walk(robot("parallelogram"), held).points[-1]
+    assert point.displacement[0] == pytest.approx(10.0 * L / (2.0 * EA), rel=1e-4)
+
+
+def test_bows_built_into_the_legs_grow_as_timoshenko_says(robot):
+    # a sine of amplitude a grows to a / (1 − F/F_cr); segments are straight, which costs 0.4 % with 16 of them
+    engine, machine = ManipulatorEngine(VjmEngine(16)), robot("orthoglide")
+    load, force, size = Load((1.0, 0, 0, 0, 0, 0)), 4000.0, 0.3
+    programme = Programme("isotropic", -force, "load", loads=(load,), free=COMPONENTS, steps=4, imperfection=size)
+    path = engine.walk(machine, programme)
+    bows = []
+    for point in (path.points[0], path.points[-1]):
+        rows = [i for i, label in enumerate(path.stations) if label.part == "x/link"]
+        bar = point.shape[rows]
+        bows.append(np.linalg.norm(bar[len(bar) // 2] - 0.5 * (bar[0] + bar[-1])))
+    assert bows[0] == pytest.approx(size, rel=0.01)
+    assert bows[1] == pytest.approx(bows[0] / (1.0 - force / 8849.9), rel=5e-3)
+    # nothing is strained before it is loaded
+    assert np.abs(engine.problem(machine, programme).leg_wrenches(path.points[0])).max() < 1e-6

@@ -7,7 +7,15 @@ import pytest
 
 from vjm.io.manipulator_file import manipulators
 from vjm.manipulator.manipulator import BASE, Leg, Manipulator
-from vjm.manipulator.rigid import PoseError, forward_kinematics, home_pose, inverse_kinematics, mobility
+from vjm.manipulator.rigid import (
+    PoseError,
+    forward_kinematics,
+    freedom,
+    home_pose,
+    inverse_kinematics,
+    mobility,
+    rates,
+)
 from vjm.rotations import frame, rotation_from_vector
 
 LENGTH = 310.0
@@ -31,6 +39,30 @@ def test_the_orthoglides_drives_are_those_of_its_closed_form(robot, p):
     pose = inverse_kinematics(robot("orthoglide"), np.array([*p, 0, 0, 0], dtype=float))
     square = np.sum(np.square(p)) - np.square(p)
     assert pose.drives == pytest.approx(np.array(p) - np.sqrt(LENGTH**2 - square) + LENGTH, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("corner", "share", "derived"), [("Q1", -0.25, -LENGTH / 18**0.5), ("Q2", 0.5, LENGTH / 6**0.5)]
+)
+def test_the_orthoglides_workspace_is_the_one_of_its_design_criterion(robot, corner, share, derived):
+    # Chablat and Wenger 2003: velocity transmission factors from 1/2 to 2; on the diagonal they are 1/(1+2t) and
+    # 1/(1−t) with t = c/√(L² − 2c²). The corners in the file are quoted: they lie within 0.6 mm of the derived ones
+    machine = robot("orthoglide")
+    c = float(machine.displacement(corner)[0])
+    assert np.ptp(machine.workspace, axis=0) == pytest.approx(np.full(3, 200.0))
+    assert c == pytest.approx(derived, abs=0.6)
+    factors = {}
+    for at in (c, derived):
+        pose = inverse_kinematics(machine, np.array([at] * 3 + [0.0] * 3))
+        found = 1.0 / np.linalg.svd(rates(pose, freedom(pose)), compute_uv=False)
+        t = at / np.sqrt(LENGTH**2 - 2.0 * at**2)
+        assert np.sort(found) == pytest.approx(np.sort(np.abs([1 / (1 + 2 * t), 1 / (1 - t), 1 / (1 - t)])))
+        factors[at] = found
+    assert share == pytest.approx(derived / np.sqrt(LENGTH**2 - 2.0 * derived**2))
+    # at the derived corner the largest is 2; at the far one the smallest is 1/2 too
+    assert factors[derived].max() == pytest.approx(2.0)
+    assert factors[c].max() == pytest.approx(2.0, rel=0.01)
+    assert factors[c].min() == pytest.approx({"Q1": 0.8, "Q2": 0.5}[corner], rel=0.01)
 
 
 def test_the_deltas_arms_stand_where_its_closed_form_has_them(robot):

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import copy
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from vjm.arc_length import walk
 from vjm.effects.column import column_force
-from vjm.io.model_file import build_chain, read_document
+from vjm.io.model_file import build_chain, load_chain, read_document
+from vjm.parameters import compliance_factor
 from vjm.programme import Load, PointControl, Programme
 from vjm.vjm_engine import VjmEngine
-from vjm_validation.diagnosis.critical import knee
+from vjm_validation.cli import run
+from vjm_validation.diagnosis.critical import critical_points, knee
+from vjm_validation.diagnosis.observed import observe
+from vjm_validation.diagnosis.preparation import prepare
 from vjm_validation.diagnosis.stress import fibre_of, first_yield
+from vjm_validation.measurement import read_measurement
 
 COLUMN = read_document("pinned-column").content
 
@@ -89,3 +96,81 @@ def test_a_knee_is_seen_only_where_there_is_one():
     s = np.linspace(0.0, 3.0, 40)
     assert knee(s, np.minimum(1000.0 * s, 2000.0 + 50.0 * (s - 2.0))) == pytest.approx(2000.0, rel=0.02)
     assert knee(s, 1000.0 * s) is None
+
+
+SHEET = """
+[test]
+model = "orthoglide-chain"
+
+[model]
+link_segments = 12
+
+[instrument.ux_mm]
+noise = 0.001
+zero = 0.002
+scale = 0.001
+
+[instrument.fx_N]
+noise = 2.0
+zero = 3.0
+scale = 0.003
+
+[tolerance]
+link_length_mm = 0.2
+modulus_rel = 0.02
+"""
+
+
+@pytest.fixture(scope="module")
+def pushed_past_buckling(tmp_path_factory):
+    """Data and sheet of a bar 15 % softer than its matrix, pulled, and pushed past where it buckles; its force."""
+    folder: Path = tmp_path_factory.mktemp("pushed")
+    nominal = load_chain("orthoglide-chain")
+    truth = compliance_factor(nominal, "link").apply(nominal, 1.15)
+    path, pulled = (VjmEngine(12).walk(truth, Programme("A", to)) for to in (-3.4, 1.3))
+    rng = np.random.default_rng(4)
+    u = np.concatenate([np.linspace(0.1, 1.2, 15), np.linspace(1.1, -3.3, 45), np.linspace(-3.25, -0.1, 20)])
+    force = np.where(u > 0.0, np.interp(u, pulled.s, pulled.force), -np.interp(-u, path.s, path.force))
+    force += 2.0 * rng.standard_normal(len(u))
+    rows = [f"{2.0 * k:.1f},A,{x:.4f},{f:.2f}" for k, (x, f) in enumerate(zip(u, force, strict=True))]
+    (folder / "data.csv").write_text("\n".join(["time_s,posture,ux_mm,fx_N", *rows]) + "\n")
+    (folder / "sheet.toml").write_text(SHEET)
+    assert path.critical is not None
+    return folder / "data.csv", folder / "sheet.toml", path.critical.force
+
+
+def test_the_critical_force_that_was_read_is_predicted_after(pushed_past_buckling):
+    data, sheet, truth = pushed_past_buckling
+    prepared = prepare(observe(read_measurement(data, sheet)))
+    cause = next(effect for effect in prepared.effects if effect.cause == "link_compliance")
+    fit = prepared.fitter.fit((cause,), np.zeros(len(prepared.fitter.nuisances)), [[1.05]])
+    (pushed, pulled) = critical_points(prepared.fitter, prepared.null, fit)
+    assert (pushed.direction, pulled.direction) == ("compression", "tension")
+    assert pushed.measured == pytest.approx(truth, rel=0.01)
+    # the sheet's own: Euler's load of the bar as drawn
+    assert (pushed.nominal.kind, pushed.nominal.force) == ("bifurcation", pytest.approx(8849.0, rel=2e-3))
+    assert (pushed.extended.kind, pushed.extended.force) == ("bifurcation", pytest.approx(truth, rel=5e-3))
+    measured, _, after = pushed.triple
+    assert abs(after - measured) < 0.2 * abs(pushed.nominal.force - measured)
+    assert pushed.yields.force is None
+    assert pushed.yields.words.startswith("not known: the model says no shape")
+    # bars do not buckle when pulled
+    assert (pulled.measured, pulled.nominal.force, pulled.extended.force) == (None, None, None)
+    assert pulled.reached > 3000.0
+
+
+@pytest.mark.slow
+def test_the_extended_file_buckles_where_the_diagnosis_says(pushed_past_buckling, tmp_path, capsys):
+    data, sheet, truth = pushed_past_buckling
+    # a bar that differs between pull and push would explain them, too
+    causes = ["--without", "tension_compression_asymmetry"]
+    assert run(["diagnose", str(data), f"--sheet={sheet}", f"--out={tmp_path}", "--json", *causes]) == 0
+    found = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert "link_compliance" in found["causes"]
+    row = next(row for row in found["critical"] if row["direction"] == "compression")
+    assert found["gain"]["critical"]["measured_N"] == row["measured_N"] == pytest.approx(truth, rel=0.01)
+    capsys.readouterr()
+    arguments = ["buckling", str(tmp_path / "extended-model.toml"), "--posture", "A", "--direction", "-", "--json"]
+    assert run(arguments) == 0
+    (metrics,) = json.loads(capsys.readouterr().out)["chain"]["A"]["compression"].values()
+    assert metrics["F_cr"] == pytest.approx(row["extended_N"], rel=1e-4)

@@ -3,24 +3,36 @@
 import csv
 import json
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path as FilePath
 
 import jsonschema
 import numpy as np
 import pytest
 
+from vjm.equilibrium import NoConvergenceError
+from vjm.following import follow
 from vjm.io.manipulator_file import load_manipulator
 from vjm.manipulator.problem import ManipulatorProblem
-from vjm.programme import Programme
+from vjm.paths import Equilibrium, Path
+from vjm.programme import COMPONENTS, Load, Programme
 from vjm.vjm_engine import VjmEngine
 from vjm_validation.cli import run
 from vjm_validation.maps import run as runner
-from vjm_validation.maps.evaluate import COLUMNS, OK, Quantity, evaluate, principal
+from vjm_validation.maps.evaluate import (
+    COLUMNS,
+    OK,
+    MapTask,
+    Quantity,
+    distinct,
+    evaluate,
+    principal,
+    stability_lost,
+)
 from vjm_validation.maps.grid import parsed_grid
 from vjm_validation.maps.run import Map, run_map
 from vjm_validation.schemas import schemas
 
-SCHEMAS = Path(__file__).parents[3] / "docs/schemas"
+SCHEMAS = FilePath(__file__).parents[3] / "docs/schemas"
 
 
 def small(quantity=Quantity.STIFFNESS, name="orthoglide", grid="x=-40:40:3,y=0:60:2,z=0", **more):
@@ -150,3 +162,35 @@ def test_bad_input_is_one_line_and_status_2(arguments, words, tmp_path, capsys):
     error = capsys.readouterr().err.strip()
     assert words in " ".join(error.split())
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["delta", pytest.param("par2", marks=pytest.mark.slow)])
+def test_the_weakest_direction_of_a_machine_with_bodies_between(name):
+    machine = load_manipulator(name)
+    pose = machine.displacement("side")
+    task = MapTask(0, machine, VjmEngine(), Quantity.CRITICAL, pose[None], (0.0,) * 6, 20_000.0)
+    rows = evaluate(task)
+    assert rows.why == [OK]
+    force, *direction = rows.values[0]
+    assert np.linalg.norm(direction) == pytest.approx(1.0)
+    for share, lost in ((0.99, []), (1.01, ["bifurcation"])):
+        load = Load((*(share * force * np.array(direction)).tolist(), 0.0, 0.0, 0.0))
+        programme = Programme("side", 1.0, "load", loads=(load,), free=COMPONENTS, steps=4)
+        path = follow(ManipulatorProblem(machine, programme, VjmEngine()), programme)
+        assert [str(event.kind) for event in path.events] == lost
+
+
+def test_directions_of_legs_in_a_row_are_tried_once():
+    x, y = np.eye(3)[:2]
+    assert len(distinct([x, -x, x + 0.01 * y, y, y])) == 2
+
+
+def test_a_path_that_ends_without_losing_its_stability_is_no_answer():
+    point = Equilibrium(0.0, np.zeros(6), np.zeros(6), 1.0, 1.0, 0, 1, 0.0, np.zeros((1, 3)), np.zeros(1))
+    there = replace(point, s=1.0, eigenvalue=0.5, ramp=700.0)
+    path = Path("vjm", "m", Programme("home", 1.0), (point, there), stopped="lost its way")
+    with pytest.raises(NoConvergenceError, match="lost its way"):
+        stability_lost(path)
+    assert stability_lost(replace(path, stopped="")) is None
+    # a knee too sharp to follow
+    assert stability_lost(replace(path, points=(point, replace(there, eigenvalue=1e-5)))) == 700.0

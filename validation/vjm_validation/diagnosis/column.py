@@ -5,11 +5,12 @@ The deflection takes the place of the imposed displacement; see `vjm.effects.col
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from vjm.chain import Chain
 from vjm.effects.column import Fibres, column_force
 from vjm.effects.effect import Effect, Quantity
 from vjm.effects.link_bow import LinkBow
@@ -32,7 +33,12 @@ from vjm_validation.measurement.channels import WRENCH, split_point
 
 LEAST = 5
 """Half of the marks from which noise is estimated."""
-FIRST_YIELD = "plasticity.yield_N"
+FIRST_YIELD, DEPARTS = "plasticity.yield_N", "plasticity.departs_mm"
+HANDBOOK = "plasticity.handbook"
+SET = 0.002
+"""Permanent strain at the proof stress."""
+GONE = 0.01
+"""Share of the load that yield takes where the curve is said to depart from the elastic one."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +69,7 @@ class ColumnBow(LinkBow):
 
 @dataclass(frozen=True)
 class ColumnYield(Effect):
-    """Bending beyond yield, fibre by fibre, with linear hardening.
+    """Bending beyond yield, fibre by fibre, by Ramberg and Osgood's law.
 
     Attributes:
         stress: the handbook's yield stress, MPa, from which a search begins.
@@ -75,15 +81,15 @@ class ColumnYield(Effect):
     title = "a permanent set after a yield load"
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """Yield stress, and the tangent modulus over Young's beyond it."""
+        """Stress at 0.2 % of permanent strain, and the exponent: the larger the sharper the knee."""
         return (
             Quantity("yield_stress_MPa", 0.3 * self.stress, 4.0 * self.stress, 0.1 * self.stress),
-            Quantity("hardening", 0.0, 0.3, 0.02, usual=0.01, spread=0.03),
+            Quantity("exponent", 3.0, 400.0, 20.0, usual=40.0, spread=1.5, log=True),
         )
 
     def trials(self) -> Sequence[tuple[float, ...]]:
-        """About the handbook's value."""
-        return [(share * self.stress, 0.01) for share in (0.8, 1.0, 1.25)]
+        """About the handbook's value, rounded and sharp."""
+        return [(share * self.stress, n) for n in (40.0, 8.0) for share in (0.8, 1.0, 1.25)]
 
 
 def is_column(measurement: Measurement) -> bool:
@@ -158,7 +164,7 @@ def with_noise_found(observed: Observed, fit: Fit) -> Observed:
     mark, load = observed.noise.pose[0], observed.noise.wrench[0]
     best, chosen = np.inf, (1.0, 1.0)
     for a in np.geomspace(0.05, 2.0, 16):
-        for b in np.geomspace(1.0, 6.0, 8):
+        for b in np.geomspace(1.0, 20.0, 12):
             variance = (b * load) ** 2 + (a * mark * slope) ** 2
             cost = float(np.sum(np.log(variance) + r**2 / variance))
             if cost < best:
@@ -257,7 +263,7 @@ class ColumnForward:
     def first_yield(
         self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, *, handbook: bool = False
     ) -> tuple[float, float] | None:
-        """Load in N and deflection in mm at which the middle's outer fibre begins to yield on the way.
+        """Load in N and deflection in mm at which the middle's outer fibre reaches the proof stress on the way.
 
         Args:
             found: coordinates.
@@ -267,20 +273,46 @@ class ColumnForward:
         """
         stress = self._stress(found, z, hypothesis)
         if stress is None and handbook:
-            limit = _table(self.observed.measurement).get("yield_stress_MPa")
-            stress = None if limit is None else float(str(limit))
+            stress = self._handbook()
+        machine = self.machine(found, z, hypothesis)
+        return self._reached(
+            stress, machine.chain(), machine.bow[0], lambda w: self._force(found, z, hypothesis, w)
+        )
+
+    def handbook_yield(self) -> str:
+        """Where the sheet's own column, straight and elastic, would reach the model's yield stress: no fit."""
+        stress = self._handbook()
+        here = self._reached(stress, self.observed.measurement.chain, 0.0, self.evaluate_nominal)
+        if stress is None or here is None:
+            return self.yield_unknown()
+        where = f"{here[1]:.3g} mm and {here[0]:.4g} N"
+        return f"{stress:.4g} MPa in the model file: without any fit, yield from {where} on"
+
+    def _handbook(self) -> float | None:
+        limit = _table(self.observed.measurement).get("yield_stress_MPa")
+        return None if limit is None else float(str(limit))
+
+    def _reached(
+        self, stress: float | None, chain: Chain, bow: float, force: Callable[[Array], Array]
+    ) -> tuple[float, float] | None:
+        """Load and deflection at which the middle's outer fibre has a stress, by beam theory."""
         fibres = _section(self.observed.measurement)
         if stress is None or fibres is None:
             return None
-        w = np.linspace(0.05, float(self.observed.pose[:, 0].max()), 120)
-        P = self._force(found, z, hypothesis, w)
-        machine = self.machine(found, z, hypothesis)
-        beam = beam_of(machine.chain(), link_of(machine.nominal))
-        modulus = beam.effective_section().EA / fibres.area
-        inertia = beam.effective_section().EIz / modulus
-        reached = P / fibres.area + P * (machine.bow[0] + w) * 0.5 * fibres.depth / inertia
+        w = np.linspace(0.05, float(self.observed.pose[:, 0].max()), 240)
+        P = force(w)
+        section = beam_of(chain, link_of(chain)).effective_section()
+        inertia = section.EIz / (section.EA / fibres.area)
+        reached = P / fibres.area + P * (bow + w) * 0.5 * fibres.depth / inertia
         over = np.flatnonzero(reached >= stress)
         return (float(P[over[0]]), float(w[over[0]])) if len(over) else None
+
+    def departs(self, fit: Fit) -> float | None:
+        """Deflection in mm from which yield lowers a fit's load by `GONE`; None where it does not on the way."""
+        w = np.linspace(0.05, float(self.observed.pose[:, 0].max()), 240)
+        plain, load = (self._force(fit.found, fit.at.z, fit.hypothesis, w, elastic=e) for e in (True, False))
+        lower = np.flatnonzero(load < (1.0 - GONE) * plain)
+        return float(w[lower[0]]) if len(lower) else None
 
     def _stress(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> float | None:
         for effect, values in zip(hypothesis, values_of(found, z, hypothesis), strict=True):
@@ -288,18 +320,21 @@ class ColumnForward:
                 return values[0]
         return None
 
-    def _force(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, w: Array) -> Array:
+    def _force(
+        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, w: Array, *, elastic: bool = False
+    ) -> Array:
         machine = self.machine(found, z, hypothesis)
         beam = beam_of(machine.chain(), link_of(machine.nominal))
         section = beam.effective_section()
         fibres = _section(self.observed.measurement)
-        limit, hardening = np.inf, 0.0
         for effect, values in zip(hypothesis, values_of(found, z, hypothesis), strict=True):
-            if isinstance(effect, ColumnYield) and fibres is not None:
+            if isinstance(effect, ColumnYield) and fibres is not None and not elastic:
                 modulus = section.EA / fibres.area
                 euler = np.pi**2 * section.EIz / beam.length**2
                 # the load's own stress is there before the bending
                 left = max(values[0] - euler / fibres.area, 1.0)
-                limit = left * section.EIz / modulus / (0.5 * fibres.depth)
-                hardening = values[1]
-        return column_force(w, beam.length, section.EIz, machine.bow[0], limit, fibres, hardening)
+                proof = left * section.EIz / modulus / (0.5 * fibres.depth)
+                return column_force(
+                    w, beam.length, section.EIz, machine.bow[0], proof, fibres, values[1], SET * modulus / left
+                )
+        return column_force(w, beam.length, section.EIz, machine.bow[0])

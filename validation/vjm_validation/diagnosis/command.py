@@ -7,10 +7,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from vjm import __version__
 from vjm.effects.catalogue import plug_in
 from vjm.io.files import check_writable, write_whole
-from vjm_validation.diagnosis.column import FIRST_YIELD, ColumnForward, is_column, observe_column
+from vjm_validation.diagnosis.column import DEPARTS, FIRST_YIELD, HANDBOOK, ColumnForward, is_column, observe_column
+from vjm_validation.diagnosis.column_experiment import direct
 from vjm_validation.diagnosis.contrasts import contrasts
 from vjm_validation.diagnosis.critical import Critical, critical_points
 from vjm_validation.diagnosis.document import (
@@ -24,6 +27,7 @@ from vjm_validation.diagnosis.document import (
     FoldRow,
     GainRow,
     NoiseRow,
+    TransferRow,
     ValueRow,
     VersionRow,
 )
@@ -32,10 +36,12 @@ from vjm_validation.diagnosis.extended import extended_text
 from vjm_validation.diagnosis.fitting import Fit
 from vjm_validation.diagnosis.folds import folds
 from vjm_validation.diagnosis.holdout import gain
-from vjm_validation.diagnosis.observed import observe
+from vjm_validation.diagnosis.marks import marks_gain, with_one_more
+from vjm_validation.diagnosis.observed import Observed, observe
 from vjm_validation.diagnosis.page import write_page
-from vjm_validation.diagnosis.preparation import Prepared, prepare, refresh
+from vjm_validation.diagnosis.preparation import Prepared, effects_of, possible, prepare, refresh
 from vjm_validation.diagnosis.search import Ranked, Search, effective_samples
+from vjm_validation.diagnosis.transfer import transfer
 from vjm_validation.diagnosis.verdict import Estimate, Verdict, estimates, judge, nuisance_estimates
 from vjm_validation.measurement import Measurement, read_measurement
 from vjm_validation.measurement.channels import WRENCH
@@ -44,6 +50,8 @@ from vjm_validation.summary import as_json
 DOCUMENT, MODEL, PAGE = "diagnosis.json", "extended-model.toml", "diagnosis.html"
 AGAIN = 2
 """Searches more at most, each about what the last one found."""
+MANY = 6.0
+"""Noise that is found over the sheet's from which on it is spoken of."""
 SHOWN = 12
 """Contrasts that are kept."""
 
@@ -56,6 +64,7 @@ def diagnose(
     plug_ins: Sequence[Path] = (),
     only: Sequence[str] = (),
     without: Sequence[str] = (),
+    beside: tuple[Path, Path] | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Diagnose a test and write what was found.
@@ -67,6 +76,7 @@ def diagnose(
         plug_ins: files with effects of one's own, see docs/effects.md.
         only: the causes that are thought possible; all where none is given.
         without: causes that are not.
+        beside: readings and sheet of another specimen, of which is said what the findings are worth there.
         progress: told what is being done.
 
     Raises:
@@ -77,7 +87,9 @@ def diagnose(
     begun = time.perf_counter()
     more = [plug_in(path) for path in plug_ins]
     measurement = read_measurement(data, sheet)
+    second = None if beside is None else read_measurement(*beside)
     observed = observe_column(measurement) if is_column(measurement) else observe(measurement)
+    possible(effects_of(observed, more), only, without)
     check_writable(out)
     progress("the nominal model")
     prepared = prepare(observed, more, only=only, without=without)
@@ -95,9 +107,13 @@ def diagnose(
         prepared = replace(prepared, null=search.null)
         if best.labels == before.labels:
             break
+    if observed.steered:
+        best = with_one_more(search, best)
     progress("verdict")
     verdict = judge(search, best)
     document = _document(measurement, prepared, search, verdict, begun)
+    if second is not None:
+        document = document.model_copy(update={"transfer": _transfer(verdict, second)})
     progress("report")
     chosen = verdict.members[0].fit if verdict.members else prepared.null
     found = estimates(prepared.fitter, chosen, 0.0)
@@ -143,7 +159,7 @@ def _document(
         version=VersionRow(
             package=__version__, model_sha256=measurement.model_sha256, data_sha256=measurement.data_sha256
         ),
-        residual=_residual_words(verdict),
+        residual=_residual_words(verdict) or _noise_words(observed),
         contrasts=[
             ContrastRow(name=c.name, channel=c.channel, size=c.size, significance=c.significance)
             for c in contrasts(fitter, prepared.null)[:SHOWN]
@@ -157,6 +173,14 @@ def _document(
         critical=[_critical(one) for one in points[id(chosen)]],
         seconds=time.perf_counter() - begun,
     )
+
+
+def _transfer(verdict: Verdict, second: Measurement) -> list[TransferRow]:
+    return [
+        TransferRow(causes=sorted(member.causes), what=row.what, rmse=row.rmse)
+        for member in verdict.members
+        for row in transfer(member.fit, second)
+    ]
 
 
 def _fits(verdict: Verdict, chosen: Fit) -> list[Fit]:
@@ -186,6 +210,20 @@ def _residual_words(verdict: Verdict) -> str:
     return f"what is left has the shape '{verdict.rest.worst or 'rough'}', strength {verdict.rest.left**0.5:.1f}"
 
 
+def _noise_words(observed: Observed) -> str:
+    """Where loads at marks scatter more than the sheet says: what is left is not explained, only bounded."""
+    if not observed.steered:
+        return ""
+    sheet = observed.measurement.sheet
+    said, found = float(sheet.sigma(WRENCH[0]).noise), float(observed.noise.wrench[0])
+    if found < MANY * said:
+        return ""
+    return (
+        f"what is left scatters by {found:.3g} N of load, {found / said:.2g} times the sheet's noise: so much of "
+        "the curve no cause explains"
+    )
+
+
 def _value(e: Estimate) -> ValueRow:
     return ValueRow(value=e.value, std=e.std, interval95=[e.low, e.high])
 
@@ -201,6 +239,10 @@ def _values(prepared: Prepared, fit: Fit) -> dict[str, ValueRow | str]:
             std = abs(here[0]) * stress.std / stress.value
             ends = [here[0] - 1.96 * std, here[0] + 1.96 * std]
             result[FIRST_YIELD] = ValueRow(value=here[0], std=std, interval95=ends)
+            result[HANDBOOK] = forward.handbook_yield()
+        departs = forward.departs(fit)
+        if departs is not None:
+            result[DEPARTS] = f"{departs:.3g}, where yield takes a hundredth of the load"
     for effect in fit.hypothesis:
         if effect.part and not any(name.startswith(f"{effect.cause}.{effect.part}") for name in result):
             result[f"{effect.cause}.part"] = effect.part
@@ -208,7 +250,12 @@ def _values(prepared: Prepared, fit: Fit) -> dict[str, ValueRow | str]:
 
 
 def _gain(prepared: Prepared, fit: Fit, points: Sequence[Critical]) -> GainRow:
-    found = gain(prepared.fitter, prepared.null, fit)
+    steered = bool(prepared.fitter.forward.observed.steered)
+    if steered:
+        found, parts = marks_gain(prepared.fitter, prepared.null, fit)
+    else:
+        found = gain(prepared.fitter, prepared.null, fit)
+        parts = folds(prepared.fitter, prepared.null, fit)
     measured, before, after = points[0].triple if points else (None, None, None)
     return GainRow(
         rmse_before=found.before,
@@ -220,9 +267,31 @@ def _gain(prepared: Prepared, fit: Fit, points: Sequence[Critical]) -> GainRow:
         critical=CriticalRow(measured_N=measured, before_N=before, after_N=after),
         folds=[
             FoldRow(name=f.name, readings=f.readings, force=f.force, rmse_before=f.before, rmse_after=f.after)
-            for f in folds(prepared.fitter, prepared.null, fit)
+            for f in parts
         ],
     )
+
+
+def _next_of_column(prepared: Prepared, verdict: Verdict) -> ExperimentRow:
+    """Of the direct measurements the one that would show most, of a cause that not all members have."""
+    observed = prepared.fitter.forward.observed
+    common = frozenset.intersection(*(member.causes for member in verdict.members))
+    load = float(np.nanmax(np.abs(observed.wrench[:, 0])))
+    ways = [
+        way
+        for member in verdict.members
+        for cause in sorted(member.causes - common)
+        if (way := direct(observed.measurement, cause, estimates(prepared.fitter, member.fit, 0.0), load))
+    ]
+    posture = str(observed.readings.posture[0])
+    if not ways:
+        why = "turned over, a bow changes sides while errors of the instruments and the stiffness stay"
+        return ExperimentRow(why=why, posture=posture, path="the same marks with the specimen turned half a turn")
+    best = max(ways, key=lambda way: (way.difference is not None, way.strength or 0.0))
+    return ExperimentRow(
+        why=best.why, posture=posture, path=best.path, difference=best.difference, channel=best.channel,
+        strength=best.strength,
+    )  # fmt: skip
 
 
 def _next(prepared: Prepared, verdict: Verdict) -> ExperimentRow:
@@ -231,11 +300,7 @@ def _next(prepared: Prepared, verdict: Verdict) -> ExperimentRow:
     first = verdict.members[0]
     other: Ranked = next(m for m in verdict.members if m.causes != first.causes)
     if isinstance(prepared.fitter.forward, ColumnForward):
-        return ExperimentRow(
-            why="turned over, a bow changes sides while errors of the instruments and the stiffness stay",
-            posture=str(prepared.fitter.forward.observed.readings.posture[0]),
-            path="the same marks with the specimen turned half a turn about its axis, and the gauges read unloaded",
-        )
+        return _next_of_column(prepared, verdict)
     found = propose(prepared.fitter, first.fit, other.fit)
     if found is None:
         return ExperimentRow(why="no posture of the model separates them")

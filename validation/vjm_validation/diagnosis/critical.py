@@ -16,6 +16,7 @@ from vjm.chain import Chain
 from vjm.effects.load_misalignment import LoadMisalignment
 from vjm.effects.machine import STANDARD_GRAVITY
 from vjm.equilibrium import NoConvergenceError
+from vjm.parameters import compliance_factor
 from vjm.programme import Programme
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
@@ -171,7 +172,13 @@ def _extended(fitter: Fitter, fit: Fit, programme: Programme) -> tuple[Point, Fi
         x, y, z = (STANDARD_GRAVITY * g for g in machine.gravity)
         gravity = (x, y, z)
     own = Programme(programme.posture, programme.to, tuple(axis[0].tolist()), gravity=gravity)
-    return _point(machine.engine, extended_chain(fitter, fit), own, fitter)
+    chain = extended_chain(fitter, fit)
+    pulls = bool(axis[0, :3] @ machine.line(programme.posture) > 0.0)
+    for part, ratio in machine.asymmetry:
+        # which no file can say; here the way is known
+        factor = compliance_factor(chain, part)
+        chain = factor.apply(chain, ratio ** (-0.5 if pulls else 0.5))
+    return _point(machine.engine, chain, own, fitter)
 
 
 def _point(

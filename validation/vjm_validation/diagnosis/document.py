@@ -97,6 +97,14 @@ class ExperimentRow(Row):
     strength: float | None = Field(None, description="of the discrimination to be expected")
 
 
+class TransferRow(Row):
+    """Error of another specimen's forces under what was found, nothing fitted anew."""
+
+    causes: list[str] = Field(description="candidate of this diagnosis")
+    what: str = Field(description="that was taken over of it")
+    rmse: float | None = Field(description="N; null where the machine does not stand with it")
+
+
 class VersionRow(Row):
     """What made it."""
 
@@ -139,4 +147,5 @@ class Diagnosis(Row):
     noise: NoiseRow | None = None
     nuisances: dict[str, ValueRow] = {}
     critical: list[CriticalPointRow] = Field([], description="of every half-ray that was walked")
+    transfer: list[TransferRow] = Field([], description="to the specimen of --beside")
     seconds: float = 0.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from vjm.rotations import Array
@@ -12,14 +14,40 @@ from vjm_validation.diagnosis.shapes import driven_channel, loading
 from vjm_validation.measurement.channels import WRENCH
 from vjm_validation.report.style import Picture, figure, png
 
-INK, BEFORE, AFTER, BACK = "#1b1f24", "#D55E00", "#0072B2", "#7a7a7a"
+INK, BEFORE, BEST, AFTER, BACK = "#1b1f24", "#D55E00", "#E69F00", "#0072B2", "#7a7a7a"
 MOST_POSTURES = 4
 """Postures that are drawn."""
 
 
-def pictures(prepared: Prepared, fit: Fit, document: Diagnosis) -> list[Picture]:
+@dataclass(frozen=True)
+class Before:
+    """The nominal model against the readings.
+
+    Attributes:
+        drawn: residuals ``(n, 6)`` at the sheet's own values; None where the model does not reach the readings.
+        best: with zero, scale, length and modulus at their best within the sheet's tolerances.
+    """
+
+    drawn: Array | None
+    best: Array
+
+    @property
+    def shown(self) -> Array:
+        """Those that are drawn."""
+        return self.best if self.drawn is None else self.drawn
+
+
+def nominal(prepared: Prepared) -> Before:
+    """The nominal model's residuals."""
+    fitter, null = prepared.fitter, prepared.null
+    fitter.anchor = None
+    at = fitter.evaluate(null.found, np.zeros(len(null.found)), ())
+    return Before(None if at is None else at.residual, null.at.residual)
+
+
+def pictures(prepared: Prepared, fit: Fit, document: Diagnosis, before: Before) -> list[Picture]:
     """Every picture of the page."""
-    found = [_curves(prepared, fit), _residuals(prepared, fit)]
+    found = [_curves(prepared, fit, before), _residuals(prepared, fit, before)]
     return [*found, _contrasts(document)] if document.contrasts else found
 
 
@@ -34,68 +62,74 @@ def _postures(prepared: Prepared) -> list[str]:
     return list(dict.fromkeys(prepared.fitter.forward.observed.readings.posture.tolist()))[:MOST_POSTURES]
 
 
-def _curves(prepared: Prepared, fit: Fit) -> Picture:
+def _curves(prepared: Prepared, fit: Fit, before: Before) -> Picture:
     observed = prepared.fitter.forward.observed
     c, u = _force(prepared), observed.readings.values[driven_channel(observed)]
     labels = _postures(prepared)
     columns = min(len(labels), 2)
     rows = (len(labels) + 1) // 2
-    with figure(2.6 * rows, columns, rows=rows) as (fig, axes):
+    with figure(3.0 if rows == 1 else 2.7 * rows, columns, rows=rows) as (fig, axes):
         for label, ax in zip(labels, axes, strict=False):
             on = (observed.readings.posture == label) & observed.present[:, c]
             order = np.argsort(u[on], kind="stable")
             read = observed.wrench[on, c]
-            ax.plot(u[on], read, ".", color=INK, ms=2.5, label="measured")
-            ax.plot(
-                u[on][order],
-                (read - prepared.null.at.residual[on, c])[order],
-                color=BEFORE,
-                lw=1.0,
-                label="nominal model",
-            )
+            drawn = (read - before.shown[on, c])[order]
+            ax.plot(u[on][order], drawn, color=BEFORE, lw=1.3, label="nominal model", zorder=2)
             if fit.hypothesis:
-                ax.plot(u[on], read - fit.at.residual[on, c], color=AFTER, lw=1.0, label="extended model")
+                after = read - fit.at.residual[on, c]
+                ax.plot(u[on], after, color=AFTER, lw=1.3, label="extended model", zorder=2.5)
+            ax.plot(u[on], read, ".", color=INK, ms=3.5, label="measured", zorder=3)
             ax.set(title=f"posture {label}", xlabel=_axis(driven_channel(observed)), ylabel=_axis(WRENCH[c]))
+            ax.tick_params(labelbottom=True)
         axes[0].legend()
         for ax in axes[len(labels) :]:
             ax.set_visible(False)
         content = png(fig)
-    caption = "Readings, and what the model predicts at the same displacements, its nuisances at their best."
+    how = "with the sheet's own values" if before.drawn is not None else "its nuisances at their best"
+    caption = f"Readings, and what the models predict at the same displacements; the nominal one {how}."
     return Picture("curves", content, "What was measured and what the model said", caption)
 
 
-def _residuals(prepared: Prepared, fit: Fit) -> Picture:
+def _residuals(prepared: Prepared, fit: Fit, before: Before) -> Picture:
     observed = prepared.fitter.forward.observed
     c, u = _force(prepared), observed.readings.values[driven_channel(observed)]
     way: Array = loading(observed)
     labels = _postures(prepared)
-    with figure(2.1 * len(labels), 2, rows=len(labels), sharey=False) as (fig, axes):
+    kinds = [k for k in ((1.0, "o", "way out"), (-1.0, "x", "way back"), (0.0, "s", "held")) if (way == k[0]).any()]
+    panels = [(before.best, BEST, "at its best")]
+    if before.drawn is not None:
+        panels.insert(0, (before.drawn, BEFORE, "as drawn"))
+    if fit.hypothesis:
+        panels.append((fit.at.residual, AFTER, "extended"))
+    n = len(panels)
+    with figure(2.2 * len(labels), n, rows=len(labels), sharey=False) as (fig, axes):
         for k, label in enumerate(labels):
             on = (observed.readings.posture == label) & observed.present[:, c]
-            for ax, one, colour, name in (
-                (axes[2 * k], prepared.null, BEFORE, "before"),
-                (axes[2 * k + 1], fit, AFTER, "after" if fit.hypothesis else "no cause added"),
-            ):
-                for sign, marker, kind in ((1.0, "o", "way out"), (-1.0, "x", "way back"), (0.0, "s", "held")):
+            for ax, (residual, colour, name) in zip(axes[n * k : n * k + n], panels, strict=True):
+                for sign, marker, kind in kinds:
                     own = on & (way == sign)
-                    ax.plot(
-                        u[own], one.at.residual[own, c], marker, ms=2.5, lw=0, color=colour, label=kind, alpha=0.7
-                    )
+                    ax.plot(u[own], residual[own, c], marker, ms=3.0, lw=0, color=colour, label=kind, alpha=0.7)
                 ax.axhline(0.0, color=BACK, lw=0.7)
-                ax.set(title=f"posture {label}, {name}", ylabel=_axis(WRENCH[c]))
-        axes[0].legend()
-        for ax in axes[-2:]:
+                ax.set(title=f"posture {label}, {name}")
+            axes[n * k].set_ylabel(_axis(WRENCH[c]))
+        if len(kinds) > 1:
+            axes[0].legend()
+        for ax in axes[-n:]:
             ax.set_xlabel(_axis(driven_channel(observed)))
         content = png(fig)
-    caption = "Reading minus model; the scales of both columns differ."
+    caption = (
+        "Reading minus model: the nominal one with the sheet's own values, the nominal one with zero, scale, length "
+        "and modulus at their best within the sheet's tolerances, and the extended one. Each has a scale of its own."
+    )
     return Picture("residuals", content, "Where it failed, and what is left", caption)
 
 
 def _contrasts(document: Diagnosis) -> Picture:
     rows = document.contrasts[::-1]
-    with figure(0.26 * len(rows) + 0.8, 1) as (fig, (ax,)):
+    with figure(0.26 * len(rows) + 0.9, 1) as (fig, (ax,)):
         ax.barh(range(len(rows)), [abs(row.significance) for row in rows], color=BEFORE, height=0.6)
         ax.set_yticks(range(len(rows)), [f"{row.channel}: {row.name}" for row in rows])
+        ax.set_ylim(-0.8, len(rows) - 0.2)
         ax.axvline(3.0, color=BACK, lw=0.8, ls="--")
         ax.set_xscale("symlog", linthresh=3.0)
         ax.set_xlabel("significance, standard errors")

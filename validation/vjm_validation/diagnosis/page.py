@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from vjm.rotations import Array
 from vjm_validation.diagnosis.document import Diagnosis
-from vjm_validation.diagnosis.figures import pictures
+from vjm_validation.diagnosis.extended import FILE
+from vjm_validation.diagnosis.figures import Before, nominal, pictures
 from vjm_validation.diagnosis.fitting import Fit
 from vjm_validation.diagnosis.preparation import Prepared
 from vjm_validation.measurement import Measurement
-from vjm_validation.report.style import number
+from vjm_validation.measurement.channels import WRENCH
 from vjm_validation.report.templating import environment
 
 HEADLINES = {
@@ -18,6 +22,59 @@ HEADLINES = {
     "class": "Several causes explain the data alike; these data cannot tell them apart.",
     "unknown": "The model is wrong, and no known cause explains how.",
 }
+
+
+STEPS = {
+    "none": "Nothing calls for another test.",
+    "named": "No further test is needed to tell causes apart.",
+    "unknown": "Repeat the test with a hold, and on the way back: whether what is left follows the displacement, "
+    "the clock or the history says where to look. An effect of one's own can be tried with --effects.",
+}
+"""Where there is no experiment."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Errors of one channel, root mean square.
+
+    Attributes:
+        name: of the column.
+        noise: of one reading by the sheet.
+        drawn: of the nominal model with the sheet's own values; None where it does not reach the readings.
+        best: with its nuisances at their best.
+        after: of the extended model.
+    """
+
+    name: str
+    noise: float
+    drawn: float | None
+    best: float
+    after: float
+
+
+def _channels(prepared: Prepared, fit: Fit, before: Before) -> list[Channel]:
+    observed = prepared.fitter.forward.observed
+
+    def rms(residual: Array, c: int) -> float:
+        return float(np.sqrt(np.mean(residual[observed.present[:, c], c] ** 2)))
+
+    return [
+        Channel(
+            name,
+            float(observed.measurement.sheet.sigma(name).noise),
+            None if before.drawn is None else rms(before.drawn, c),
+            rms(before.best, c),
+            rms(fit.at.residual, c),
+        )
+        for c, name in enumerate(WRENCH)
+        if observed.present[:, c].any()
+    ]
+
+
+def _common(document: Diagnosis) -> list[str]:
+    """Causes of every candidate of a class; none where there is one candidate."""
+    sets = [set(candidate.causes) for candidate in document.candidates]
+    return sorted(set.intersection(*sets)) if len(sets) > 1 else []
 
 
 def write_page(measurement: Measurement, prepared: Prepared, fit: Fit, document: Diagnosis) -> str:
@@ -31,7 +88,8 @@ def write_page(measurement: Measurement, prepared: Prepared, fit: Fit, document:
     """
     observed = prepared.fitter.forward.observed
     titles = {effect.cause: effect.title for effect in prepared.effects}
-    force = np.where(observed.present[:, :3], prepared.null.at.residual[:, :3], np.nan)
+    before = nominal(prepared)
+    drawn = pictures(prepared, fit, document, before)
     headline = HEADLINES[document.verdict]
     if document.verdict == "named" and len(document.causes) > 1:
         headline = f"{len(document.causes)} causes together explain what the model gets wrong."
@@ -47,9 +105,12 @@ def write_page(measurement: Measurement, prepared: Prepared, fit: Fit, document:
             source=measurement.sheet.test.source,
             headline=headline,
             titles=titles,
+            common=_common(document),
             postures=list(dict.fromkeys(observed.readings.posture.tolist())),
             channels=[*observed.pose_channels, *observed.wrench_channels],
-            missed=number(float(np.sqrt(np.nanmean(force**2))) if np.isfinite(force).any() else None, 3),
-            pictures=pictures(prepared, fit, document),
+            errors=_channels(prepared, fit, before),
+            pictures=drawn,
+            step=STEPS.get(document.verdict, ""),
+            extended=FILE,
         )
     )

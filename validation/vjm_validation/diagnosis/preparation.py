@@ -70,13 +70,18 @@ def prepare(
     _leave_out(fitter, observed, standing_out(observed, at.residual, fitter.whitening.factors), at)
     null = _fitted(fitter)
     null = choose_branches(fitter, null)
-    effects = _thought_possible(effects_of(forward.observed, more), only, without)
+    effects = possible(effects_of(forward.observed, more), only, without)
     remember(fitter, null, effects)
     null = _fitted(fitter)
     return Prepared(fitter, null, effects, observed)
 
 
-def _thought_possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]:
+def possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]:
+    """The effects that are thought possible.
+
+    Raises:
+        ValueError: one of the causes named is not among them.
+    """
     causes = {effect.cause for effect in effects}
     for cause in (*only, *without):
         if cause not in causes:
@@ -86,8 +91,8 @@ def _thought_possible(effects: Sequence[Effect], only: Sequence[str], without: S
 
 
 def _leave_out(fitter: Fitter, observed: Observed, wild: np.ndarray, at: Evaluation) -> None:
-    """Go on without wild samples ``(n, 6)``."""
-    kept = observed.without(wild)
+    """Go on without wild samples ``(n, 6)``; marks that were steered to by hand all count."""
+    kept = observed if observed.steered else observed.without(wild)
     memory = replace(kept.memory, rho=fitter.whitening.memory.rho)
     fitter.forward.observed = kept
     fitter.whitening = replace(fitter.whitening, memory=memory, present=kept.present)

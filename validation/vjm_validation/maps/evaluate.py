@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -17,12 +18,18 @@ from vjm.manipulator.manipulator import BASE, PLATFORM, Manipulator
 from vjm.manipulator.many import packed_machine, platforms, weakest
 from vjm.manipulator.problem import ManipulatorProblem
 from vjm.manipulator.rigid import PoseError, inverse_kinematics
-from vjm.paths import Equilibrium, EventKind
+from vjm.paths import Equilibrium, EventKind, Path
 from vjm.programme import COMPONENTS, TO_LIMIT, Load, Programme
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 
 OK = "ok"
+NEARLY = 1e-4
+"""Smallest eigenvalue over its unloaded value at which stability is as good as lost."""
+QUICK = 4
+"""Steps to a force at which a platform that has stayed stable needs no closer look."""
+SAME = 0.04
+"""rad between directions that are tried once; the force is flat there, see `vjm.manipulator.many.LAST_TURN`."""
 
 
 class Quantity(StrEnum):
@@ -178,22 +185,55 @@ def _weakest_path(task: MapTask, pose: RigidPose) -> list[float]:
     slopes = []
     for axis in range(3):
         unit = Programme("", 1e-3, "load", loads=(Load(tuple(np.eye(6)[axis])),), free=COMPONENTS, steps=1)
-        problem = ManipulatorProblem(task.manipulator, unit, task.springs, pose)
+        problem = _under(task, unit, pose)
         slopes.append(problem.leg_wrenches(follow(problem, unit).points[-1])[:, :3])
     best = [float("nan")] * 4
-    for leg in range(len(task.manipulator.legs)):
-        strained = np.array([slope[leg] for slope in slopes])
-        direction = np.linalg.svd(strained.T)[2][0]
-        for sign in (1.0, -1.0):
-            wrench = (*(sign * direction).tolist(), 0.0, 0.0, 0.0)
-            programme = Programme(
-                "", task.most, "load", loads=(Load(wrench),), free=COMPONENTS, control=TO_LIMIT
-            )  # fmt: skip
-            problem = ManipulatorProblem(task.manipulator, programme, task.springs, pose)
-            path = walk(problem, programme, ArcControl(last=EventKind.BIFURCATION))
-            for event in path.events[:1]:
-                if not event.force >= best[0]:
-                    best = [event.force, *wrench[:3]]
+    for line in distinct([np.linalg.svd(strained.T)[2][0] for strained in np.array(slopes).transpose(1, 0, 2)]):
+        for direction in (line, -line):
+            wrench = (*direction.tolist(), 0.0, 0.0, 0.0)
+            most = float(np.fmin(best[0], task.most))
+            load = Programme("", most, "load", loads=(Load(wrench),), free=COMPONENTS, steps=QUICK)
+            # one larger than the smallest so far is of no interest
+            quick = None if np.isnan(best[0]) else follow(_under(task, load, pose), load)
+            if quick is not None and quick.complete and not quick.events:
+                continue
+            # nor is the branch behind it
+            along = replace(load, control=TO_LIMIT, branch=0, steps=None)
+            force = stability_lost(walk(_under(task, along, pose), along, ArcControl(last=EventKind.BIFURCATION)))
+            if force is not None and not force >= best[0]:
+                best = [force, *direction.tolist()]
     if np.isnan(best[0]):
         raise NoConvergenceError(f"no critical force up to {task.most:g} N")
     return best
+
+
+def _under(task: MapTask, programme: Programme, pose: RigidPose) -> ManipulatorProblem:
+    return ManipulatorProblem(task.manipulator, programme, task.springs, pose)
+
+
+def distinct(lines: Sequence[Array]) -> list[Array]:
+    """Directions ``(3,)`` of which no two lie along almost the same line: legs in a row feel a force alike."""
+    kept: list[Array] = []
+    for line in lines:
+        if all(np.linalg.norm(np.cross(line, other)) > SAME for other in kept):
+            kept.append(line)
+    return kept
+
+
+def stability_lost(path: Path) -> float | None:
+    """The force at which a path along the arc loses its stability, N; None where it keeps it to its end.
+
+    The path of an over-constrained robot has no perfect bifurcation, but a knee so sharp that no step may follow
+    it: there the path ends with its smallest eigenvalue all but zero, and that is the force.
+
+    Raises:
+        NoConvergenceError: it ends before, for another reason.
+    """
+    for event in path.events:
+        if event.kind in (EventKind.BIFURCATION, EventKind.LIMIT):
+            return event.force
+    if path.complete:
+        return None
+    if abs(path.eigenvalue_relative[-1]) < NEARLY:
+        return path.points[-1].ramp
+    raise NoConvergenceError(path.stopped)
