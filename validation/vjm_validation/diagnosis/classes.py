@@ -1,15 +1,19 @@
-"""Which hypotheses a test cannot tell apart: each refitted to the other's noise-free readings."""
+"""Which hypotheses a test cannot tell apart: each refitted to the other's noise-free readings.
+
+All of them were fitted to the same readings and explain them about as well. So they lie near one another, and one
+step of Gauss and Newton from a hypothesis' own optimum is its refit to another's readings.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_validation.calibration.noise import memory_of
-from vjm_validation.diagnosis.fitting import Fit, Fitter
-from vjm_validation.diagnosis.unknowns import Coordinate, release_key
+from vjm_validation.diagnosis.fitting import Fit, Fitter, prior
+from vjm_validation.diagnosis.unknowns import release_key
 
 APART = 2.0
 """Strength within which two causes are one class."""
@@ -18,50 +22,53 @@ APART = 2.0
 def distance(fitter: Fitter, truth: Fit, other: Fit) -> float:
     """Strength that remains when a hypothesis is refitted to another's noise-free readings.
 
+    What the other would need of its effects' shapes beyond the usual counts.
+
     Args:
         fitter: of the test.
         truth: whose readings are taken, its nuisances at zero.
         other: that is refitted to them, nuisances and all.
     """
-    z = truth.at.z.copy()
     freed = {release_key(effect) for effect in truth.hypothesis}
-    still = [i for i, c in enumerate(truth.found) if c.kind != "effect" and (c.kind, c.subject) not in freed]
-    z[still] = 0.0
-    fitter.anchor = None
-    at = fitter.evaluate(truth.found, z, truth.hypothesis)
-    if at is None:
-        return float("inf")
-    return _refitted(fitter, fitter.forward.observed.wrench - at.residual, other)
+    _, weight = prior(other.found, other.at.z)
+    off = other.at.z - np.array([c.mean for c in other.found])
+    for i, c in enumerate(fitter.nuisances):
+        if (c.kind, c.subject) not in freed:
+            # what the truth's own nuisances do is no part of the question
+            off[i] -= truth.at.z[i]
+    apart = fitter.whitening.flat(other.at.residual - truth.at.residual)
+    held = weight > 0.0
+    free = np.array([c.sigma != 0.0 for c in other.found])
+    r = np.concatenate([apart, (off * weight)[held]])
+    columns = np.vstack([fitter.whitening.flat(other.jacobian), np.diag(weight)[held]])[:, free]
+    size = np.linalg.norm(columns, axis=0)
+    U, values, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    basis = U[:, values > 1e-10 * values[0]]
+    return float(np.linalg.norm(r - basis @ (basis.T @ r)))
 
 
-def _refitted(fitter: Fitter, wrench: Array, other: Fit) -> float:
-    observed = fitter.forward.observed
-    clean = np.where(observed.present, wrench, np.nan)
-    made = replace(observed, wrench=clean, memory=memory_of(observed.readings.sequence, ~np.isnan(clean)))
-    forward = fitter.forward.reading(made)
-    own = Fitter(forward, fitter.nuisances, fitter.whitening, fitter.machine_slopes)
-    freed = {release_key(effect) for effect in other.hypothesis}
-    m = len(fitter.nuisances)
-    start = np.array([_kept(c, v, freed) for c, v in zip(other.found[:m], other.at.z[:m], strict=True)])
-    fit = own.fit(other.hypothesis, start, other.values)
-    return float("inf") if fit is None else float(np.sqrt(max(fit.objective - _prior_of_effects(fit), 0.0)))
+def likeliest_class(fitter: Fitter, fits: Sequence[Fit], weights: Array) -> list[int]:
+    """Of hypotheses the likeliest set that are all one class with one another: indices, the likeliest first.
 
-
-def _kept(c: Coordinate, z: float, freed: set[tuple[str, str] | None]) -> float:
-    return z if (c.kind, c.subject) in freed else 0.0
-
-
-def _prior_of_effects(fit: Fit) -> float:
-    """What the effects' own usual shapes cost: no part of the strength."""
-    return float(
-        sum(
-            ((z - c.mean) / c.sigma) ** 2
-            for c, z in zip(fit.found, fit.at.z, strict=True)
-            if c.kind == "effect" and np.isfinite(c.sigma)
+    Being one class is not transitive: of the sets of which any two are one class it is the one whose probabilities
+    ``weights`` (k,) add up to most.
+    """
+    k = len(fits)
+    alike = np.eye(k, dtype=bool)
+    for i, j in combinations(range(k), 2):
+        alike[i, j] = alike[j, i] = (
+            distance(fitter, fits[i], fits[j]) <= APART and distance(fitter, fits[j], fits[i]) <= APART
         )
-    )
+    best: list[int] = []
+    most = -1.0
 
+    def grow(chosen: list[int], rest: list[int]) -> None:
+        nonlocal best, most
+        total = float(weights[chosen].sum())
+        if total > most:
+            best, most = chosen, total
+        for place, i in enumerate(rest):
+            grow([*chosen, i], [j for j in rest[place + 1 :] if alike[i, j]])
 
-def together(fitter: Fitter, one: Fit, other: Fit) -> bool:
-    """Whether two hypotheses are one class on a test."""
-    return distance(fitter, one, other) <= APART and distance(fitter, other, one) <= APART
+    grow([], list(range(k)))
+    return sorted(best, key=lambda i: -weights[i])

@@ -137,7 +137,7 @@ class Forward:
             if isinstance(effect, ThermalDrift):
                 by = observed.warmth if effect.by == "K" else observed.clock
                 assert by is not None
-                result[:, (*POSE, *WRENCH).index(effect.part)] += v[0] * by
+                result[:, (*POSE, *WRENCH).index(effect.part)] += v[0] * (by + v[1] * effect.span)
         return result
 
     def _lookup(

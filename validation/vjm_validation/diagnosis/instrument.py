@@ -57,6 +57,7 @@ class ThermalDrift(Effect):
     by: str = "s"
     span: float = 1.0
     cause = "thermal_drift"
+    contains = ("instrument_zero",)
     title = "the reading follows the clock or the temperature, not the load"
 
     @property
@@ -65,10 +66,14 @@ class ThermalDrift(Effect):
         return f"{self.cause}.{self.part}.per_{self.by}"
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """Change of the reading."""
+        """Change of the reading; and since when, in spans, for it may have gone on before the test."""
         size = size_of(self.part) / self.span
-        return (Quantity(f"{self.part}.per_{self.by}", -1e4 * size, 1e4 * size, size, neutral=0.0),)
+        return (
+            Quantity(f"{self.part}.per_{self.by}", -1e4 * size, 1e4 * size, size, neutral=0.0),
+            Quantity("before_share", -4.0, 4.0, 1.0, usual=0.0, spread=1.0),
+        )
 
     def trials(self) -> Sequence[tuple[float, ...]]:
-        """Upwards; downwards is the same but for the sign."""
-        return [(size_of(self.part) / self.span,)]
+        """Upwards, from the first reading on and from before; downwards is the same but for the sign."""
+        size = size_of(self.part) / self.span
+        return [(size, 0.0), (size, 1.0)]

@@ -67,12 +67,12 @@ def misfit(fitter: Fitter, fit: Fit) -> Misfit:
         [chi2.sf(np.sum(draws[:, a:b] ** 2, axis=1), b - a) for a, b in pairwise(edges.tolist())],
         axis=0,
     )
-    overall = _overall(space)
+    overall = min(_overall(space), float(chi2.sf(left + int(keep.sum()), int(keep.sum()))))
     # the rank of the least p among its draws; far out in its tail it goes with the p itself
     rank = float((np.count_nonzero(least <= p[worst]) + 1) / (DRAWS + 1))
     if rank <= 20.0 / DRAWS:
         rank = min(rank, float(p[worst] * 0.02 / np.quantile(least, 0.02)))
-    total = min(1.0, 2.0 * min(rank, overall))
+    total = min(1.0, 3.0 * min(rank, overall))
     off, weight = prior(fit.found, fit.at.z)
     sheet = np.array([c.kind != "effect" for c in fit.found]) & (weight > 0.0)
     strained = float(chi2.sf(float(np.sum(off[sheet] ** 2)), max(int(sheet.sum()), 1)))

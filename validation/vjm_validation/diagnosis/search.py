@@ -264,10 +264,24 @@ class Search:
         return best
 
     def _criterion(self, fit: Fit) -> float:
-        """Objective, the logarithm of the effective readings for each parameter, and the catalogue's choice."""
-        parameters = sum(max(len(effect.quantities()), 1) for effect in fit.hypothesis)
+        """Objective, what the parameters cost, and the catalogue's choice.
+
+        A free parameter costs the logarithm of the effective readings; one with a usual value and a spread what the
+        readings have narrowed it down by (Laplace's approximation of the evidence).
+        """
+        own = [i for i, c in enumerate(fit.found) if c.kind == "effect" and np.isfinite(c.sigma)]
+        free = sum(max(len(effect.quantities()), 1) for effect in fit.hypothesis) - len(own)
+        cost = free * float(np.log(self.samples))
+        if own:
+            A = self.fitter.normal(fit)
+            size = np.sqrt(np.maximum(np.diag(A), 1e-300))
+            spread = (
+                np.linalg.pinv(A / size[:, None] / size, rcond=1e-12, hermitian=True)[own, own] / size[own] ** 2
+            )
+            sigma = np.array([fit.found[i].sigma for i in own])
+            cost += float(np.sum(np.log(np.maximum(sigma**2 / np.maximum(spread, 1e-300), 1.0))))
         choice = 2.0 * np.log(max(len({e.cause for e in self.effects}), 1)) * len(fit.hypothesis)
-        return fit.objective + parameters * float(np.log(self.samples)) + float(choice)
+        return fit.objective + cost + float(choice)
 
 
 def effective_samples(rho: Array, present: np.ndarray) -> float:

@@ -51,11 +51,22 @@ def loading(observed: Observed) -> Array:
     return np.array([ways[branch] for branch in branches])
 
 
+def _while_held(way: Array) -> Array:
+    """How long each reading has been held, from 0 to 1 within each hold ``(n,)``; 0 elsewhere."""
+    result = np.zeros(len(way))
+    still = np.concatenate([[False], way == 0.0, [False]])
+    begins, ends = np.flatnonzero(~still[:-1] & still[1:]), np.flatnonzero(still[:-1] & ~still[1:])
+    for a, b in zip(begins, ends, strict=True):
+        result[a:b] = np.arange(1, b - a + 1) / (b - a)
+    return result
+
+
 def smooth_shapes(observed: Observed) -> tuple[Array, list[str]]:
     """Shapes ``(n, k)`` of one channel, orthonormal within a posture, and what each is about."""
     place, way = driven_place(observed), loading(observed)
     unsure = place_noise(observed)
     clock = np.arange(len(place), dtype=float) if observed.clock is None else observed.clock
+    warmth = observed.warmth
     columns, names = [], []
     for label in dict.fromkeys(observed.readings.posture.tolist()):
         on = observed.readings.posture == label
@@ -72,6 +83,15 @@ def smooth_shapes(observed: Observed) -> tuple[Array, list[str]]:
         if (w > 0.0).any() and (w < 0.0).any():
             parts += [w, w * p, w * np.abs(p)]
             kinds += ["way out against way back"] * 3
+        if (w == 0.0).any() and (w != 0.0).any():
+            held = _while_held(w)
+            parts += [held, held * p]
+            kinds += ["while held"] * 2
+        if warmth is not None and np.ptp(warmth[on]) > 0.0:
+            warm = warmth[on] - warmth[on].mean()
+            warm = warm / float(np.abs(warm).max())
+            parts += [warm, warm * p]
+            kinds += ["with the temperature"] * 2
         if np.ptp(t) > 0.0:
             parts += [t, t * p]
             kinds += ["in time"] * 2

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_validation.diagnosis.classes import together
+from vjm_validation.diagnosis.classes import likeliest_class
 from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.forward import values_of
 from vjm_validation.diagnosis.misfit import Misfit, misfit
@@ -22,7 +22,7 @@ RIVAL = 16.0
 """Criterion within which of the best a hypothesis may belong to its class."""
 PAYS = 6.6
 """Fall of the objective for which a law with a parameter more is preferred: one in a hundred does so by chance."""
-RIVALS = 9
+RIVALS = 12
 """Hypotheses that are compared with the best at most."""
 SUREST = 0.99
 """No verdict is surer: laws are never quite right."""
@@ -65,16 +65,15 @@ def judge(search: Search, best: Ranked) -> Verdict:
         return Verdict("none", (), (), _quiet(search, weights, rest), _others(weights, [best]), rest)
     if wrong:
         return Verdict("unknown", (), (), min(SUREST, 1.0 - min(rest.p, rest.strained)), _others(weights, []), rest)
-    members = [best]
-    rivals = [r for r in weights if r.labels and r.labels != best.labels and r.criterion < best.criterion + RIVAL]
-    compared = 0
-    for rival in sorted(rivals, key=lambda r: r.criterion):
-        known = any(rival.causes == m.causes for m in members)
-        if known or _needless(search, best, rival) or compared == RIVALS:
+    rivals = [best]
+    for rival in sorted(weights, key=lambda r: r.criterion):
+        if not rival.labels or rival.criterion > best.criterion + RIVAL or len(rivals) == RIVALS:
             continue
-        compared += 1
-        if together(fitter, best.fit, rival.fit):
-            members.append(rival)
+        # of a cause that can sit in several places the likeliest
+        if not any(rival.causes == m.causes for m in rivals) and not _needless(search, best, rival):
+            rivals.append(rival)
+    chosen = likeliest_class(fitter, [r.fit for r in rivals], np.array([weights[r] for r in rivals]))
+    members = [rivals[i] for i in chosen]
     causes = {m.causes for m in members}
     own = np.array([weights[m] for m in members])
     share = own / own.sum()

@@ -113,9 +113,14 @@ def _few(observed: Observed, wild: np.ndarray) -> np.ndarray:
     for c in range(6):
         own, count = observed.present[:, c], int(wild[:, c].sum())
         together = any(_gathered(way[own], wild[own, c]) < GATHERED for way in (place, np.abs(place)))
-        if count > max(FEW, SHARE * own.sum()) or together:
+        if count > max(FEW, SHARE * own.sum()) or together or _in_a_row(wild[own, c]):
             kept[:, c] = False
     return kept
+
+
+def _in_a_row(wild: np.ndarray) -> bool:
+    """Whether three of four neighbours are wild."""
+    return bool(len(wild) > 3 and (np.convolve(wild, np.ones(4), mode="valid") >= 3).any())
 
 
 def _gathered(place: Array, wild: np.ndarray) -> float:
