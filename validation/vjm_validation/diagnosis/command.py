@@ -50,8 +50,8 @@ from vjm_validation.summary import as_json
 DOCUMENT, MODEL, PAGE = "diagnosis.json", "extended-model.toml", "diagnosis.html"
 AGAIN = 2
 """Searches more at most, each about what the last one found."""
-MANY = 6.0
-"""Noise that is found over the sheet's from which on it is spoken of."""
+MANY, HALF = 6.0, 0.5
+"""Noise of marks that is found over the sheet's from which on it is spoken of, and how sure a verdict then is."""
 SHOWN = 12
 """Contrasts that are kept."""
 
@@ -152,7 +152,7 @@ def _document(
         causes=sorted({cause for c in candidates for cause in c.causes}),
         candidates=candidates,
         parameters=candidates[0].parameters if candidates else {},
-        confidence=verdict.confidence,
+        confidence=verdict.confidence * (HALF if _noise_words(observed) else 1.0),
         alternatives=[AlternativeRow(causes=sorted(r.causes), confidence=w) for r, w in verdict.others],
         gain=candidates[0].gain if candidates else None,
         next_experiment=_next(prepared, verdict),
