@@ -223,9 +223,15 @@ class _ArcWalk:
 
     def _fold(self, here: Equilibrium, there: Equilibrium) -> Equilibrium:
         chord = there.state - here.state
-        return locate(
-            self.problem, here, there, lambda p: float(self.problem.tangent(p, chord)[-1]), EVENT_TOLERANCE
-        )
+
+        def growth(point: Equilibrium) -> float:
+            try:
+                return float(self.problem.tangent(point, chord)[-1])
+            except NoConvergenceError:
+                # singular to the last digit: the fold itself
+                return 0.0
+
+        return locate(self.problem, here, there, growth, EVENT_TOLERANCE)
 
     def _bifurcate(self, here: Equilibrium, there: Equilibrium) -> Equilibrium | None:
         first = here.unstable == 0

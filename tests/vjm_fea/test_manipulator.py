@@ -113,6 +113,21 @@ def first_bifurcation(problem):
     return next((event for event in path.events if event.kind is EventKind.BIFURCATION), None)
 
 
+@pytest.mark.slow
+def test_fine_meshes_and_many_springs_have_the_same_limit_point_of_the_overconstrained_robot():
+    # it lies 230 mm away, the bars bent far: both converge with the square of the segments' length, from above
+    machine, programme = load_manipulator("orthoglide-parallelograms"), pushed("Q2", -14_000.0, control=TO_LIMIT)
+    limits = {}
+    for engine in (ManipulatorEngine(VjmEngine(8, 8)), ManipulatorEngine(VjmEngine(16, 16)),
+                   ManipulatorExudynEngine(6), ManipulatorExudynEngine(8)):  # fmt: skip
+        (event,) = engine.walk(machine, programme).events
+        assert event.kind is EventKind.LIMIT
+        limits[engine] = event.force
+    a, b, c, d = limits.values()
+    # 5824.2 and 5822.2 N
+    assert b - (a - b) / 3.0 == pytest.approx(d - (c - d) / ((8 / 6) ** 2 - 1.0), rel=1e-3)
+
+
 @cache
 def critical(engine, label, sign):
     programme = pushed(label, sign * 12000.0, control=TO_LIMIT)

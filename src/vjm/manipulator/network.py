@@ -139,9 +139,15 @@ class NetworkSolver(Compiled):
         return negative + int(np.count_nonzero(values < 0.0)) - len(self._torques)
 
     def _scaled_bodies(self) -> Array:
+        """The free bodies' symmetric matrix, its diagonal ±1.
+
+        Bodies between are held far more stiffly than the platform: beside them a soft one would seem critical.
+        """
         unit = self._body_unit[self._free]
-        A = 0.5 * (self._M + self._M.T)[np.ix_(self._free, self._free)]
-        result: Array = A * unit[:, None] * unit / self.energy
+        A = 0.5 * (self._M + self._M.T)[np.ix_(self._free, self._free)] * unit[:, None] * unit / self.energy
+        size = np.sqrt(np.abs(np.diag(A)))
+        size[size == 0.0] = 1.0
+        result: Array = A / size[:, None] / size
         return result
 
     @property
@@ -242,7 +248,11 @@ class NetworkSolver(Compiled):
         self, target: Array, x: Array, wrench: Array, load: float, tolerance: float, max_iterations: int
     ) -> tuple[Array, Array, float, int, str]:
         """Equilibrium with the platform's held components at the frame ``target`` (4, 4), see `Compiled.newton`."""
-        return self._newton_bordered(target, x, wrench, load, tolerance, max_iterations)
+        try:
+            return self._newton_bordered(target, x, wrench, load, tolerance, max_iterations)
+        except np.linalg.LinAlgError:
+            # on the way: a body has turned full circle
+            return x, wrench, float("inf"), max_iterations, "at a singular state"
 
     def end_stiffness(self, x: Array, wrench: Array, load: float = 0.0) -> Array:
         """``K^F`` ``(6, 6)`` of the platform, its whole pose imposed: the sum over the legs at its reference point.

@@ -13,7 +13,9 @@ from vjm.effects.series import History, balance
 from vjm.effects.tables import HalfRay, tabulate
 from vjm.io.model_file import ModelFileError, build_chain, load_chain, read_document
 from vjm.lumped_problem import LumpedProblem
+from vjm.parameters import beam_length
 from vjm.programme import Programme
+from vjm.sensitivity import wrench_sensitivity
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn_engine import ExudynEngine
 
@@ -65,6 +67,17 @@ def test_a_bow_has_its_amplitude():
     # kinks in the middles of 64 segments make a polygon of the sine
     assert np.linalg.norm(off, axis=1).max() == pytest.approx(2.0, rel=2e-3)
     assert np.linalg.norm(off[32]) == pytest.approx(2.0, rel=2e-3)
+
+
+def test_derivatives_know_the_bow():
+    chain = build_chain(changed(ORTHOGLIDE, LINK, bow_mm=[0.4, -0.9]), "m.toml")
+    engine, programme = VjmEngine(12), Programme("B", -1.5, steps=4)
+    length = beam_length(chain, "link")
+    found = wrench_sensitivity(engine, chain, engine.walk(chain, programme), [length])[-1, :, 0]
+    h = 1e-4 * length.scale
+    above, below = (last(engine.walk(length.apply(chain, length.value + d), programme)) for d in (h, -h))
+    # differences of whole solutions over 1e-4 of the length
+    assert np.abs(found - (above - below) / (2.0 * h)).max() < 1e-6 * np.abs(found).max()
 
 
 def test_one_spring_has_no_shape():

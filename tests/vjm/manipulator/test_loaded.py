@@ -7,7 +7,7 @@ from vjm.equilibrium import solve_newton
 from vjm.following import follow
 from vjm.manipulator.problem import ManipulatorEngine, ManipulatorProblem
 from vjm.paths import EventKind
-from vjm.programme import ARC, COMPONENTS, Load, PointControl, Programme
+from vjm.programme import ARC, COMPONENTS, TO_LIMIT, Load, PointControl, Programme
 from vjm.rotations import displaced
 from vjm.stiffness import unloaded_stiffness
 from vjm.vjm_engine import VjmEngine
@@ -201,3 +201,16 @@ def test_bows_built_into_the_legs_grow_as_timoshenko_says(robot):
     assert bows[1] == pytest.approx(bows[0] / (1.0 - force / 8849.9), rel=5e-3)
     # nothing is strained before it is loaded
     assert np.abs(engine.problem(machine, programme).leg_wrenches(path.points[0])).max() < 1e-6
+
+
+def test_a_limit_point_at_which_the_tangent_is_singular_to_the_last_digit_is_located(robot):
+    programme = Programme(
+        "Q2", -14_000.0, "load", loads=(Load((1.0, 0, 0, 0, 0, 0)),), free=COMPONENTS, control=TO_LIMIT
+    )
+    path = ManipulatorEngine(VjmEngine(4, 4)).walk(robot("orthoglide-parallelograms"), programme)
+    (event,) = path.events
+    assert event.kind is EventKind.LIMIT
+    assert path.complete
+    # 4 springs a beam; fine meshes have 5824 N
+    assert event.force == pytest.approx(5923.9, rel=1e-4)
+    assert np.diff(path.ramp).min() > 0.0

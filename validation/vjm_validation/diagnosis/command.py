@@ -40,7 +40,7 @@ from vjm_validation.diagnosis.marks import marks_gain, with_one_more
 from vjm_validation.diagnosis.observed import Observed, observe
 from vjm_validation.diagnosis.page import write_page
 from vjm_validation.diagnosis.preparation import Prepared, effects_of, possible, prepare, refresh
-from vjm_validation.diagnosis.search import Ranked, Search, effective_samples
+from vjm_validation.diagnosis.search import Search, effective_samples
 from vjm_validation.diagnosis.transfer import transfer
 from vjm_validation.diagnosis.verdict import Estimate, Verdict, estimates, judge, nuisance_estimates
 from vjm_validation.measurement import Measurement, read_measurement
@@ -50,8 +50,10 @@ from vjm_validation.summary import as_json
 DOCUMENT, MODEL, PAGE = "diagnosis.json", "extended-model.toml", "diagnosis.html"
 AGAIN = 2
 """Searches more at most, each about what the last one found."""
-MANY = 6.0
-"""Noise that is found over the sheet's from which on it is spoken of."""
+MANY, HALF = 6.0, 0.5
+"""Noise of marks that is found over the sheet's from which on it is spoken of, and how sure a verdict then is."""
+MOST_PAIRS = 3
+"""Members of a class that the next experiment tells from the most probable one."""
 SHOWN = 12
 """Contrasts that are kept."""
 
@@ -152,7 +154,7 @@ def _document(
         causes=sorted({cause for c in candidates for cause in c.causes}),
         candidates=candidates,
         parameters=candidates[0].parameters if candidates else {},
-        confidence=verdict.confidence,
+        confidence=verdict.confidence * (HALF if _noise_words(observed) else 1.0),
         alternatives=[AlternativeRow(causes=sorted(r.causes), confidence=w) for r, w in verdict.others],
         gain=candidates[0].gain if candidates else None,
         next_experiment=_next(prepared, verdict),
@@ -298,15 +300,19 @@ def _next(prepared: Prepared, verdict: Verdict) -> ExperimentRow:
     if verdict.kind != "class":
         return ExperimentRow()
     first = verdict.members[0]
-    other: Ranked = next(m for m in verdict.members if m.causes != first.causes)
     if isinstance(prepared.fitter.forward, ColumnForward):
         return _next_of_column(prepared, verdict)
-    found = propose(prepared.fitter, first.fit, other.fit)
+    others: dict[frozenset[str], Fit] = {}
+    for member in verdict.members:
+        if member.causes != first.causes and len(others) < MOST_PAIRS:
+            others.setdefault(member.causes, member.fit)
+    found = propose(prepared.fitter, [first.fit, *others.values()])
     if found is None:
         return ExperimentRow(why="no posture of the model separates them")
-    names = " + ".join(sorted(first.causes)), " + ".join(sorted(other.causes))
+    one, *rest = (" + ".join(sorted(causes)) for causes in (first.causes, *others))
+    told = f"it tells {one} from {' and from '.join(rest)}"
     return ExperimentRow(
-        why=f"it tells {names[0]} from {names[1]}: {found.channel} would differ by up to {found.difference:.3g}",
+        why=f"{told}: {found.channel} would differ by up to {found.difference:.3g}",
         posture=found.posture,
         path=found.path,
         difference=found.difference,

@@ -6,12 +6,16 @@ coordinates, within what the present test leaves open, does not count.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vjm.effects.machine import Machine
 from vjm.effects.series import History
+from vjm.equilibrium import NoConvergenceError
+from vjm.paths import EventKind
+from vjm.programme import Programme
 from vjm.rotations import Array
 from vjm_validation.calibration.noise import memory_of, whiten
 from vjm_validation.calibration.rays import Ray
@@ -27,6 +31,8 @@ FURTHER = 2.5
 """How far beyond the furthest reading a test may be taken."""
 HELD = 6
 """Readings while held."""
+SHORT_OF, UNKNOWN = 0.8, 0.1
+"""How near a critical displacement a posture may be taken, and how far where the model does not say."""
 
 
 @dataclass(frozen=True)
@@ -48,19 +54,38 @@ class Proposal:
     channel: str
 
 
-def propose(fitter: Fitter, one: Fit, other: Fit) -> Proposal | None:
-    """The candidate that separates two hypotheses best; None where none can be computed."""
+def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
+    """The candidate that tells the first hypothesis best from each of the others; None where none can be computed.
+
+    No posture is taken near a critical point that it was not taken to before: what a machine does there tells all
+    hypotheses apart, and may be the last thing that it does.
+
+    Args:
+        fitter: of the test.
+        fits: of the members, the most probable first.
+    """
     observed = fitter.forward.observed
     chain = observed.measurement.chain
     best: Proposal | None = None
     for posture in chain.postures:
         reach = _reach(observed, posture)
-        far = FURTHER * reach
+        pull, push = (_safe(observed, posture, sign, FURTHER * reach) for sign in (1.0, -1.0))
+        near = min(reach, pull, push)
         both = "pull and push"
-        for name, ends in ((both, (reach, -reach)), ("pull", (reach,)), ("push", (-reach,)), (both, (far, -far))):
-            found = _candidate(fitter, one, other, posture, name, ends)
-            if found is not None and (best is None or found.strength > 1.05 * best.strength):
-                best = found
+        programmes = [
+            (both, (near, -near)),
+            ("pull", (min(reach, pull),)),
+            ("push", (-min(reach, push),)),
+            (both, (min(pull, push), -min(pull, push))),
+        ]
+        for name, ends in programmes:
+            found = [_candidate(fitter, fits[0], other, posture, name, ends) for other in fits[1:]]
+            # the one of the pairs that it tells apart least
+            weakest = min((f for f in found if f is not None), key=lambda f: f.strength, default=None)
+            if weakest is None or None in found:
+                continue
+            if best is None or weakest.strength > 1.05 * best.strength:
+                best = weakest
     return best
 
 
@@ -68,6 +93,20 @@ def _reach(observed: Observed, posture: str) -> float:
     """As far as the posture was taken, else as far as any."""
     own = [r for r in observed.rays if r.posture == posture] or list(observed.rays)
     return max(float(np.abs(observed.pose[r.index, 0]).max()) for r in own) or 1.0
+
+
+def _safe(observed: Observed, posture: str, sign: float, far: float) -> float:
+    """How far a posture may be taken along x: short of where the nominal model turns critical, or as before."""
+    own = [sign * observed.pose[r.index, 0] for r in observed.rays if r.posture == posture]
+    taken = max((float(u.max()) for u in own), default=0.0)
+    try:
+        measurement = observed.measurement
+        path = measurement.engine.walk(measurement.chain, Programme(posture, sign * far))
+    except (NoConvergenceError, ValueError):
+        return max(taken, UNKNOWN * far)
+    sharp = [e.s for e in path.events if e.kind is not EventKind.BEND_OVER]
+    end = min([far, *(SHORT_OF * s for s in sharp), *([] if path.complete else [SHORT_OF * path.points[-1].s])])
+    return max(taken, end)
 
 
 def _candidate(

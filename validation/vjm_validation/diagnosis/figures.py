@@ -118,8 +118,8 @@ def _residuals(prepared: Prepared, fit: Fit, before: Before) -> Picture:
             ax.set_xlabel(_axis(driven_channel(observed)))
         content = png(fig)
     caption = (
-        "Reading minus model: the nominal one with the sheet's own values, the nominal one with zero, scale, length "
-        "and modulus at their best within the sheet's tolerances, and the extended one. Each has a scale of its own."
+        "Reading minus model: the nominal one with the sheet's own values, then with zero, scale, length and "
+        "modulus at their best within the sheet's tolerances, and the extended one. Each has a scale of its own."
     )
     return Picture("residuals", content, "Where it failed, and what is left", caption)
 

@@ -101,12 +101,12 @@ def discovery_tables(rows: Discovery) -> list[Table]:
          percent(fold.rmse_after / fold.force))
         for fold in rows.held_out
     )  # fmt: skip
-    header = ("", "readings reach", "knee of the readings", SHEET, EXTENDED, "the beams that made the data")
+    header = ("", "readings reach", "their knee", "sheet's model", EXTENDED, "beams of the data")
     return [
         Table("Critical forces, N", header, critical),
         Table(
             "Error of forces held out, root mean square, N",
-            ("held out", "readings", "force", SHEET, EXTENDED, "over the force"),
+            ("held out", "readings", "force", "sheet's model", EXTENDED, "over the force"),
             held,
         ),
     ]
