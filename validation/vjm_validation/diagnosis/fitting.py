@@ -329,8 +329,8 @@ def prior(found: Sequence[Coordinate], z: Array) -> tuple[Array, Array]:
 def _solve(A: Array, b: Array, damping: float, fixed: np.ndarray, z: Array, low: Array, high: Array) -> Array:
     """A damped step within the bounds and the trusted range of each coordinate.
 
-    What would go further stops there, and the others do what is best beside it: a bow, say, acts with its square, and
-    the slope at a small one says little of a large one.
+    What would go further stops there, and the others do what is best beside it: a bow, say, acts by its square,
+    and the slope at a small one says little of a large one.
     """
     most = LONGEST * (1.0 + np.abs(z))
     floor, roof = np.maximum(low - z, -most), np.minimum(high - z, most)

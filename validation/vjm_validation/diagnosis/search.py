@@ -42,6 +42,8 @@ STRAINED = 4.0
 """Sigmas of a nuisance from which on fits begin at zero, too."""
 WORTH_A_LOOK = 60.0
 """Squares explained up to which a hypothesis may owe them to better nuisances alone."""
+RESTARTS = 3
+"""Times that a search begins anew because a hypothesis has led the null to a better optimum."""
 NEARLY, MOST_ALIKE = 4.0, 12
 """Strength by which, to first order, effects that may be one class differ, and how many causes are fitted."""
 POLISHED = 3
@@ -96,6 +98,7 @@ class Search:
     hints: Mapping[frozenset[str], Ranked] = field(default_factory=dict)
     tried: dict[frozenset[str], Ranked] = field(default_factory=dict)
     alarm: float = 0.0
+    restarts: int = 0
     first: list[Score] = field(default_factory=list)
 
     def run(self) -> Ranked:
@@ -122,7 +125,8 @@ class Search:
                 self._try((*base.hypothesis, score.effect), base, [[*base.values, v] for v in score.starts])
             if step == 1:
                 self._pairs()
-            if step == 0 and self._null_from(base):
+            if step == 0 and self.restarts < RESTARTS and self._null_from(base):
+                self.restarts += 1
                 return self.run()
             better = self._better(best, step + 1)
             if better is None:
