@@ -101,7 +101,8 @@ def test_calibration_error_sees_overconfidence_and_forgives_chance():
 def results():
     return [
         {"truth": truth(["creep"]), "found": found("named", ["creep"], gain={
-            "before_in_sigma": 11.0, "after_in_sigma": 1.5}), "still": found("named", ["creep"])},
+            "before_in_sigma": 11.0, "after_in_sigma": 1.5}), "still": found("named", ["creep"]),
+         "told": found("named", ["creep"], gain={"before_in_sigma": 11.0, "after_in_sigma": 1.0})},
         {"truth": truth(["creep"], strength=4.0), "found": found("none")},
         {"truth": truth([], "quiet"), "found": found("none", confidence=0.99)},
         {"truth": truth([], "quiet", held_out=False), "found": found("unknown", confidence=0.99)},

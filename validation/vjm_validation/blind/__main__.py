@@ -32,6 +32,7 @@ def campaign(
     ),
     jobs: Annotated[int, Parameter(help="Processes.")] = 2,
     sample: Annotated[bool, Parameter(negative="", help="A few sets of every group only.")] = False,
+    share: Annotated[float, Parameter(help="Share of a whole campaign's sets, of every group alike.")] = 1.0,
     seed: Annotated[int, Parameter(help="Of the campaign; another one has other designs and sets.")] = 0,
     only_make: Annotated[bool, Parameter(negative="", help="Make the sets and diagnose none.")] = False,
     readme: Annotated[Path | None, Parameter(help="README whose table is renewed.")] = None,
@@ -39,8 +40,11 @@ def campaign(
     """Make the sets, diagnose them, write score.json, blind.html and blind.md; go on where it was cut off."""
     if jobs < 1 or seed < 0:
         raise ValueError("--jobs must be 1 or more and --seed 0 or more")
+    if not 0.0 < share <= 1.0:
+        raise ValueError("--share must be above 0 and at most 1")
     check_writable(out)
-    todo = plans(SAMPLE, seed, SAMPLE_DESIGNS) if sample else plans(1.0, seed)
+    share = SAMPLE if sample else share
+    todo = plans(share, seed, SAMPLE_DESIGNS) if sample else plans(share, seed)
     try:
         with show.progress() as progress:
             run(todo, out, jobs=jobs, diagnose=not only_make, progress=lambda n, of: progress("sets", n, of))
@@ -51,14 +55,14 @@ def campaign(
         return OK
     done = results(todo, out)
     held, development = score(done, held_out=True), score(done, held_out=False)
-    document = {"seed": seed, "sample": sample, "held_out": held, "development": development}
+    document = {"seed": seed, "share": share, "held_out": held, "development": development}
     write_whole(out / "score.json", json.dumps(document, indent=1))
     write_whole(out / "blind.html", page(held, development))
-    write_whole(out / "blind.md", markdown(held))
+    write_whole(out / "blind.md", markdown(held, share))
     if readme is not None:
-        write_whole(readme, with_table(readme.read_text(encoding="utf-8"), held))
+        write_whole(readme, with_table(readme.read_text(encoding="utf-8"), held, share))
     console = show.console()
-    console.print(markdown(held), soft_wrap=True, markup=False)
+    console.print(markdown(held, share), soft_wrap=True, markup=False)
     console.print(f"page: {out / 'blind.html'}", soft_wrap=True)
     return OK
 

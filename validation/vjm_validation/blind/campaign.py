@@ -2,7 +2,8 @@
 
 A set's folder holds ``data.csv`` and ``sheet.toml`` (all that the finder gets), ``truth.json``, and what the finder
 wrote: ``found/`` of the readings, ``still/`` of the same readings without noise (what the finder's own law makes of
-the truth), ``next/`` with the readings of the experiment that it proposed.
+the truth), ``told/`` of the readings again, told which cause it is (the oracle), ``next/`` with the readings of the
+experiment that it proposed.
 """
 
 from __future__ import annotations
@@ -133,6 +134,7 @@ def _found(task: Task, truth: dict[str, Any]) -> dict[str, Any]:
     if task.plan.group is Group.SINGLE and hidden[0] >= 0.9 * WORTH:
         told = [ONLY, *truth["causes"]] if task.without else []
         result["still"] = diagnosed(place / "still.csv", sheet, place / "still", told)
+        result["told"] = diagnosed(place / "data.csv", sheet, place / "told", told)
     proposal = result["found"].get("next_experiment") or {}
     if task.plan.group is Group.INSEPARABLE and proposal.get("path"):
         try:

@@ -65,7 +65,7 @@ def rows(score: dict[str, Any]) -> list[Row]:
             None if median is None else median <= 0.05),
         Row("coverage of its 95 % interval", "interval admits 95 %", _percent(cover["rate"]),
             _interval(cover["interval95"]), None if not cover["sets"] else bool(cover["interval95"][1] >= 0.95)),
-        Row("fall of the held-out error, of what a perfect model gains", "at least 95 %", _percent(gain), "",
+        Row("fall of the held-out error over the oracle's", "at least 95 %", _percent(gain), "",
             None if gain is None else gain >= 0.95),
         Row("calibration error of the confidences", "interval admits 0.03 or less",
             _DASH if error["error"] is None else f"{error['error']:.3f}",
@@ -79,10 +79,12 @@ def rows(score: dict[str, Any]) -> list[Row]:
     ]  # fmt: skip
 
 
-def markdown(score: dict[str, Any]) -> str:
-    """The rows as a table, with what they are about."""
+def markdown(score: dict[str, Any], share: float = 1.0) -> str:
+    """The rows as a table, with what they are about; ``share`` of a whole campaign's sets were made."""
+    part = "" if share >= 1.0 else f" of {100.0 * share:.0f} % of a campaign"
+    options = "" if share >= 1.0 else f' ARGS="--share {share:g}"'
     lines = [
-        f"{score['sets']} sets, {score['half']} half; made by `make blind`.",
+        f"{score['sets']} sets, the {score['half']} half{part}; made by `make blind{options}`.",
         "",
         "| figure | asked | found | 95 % interval | |",
         "| --- | --- | --- | --- | --- |",
@@ -93,9 +95,9 @@ def markdown(score: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def with_table(readme: str, score: dict[str, Any]) -> str:
+def with_table(readme: str, score: dict[str, Any], share: float = 1.0) -> str:
     """A README with the table between its marks; unchanged where it has none."""
-    block = f"{BEGIN}\n{markdown(score)}{END}"
+    block = f"{BEGIN}\n{markdown(score, share)}{END}"
     return re.sub(f"{re.escape(BEGIN)}.*?{re.escape(END)}", lambda _: block, readme, flags=re.S)
 
 
