@@ -25,6 +25,8 @@ STEPS = 20
 """Of Gauss-Newton at most."""
 ENOUGH = 0.03
 """Expected fall of the objective at which it ends."""
+LEARNT = 3.0
+"""Fall of the objective from which a step tells more of the slopes than its noise hides."""
 RENEWED = 3
 """Steps from one differentiation to the next; Broyden's updates do in between."""
 PATIENT, HOPE = 2, 5.0
@@ -222,14 +224,16 @@ class Fitter:
             return None
         J = self.slopes(found, at, hypothesis, fresh=fresh)
         self.anchor = z[own].copy()
-        best, damping, converged = self.objective(found, at), 1e-3, False
+        best, damping, converged, exact = self.objective(found, at), 1e-3, False, True
         for count in range(STEPS):
             there, damping = self._step(found, at, J, best, damping, hypothesis)
             value = best if there is None else self.objective(found, there)
             fall = best - value
             if there is not None:
                 before, at, best = at, there, value
-                self._learn(J, found, before, at)
+                if fall > LEARNT:
+                    self._learn(J, found, before, at)
+                    exact = False
             off = float(np.abs(at.z[own] - self.anchor).max(initial=0.0))
             ended = there is None or fall < ENOUGH
             if off > FAR or (ended and not rough and off > NEAR):
@@ -238,12 +242,13 @@ class Fitter:
                 if again is None:
                     break
                 at, best, ended, damping = again, self.objective(found, again), False, 1e-3
-            if ended:
+            if ended and exact:
                 converged = True
                 break
             if count >= PATIENT and best - HOPE * fall > target:
                 break
-            if count % RENEWED == 0:
+            exact = ended or count % RENEWED == 0
+            if exact:
                 self._renew(J, found, at, hypothesis)
         if not rough and not fresh:
             self._renew(J, found, at, hypothesis)

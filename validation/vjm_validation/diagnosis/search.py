@@ -38,10 +38,12 @@ HOPEFUL = 30.0
 """How far from significance, by its score's p-value over the threshold, an effect is still fitted in full."""
 WRONG_LAW = 0.008
 """Share of the squares explained that a slightly wrong law of the right cause may leave: a tenth of its size."""
-STRAINED = 4.0
-"""Sigmas of a nuisance from which on fits begin at zero, too."""
+STRAINED = 1.5
+"""Sigmas of a nuisance from which fits begin at most."""
 WORTH_A_LOOK = 60.0
 """Squares explained up to which a hypothesis may owe them to better nuisances alone."""
+DISTINCT, DISGUISED = 2.0, 12.0
+"""Standard deviations by which a cause's own parameter must differ from nothing, and what it costs if not."""
 RESTARTS = 3
 """Times that a search begins anew because a hypothesis has led the null to a better optimum."""
 NEARLY, MOST_ALIKE = 4.0, 12
@@ -205,13 +207,12 @@ class Search:
         self.progress(" + ".join(effect.label for effect in hypothesis))
         m = len(self.fitter.nuisances)
         best: Fit | None = None
-        begins = [base.at.z[:m]]
+        # a wrong model has dragged the nuisances along; what it has freed is its own affair
+        held = np.array([np.isfinite(c.sigma) for c in base.found[:m]])
+        begins = [np.where(held, np.clip(base.at.z[:m], -STRAINED, STRAINED), base.at.z[:m])]
         hint = self.hints.get(key)
         if hint is not None and hint.fit.hypothesis == hypothesis:
             begins, starts = [hint.fit.at.z[:m]], [hint.fit.values]
-        elif float(np.abs(begins[0]).max(initial=0.0)) > STRAINED:
-            # a wrong model has dragged the nuisances along
-            begins.append(np.zeros(m))
         rivals = [r.fit.objective for r in self.tried.values() if len(r.labels) == len(key)]
         target = min(rivals, default=np.inf) + CLOSE
         for begin, values in product(begins, starts):
@@ -271,21 +272,30 @@ class Search:
         """Objective, what the parameters cost, and the catalogue's choice.
 
         A free parameter costs the logarithm of the effective readings; one with a usual value and a spread what the
-        readings have narrowed it down by (Laplace's approximation of the evidence).
+        readings have narrowed it down by (Laplace's approximation of the evidence). A cause whose own parameter may
+        as well be nothing is another one in disguise.
         """
-        own = [i for i, c in enumerate(fit.found) if c.kind == "effect" and np.isfinite(c.sigma)]
+        kinds = [(i, c) for i, c in enumerate(fit.found) if c.kind == "effect"]
+        own = [i for i, c in kinds if np.isfinite(c.sigma)]
         free = sum(max(len(effect.quantities()), 1) for effect in fit.hypothesis) - len(own)
-        cost = free * float(np.log(self.samples))
-        if own:
-            A = self.fitter.normal(fit)
-            size = np.sqrt(np.maximum(np.diag(A), 1e-300))
-            spread = (
-                np.linalg.pinv(A / size[:, None] / size, rcond=1e-12, hermitian=True)[own, own] / size[own] ** 2
-            )
-            sigma = np.array([fit.found[i].sigma for i in own])
-            cost += float(np.sum(np.log(np.maximum(sigma**2 / np.maximum(spread, 1e-300), 1.0))))
         choice = 2.0 * np.log(max(len({e.cause for e in self.effects}), 1)) * len(fit.hypothesis)
-        return fit.objective + cost + float(choice)
+        cost = free * float(np.log(self.samples)) + float(choice)
+        if not kinds:
+            return fit.objective + cost
+        A = self.fitter.normal(fit)
+        size = np.sqrt(np.maximum(np.diag(A), 1e-300))
+        inverse = np.linalg.pinv(A / size[:, None] / size, rcond=1e-12, hermitian=True)
+        spread = np.maximum(np.diag(inverse), 1e-300) / size**2
+        sigma = np.array([fit.found[i].sigma for i in own])
+        cost += float(np.sum(np.log(np.maximum(sigma**2 / spread[own], 1.0))))
+        for i, c in kinds:
+            q = c.quantity
+            principal = q is not None and q == fit.hypothesis[int(c.subject)].quantities()[0]
+            if principal and q is not None and q.neutral is not None and (q.neutral > 0.0 or not q.log):
+                off = abs(float(fit.at.z[i]) - q.coordinate(q.neutral))
+                if off < DISTINCT * float(np.sqrt(spread[i])):
+                    cost += DISGUISED
+        return fit.objective + cost
 
 
 def effective_samples(rho: Array, present: np.ndarray) -> float:
