@@ -24,6 +24,8 @@ from vjm_fea.manipulator_system import ManipulatorSystem
 from vjm_fea.mesh import Mesh
 from vjm_fea.problem import TOLERANCE
 
+HINGES_FIRST = ("ry", "rx", "rz", "x", "y", "z")
+
 
 class ManipulatorExudynProblem(BeamProblem):
     """A manipulator in a pose, meshed, under a programme."""
@@ -44,8 +46,8 @@ class ManipulatorExudynProblem(BeamProblem):
         if pose is None:
             pose = inverse_kinematics(manipulator, manipulator.displacement(programme.posture))
         pose = replace(pose, manipulator=manipulator)
-        free = [name for name, fixed in zip(COMPONENTS, held, strict=True) if not fixed]
-        free.sort(key=len, reverse=True)
+        # hinges first, in the order of `vjm.hand`
+        free = [name for name in HINGES_FIRST if not held[COMPONENTS.index(name)]]
         hand = [PassiveJoint(f"hand-{name}", AXES[name[-1]], slides=len(name) == 1) for name in free]
         system = ManipulatorSystem(pose, mesh, hand)
         statics = ManipulatorStatics(system, manipulator.characteristic_length, programme)

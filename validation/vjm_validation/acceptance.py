@@ -15,7 +15,7 @@ from vjm_validation.comparison import force_difference, shape_difference
 from vjm_validation.discovered import CAUSE, DiscoveryStudy
 from vjm_validation.ladder.invariance import GROUP
 from vjm_validation.metrics import PathMetrics, path_metrics
-from vjm_validation.robots import COMPARED, ROBOT, SPRINGS, CriticalRow, RobotStudy
+from vjm_validation.robots import COMPARED, ROBOT, SECOND, SPRINGS, CriticalRow, RobotStudy
 from vjm_validation.run import Direction, EndConditionStudy, Key
 from vjm_validation.verification import Verification
 
@@ -169,9 +169,10 @@ def robot_rows(study: RobotStudy | None) -> list[AcceptanceRow]:
     lost += [f"{pose} {engine}" for (pose, _, engine), path in study.curves.items() if not path.complete]
     kinds = [" ".join(key) for key, group in found.items() if len({row.kind for row in group}) > 1]
     legs = [" ".join(key) for key, group in found.items() if len({row.first_leg for row in group}) > 1]
+    reference = {(row.pose, row.direction): row.F_cr for row in rows.critical if row.engine == COMPARED[-1]}
     gaps = [
-        abs(row.F_cr / group[-1].F_cr - 1.0) for group in found.values() for row in group
-        if row.F_cr and group[-1].F_cr
+        abs(row.F_cr / force - 1.0) for row in rows.critical if row.engine in (*COMPARED, SECOND.label)
+        if row.F_cr and (force := reference[row.pose, row.direction])
     ]  # fmt: skip
     result += [
         _empty("robots: paths complete", "every path reaches its end or a critical point", lost),

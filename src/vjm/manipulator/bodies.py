@@ -117,6 +117,47 @@ def missing(there: Array, target: Array, held: Array) -> Array:
     return np.where(held, d, 0.0)
 
 
+class Universal:
+    """A universal joint in which a platform hangs, two of its turns free: one axis turns with it, one is fixed.
+
+    The order is that of `vjm.hand`: of the two the first of ry, rx, rz is the platform's own.
+
+    Args:
+        held: ``(6,)`` which components are held.
+        rest: frame ``(4, 4)`` of the platform at rest.
+    """
+
+    def __init__(self, held: Array, rest: Array) -> None:
+        own, fixed = (k for k in (1, 0, 2) if not held[3 + k])
+        self.own, self.fixed = own, fixed
+        self.held = 3 - own - fixed
+        self.sign = float(np.cross(np.eye(3)[own], np.eye(3)[fixed])[self.held])
+        self.rest: Array = rest[:3, :3].copy()
+
+    def axes(self, there: Array) -> Array:
+        """Directions ``(3, 3)`` of the turns, free and held ones, with the platform at a frame ``(4, 4)``."""
+        B = np.eye(3)
+        B[:, self.own] = there[:3, :3] @ self.rest.T[:, self.own]
+        across = np.cross(B[:, self.own], B[:, self.fixed])
+        B[:, self.held] = self.sign * across / np.linalg.norm(across)
+        return B
+
+    def missing(self, there: Array) -> float:
+        """Turn about the held direction by which the two axes miss their right angle, rad."""
+        B = self.axes(there)
+        return -self.sign * float(np.arcsin(np.clip(B[:, self.own] @ B[:, self.fixed], -1.0, 1.0)))
+
+    def borne(self, B: Array, moment: Array) -> Array:
+        """Of a moment ``(3,)`` what the joint can bear."""
+        n = B[:, self.held]
+        return n * float(n @ moment)
+
+    def turning(self, B: Array, moment: Array) -> Array:
+        """What a turn of the platform takes from its balance ``(3, 3)``: the held direction turns too."""
+        size = self.sign * float(B[:, self.held] @ moment)
+        return -size * np.outer(B[:, self.own], B[:, self.fixed])
+
+
 def carried(lever: Array) -> Array:
     """Motion ``(6, 6)`` of a point at a lever ``(3,)`` from a body's reference point by the body's."""
     E = np.eye(6)

@@ -20,7 +20,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 from vjm.compiled import EIGENVALUE_TOLERANCE, Compiled
 from vjm.equilibrium import scaled_norm
 from vjm.lumped import LumpedModel
-from vjm.manipulator.bodies import Edge, Layout, Visited, add_leg, carried, missing, turn_rate
+from vjm.manipulator.bodies import Edge, Layout, Universal, Visited, add_leg, carried, missing, turn_rate
 from vjm.rotations import Array, frame, inverse_frame, rotation_from_vector, skew
 
 FEW = 20
@@ -56,6 +56,8 @@ class NetworkSolver(Compiled):
     ) -> None:
         self.models, self.edges, self.layout, self.places0 = models, edges, layout, places0
         self.held = held
+        self._joint = Universal(held, places0[0]) if np.count_nonzero(held[3:]) == 1 else None
+        self._axes = np.eye(3)
         self.coordinate_unit, self.wrench_unit = scales
         self.energy = float(self.wrench_unit[3])
         self._dead, self._per_load, self._torques = constant, ramped, torques
@@ -88,7 +90,9 @@ class NetworkSolver(Compiled):
         T = self.frames(x)
         b, c = 6 * len(T), len(self._torques)
         M, balance = np.zeros((b + c, b + c)), np.zeros(b + c)
-        balance[:6] = wrench + self._dead + load * self._per_load
+        if self._joint is not None:
+            self._axes = self._joint.axes(T[0])
+        balance[:6] = self.held_wrench(wrench) + self._dead + load * self._per_load
         negative, singular = 0, False
         torque = x[self.layout.couplings]
         for i, (model, edge) in enumerate(zip(self.models, self.edges, strict=True)):
@@ -120,6 +124,7 @@ class NetworkSolver(Compiled):
             self._legs.append(Visited(statics, gap, error, turned, K, at_end, at_start, W, felt))
             add_leg(M, balance, edge, self._legs[-1], len(T))
         self._M, self._balance = M, balance
+        self._free_M = self._in_joint_axes(M, wrench)
         if singular:
             self._negative = -1
             return
@@ -127,6 +132,22 @@ class NetworkSolver(Compiled):
             for leg, joint, weight, rest in terms:
                 balance[b + k] += weight * (x[self.layout.legs[leg]][joint] - rest)
         self._negative = self._inertia(negative)
+
+    def held_wrench(self, wrench: Array) -> Array:
+        """Of a wrench ``(6,)`` that holds the platform what its joint can bear, at the state that was seen last."""
+        if self._joint is None:
+            return wrench
+        return np.concatenate([wrench[:3], self._joint.borne(self._axes, wrench[3:])])
+
+    def _in_joint_axes(self, M: Array, wrench: Array) -> Array:
+        """The bodies' matrix with the platform's turns along the axes of the joint in which it hangs."""
+        if self._joint is None:
+            return M
+        result = M.copy()
+        result[3:6, 3:6] += self._joint.turning(self._axes, wrench[3:])
+        result[3:6] = self._axes.T @ result[3:6]
+        result[:, 3:6] = result[:, 3:6] @ self._axes
+        return result
 
     def _inertia(self, negative: int) -> int:
         """Number of negative eigenvalues of the whole, from the legs' and the bodies' matrix; −1 where singular."""
@@ -144,7 +165,13 @@ class NetworkSolver(Compiled):
         Bodies between are held far more stiffly than the platform: beside them a soft one would seem critical.
         """
         unit = self._body_unit[self._free]
-        A = 0.5 * (self._M + self._M.T)[np.ix_(self._free, self._free)] * unit[:, None] * unit / self.energy
+        A = (
+            0.5
+            * (self._free_M + self._free_M.T)[np.ix_(self._free, self._free)]
+            * unit[:, None]
+            * unit
+            / self.energy
+        )
         size = np.sqrt(np.abs(np.diag(A)))
         size[size == 0.0] = 1.0
         result: Array = A / size[:, None] / size
@@ -167,6 +194,9 @@ class NetworkSolver(Compiled):
         """
         self._look(x, wrench, load)
         gap = missing(self.frames(x)[0], target, self.held)
+        if self._joint is not None:
+            gap[3:] = 0.0
+            gap[3 + self._joint.held] = self._joint.missing(self.frames(x)[0])
         heavy = max(1.0, float(np.max(np.abs(wrench / self.wrench_unit))))
         error = float(np.max(np.abs(gap * self.wrench_unit))) / self.energy
         statics = np.zeros(self.layout.size)
@@ -199,7 +229,7 @@ class NetworkSolver(Compiled):
             numpy.linalg.LinAlgError: the state is a critical point.
         """
         self._must_visit(x, wrench, load)
-        dx, motions, dF = self._solve(x, statics, gap, self._M)
+        dx, motions, dF = self._solve(x, statics, gap, self._free_M)
         for k, d in enumerate(x[self.layout.bodies].reshape(-1, 6)):
             motions[6 * k + 3 : 6 * k + 6] = np.linalg.solve(turn_rate(d[3:]), motions[6 * k + 3 : 6 * k + 6])
         dx[self.layout.bodies] = motions
@@ -218,6 +248,7 @@ class NetworkSolver(Compiled):
                 right[6 * edge.start : 6 * edge.start + 6] += leg.at_start.T @ dW
             for k, joint, weight, _, _ in leg.torques:
                 right[b + k] += weight * dx[joint]
+        right[3:6] = self._axes.T @ right[3:6]
         motions = np.zeros(len(right))
         motions[self._held] = gap[self._held]
         free = self._free
@@ -228,6 +259,7 @@ class NetworkSolver(Compiled):
             motions[free] = unit * np.linalg.solve(A, unit * lacking[free])
         dwrench = np.zeros(6)
         dwrench[self._held] = (M @ motions - right)[self._held]
+        dwrench[3:], motions[3:6] = self._axes @ dwrench[3:], self._axes @ motions[3:6]
         result = np.zeros(layout.size)
         for i, (model, edge, leg) in enumerate(zip(self.models, self.edges, self._legs, strict=True)):
             own, F = x[layout.legs[i]], x[layout.wrenches[i]]
@@ -305,13 +337,16 @@ class NetworkSolver(Compiled):
         layout = self.layout
         moving = np.concatenate([np.arange(layout.legs[-1].stop), layout.bodies.start + self._free_bodies])
         unit = self.coordinate_unit[moving]
-        symmetric = 0.5 * (self._M + self._M.T)
+        symmetric = 0.5 * (self._free_M + self._free_M.T)
+        turns = slice(layout.platform.start + 3, layout.platform.stop)
 
         def inverse(v: Array) -> Array:
             forces = np.zeros(layout.size)
             forces[moving] = v.ravel() * self.energy / unit
+            forces[turns] = self._axes @ forces[turns]
             dx, motions, _ = self._solve(x, forces, np.zeros(6), symmetric)
             dx[layout.bodies] = motions
+            dx[turns] = self._axes.T @ dx[turns]
             return dx[moving] / unit
 
         n = len(moving)
@@ -333,6 +368,7 @@ class NetworkSolver(Compiled):
         self._mode = V[:, 0]
         motions = np.zeros((layout.size, count))
         motions[moving] = V * unit[:, None]
+        motions[turns] = self._axes @ motions[turns]
         return 1.0 / inverses, motions
 
     @property

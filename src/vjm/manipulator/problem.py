@@ -128,7 +128,8 @@ class ManipulatorProblem(LumpedProblem):
 
     def _wrench(self, at: Configuration, hand: Array) -> Array:
         """What acts on the platform ``(6,)``: what holds it and the loads on it."""
-        return at.wrench + self._constant + at.load * self._ramped
+        self.model.network.visit(at.x, at.wrench, at.load)
+        return self.model.network.held_wrench(at.wrench) + self._constant + at.load * self._ramped
 
     def _tangent_stiffness(self, at: Configuration, K: Array) -> float:
         try:
@@ -165,8 +166,6 @@ def on_platform(programme: Programme) -> tuple[Array, Array, Array]:
             raise ValueError(f"load {what}: loads on a manipulator are dead wrenches on its platform; leave it out")
     held = np.array([name not in programme.free for name in COMPONENTS])
     turns = int(np.count_nonzero(~held[3:]))
-    if turns == 2:
-        raise ValueError("free turns: a platform hangs in one hinge or turns freely; free one of rx, ry, rz or all")
     if np.any(programme.direction[3:]) and (turns or 0 < np.count_nonzero(~held[:3]) < 3):
         raise ValueError(
             "free components: a hand that turns would take its hinge or slides with it; beside a driven turn free "

@@ -7,6 +7,7 @@ import pytest
 
 from vjm.io.model_file import load_chain
 from vjm_validation.acceptance import robot_rows
+from vjm_validation.report.findings import no_finite_elements
 from vjm_validation.report.robots_chapter import robot_pictures, robot_tables, robots
 from vjm_validation.robots import Robots, RobotStudy, curve, gathered, piece, tasks
 from vjm_validation.run import Run
@@ -101,6 +102,12 @@ def test_the_chapter_says_what_was_found(study):
         assert "validate all --only robots" in picture.caption
 
 
+def test_a_run_of_robots_only_is_compared_with_finite_elements(study):
+    run = Run(load_chain("orthoglide-chain"), robots=study)
+    assert no_finite_elements(run) is None
+    assert no_finite_elements(Run(run.chain)) is not None
+
+
 def test_a_run_without_the_study_has_no_chapter():
     assert robots(Run(load_chain("orthoglide-chain"))) is None
     assert robot_rows(None) == []
@@ -109,3 +116,13 @@ def test_a_run_without_the_study_has_no_chapter():
 def test_the_published_schema_holds_the_study():
     file = Path(__file__).parents[3] / "docs" / "schemas" / "summary.schema.json"
     assert json.loads(file.read_text(encoding="utf-8")) == schemas()["summary.schema.json"]
+
+
+@pytest.mark.slow
+def test_a_second_finite_element_program_is_asked_where_it_is_installed():
+    pytest.importorskip("openseespy", reason="OpenSeesPy is an optional extra and is not installed")
+    assert ("summed", "isotropic") in tasks()
+    (row,) = piece(("summed", "isotropic"))
+    assert (row.engine, row.direction) == ("opensees", "-x")
+    # by bisection to 2e-3
+    assert row.F_cr == pytest.approx(8849.0, rel=3e-3)

@@ -66,6 +66,8 @@ def failed_acceptance(run: Run) -> Finding | None:
 
 def no_finite_elements(run: Run) -> Finding | None:
     """Said where the comparison's other side is missing."""
+    if run.robots is not None:
+        return None
     studied = run.end_conditions.paths if run.end_conditions is not None else ()
     compared = run.discovery is not None or any(key.engine == FE for key in run.paths)
     if compared or any(engine == FE for _, _, engine in studied):

@@ -28,6 +28,7 @@ from vjm_validation.robots import (
     LOAD,
     REACH,
     ROBOT,
+    SECOND,
     TOO_LONG,
     CriticalRow,
     MisfitRow,
@@ -104,10 +105,13 @@ def _pressed(rows: Robots) -> list[str]:
         return [f"Pressed against x, {FE} stays stable up to {LARGEST:g} N."]
     legs = {engines[label].first_leg or "" for engines in found.values() for label in COMPARED} - {""}
     same = f"in all engines leg {legs.pop()}" if len(legs) == 1 else f"legs {listed(sorted(legs))}"
+    second = ""
+    if all(SECOND.label in engines for engines in found.values()):
+        second = f" The sum over the chains of {SECOND.label} has it to {percent(_apart(found, SECOND.label))}."
     text = (
         f"Pressed against x, the free platform loses its stability at {listed(where)} with finite elements, the "
         f"same with {REFINED} to {percent(_apart(found, REFINED))} and with {FOOT_SPRING}, the foot as one "
-        f"spring, to {percent(_apart(found, FOOT_SPRING))}; {same} gives way first."
+        f"spring, to {percent(_apart(found, FOOT_SPRING))}; {same} gives way first." + second
     )
     return [text]
 
@@ -255,7 +259,11 @@ def _curves(study: RobotStudy) -> Picture:
 
 
 def _bars(rows: Robots) -> Picture:
-    labels = [label for label in (PAPER, FOOT_SPRING, REFINED, FE) if any(r.engine == label for r in rows.critical)]
+    labels = [
+        label
+        for label in (PAPER, FOOT_SPRING, REFINED, FE, SECOND.label)
+        if any(r.engine == label for r in rows.critical)
+    ]
     poses = list(dict.fromkeys(row.pose for row in rows.critical))
     width = 0.8 / len(labels)
     with figure(2.8, 2, sharey=True) as (fig, axes):
@@ -264,6 +272,9 @@ def _bars(rows: Robots) -> Picture:
             found = _forces(rows, direction)
             for k, label in enumerate(labels):
                 at = np.arange(len(poses)) + (k - 0.5 * (len(labels) - 1)) * width
+                if any(label not in found[pose] for pose in poses):
+                    # asked for the other direction only
+                    continue
                 force = [found[pose][label].F_cr or 0.0 for pose in poses]
                 ax.bar(at, np.array(force) / 1e3, width, color=engine_style(label).colour, label=label)
                 for x, value in zip(at, force, strict=True):
