@@ -22,6 +22,10 @@ RIVAL = 16.0
 """Criterion within which of the best a hypothesis may belong to its class."""
 PAYS = 6.6
 """Fall of the objective for which a law with a parameter more is preferred: one in a hundred does so by chance."""
+BORDER = 0.6
+"""Chance that a class has neither a member too many nor one too few, as made-up tests showed (docs/blind.md)."""
+UNLIKELY = 0.03
+"""Share of a class' probability below which a member is none of it: these data do tell it apart."""
 RIVALS = 12
 """Hypotheses that are compared with the best at most."""
 SUREST = 0.99
@@ -73,13 +77,16 @@ def judge(search: Search, best: Ranked) -> Verdict:
         if not any(rival.causes == m.causes for m in rivals) and not _needless(search, best, rival):
             rivals.append(rival)
     chosen = likeliest_class(fitter, [r.fit for r in rivals], np.array([weights[r] for r in rivals]))
-    members = [rivals[i] for i in chosen]
+    total = sum(weights[rivals[i]] for i in chosen)
+    members = [rivals[i] for i in chosen if weights[rivals[i]] >= UNLIKELY * total]
     causes = {m.causes for m in members}
     own = np.array([weights[m] for m in members])
     share = own / own.sum()
     # what the misfit test nearly rejects is less sure
     sure = float(own.sum()) * float(np.clip(rest.p / 0.02, 0.3, 1.0))
     kind = "class" if len(causes) > 1 else "named"
+    if kind == "class":
+        sure *= BORDER
     return Verdict(
         kind,
         tuple(members),

@@ -1,0 +1,58 @@
+"""Wild samples: told from their neighbours and from what all others let expect, and never by the dozen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vjm_validation.calibration.noise import memory_of
+from vjm_validation.diagnosis.fitting import Whitening
+from vjm_validation.diagnosis.wild import deleted
+
+N = 60
+
+
+def whitening(rho: float) -> Whitening:
+    """Two channels whose noise is correlated within a reading and along the readings."""
+    present = np.zeros((N, 6), dtype=bool)
+    present[:, :2] = True
+    present[17, 1] = False
+    covariance = np.tile(np.eye(6), (N, 1, 1))
+    covariance[:, :2, :2] = [[4.0, 2.4], [2.4, 9.0]]
+    covariance[17] = np.eye(6)
+    covariance[17, 0, 0] = 4.0
+    factors = np.linalg.inv(np.linalg.cholesky(covariance))
+    memory = replace(memory_of(np.zeros(N, dtype=int), present), rho=np.full(6, rho))
+    return Whitening(factors, memory, np.ones(6), present)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.7])
+def test_deleted_residuals_are_those_of_a_dense_covariance(rho):
+    own = whitening(rho)
+    rng = np.random.default_rng(3)
+    residual = np.where(own.present, rng.standard_normal((N, 6)), 0.0)
+    on = np.flatnonzero(own.present)
+    # the whitening as a matrix, column by column
+    columns = []
+    for k in on:
+        unit = np.zeros(N * 6)
+        unit[k] = 1.0
+        columns.append(own.flat(unit.reshape(N, 6)))
+    L = np.array(columns).T
+    P = L.T @ L
+    expected = P @ residual.ravel()[on] / np.sqrt(np.diag(P))
+    found = deleted(own, residual)
+    assert np.allclose(found.ravel()[on], expected, rtol=0.0, atol=1e-12)
+    assert not found[~own.present].any()
+
+
+def test_one_sample_off_stands_out_by_what_its_neighbours_leave():
+    own = whitening(0.7)
+    residual = np.zeros((N, 6))
+    residual[30, 0] = 10.0
+    found = np.abs(deleted(own, residual))
+    assert np.unravel_index(found.argmax(), found.shape) == (30, 0)
+    # with both neighbours and the other channel known less is left of the noise than its own size
+    assert found[30, 0] > 10.0 / 2.0
