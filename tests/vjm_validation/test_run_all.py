@@ -159,5 +159,6 @@ def test_the_printed_matrices_are_examined(summary):
 def test_whole_robots_are_in_the_summary(summary):
     found = summary["robots"]
     assert {row["robot"] for row in found["stiffness"]} == {"orthoglide", "3-puu", "delta", "par2"}
-    assert len(found["critical"]) == 24
+    # a second finite element program is asked where it is installed
+    assert len([row for row in found["critical"] if row["engine"] != "opensees"]) == 24
     assert any(row["name"] == "robots: critical forces" for row in summary["acceptance"])
