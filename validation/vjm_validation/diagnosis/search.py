@@ -239,9 +239,11 @@ class Search:
         return new if float(chi2.sf(gain, freedom)) < self.alarm and new.criterion < best.criterion else None
 
     def _polish(self, ranked: Ranked) -> None:
-        """The exact fit."""
-        m = len(self.fitter.nuisances)
-        fit = self.fitter.fit(ranked.fit.hypothesis, ranked.fit.at.z[:m], ranked.fit.values)
+        """The exact fit, by how the machine's own nuisances act beside the hypothesis' causes."""
+        fitter, m = self.fitter, len(self.fitter.nuisances)
+        slopes = fitter.machine_slopes
+        fit = fitter.fit(ranked.fit.hypothesis, ranked.fit.at.z[:m], ranked.fit.values, fresh=True)
+        fitter.machine_slopes = slopes
         if fit is not None:
             self.tried[ranked.labels] = Ranked(fit, self._criterion(fit))
 
