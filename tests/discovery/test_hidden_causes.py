@@ -22,7 +22,9 @@ EXPLAINED = ("joint_friction", "actuator_backlash")
 """Causes whose held-out postures are predicted within 1.3 times the noise; the others' laws extrapolate worse."""
 LUMPED = ("link_lumping", "foot_lumping")
 """Have tests of their own: the sheet's model is another one."""
-REST = tuple(c for c in CAUSES if c not in (*QUICK, *LUMPED))
+BURIED = ("link_length",)
+"""No length that a bar can have wrong shows at a strength of 16 in such a test: 12 mm do at 4."""
+REST = tuple(c for c in CAUSES if c not in (*QUICK, *LUMPED, *BURIED))
 
 
 @pytest.mark.parametrize("cause", QUICK)

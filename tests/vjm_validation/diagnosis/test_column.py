@@ -109,7 +109,8 @@ def test_the_bar_is_bowed_and_yields(tmp_path):
     sets = [set(candidate.causes) for candidate in found.candidates]
     # a few per cent of stiffness beside the bow, or an error of zero: the bar cannot tell
     assert {"link_bow", "plasticity", "link_compliance"} in sets
-    assert {"link_bow", "plasticity", "instrument_zero"} in sets
+    # an error of zero is told apart by the marks behind the yield: sixty to one, where up to 19 mm they fit alike
+    assert {"link_bow", "plasticity", "instrument_zero"} in [set(other.causes) for other in found.alternatives]
     assert all({"link_bow", "plasticity"} < causes for causes in sets)
     stress = found.parameters["plasticity.yield_stress_MPa"].value
     # the handbook's minimum is 241 MPa; bars are sold with up to a fifth more
@@ -140,7 +141,12 @@ def test_marks_of_the_bar_are_predicted_within_5_newtons(tmp_path):
 def test_the_tube_yields_gradually_from_the_start(tmp_path):
     data = cropped("column_tube_1", 26.0, tmp_path)
     found = diagnose(data, MEASURED / "column_tube_1.toml", tmp_path / "out")
-    assert (found.verdict, found.causes) == ("named", ["plasticity"])
+    # beside the yield a bow or an error of the ruler's zero: half a millimetre that the marks cannot tell apart
+    assert found.verdict == "class"
+    assert [set(c.causes) for c in found.candidates] == [
+        {"plasticity", "instrument_zero"},
+        {"plasticity", "link_bow"},
+    ]
     # its knee is round, that of the bar sharp
     assert found.parameters["plasticity.exponent"].value < 15.0
     # 1 % of its load; whoever steers by a ruler's marks to a tenth of a millimetre has 1 N

@@ -1,7 +1,7 @@
 """The gain of a hypothesis on readings that its fit had not seen.
 
 Postures are held out one at a time, else directions, cycles, or every third reading: the first that the data allow.
-A refit without the readings held out is one step from the full fit, whose slopes are known; so is its prediction.
+Each part is predicted by a refit in full without it, which begins where the fit to all readings ended.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_validation.diagnosis.fitting import Fit, Fitter, prior
+from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.observed import Observed
 from vjm_validation.diagnosis.shapes import driven_place
 
@@ -19,8 +19,6 @@ BLOCK = 12
 """Neighbouring readings that a bootstrap draws together."""
 DRAWS = 400
 SEED = 5
-STIFF = 3.0
-"""An effect's parameter stays within so many times its size where the other readings say nothing of it."""
 
 
 @dataclass(frozen=True)
@@ -73,30 +71,7 @@ def split_of(observed: Observed) -> Split:
 
 
 def held_out_residual(fitter: Fitter, fit: Fit, split: Split) -> Array:
-    """Raw residual ``(n, 6)`` of each reading under the fit without its part."""
-    if fitter.forward.observed.steered:
-        return _refitted(fitter, fit, split)
-    flat_fold = np.broadcast_to(split.fold[:, None], fitter.whitening.present.shape)[fitter.whitening.present]
-    W, r = fitter.whitening.flat(fit.jacobian), fitter.whitening.flat(fit.at.residual)
-    p, weight = prior(fit.found, fit.at.z)
-    effect = np.array([c.kind == "effect" or not np.isfinite(c.sigma) for c in fit.found])
-    loose = np.where(effect, 1.0 / (STIFF * (np.abs(fit.at.z) + 0.1)) ** 2, 1e-6)
-    fixed = np.array([c.sigma == 0.0 for c in fit.found])
-    result = fit.at.residual.copy()
-    for number in np.unique(split.fold):
-        train = flat_fold != number
-        A = W[train].T @ W[train] + np.diag(weight**2 + loose)
-        b = -(W[train].T @ r[train] + weight * p)
-        A[fixed], A[:, fixed], b[fixed] = 0.0, 0.0, 0.0
-        A[fixed, fixed] = 1.0
-        step = np.linalg.solve(A, b)
-        own = split.fold == number
-        result[own] += fit.jacobian[own] @ step
-    return np.where(fitter.whitening.present, result, 0.0)
-
-
-def _refitted(fitter: Fitter, fit: Fit, split: Split) -> Array:
-    """The same by refits in full, where a step would not do: a curve that is level says nothing of its start."""
+    """Raw residual ``(n, 6)`` of each reading under a refit without its part."""
     observed, m = fitter.forward.observed, len(fitter.nuisances)
     result = fit.at.residual.copy()
     for number in np.unique(split.fold):
