@@ -179,7 +179,6 @@ def test_a_channel_without_an_instrument(draft: Draft):
         ("[test]", "[tset]", "tset"),
         ('model = "orthoglide-chain"', "", "model is missing"),
         ('model = "orthoglide-chain"', 'model = "orthoglide-chains"', "no model 'orthoglide-chains'"),
-        ('model = "orthoglide-chain"', 'model = "orthoglide"', "is a whole manipulator, and this takes one chain"),
         ("noise = 2.0", "noise = -2.0", "noise must be at least 0"),
         ("noise = 2.0", 'noise = "2"', "noise must be a number"),
         ("[instrument.fx_N]", "[instrument.fx_kN]", "fx_kN"),
