@@ -12,6 +12,7 @@ import numpy as np
 from vjm import __version__
 from vjm.effects.catalogue import plug_in
 from vjm.io.files import check_writable, write_whole
+from vjm.rotations import Array
 from vjm_validation.diagnosis.column import DEPARTS, FIRST_YIELD, HANDBOOK, ColumnForward, is_column, observe_column
 from vjm_validation.diagnosis.column_experiment import direct
 from vjm_validation.diagnosis.contrasts import contrasts
@@ -35,7 +36,7 @@ from vjm_validation.diagnosis.experiment import propose
 from vjm_validation.diagnosis.extended import extended_text
 from vjm_validation.diagnosis.fitting import Fit
 from vjm_validation.diagnosis.folds import folds
-from vjm_validation.diagnosis.holdout import gain
+from vjm_validation.diagnosis.holdout import Split, gain, held_out_residual, split_of
 from vjm_validation.diagnosis.marks import marks_gain, with_one_more
 from vjm_validation.diagnosis.observed import Observed, observe
 from vjm_validation.diagnosis.page import write_page
@@ -139,12 +140,15 @@ def _document(
     observed = fitter.forward.observed
     chosen = verdict.members[0].fit if verdict.members else prepared.null
     points = {id(fit): critical_points(fitter, prepared.null, fit) for fit in _fits(verdict, chosen)}
+    split = split_of(observed)
+    # of marks every third one is held out, which is another split
+    unaided = None if observed.steered or not verdict.members else held_out_residual(fitter, prepared.null, split)
     candidates = [
         CandidateRow(
             causes=sorted(member.causes),
             probability=p,
             parameters=_values(prepared, member.fit),
-            gain=_gain(prepared, member.fit, points[id(member.fit)]),
+            gain=_gain(prepared, member.fit, points[id(member.fit)], split, unaided),
         )
         for member, p in zip(verdict.members, verdict.probabilities, strict=True)
     ]
@@ -251,13 +255,15 @@ def _values(prepared: Prepared, fit: Fit) -> dict[str, ValueRow | str]:
     return result
 
 
-def _gain(prepared: Prepared, fit: Fit, points: Sequence[Critical]) -> GainRow:
-    steered = bool(prepared.fitter.forward.observed.steered)
-    if steered:
-        found, parts = marks_gain(prepared.fitter, prepared.null, fit)
+def _gain(prepared: Prepared, fit: Fit, points: Sequence[Critical], split: Split, unaided: Array | None) -> GainRow:
+    """The gain of a fit; ``unaided`` (n, 6) what the tolerances alone leave held out, None for a test of marks."""
+    fitter = prepared.fitter
+    if unaided is None:
+        found, parts = marks_gain(fitter, prepared.null, fit)
     else:
-        found = gain(prepared.fitter, prepared.null, fit)
-        parts = folds(prepared.fitter, prepared.null, fit)
+        extended = held_out_residual(fitter, fit, split)
+        found = gain(fitter, fit, split, unaided, extended)
+        parts = folds(fitter, split, unaided, extended)
     measured, before, after = points[0].triple if points else (None, None, None)
     return GainRow(
         rmse_before=found.before,

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm_validation.diagnosis.fitting import Fit, Fitter
-from vjm_validation.diagnosis.holdout import Split, held_out_residual, split_of
+from vjm.rotations import Array
+from vjm_validation.diagnosis.fitting import Fitter
+from vjm_validation.diagnosis.holdout import Split
 from vjm_validation.diagnosis.observed import Observed
 
 
@@ -31,11 +32,10 @@ class Fold:
     after: float
 
 
-def folds(fitter: Fitter, null: Fit, fit: Fit) -> list[Fold]:
-    """Every part of the split of `vjm_validation.diagnosis.holdout.gain`."""
+def folds(fitter: Fitter, split: Split, before: Array, after: Array) -> list[Fold]:
+    """Every part of a split, of the residuals ``(n, 6)`` that `vjm_validation.diagnosis.holdout.gain` takes."""
     observed = fitter.forward.observed
-    split = split_of(observed)
-    before, after = (held_out_residual(fitter, one, split)[:, :3] for one in (null, fit))
+    before, after = before[:, :3], after[:, :3]
     on = fitter.whitening.present[:, :3]
     force = np.where(on, np.nan_to_num(observed.wrench[:, :3]), 0.0)
     found = []

@@ -12,6 +12,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_validation.diagnosis.fitting import Fit, Fitter
+from vjm_validation.diagnosis.forward import Evaluation
 from vjm_validation.diagnosis.observed import Observed
 from vjm_validation.diagnosis.shapes import driven_place
 
@@ -70,28 +71,41 @@ def split_of(observed: Observed) -> Split:
     return Split("marks", np.arange(len(place)) % 3)
 
 
+def refitted_without(fitter: Fitter, fit: Fit, own: np.ndarray) -> Evaluation | None:
+    """All readings under a refit in full that has not seen those of ``own`` (n,); None where the machine fails."""
+    observed = fitter.forward.observed
+    kept = observed.without(observed.present & own[:, None])
+    memory = replace(kept.memory, rho=fitter.whitening.memory.rho)
+    whitening = replace(fitter.whitening, memory=memory, present=kept.present)
+    less = Fitter(fitter.forward.reading(kept), fitter.nuisances, whitening)
+    found = less.fit(fit.hypothesis, fit.at.z[: len(fitter.nuisances)], fit.values, fresh=True)
+    fitter.anchor = None
+    return None if found is None else fitter.evaluate(found.found, found.at.z, fit.hypothesis)
+
+
 def held_out_residual(fitter: Fitter, fit: Fit, split: Split) -> Array:
     """Raw residual ``(n, 6)`` of each reading under a refit without its part."""
-    observed, m = fitter.forward.observed, len(fitter.nuisances)
     result = fit.at.residual.copy()
     for number in np.unique(split.fold):
         own = split.fold == number
-        kept = observed.without(observed.present & own[:, None])
-        whitening = replace(fitter.whitening, memory=replace(kept.memory, rho=fitter.whitening.memory.rho))
-        less = Fitter(fitter.forward.reading(kept), fitter.nuisances, replace(whitening, present=kept.present))
-        found = less.fit(fit.hypothesis, fit.at.z[:m], fit.values, fresh=True)
-        fitter.anchor = None
-        at = None if found is None else fitter.evaluate(found.found, found.at.z, fit.hypothesis)
+        at = refitted_without(fitter, fit, own)
         if at is not None:
             result[own] = at.residual[own]
     return np.where(fitter.whitening.present, result, 0.0)
 
 
-def gain(fitter: Fitter, null: Fit, fit: Fit) -> Gain:
-    """The gain of a fit over the sheet's tolerances alone."""
+def gain(fitter: Fitter, fit: Fit, split: Split, before: Array, after: Array) -> Gain:
+    """The gain of a fit over the sheet's tolerances alone.
+
+    Args:
+        fitter: of the test.
+        fit: whose stiffness says what the displacement's noise makes of a force.
+        split: how readings were held out.
+        before: residuals ``(n, 6)`` held out, of the sheet's tolerances alone.
+        after: of the fit.
+    """
     observed = fitter.forward.observed
-    split = split_of(observed)
-    before, after = (held_out_residual(fitter, one, split)[:, :3] for one in (null, fit))
+    before, after = before[:, :3], after[:, :3]
     on = fitter.whitening.present[:, :3]
     K = fit.at.stiffness
     # a reading's own noise, and its displacement's

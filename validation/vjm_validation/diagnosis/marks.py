@@ -7,17 +7,13 @@ of marks they decide what the parameters are. So every further cause is tried on
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.stats import chi2
 
 from vjm.rotations import Array
-from vjm_validation.calibration.noise import memory_of
 from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.folds import Fold
-from vjm_validation.diagnosis.holdout import Gain
-from vjm_validation.diagnosis.observed import Observed
+from vjm_validation.diagnosis.holdout import Gain, refitted_without
 from vjm_validation.diagnosis.search import MOST_CAUSES, Ranked, Search
 
 THIRD = 3
@@ -91,24 +87,12 @@ def marks_gain(fitter: Fitter, null: Fit, fit: Fit) -> tuple[Gain, list[Fold]]:
 
 def _held_out(fitter: Fitter, fit: Fit, turn: np.ndarray) -> Array:
     """Reading minus model ``(n,)`` of every mark by the fit that had not seen it."""
-    observed, m = fitter.forward.observed, len(fitter.nuisances)
     result: Array = fit.at.residual[:, 0].copy()
     for k in range(THIRD):
         own = turn == k
-        kept = _without(observed, own)
-        memory = replace(kept.memory, rho=fitter.whitening.memory.rho)
-        whitening = replace(fitter.whitening, memory=memory, present=kept.present)
-        less = Fitter(fitter.forward.reading(kept), fitter.nuisances, whitening)
-        found = less.fit(fit.hypothesis, fit.at.z[:m], fit.values, fresh=True)
-        fitter.anchor = None
-        at = None if found is None else fitter.evaluate(found.found, found.at.z, fit.hypothesis)
+        at = refitted_without(fitter, fit, own)
         result[own] = np.inf if at is None else at.residual[own, 0]
     return result
-
-
-def _without(observed: Observed, marks: np.ndarray) -> Observed:
-    wrench = np.where(marks[:, None], np.nan, observed.wrench)
-    return replace(observed, wrench=wrench, memory=memory_of(observed.readings.sequence, ~np.isnan(wrench)))
 
 
 def _rms(e: Array) -> float:

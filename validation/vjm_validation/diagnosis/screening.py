@@ -139,11 +139,6 @@ def projection(fitter: Fitter, base: Fit) -> Projection:
     return Projection(basis, rest, rows, released)
 
 
-def _norms(columns: Array) -> Array:
-    result: Array = np.linalg.norm(columns, axis=0)
-    return result
-
-
 def whitened(fitter: Fitter, space: Projection, signature: Signature) -> Array:
     """A signature, whitened, priors below ``(N,)``."""
     raw = np.zeros(len(space.residual))
@@ -169,8 +164,8 @@ def scores(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> lis
         columns = space.rest(raw)
         size = np.linalg.norm(columns, axis=0)
         # a release's row has length one before it is projected
-        least = np.full(len(own), 1e-6) if release_key(own[0].effect) else np.maximum(1e-3, OWN * _norms(raw))
-        visible = size > least
+        released = release_key(own[0].effect) is not None
+        visible = size > (1e-6 if released else np.maximum(1e-3, OWN * np.linalg.norm(raw, axis=0)))
         if not visible.any():
             continue
         size = size[visible]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import product
 
 import numpy as np
 from scipy.stats import chi2
@@ -209,13 +208,13 @@ class Search:
         best: Fit | None = None
         # a wrong model has dragged the nuisances along; what it has freed is its own affair
         held = np.array([np.isfinite(c.sigma) for c in base.found[:m]])
-        begins = [np.where(held, np.clip(base.at.z[:m], -STRAINED, STRAINED), base.at.z[:m])]
+        begin = np.where(held, np.clip(base.at.z[:m], -STRAINED, STRAINED), base.at.z[:m])
         hint = self.hints.get(key)
         if hint is not None and hint.fit.hypothesis == hypothesis:
-            begins, starts = [hint.fit.at.z[:m]], [hint.fit.values]
+            begin, starts = hint.fit.at.z[:m], [hint.fit.values]
         rivals = [r.fit.objective for r in self.tried.values() if len(r.labels) == len(key)]
         target = min(rivals, default=np.inf) + CLOSE
-        for begin, values in product(begins, starts):
+        for values in starts:
             fit = self.fitter.fit(hypothesis, begin, values, rough=True, target=target)
             if fit is not None and (best is None or fit.objective < best.objective):
                 best = fit
