@@ -31,7 +31,7 @@ class ContactCompliance(Effect):
         """Displacement at 1 kN, and the power."""
         return (
             Quantity("displacement_at_1kN_mm", 0.0, 2.0, 0.01, neutral=0.0),
-            Quantity("exponent", 0.3, 0.95, 0.1, usual=2.0 / 3.0, spread=0.06),
+            Quantity("exponent", 0.3, 0.95, 0.1, usual=2.0 / 3.0, spread=0.1),
         )
 
     def trials(self) -> Sequence[tuple[float, ...]]:

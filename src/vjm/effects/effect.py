@@ -83,19 +83,24 @@ class Effect:
     Attributes:
         cause: name of the cause, MEASURED's where it has one.
         title: what it is, in a few words.
-        contains: causes that are this one with a parameter at its neutral value.
         part: where it sits, for causes that can sit in several places; else empty.
+        extent: how many of the first quantities are its size together: the components of a vector.
     """
 
     cause: ClassVar[str] = ""
     title: ClassVar[str] = ""
-    contains: ClassVar[tuple[str, ...]] = ()
+    extent: ClassVar[int] = 1
     part: str = ""
 
     @property
     def label(self) -> str:
         """Cause and place."""
         return f"{self.cause}.{self.part}" if self.part else self.cause
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """Causes that are this one with a parameter at its neutral value."""
+        return ()
 
     def quantities(self) -> tuple[Quantity, ...]:
         """The parameters, the principal one first; none for a cause that either is or is not."""
@@ -113,8 +118,8 @@ class Effect:
         """Elements in series with the machine."""
         return ()
 
-    def friction(self, values: Sequence[float]) -> float:
-        """Friction torque of each passive joint, N mm."""
+    def friction(self, values: Sequence[float]) -> Array | float:
+        """Friction torque of the passive joints ``(n_q,)``, N mm; one number where all have the same."""
         return 0.0
 
     def imposed(self, pose: Array, values: Sequence[float]) -> Array:

@@ -88,7 +88,7 @@ def looked_up(
 
 @entry
 def friction_along(
-    free: Array, give: Array, limit: float, begins: np.ndarray, rest: Array, sweeps: int, enough: float
+    free: Array, give: Array, limit: Array, begins: np.ndarray, rest: Array, sweeps: int, enough: float
 ) -> Array:
     """Torques ``(n, n_q)`` of `vjm.effects.friction`, by the projected Gauss-Seidel iteration at every reading."""
     n, joints = free.shape
@@ -111,7 +111,7 @@ def friction_along(
                 own = free[k, j] - stands[j]
                 for i in range(joints):
                     own += give[k, j, i] * tau[i]
-                new = min(max(tau[j] - own / give[k, j, j], -limit), limit)
+                new = min(max(tau[j] - own / give[k, j, j], -limit[j]), limit[j])
                 largest = max(largest, abs(new - tau[j]))
                 tau[j] = new
                 size = max(size, abs(new))
@@ -137,16 +137,23 @@ def decaying(decay: Array, gain: Array, begins: np.ndarray) -> Array:
 
 
 @entry
-def flowing(force: Array, begins: np.ndarray, limit: float, compliance: float) -> tuple[Array, Array]:
-    """Plastic slip ``(n,)`` with linear kinematic hardening, and its slope by the force."""
-    n, last = len(force), 0.0
+def flowing(force: Array, begins: np.ndarray, limit: float, compliance: float, grows: float) -> tuple[Array, Array]:
+    """Plastic slip ``(n,)`` with linear hardening, and its slope by the force.
+
+    Of the hardening a share ``grows`` widens the elastic range, the rest moves it.
+    """
+    n = len(force)
+    slip, middle, half = 0.0, 0.0, limit
     x, slope = np.empty(n), np.zeros(n)
     for k in range(n):
         if begins[k]:
-            last = 0.0
-        beyond = force[k] - last / compliance
-        if abs(beyond) > limit:
-            last += compliance * (abs(beyond) - limit) * (1.0 if beyond > 0.0 else -1.0)
+            slip, middle, half = 0.0, 0.0, limit
+        beyond = abs(force[k] - middle) - half
+        if beyond > 0.0:
+            way = 1.0 if force[k] > middle else -1.0
+            slip += compliance * beyond * way
+            middle += (1.0 - grows) * beyond * way
+            half += grows * beyond
             slope[k] = compliance
-        x[k] = last
+        x[k] = slip
     return x, slope

@@ -21,6 +21,7 @@ class LinkBow(Effect):
 
     sizes: tuple[float, ...] = (0.5, 2.0)
     cause = "link_bow"
+    extent = 2
     title = "the bar is not straight when unloaded"
 
     def quantities(self) -> tuple[Quantity, ...]:

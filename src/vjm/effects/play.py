@@ -32,7 +32,7 @@ class Play(Effect):
         return (
             Quantity("gap_mm", 0.0, 5.0, 0.01, neutral=0.0),
             Quantity("offset_share", -0.5, 0.5, 0.1, usual=0.0, spread=0.2),
-            Quantity("contact_N", 0.3, 0.2 * self.force, 20.0, usual=10.0, spread=1.2, log=True),
+            Quantity("contact_N", 0.3, 0.2 * self.force, 20.0, usual=10.0, spread=0.8, log=True),
         )
 
     def trials(self) -> Sequence[tuple[float, ...]]:

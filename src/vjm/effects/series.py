@@ -235,18 +235,30 @@ def retarded(compliance: float, seconds: float) -> Law:
     return law
 
 
-def yielding(limit: float, compliance: float) -> Law:
-    """Plastic slip with linear kinematic hardening: it flows while ``|N − x/c|`` exceeds the limit.
+def yielding(limit: float, compliance: float, grows: float = 0.0) -> Law:
+    """Plastic slip with linear hardening: it flows while the force is outside its elastic range.
 
     Args:
         limit: yield force, N.
         compliance: plastic extension by the force beyond it, mm/N.
+        grows: share of the hardening that widens the range, which is then isotropic; the rest moves it (kinematic).
     """
 
     def law(force: Array, history: History) -> tuple[Array, Array]:
         found: tuple[Array, Array] = flowing(
-            np.ascontiguousarray(force), history.begins, float(limit), float(compliance)
+            np.ascontiguousarray(force), history.begins, float(limit), float(compliance), float(grows)
         )
         return found
+
+    return law
+
+
+def together(*laws: Law) -> Law:
+    """Laws whose extensions under one force add up."""
+
+    def law(force: Array, history: History) -> tuple[Array, Array]:
+        found = [each(force, history) for each in laws]
+        x, slope = (np.sum([pair[k] for pair in found], axis=0) for k in (0, 1))
+        return x, slope
 
     return law

@@ -5,9 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from vjm.chain import FOOT
 from vjm.effects.effect import Effect, Quantity, Scene
 from vjm.effects.machine import Machine, link_of
+from vjm.effects.places import drive
+from vjm.effects.series import Element, memoryless
+from vjm.parts import Actuator
+from vjm.rotations import Array
+
+RATIO = Quantity("ratio", 0.1, 10.0, 0.05, neutral=1.0)
+MEAN = Quantity("mean_factor", 0.3, 3.0, 0.05, usual=1.0, spread=0.1)
 
 
 @dataclass(frozen=True)
@@ -23,14 +32,15 @@ class Asymmetry(Effect):
     beam: str = "link"
     cause = "tension_compression_asymmetry"
     title = "a stiffness differs between pull and push"
-    contains = ("foot_compliance", "link_compliance")
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """One factor in both ways."""
+        return ("foot_compliance", "link_compliance")
 
     def quantities(self) -> tuple[Quantity, ...]:
         """Pull stiffness over push stiffness, and the factor on their geometric mean's compliance."""
-        return (
-            Quantity("ratio", 0.1, 10.0, 0.05, neutral=1.0),
-            Quantity("mean_factor", 0.3, 3.0, 0.05, usual=1.0, spread=0.1),
-        )
+        return (RATIO, MEAN)
 
     def trials(self) -> Sequence[tuple[float, ...]]:
         """Stiffer in pull."""
@@ -46,8 +56,49 @@ class Asymmetry(Effect):
         return {f"{self.cause}.ratio": float(values[0]), f"{self.cause}.mean_factor": float(values[1])}
 
 
+@dataclass(frozen=True)
+class DriveAsymmetry(Effect):
+    """A drive whose spring differs between pull and push along its axis.
+
+    Attributes:
+        compliance: of the drive's spring in the model, mm/N.
+    """
+
+    compliance: float = 1e-5
+    part: str = "actuator"
+    cause = "tension_compression_asymmetry"
+    title = "a stiffness differs between pull and push"
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """One factor in both ways."""
+        return ("actuator_compliance",)
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Pull stiffness over push stiffness, and the factor on their geometric mean's compliance."""
+        return (RATIO, MEAN)
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Stiffer in pull, and softer."""
+        return [(1.3, 1.0), (0.75, 1.0)]
+
+    def elements(self, machine: Machine, values: Sequence[float]) -> tuple[Element, ...]:
+        """What both springs give way beyond the model's own one."""
+        ratio, mean = values
+        pull, push = (self.compliance * (mean * ratio**power - 1.0) for power in (-0.5, 0.5))
+
+        def law(N: Array) -> tuple[Array, Array]:
+            slope = np.where(N > 0.0, pull, push)
+            return slope * N, slope
+
+        return (Element(drive(machine), memoryless(law)),)
+
+
 def effects(scene: Scene) -> list[Effect]:
-    """Of the foot and of the link."""
+    """Of the drive where the model has a spring there, of the foot and of the link."""
     link = link_of(scene.chain)
-    feet: list[Effect] = [Asymmetry(part="foot", beam=FOOT) for b in scene.chain.beams if b.name == FOOT != link]
-    return [*feet, Asymmetry(part="link", beam=link)]
+    drives = [p for p in scene.chain.parts if isinstance(p, Actuator) and p.compliance > 0.0]
+    has = Machine(scene.chain, scene.engine).drive_axis is not None
+    found: list[Effect] = [DriveAsymmetry(drives[0].compliance)] if drives and has else []
+    found += [Asymmetry(part="foot", beam=FOOT) for b in scene.chain.beams if b.name == FOOT != link]
+    return [*found, Asymmetry(part="link", beam=link)]

@@ -55,7 +55,7 @@ def test_trials_lie_within_the_bounds_and_act():
         acts = (
             effect.machine(machine, trial) != machine
             or effect.elements(machine, trial)
-            or effect.friction(trial) > 0.0
+            or np.any(effect.friction(trial))
             or not np.array_equal(effect.imposed(pose, trial), pose)
         )
         assert acts, effect.label

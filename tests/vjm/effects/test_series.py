@@ -10,7 +10,7 @@ from vjm.effects.machine import Machine
 from vjm.effects.part_compliance import FootCompliance
 from vjm.effects.places import foot
 from vjm.effects.play import ActuatorBacklash, JointClearance
-from vjm.effects.series import AlongLine, Element, History, balance, memoryless, retarded, yielding
+from vjm.effects.series import AlongLine, Element, History, balance, memoryless, retarded, together, yielding
 from vjm.effects.tables import HalfRay, tabulate
 from vjm.io.model_file import load_chain
 from vjm.vjm_engine import VjmEngine
@@ -105,6 +105,22 @@ def test_yielding_leaves_a_set_and_yields_back_later():
     np.testing.assert_allclose(x, [0.0, 0.0, 0.05, 0.05, 0.05, 0.0], atol=1e-12)
     assert slope[1] == 0.0
     assert slope[2] == 1e-3
+
+
+def test_isotropic_hardening_widens_the_elastic_range_on_both_sides():
+    force = np.array([0.0, 150.0, 0.0, -140.0, -150.0, -170.0])
+    history = History(np.zeros(6), np.arange(6) == 0, np.tile([1.0, 0.0, 0.0], (6, 1)))
+    x, _ = yielding(100.0, 1e-3, grows=1.0)(force, history)
+    # 150 N have made it 150 N wide each way; 20 N beyond that slip back
+    np.testing.assert_allclose(x, [0.0, 0.05, 0.05, 0.05, 0.05, 0.03], atol=1e-12)
+
+
+def test_laws_together_add_their_extensions():
+    force = np.array([0.0, 150.0, 250.0])
+    history = History(np.zeros(3), np.arange(3) == 0, np.tile([1.0, 0.0, 0.0], (3, 1)))
+    x, slope = together(yielding(100.0, 1e-3), yielding(200.0, 2e-3))(force, history)
+    np.testing.assert_allclose(x, [0.0, 0.05, 0.15 + 0.1], atol=1e-12)
+    np.testing.assert_allclose(slope, [0.0, 1e-3, 3e-3], atol=1e-15)
 
 
 def test_the_line_is_that_of_the_force(machine):

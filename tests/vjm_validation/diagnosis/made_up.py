@@ -84,7 +84,7 @@ def write(folder: Path, rows, wrench, displacement, sheet=SHEET) -> Files:
 
 
 def made_up(folder: Path, hidden: dict[str, tuple[float, ...]], seed: int, monkeypatch, *, per: int = 10) -> Files:
-    """A test with causes hidden in it, by label with the values of their parameters."""
+    """A test with causes hidden in it, by label with values of the first parameters; the others are as usual."""
     rng = np.random.default_rng(seed)
     rows = programme(("A", "B"), 1.5, per)
     true = np.array([row[3] for row in rows])
@@ -97,7 +97,11 @@ def made_up(folder: Path, hidden: dict[str, tuple[float, ...]], seed: int, monke
     hypothesis = tuple(known[label] for label in hidden)
     nuisances = nuisance_coordinates(observed)
     found = coordinates(nuisances, hypothesis)
-    z = start(found, hypothesis, rng.standard_normal(len(nuisances)), list(hidden.values()))
+    values = [
+        [*own, *(q.usual for q in effect.quantities()[len(own) :])]
+        for effect, own in zip(hypothesis, hidden.values(), strict=True)
+    ]
+    z = start(found, hypothesis, rng.standard_normal(len(nuisances)), values)
     at = Forward(observed).evaluate(found, z, hypothesis)
     wrench = np.nan_to_num(observed.wrench - at.residual)
     for k, sigma in NOISE.values():

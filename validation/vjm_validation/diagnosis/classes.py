@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
+from scipy.stats import norm
 
 from vjm.rotations import Array
 from vjm_validation.diagnosis.fitting import Fit, Fitter, prior
@@ -17,6 +18,9 @@ from vjm_validation.diagnosis.unknowns import release_key
 
 APART = 2.0
 """Strength within which two causes are one class."""
+UNSURE, SURE = 0.7, 0.95
+"""Standard deviation of a distance, for readings have noise and laws are not quite right; and the chance that
+nothing else sets two causes apart."""
 
 
 def distance(fitter: Fitter, truth: Fit, other: Fit) -> float:
@@ -47,28 +51,24 @@ def distance(fitter: Fitter, truth: Fit, other: Fit) -> float:
     return float(np.linalg.norm(r - basis @ (basis.T @ r)))
 
 
-def likeliest_class(fitter: Fitter, fits: Sequence[Fit], weights: Array) -> list[int]:
-    """Of hypotheses the likeliest set that are all one class with one another: indices, the likeliest first.
+def best_verdict(fitter: Fitter, fits: Sequence[Fit], weights: Array) -> tuple[list[int], float]:
+    """Of hypotheses the set that is most probably right, the likeliest member first, and how probably it is.
 
-    Being one class is not transitive: of the sets of which any two are one class it is the one whose probabilities
-    ``weights`` (k,) add up to most.
+    A set is right if it holds the truth and none that is not one class with it. So each member counts with its
+    probability ``weights`` (k,) times the chance that all others are one class with it. With one member alone
+    nothing but its own probability counts.
     """
     k = len(fits)
-    alike = np.eye(k, dtype=bool)
+    alike = np.ones((k, k))
     for i, j in combinations(range(k), 2):
-        alike[i, j] = alike[j, i] = (
-            distance(fitter, fits[i], fits[j]) <= APART and distance(fitter, fits[j], fits[i]) <= APART
-        )
+        apart = max(distance(fitter, fits[i], fits[j]), distance(fitter, fits[j], fits[i]))
+        alike[i, j] = alike[j, i] = SURE * float(norm.sf((apart - APART) / UNSURE))
     best: list[int] = []
     most = -1.0
-
-    def grow(chosen: list[int], rest: list[int]) -> None:
-        nonlocal best, most
-        total = float(weights[chosen].sum())
-        if total > most:
-            best, most = chosen, total
-        for place, i in enumerate(rest):
-            grow([*chosen, i], [j for j in rest[place + 1 :] if alike[i, j]])
-
-    grow([], list(range(k)))
-    return sorted(best, key=lambda i: -weights[i])
+    for size in range(1, k + 1):
+        for chosen in combinations(range(k), size):
+            own = list(chosen)
+            worth = float(weights[own] @ np.prod(alike[np.ix_(own, own)], axis=1))
+            if worth > most:
+                best, most = own, worth
+    return sorted(best, key=lambda i: -weights[i]), most

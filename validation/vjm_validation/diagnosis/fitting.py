@@ -245,7 +245,7 @@ class Fitter:
             if ended and exact:
                 converged = True
                 break
-            if count >= PATIENT and best - HOPE * fall > target:
+            if count >= PATIENT and best - HOPE * fall > target and best - self._promise(found, at, J) > target:
                 break
             exact = ended or count % RENEWED == 0
             if exact:
@@ -253,6 +253,16 @@ class Fitter:
         if not rough and not fresh:
             self._renew(J, found, at, hypothesis)
         return Fit(hypothesis, tuple(found), at, J, self._own_objective(found, at), converged)
+
+    def _promise(self, found: Sequence[Coordinate], at: Evaluation, J: Array) -> float:
+        """Fall of the objective by a whole step, to first order, were no step too long."""
+        A, b = self._system(found, at, J)
+        on = np.array([c.sigma != 0.0 for c in found]) & (np.diag(A) > 0.0)
+        size = np.sqrt(np.diag(A)[on])
+        right = b[on] / size
+        return float(
+            right @ np.linalg.pinv(A[np.ix_(on, on)] / size[:, None] / size, rcond=1e-10, hermitian=True) @ right
+        )
 
     def _own_objective(self, found: Sequence[Coordinate], at: Evaluation) -> float:
         """The objective with the readings' covariances as the hypothesis' own stiffness makes them.

@@ -116,8 +116,8 @@ class Forward:
             place = effect.imposed(place, v)
         look, tables = self._lookup(machine, own, place)
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
-        limit = sum(effect.friction(v) for effect, v in own)
-        if limit > 0.0:
+        limit = sum((np.asarray(effect.friction(v)) for effect, v in own), np.zeros(1))
+        if limit.any():
             wrench, stiffness = self._with_friction(look, tables, place, elements, limit)
         else:
             found_ = balance(look, place, elements, observed.history)
@@ -210,7 +210,7 @@ class Forward:
         tables: Sequence[tuple[np.ndarray, Array, Table, Table]],
         place: Array,
         elements: Sequence[Element],
-        limit: float,
+        limit: Array,
     ) -> tuple[Array, Array]:
         """The equilibrium with friction, whose torques follow from the chain's own displacements."""
         observed = self.observed
@@ -228,7 +228,7 @@ class Forward:
         return found.wrench, found.stiffness
 
     def _friction(
-        self, tables: Sequence[tuple[np.ndarray, Array, Table, Table]], own: Array, limit: float
+        self, tables: Sequence[tuple[np.ndarray, Array, Table, Table]], own: Array, limit: Array
     ) -> Array:
         n = len(own)
         joints = len(tables[0][2].problem.model.passive)

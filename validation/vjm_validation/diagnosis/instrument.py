@@ -57,13 +57,17 @@ class ThermalDrift(Effect):
     by: str = "s"
     span: float = 1.0
     cause = "thermal_drift"
-    contains = ("instrument_zero",)
     title = "the reading follows the clock or the temperature, not the load"
 
     @property
     def label(self) -> str:
         """Cause, channel and what it follows."""
         return f"{self.cause}.{self.part}.per_{self.by}"
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """A drift that ended before the test began."""
+        return ("instrument_zero",)
 
     def quantities(self) -> tuple[Quantity, ...]:
         """Change of the reading; and since when, in spans, for it may have gone on before the test."""

@@ -6,6 +6,7 @@ wrong law of the causes before it leaves behind.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -26,7 +27,7 @@ from vjm_validation.diagnosis.screening import (
     signatures,
     threshold,
 )
-from vjm_validation.diagnosis.unknowns import Hypothesis
+from vjm_validation.diagnosis.unknowns import Hypothesis, release_key
 
 MOST_CAUSES = 3
 SHORT = 5
@@ -43,6 +44,11 @@ WORTH_A_LOOK = 60.0
 """Squares explained up to which a hypothesis may owe them to better nuisances alone."""
 DISTINCT, DISGUISED = 2.0, 12.0
 """Standard deviations by which a cause's own parameter must differ from nothing, and what it costs if not."""
+TWICE = 6.0
+"""What it costs that a cause acts in two places at once."""
+STUCK, FAINT = 2.0, 0.03
+"""Objective above that of a hypothesis with a cause less from which a fit has missed its best, and the share of the
+first trial with which it begins again."""
 RESTARTS = 3
 """Times that a search begins anew because a hypothesis has led the null to a better optimum."""
 NEARLY, MOST_ALIKE = 4.0, 12
@@ -121,7 +127,7 @@ class Search:
                 ranked = self._scores(best, found)
             if step and self._hopeless(best, ranked, MOST_CAUSES - step):
                 break
-            promising = [s for s in ranked[:SHORT] if s.p < HOPEFUL * self.alarm]
+            promising = [s for k, s in enumerate(ranked) if (k < SHORT or _bent(s)) and s.p < HOPEFUL * self.alarm]
             for score in promising:
                 self._try((*base.hypothesis, score.effect), base, [[*base.values, v] for v in score.starts])
             if step == 1:
@@ -185,7 +191,8 @@ class Search:
             level = max((s.explained for s in found if s.effect.label == own.label), default=np.inf)
             seen = {own.cause}
             for score in found:
-                if score.explained < level - NEARLY**2 or score.effect.cause in seen or len(seen) > MOST_ALIKE:
+                far = score.explained < level - NEARLY**2 and not _bent(score)
+                if far or score.effect.cause in seen or len(seen) > MOST_ALIKE:
                     continue
                 # of each cause the label that explains most
                 seen.add(score.effect.cause)
@@ -218,6 +225,17 @@ class Search:
             fit = self.fitter.fit(hypothesis, begin, values, rough=True, target=target)
             if fit is not None and (best is None or fit.objective < best.objective):
                 best = fit
+        if (
+            best is not None
+            and best.objective > base.objective + STUCK
+            and key > {e.label for e in base.hypothesis}
+        ):
+            # it contains the base, and cannot be worse: from there, with next to none of the effect
+            faint = [_faint(effect, own) for effect, own in zip(hypothesis, starts[0], strict=True)]
+            known = {effect.label: own for effect, own in zip(base.hypothesis, base.values, strict=True)}
+            values = [known.get(effect.label, own) for effect, own in zip(hypothesis, faint, strict=True)]
+            again = self.fitter.fit(hypothesis, base.at.z[:m], values, rough=True)
+            best = again if again is not None and again.objective < best.objective else best
         if best is not None:
             self.tried[key] = Ranked(best, self._criterion(best))
 
@@ -270,7 +288,7 @@ class Search:
         return best
 
     def _criterion(self, fit: Fit) -> float:
-        """Objective, what the parameters cost, and the catalogue's choice.
+        """Objective, what the parameters cost, and the catalogue's choice: of a cause, and of its place.
 
         A free parameter costs the logarithm of the effective readings; one with a usual value and a spread what the
         readings have narrowed it down by (Laplace's approximation of the evidence). A cause whose own parameter may
@@ -278,25 +296,51 @@ class Search:
         """
         kinds = [(i, c) for i, c in enumerate(fit.found) if c.kind == "effect"]
         own = [i for i, c in kinds if np.isfinite(c.sigma)]
+        places = Counter(e.cause for e in self.effects)
+        causes = len(places)
         free = sum(max(len(effect.quantities()), 1) for effect in fit.hypothesis) - len(own)
-        choice = 2.0 * np.log(max(len({e.cause for e in self.effects}), 1)) * len(fit.hypothesis)
-        cost = free * float(np.log(self.samples)) + float(choice)
+        choice = 2.0 * sum(np.log(causes * places[e.cause]) for e in fit.hypothesis)
+        again = len(fit.hypothesis) - len({e.cause for e in fit.hypothesis})
+        cost = free * float(np.log(self.samples)) + float(choice) + TWICE * again
         if not kinds:
             return fit.objective + cost
         A = self.fitter.normal(fit)
         size = np.sqrt(np.maximum(np.diag(A), 1e-300))
         inverse = np.linalg.pinv(A / size[:, None] / size, rcond=1e-12, hermitian=True)
-        spread = np.maximum(np.diag(inverse), 1e-300) / size**2
+        covariance = inverse / size[:, None] / size
+        spread = np.maximum(np.diag(covariance), 1e-300)
         sigma = np.array([fit.found[i].sigma for i in own])
         cost += float(np.sum(np.log(np.maximum(sigma**2 / spread[own], 1.0))))
-        for i, c in kinds:
-            q = c.quantity
-            principal = q is not None and q == fit.hypothesis[int(c.subject)].quantities()[0]
-            if principal and q is not None and q.neutral is not None and (q.neutral > 0.0 or not q.log):
-                off = abs(float(fit.at.z[i]) - q.coordinate(q.neutral))
-                if off < DISTINCT * float(np.sqrt(spread[i])):
-                    cost += DISGUISED
+        for number, effect in enumerate(fit.hypothesis):
+            at = [i for i, c in kinds if c.subject == str(number)][: effect.extent]
+            if at and _is_nothing(effect, fit.at.z[at], covariance[np.ix_(at, at)]):
+                cost += DISGUISED
         return fit.objective + cost
+
+
+def _bent(score: Score) -> bool:
+    """Whether an effect is known by a slope that says little of large sizes: that of a part's modulus or length."""
+    key = release_key(score.effect)
+    return key is not None and key[0] in ("modulus", "length")
+
+
+def _is_nothing(effect: Effect, z: Array, covariance: Array) -> bool:
+    """Whether an effect's size, coordinates ``(k,)``, may as well be none."""
+    sizes = effect.quantities()[: effect.extent]
+    if any(q.neutral is None or (q.log and q.neutral <= 0.0) for q in sizes):
+        return False
+    off = z - np.array([q.coordinate(q.neutral or 0.0) for q in sizes])
+    return float(off @ np.linalg.pinv(covariance, hermitian=True) @ off) < DISTINCT**2
+
+
+def _faint(effect: Effect, values: Sequence[float]) -> list[float]:
+    """An effect's values with hardly any of it."""
+    result = list(values)
+    for i, q in enumerate(effect.quantities()[: effect.extent]):
+        if q.neutral is not None:
+            nothing, here = (q.coordinate(v) if v > 0.0 or not q.log else 0.0 for v in (q.neutral, values[i]))
+            result[i] = q.value(nothing + FAINT * (here - nothing))
+    return result
 
 
 def effective_samples(rho: Array, present: np.ndarray) -> float:

@@ -21,6 +21,12 @@ from vjm_validation.diagnosis.observed import Observed
 
 Hypothesis = tuple[Effect, ...]
 """Causes that act together; empty: nothing but the sheet's tolerances."""
+FARTHEST = 60.0
+"""Sigmas of the sheet beyond which an instrument or a length is not off but another one."""
+PARTS = (-0.8, 4.0)
+"""Of a part's modulus, relative."""
+LOST = 0.9
+"""Of a channel's scale, relative."""
 
 
 @dataclass(frozen=True)
@@ -85,12 +91,12 @@ def nuisance_coordinates(observed: Observed) -> list[Coordinate]:
 
 
 def _nuisance(kind: str, subject: str, sigma: float, usual: float) -> Coordinate:
-    limit = {"zero": np.inf, "scale": 0.9, "modulus": 0.8, "length": 60.0}[kind]
     scale = sigma if sigma > 0.0 else usual
-    high = {"modulus": 4.0}.get(kind, limit)
-    return Coordinate(
-        f"{kind} {subject}", kind, subject, scale, 0.0, 1.0 if sigma > 0.0 else 0.0, -limit / scale, high / scale
-    )
+    low, high = PARTS if kind == "modulus" else (-FARTHEST * scale, FARTHEST * scale)
+    if kind == "scale":
+        low, high = max(low, -LOST), min(high, LOST)
+    fixed = 1.0 if sigma > 0.0 else 0.0
+    return Coordinate(f"{kind} {subject}", kind, subject, scale, 0.0, fixed, low / scale, high / scale)
 
 
 def coordinates(nuisances: Sequence[Coordinate], hypothesis: Hypothesis) -> list[Coordinate]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_validation.diagnosis.classes import likeliest_class
+from vjm_validation.diagnosis.classes import best_verdict
 from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.forward import values_of
 from vjm_validation.diagnosis.misfit import Misfit, misfit
@@ -22,10 +22,6 @@ RIVAL = 16.0
 """Criterion within which of the best a hypothesis may belong to its class."""
 PAYS = 6.6
 """Fall of the objective for which a law with a parameter more is preferred: one in a hundred does so by chance."""
-BORDER = 0.6
-"""Chance that a class has neither a member too many nor one too few, as made-up tests showed (docs/blind.md)."""
-UNLIKELY = 0.03
-"""Share of a class' probability below which a member is none of it: these data do tell it apart."""
 RIVALS = 12
 """Hypotheses that are compared with the best at most."""
 SUREST = 0.99
@@ -69,24 +65,22 @@ def judge(search: Search, best: Ranked) -> Verdict:
         return Verdict("none", (), (), _quiet(search, weights, rest), _others(weights, [best]), rest)
     if wrong:
         return Verdict("unknown", (), (), min(SUREST, 1.0 - min(rest.p, rest.strained)), _others(weights, []), rest)
-    rivals = [best]
+    rivals: list[Ranked] = []
     for rival in sorted(weights, key=lambda r: r.criterion):
         if not rival.labels or rival.criterion > best.criterion + RIVAL or len(rivals) == RIVALS:
             continue
         # of a cause that can sit in several places the likeliest
-        if not any(rival.causes == m.causes for m in rivals) and not _needless(search, best, rival):
+        if all(rival.causes != m.causes for m in rivals) and not _needless(search, best, rival):
             rivals.append(rival)
-    chosen = likeliest_class(fitter, [r.fit for r in rivals], np.array([weights[r] for r in rivals]))
-    total = sum(weights[rivals[i]] for i in chosen)
-    members = [rivals[i] for i in chosen if weights[rivals[i]] >= UNLIKELY * total]
-    causes = {m.causes for m in members}
-    own = np.array([weights[m] for m in members])
+    # and in whichever place it is, it is that cause
+    total = {r: sum(w for other, w in weights.items() if other.causes == r.causes) for r in rivals}
+    chosen, sure = best_verdict(fitter, [r.fit for r in rivals], np.array([total[r] for r in rivals]))
+    members = [rivals[i] for i in chosen]
+    own = np.array([total[m] for m in members])
     share = own / own.sum()
     # what the misfit test nearly rejects is less sure
-    sure = float(own.sum()) * float(np.clip(rest.p / 0.02, 0.3, 1.0))
-    kind = "class" if len(causes) > 1 else "named"
-    if kind == "class":
-        sure *= BORDER
+    sure *= float(np.clip(rest.p / 0.02, 0.3, 1.0))
+    kind = "class" if len(members) > 1 else "named"
     return Verdict(
         kind,
         tuple(members),
@@ -123,8 +117,8 @@ def _quiet(search: Search, weights: dict[Ranked, float], rest: Misfit) -> float:
 
 
 def _others(weights: dict[Ranked, float], members: list[Ranked]) -> tuple[tuple[Ranked, float], ...]:
-    inside = {m.labels for m in members}
-    left = [(r, w) for r, w in weights.items() if r.labels not in inside and r.labels]
+    inside = {m.causes for m in members}
+    left = [(r, w) for r, w in weights.items() if r.causes not in inside and r.labels]
     return tuple(sorted(left, key=lambda pair: -pair[1])[:5])
 
 

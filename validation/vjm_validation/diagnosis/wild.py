@@ -18,7 +18,7 @@ SPIKE = 6.0
 """Standard deviations by which a sample must stand out of its neighbours on both sides."""
 OUTLYING = 5.0
 """Standard deviations of a deleted residual beyond which a sample is wild."""
-FEW, SHARE = 4, 0.05
+FEW, SHARE = 4, 0.1
 """Wild samples of a channel that may be, at most: their number, or their share where that is more."""
 
 GATHERED = 1e-3
