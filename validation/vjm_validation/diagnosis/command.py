@@ -43,7 +43,7 @@ from vjm_validation.diagnosis.page import write_page
 from vjm_validation.diagnosis.preparation import Prepared, effects_of, possible, prepare, refresh
 from vjm_validation.diagnosis.search import Search, effective_samples
 from vjm_validation.diagnosis.transfer import transfer
-from vjm_validation.diagnosis.verdict import Estimate, Verdict, estimates, judge, nuisance_estimates
+from vjm_validation.diagnosis.verdict import Estimate, Verdict, estimates, judge, nuisance_estimates, proved
 from vjm_validation.measurement import Measurement, read_measurement
 from vjm_validation.measurement.channels import WRENCH
 from vjm_validation.summary import as_json
@@ -113,8 +113,8 @@ def diagnose(
     if observed.steered:
         best = with_one_more(search, best)
     progress("verdict")
-    verdict = judge(search, best)
-    document = _document(measurement, prepared, search, verdict, begun)
+    verdict, candidates = _proved(prepared, judge(search, best))
+    document = _document(measurement, prepared, verdict, candidates, begun)
     if second is not None:
         document = document.model_copy(update={"transfer": _transfer(verdict, second)})
     progress("report")
@@ -133,30 +133,37 @@ def _search(prepared: Prepared, progress: Callable[[str], None]) -> Search:
     return Search(fitter, prepared.null, prepared.effects, samples, progress)
 
 
+def _proved(prepared: Prepared, verdict: Verdict) -> tuple[Verdict, list[CandidateRow]]:
+    """The verdict in the light of what its members predict of readings held out."""
+    if not verdict.members:
+        return verdict, []
+    observed = prepared.fitter.forward.observed
+    split = split_of(observed)
+    # of marks every third one is held out, which is another split
+    unaided = None if observed.steered else held_out_residual(prepared.fitter, prepared.null, split)
+    gains = [_gain(prepared, member.fit, split, unaided) for member in verdict.members]
+    verdict = proved(verdict, gains[0].before_in_sigma, gains[0].after_in_sigma)
+    return verdict, [
+        CandidateRow(causes=sorted(m.causes), probability=p, parameters=_values(prepared, m.fit), gain=own)
+        for m, p, own in zip(verdict.members, verdict.probabilities, gains[: len(verdict.members)], strict=True)
+    ]
+
+
 def _document(
-    measurement: Measurement, prepared: Prepared, search: Search, verdict: Verdict, begun: float
+    measurement: Measurement,
+    prepared: Prepared,
+    verdict: Verdict,
+    candidates: Sequence[CandidateRow],
+    begun: float,
 ) -> Diagnosis:
     fitter = prepared.fitter
     observed = fitter.forward.observed
     chosen = verdict.members[0].fit if verdict.members else prepared.null
-    points = {id(fit): critical_points(fitter, prepared.null, fit) for fit in _fits(verdict, chosen)}
-    split = split_of(observed)
-    # of marks every third one is held out, which is another split
-    unaided = None if observed.steered or not verdict.members else held_out_residual(fitter, prepared.null, split)
-    candidates = [
-        CandidateRow(
-            causes=sorted(member.causes),
-            probability=p,
-            parameters=_values(prepared, member.fit),
-            gain=_gain(prepared, member.fit, points[id(member.fit)], split, unaided),
-        )
-        for member, p in zip(verdict.members, verdict.probabilities, strict=True)
-    ]
     channels = {name: WRENCH.index(name) for name in observed.wrench_channels}
     return Diagnosis(
         verdict=verdict.kind,
         causes=sorted({cause for c in candidates for cause in c.causes}),
-        candidates=candidates,
+        candidates=list(candidates),
         parameters=candidates[0].parameters if candidates else {},
         confidence=verdict.confidence * (HALF if _noise_words(observed) else 1.0),
         alternatives=[AlternativeRow(causes=sorted(r.causes), confidence=w) for r, w in verdict.others],
@@ -176,7 +183,7 @@ def _document(
             readings=len(observed.pose),
         ),
         nuisances={name: _value(e) for name, e in nuisance_estimates(fitter, chosen).items()},
-        critical=[_critical(one) for one in points[id(chosen)]],
+        critical=[_critical(one) for one in critical_points(fitter, prepared.null, chosen)],
         seconds=time.perf_counter() - begun,
     )
 
@@ -187,10 +194,6 @@ def _transfer(verdict: Verdict, second: Measurement) -> list[TransferRow]:
         for member in verdict.members
         for row in transfer(member.fit, second)
     ]
-
-
-def _fits(verdict: Verdict, chosen: Fit) -> list[Fit]:
-    return [member.fit for member in verdict.members] or [chosen]
 
 
 def _critical(one: Critical) -> CriticalPointRow:
@@ -255,15 +258,16 @@ def _values(prepared: Prepared, fit: Fit) -> dict[str, ValueRow | str]:
     return result
 
 
-def _gain(prepared: Prepared, fit: Fit, points: Sequence[Critical], split: Split, unaided: Array | None) -> GainRow:
+def _gain(prepared: Prepared, fit: Fit, split: Split, unaided: Array | None) -> GainRow:
     """The gain of a fit; ``unaided`` (n, 6) what the tolerances alone leave held out, None for a test of marks."""
     fitter = prepared.fitter
     if unaided is None:
         found, parts = marks_gain(fitter, prepared.null, fit)
     else:
-        extended = held_out_residual(fitter, fit, split)
+        extended = held_out_residual(fitter, fit, split, unaided)
         found = gain(fitter, fit, split, unaided, extended)
         parts = folds(fitter, split, unaided, extended)
+    points = critical_points(fitter, prepared.null, fit)
     measured, before, after = points[0].triple if points else (None, None, None)
     return GainRow(
         rmse_before=found.before,

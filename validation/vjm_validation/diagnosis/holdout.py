@@ -83,9 +83,22 @@ def refitted_without(fitter: Fitter, fit: Fit, own: np.ndarray) -> Evaluation | 
     return None if found is None else fitter.evaluate(found.found, found.at.z, fit.hypothesis)
 
 
-def held_out_residual(fitter: Fitter, fit: Fit, split: Split) -> Array:
-    """Raw residual ``(n, 6)`` of each reading under a refit without its part."""
-    result = fit.at.residual.copy()
+def _as_drawn(fitter: Fitter, fit: Fit) -> Array:
+    """Residual ``(n, 6)`` of the machine as drawn."""
+    at = fitter.evaluate(fitter.nuisances, np.zeros(len(fitter.nuisances)), ())
+    return fit.at.residual if at is None else at.residual
+
+
+def held_out_residual(fitter: Fitter, fit: Fit, split: Split, otherwise: Array | None = None) -> Array:
+    """Raw residual ``(n, 6)`` of each reading under a refit without its part.
+
+    Args:
+        fitter: of the test.
+        fit: to all readings.
+        split: how they are held out.
+        otherwise: ``(n, 6)``, counts where a refit finds no machine that stands; the nominal one's by default.
+    """
+    result = (_as_drawn(fitter, fit) if otherwise is None else otherwise).copy()
     for number in np.unique(split.fold):
         own = split.fold == number
         at = refitted_without(fitter, fit, own)

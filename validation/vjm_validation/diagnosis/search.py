@@ -53,6 +53,8 @@ RESTARTS = 3
 """Times that a search begins anew because a hypothesis has led the null to a better optimum."""
 NEARLY, MOST_ALIKE = 4.0, 12
 """Strength by which, to first order, effects that may be one class differ, and how many causes are fitted."""
+CARRIED_ON = 3
+"""Times that a fit which has not ended by itself is carried on, at most."""
 POLISHED = 3
 """Hypotheses of one size whose fits are made exact."""
 HOPE = 0.3
@@ -254,6 +256,15 @@ class Search:
             return None
         freedom = max(self._freedom(new.fit) - self._freedom(best.fit), 1)
         return new if float(chi2.sf(gain, freedom)) < self.alarm and new.criterion < best.criterion else None
+
+    def settled(self, ranked: Ranked) -> Ranked:
+        """The same, its fit carried on where it had not come to an end."""
+        for _ in range(CARRIED_ON):
+            if ranked.fit.converged:
+                break
+            self._polish(ranked)
+            ranked = self.tried[ranked.labels]
+        return ranked
 
     def _polish(self, ranked: Ranked) -> None:
         """The exact fit, by how the machine's own nuisances act beside the hypothesis' causes."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,8 @@ PAYS = 6.6
 """Fall of the objective for which a law with a parameter more is preferred: one in a hundred does so by chance."""
 RIVALS = 12
 """Hypotheses that are compared with the best at most."""
+UNPROVED, ACCIDENT = 0.5, 0.7
+"""How sure a cause is that predicts what was held out worse than none, and that several such are an accident."""
 SUREST = 0.99
 """No verdict is surer: laws are never quite right."""
 NORMAL_95 = 1.959963984540054
@@ -53,24 +55,31 @@ class Verdict:
 def judge(search: Search, best: Ranked) -> Verdict:
     """The verdict on a search's best hypothesis."""
     fitter = search.fitter
+    best = search.settled(best)
     rest = misfit(fitter, best.fit)
     explained = search.null.objective - best.fit.objective
     wrong = (rest.p < MISFIT and rest.left > WRONG_LAW * explained) or rest.strained < STRAINED
     if best.labels and not wrong:
         search.alike(best)
+        for near in [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]:
+            search.settled(near)
     weights = _weights(search, best)
     if not best.labels:
         if rest.p < MISFIT:
             return Verdict("unknown", (), (), min(SUREST, 1.0 - rest.p), _others(weights, []), rest)
         return Verdict("none", (), (), _quiet(search, weights, rest), _others(weights, [best]), rest)
-    if wrong:
+    if wrong or not best.fit.converged:
         return Verdict("unknown", (), (), min(SUREST, 1.0 - min(rest.p, rest.strained)), _others(weights, []), rest)
     rivals: list[Ranked] = []
     for rival in sorted(weights, key=lambda r: r.criterion):
         if not rival.labels or rival.criterion > best.criterion + RIVAL or len(rivals) == RIVALS:
             continue
         # of a cause that can sit in several places the likeliest
-        if all(rival.causes != m.causes for m in rivals) and not _needless(search, best, rival):
+        if (
+            rival.fit.converged
+            and all(rival.causes != m.causes for m in rivals)
+            and not _needless(search, best, rival)
+        ):
             rivals.append(rival)
     # and in whichever place it is, it is that cause
     total = {r: sum(w for other, w in weights.items() if other.causes == r.causes) for r in rivals}
@@ -89,6 +98,24 @@ def judge(search: Search, best: Ranked) -> Verdict:
         _others(weights, members),
         rest,
     )
+
+
+def proved(verdict: Verdict, before: float, after: float) -> Verdict:
+    """What the prediction of readings held out makes of a verdict.
+
+    Several causes that predict them worse than none are an accident of the readings fitted; one such is unsure.
+
+    Args:
+        verdict: on all readings.
+        before: error held out of the sheet's tolerances alone.
+        after: of the likeliest member.
+    """
+    if after <= before:
+        return verdict
+    if len(verdict.members[0].labels) > 1:
+        words = replace(verdict.rest, worst="what no causes predict")
+        return replace(verdict, kind="unknown", members=(), probabilities=(), confidence=ACCIDENT, rest=words)
+    return replace(verdict, confidence=verdict.confidence * UNPROVED)
 
 
 def _needless(search: Search, best: Ranked, rival: Ranked) -> bool:
