@@ -72,7 +72,7 @@ class Creep(Effect):
             retarded((1.0 - slow) * gain * compliance, delay),
             retarded(slow * gain * compliance, LATER * delay),
         )
-        return (Element(place, terms),)
+        return (Element(place, terms, smooth=True),)
 
 
 def effects(scene: Scene) -> list[Effect]:

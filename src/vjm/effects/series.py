@@ -3,7 +3,7 @@
 An element sits somewhere in the chain, a `Place` says where: which scalar of the wrench drives it, and how the
 end-effector moves with its extension at constant wrench. A drive before all else moves the whole chain along its
 axis. Play in the passive joints, and the link itself, act along the line through the joints, which is that of the
-force, for the joints bear no torque. The tip of the foot moves by its translational compliance; its turn is taken
+force where the joints bear no torque. The tip of the foot moves by its translational compliance; its turn is taken
 back by the joints. So ``u = u_chain + Σ b_e x_e`` holds to first order in the turns, and the equilibrium is found
 with ``F = F(u_chain)`` of the chain's own table.
 """
@@ -75,18 +75,19 @@ class AlongAxis:
 
 @dataclass(frozen=True)
 class AlongLine:
-    """The link, or its joints, along the line through them, which is that of the force."""
+    """The link, or its joints, along the line through them, which is that of the force but for friction.
+
+    The line is that of the unloaded link: it turns by some hundredths of a radian, which changes an axial force by
+    less than a thousandth.
+    """
 
     def force(self, wrench: Array, history: History) -> Array:
         """Axial force, positive in pull."""
-        return _signed(wrench, history)
+        return _axial(wrench, history)
 
     def motion(self, wrench: Array, history: History) -> Array:
-        """Along the force; without one along the unloaded link."""
-        N = _signed(wrench, history)
-        weak = np.abs(N) < 1e-3
-        n = np.where(weak[:, None], history.line, wrench[:, :3] / np.where(weak, 1.0, N)[:, None])
-        return np.hstack([n, np.zeros((len(n), 3))])
+        """Along the line."""
+        return np.hstack([history.line, np.zeros((len(wrench), 3))])
 
 
 @dataclass(frozen=True)
@@ -103,17 +104,16 @@ class Behind:
 
     def force(self, wrench: Array, history: History) -> Array:
         """Force along the link's line."""
-        return _signed(wrench, history)
+        return _axial(wrench, history)
 
     def motion(self, wrench: Array, history: History) -> Array:
-        """The tip's motion by one newton along the force."""
-        n = AlongLine().motion(wrench, history)[:, :3]
-        return np.hstack([n @ np.array(self.compliance).T, np.zeros((len(n), 3))])
+        """The tip's motion by one newton along the line."""
+        return np.hstack([history.line @ np.array(self.compliance).T, np.zeros((len(wrench), 3))])
 
 
-def _signed(wrench: Array, history: History) -> Array:
-    size = np.linalg.norm(wrench[:, :3], axis=1)
-    return np.where(np.einsum("ij,ij->i", wrench[:, :3], history.line) < 0.0, -size, size)
+def _axial(wrench: Array, history: History) -> Array:
+    result: Array = np.einsum("ij,ij->i", wrench[:, :3], history.line)
+    return result
 
 
 @dataclass(frozen=True)
@@ -124,11 +124,13 @@ class Element:
         place: where it sits.
         law: what it does.
         most: bound of its extension, for laws that end; infinite for others.
+        smooth: whether Newton's method needs no bracket, which the past of a law that forgets slowly would spoil.
     """
 
     place: Place
     law: Law
     most: float = float("inf")
+    smooth: bool = False
 
 
 @dataclass(frozen=True)
@@ -168,6 +170,7 @@ def balance(
         return Balance(pose, wrench, stiffness, x)
     most = np.array([element.most for element in elements])
     low, high = -np.broadcast_to(most, (n, e)).copy(), np.broadcast_to(most, (n, e)).copy()
+    bracketed = np.array([not element.smooth for element in elements])
     own, slopes, motions = pose, np.zeros((n, e)), np.zeros((n, e, 6))
     for _ in range(ITERATIONS):
         gap = np.empty((n, e))
@@ -184,7 +187,7 @@ def balance(
         reach = np.einsum("nei,nij,nfj->nef", motions, stiffness, motions)
         matrix = np.eye(e) + slopes[:, :, None] * reach
         new = x + np.linalg.solve(matrix, gap[:, :, None])[:, :, 0]
-        outside = (new <= low) | (new >= high)
+        outside = ((new <= low) | (new >= high)) & bracketed
         # other elements have moved since: a bracket that has become empty is opened again
         empty = outside & (high - low < 1e-6)
         low, high = np.where(empty, -most, low), np.where(empty, most, high)

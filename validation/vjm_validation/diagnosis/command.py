@@ -36,7 +36,7 @@ from vjm_validation.diagnosis.experiment import propose
 from vjm_validation.diagnosis.extended import extended_text
 from vjm_validation.diagnosis.fitting import Fit
 from vjm_validation.diagnosis.folds import folds
-from vjm_validation.diagnosis.holdout import Split, gain, held_out_residual, split_of
+from vjm_validation.diagnosis.holdout import Split, gain, held_out_residual, split_of, unsure
 from vjm_validation.diagnosis.marks import marks_gain, with_one_more
 from vjm_validation.diagnosis.observed import Observed, observe
 from vjm_validation.diagnosis.page import write_page
@@ -142,7 +142,8 @@ def _proved(prepared: Prepared, verdict: Verdict) -> tuple[Verdict, list[Candida
     # of marks every third one is held out, which is another split
     unaided = None if observed.steered else held_out_residual(prepared.fitter, prepared.null, split)
     gains = [_gain(prepared, member.fit, split, unaided) for member in verdict.members]
-    verdict = proved(verdict, gains[0].before_in_sigma, gains[0].after_in_sigma)
+    first = gains[0]
+    verdict = proved(verdict, first.before_in_sigma, first.after_in_sigma, first.expected_in_sigma)
     return verdict, [
         CandidateRow(causes=sorted(m.causes), probability=p, parameters=_values(prepared, m.fit), gain=own)
         for m, p, own in zip(verdict.members, verdict.probabilities, gains[: len(verdict.members)], strict=True)
@@ -265,7 +266,7 @@ def _gain(prepared: Prepared, fit: Fit, split: Split, unaided: Array | None) -> 
         found, parts = marks_gain(fitter, prepared.null, fit)
     else:
         extended = held_out_residual(fitter, fit, split, unaided)
-        found = gain(fitter, fit, split, unaided, extended)
+        found = gain(fitter, fit, split, unaided, extended, unsure(fitter, fit, split))
         parts = folds(fitter, split, unaided, extended)
     points = critical_points(fitter, prepared.null, fit)
     measured, before, after = points[0].triple if points else (None, None, None)
@@ -275,6 +276,7 @@ def _gain(prepared: Prepared, fit: Fit, split: Split, unaided: Array | None) -> 
         interval95=list(found.interval),
         before_in_sigma=found.before_in_sigma,
         after_in_sigma=found.after_in_sigma,
+        expected_in_sigma=found.expected_in_sigma,
         split=found.split,
         critical=CriticalRow(measured_N=measured, before_N=before, after_N=after),
         folds=[

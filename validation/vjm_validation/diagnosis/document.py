@@ -48,6 +48,9 @@ class GainRow(Row):
     unit: Literal["N"] = "N"
     before_in_sigma: float
     after_in_sigma: float
+    expected_in_sigma: float = Field(
+        description="a right model's error: the noise, and what the rest of the readings leaves open"
+    )
     split: str
     critical: CriticalRow = CriticalRow()
     folds: list[FoldRow] = Field([], description="each part on its own")

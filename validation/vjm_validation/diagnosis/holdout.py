@@ -46,6 +46,7 @@ class Gain:
         before_in_sigma: over each reading's noise.
         after_in_sigma: likewise.
         split: how they were held out.
+        expected_in_sigma: what a right model's error would be, over each reading's noise.
     """
 
     before: float
@@ -54,6 +55,7 @@ class Gain:
     before_in_sigma: float
     after_in_sigma: float
     split: str
+    expected_in_sigma: float
 
 
 def split_of(observed: Observed) -> Split:
@@ -71,16 +73,24 @@ def split_of(observed: Observed) -> Split:
     return Split("marks", np.arange(len(place)) % 3)
 
 
-def refitted_without(fitter: Fitter, fit: Fit, own: np.ndarray) -> Evaluation | None:
-    """All readings under a refit in full that has not seen those of ``own`` (n,); None where the machine fails."""
+def refitted_without(fitter: Fitter, fit: Fit, own: np.ndarray) -> tuple[Fit, Evaluation] | None:
+    """A refit in full that has not seen the readings of ``own`` (n,), and all readings under it.
+
+    None where the machine fails.
+    """
+    less = _without(fitter, own)
+    found = less.fit(fit.hypothesis, fit.at.z[: len(fitter.nuisances)], fit.values, fresh=True)
+    fitter.anchor = None
+    at = None if found is None else fitter.evaluate(found.found, found.at.z, fit.hypothesis)
+    return None if found is None or at is None else (found, at)
+
+
+def _without(fitter: Fitter, own: np.ndarray) -> Fitter:
     observed = fitter.forward.observed
     kept = observed.without(observed.present & own[:, None])
     memory = replace(kept.memory, rho=fitter.whitening.memory.rho)
     whitening = replace(fitter.whitening, memory=memory, present=kept.present)
-    less = Fitter(fitter.forward.reading(kept), fitter.nuisances, whitening)
-    found = less.fit(fit.hypothesis, fit.at.z[: len(fitter.nuisances)], fit.values, fresh=True)
-    fitter.anchor = None
-    return None if found is None else fitter.evaluate(found.found, found.at.z, fit.hypothesis)
+    return Fitter(fitter.forward.reading(kept), fitter.nuisances, whitening)
 
 
 def _as_drawn(fitter: Fitter, fit: Fit) -> Array:
@@ -101,13 +111,34 @@ def held_out_residual(fitter: Fitter, fit: Fit, split: Split, otherwise: Array |
     result = (_as_drawn(fitter, fit) if otherwise is None else otherwise).copy()
     for number in np.unique(split.fold):
         own = split.fold == number
-        at = refitted_without(fitter, fit, own)
-        if at is not None:
-            result[own] = at.residual[own]
+        refit = refitted_without(fitter, fit, own)
+        if refit is not None:
+            result[own] = refit[1].residual[own]
     return np.where(fitter.whitening.present, result, 0.0)
 
 
-def gain(fitter: Fitter, fit: Fit, split: Split, before: Array, after: Array) -> Gain:
+def unsure(fitter: Fitter, fit: Fit, split: Split) -> Array:
+    """Standard deviation ``(n, 6)`` of each reading's prediction by a right model fitted without its part.
+
+    What the rest leaves open of the parameters, the sheet's tolerances among them, to first order. No model can be
+    expected to predict better than this and the reading's own noise.
+    """
+    usual, fitter.anchor = fitter.machine_slopes, None
+    steep = fitter.slopes(fit.found, fit.at, fit.hypothesis, fresh=True)
+    fitter.machine_slopes = usual
+    result = np.zeros_like(fit.at.residual)
+    for number in np.unique(split.fold):
+        own = split.fold == number
+        A = _without(fitter, own).normal(replace(fit, jacobian=steep))
+        free = np.array([c.sigma != 0.0 for c in fit.found]) & (np.diag(A) > 0.0)
+        size = np.sqrt(np.diag(A)[free])
+        C = np.linalg.pinv(A[np.ix_(free, free)] / size[:, None] / size, rcond=1e-12, hermitian=True)
+        J = steep[own][:, :, free] / size
+        result[own] = np.sqrt(np.maximum(np.einsum("nij,jk,nik->ni", J, C, J), 0.0))
+    return result
+
+
+def gain(fitter: Fitter, fit: Fit, split: Split, before: Array, after: Array, open_: Array) -> Gain:
     """The gain of a fit over the sheet's tolerances alone.
 
     Args:
@@ -116,6 +147,7 @@ def gain(fitter: Fitter, fit: Fit, split: Split, before: Array, after: Array) ->
         split: how readings were held out.
         before: residuals ``(n, 6)`` held out, of the sheet's tolerances alone.
         after: of the fit.
+        open_: standard deviations ``(n, 6)`` of its predictions.
     """
     observed = fitter.forward.observed
     before, after = before[:, :3], after[:, :3]
@@ -126,6 +158,7 @@ def gain(fitter: Fitter, fit: Fit, split: Split, before: Array, after: Array) ->
     squares = [np.where(on, e**2, 0.0).sum(axis=1) for e in (before, after)]
     scaled = [np.where(on, (e / sigma) ** 2, 0.0).sum(axis=1) for e in (before, after)]
     count = on.sum(axis=1)
+    expected = float(np.sqrt(np.mean(1.0 + (open_[:, :3] / sigma)[on] ** 2)))
     rmse = [float(np.sqrt(s.sum() / max(count.sum(), 1))) for s in squares]
     relative = [float(np.sqrt(s.sum() / max(count.sum(), 1))) for s in scaled]
     blocks = np.arange(len(count)) // BLOCK
@@ -135,4 +168,4 @@ def gain(fitter: Fitter, fit: Fit, split: Split, before: Array, after: Array) ->
     drawn = sums[:, picks].sum(axis=2)
     fall = np.sqrt(drawn[0] / np.maximum(drawn[2], 1)) - np.sqrt(drawn[1] / np.maximum(drawn[2], 1))
     low, high = np.quantile(fall, [0.025, 0.975])
-    return Gain(rmse[0], rmse[1], (float(low), float(high)), relative[0], relative[1], split.name)
+    return Gain(rmse[0], rmse[1], (float(low), float(high)), relative[0], relative[1], split.name, expected)

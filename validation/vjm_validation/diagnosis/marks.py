@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from vjm.rotations import Array
 from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.folds import Fold
-from vjm_validation.diagnosis.holdout import Gain, refitted_without
+from vjm_validation.diagnosis.holdout import Gain, Split, refitted_without, unsure
 from vjm_validation.diagnosis.search import MOST_CAUSES, Ranked, Search
 
 THIRD = 3
@@ -71,6 +71,8 @@ def marks_gain(fitter: Fitter, null: Fit, fit: Fit) -> tuple[Gain, list[Fold]]:
     sigma = np.hypot(observed.noise.wrench[0], slope * observed.noise.pose[0])
     rmse = [_rms(e[inner]) for e in (before, after)]
     scaled = [_rms(e[inner] / sigma[inner]) for e in (before, after)]
+    open_ = unsure(fitter, fit, Split("marks", turn))[:, 0]
+    expected = float(np.sqrt(np.mean(1.0 + (open_ / sigma)[inner] ** 2)))
     picks = np.random.default_rng(SEED).integers(0, len(inner), (DRAWS, len(inner)))
     fall = [np.sqrt(np.mean(e[inner][picks] ** 2, axis=1)) for e in (before, after)]
     low, high = np.quantile(fall[0] - fall[1], [0.025, 0.975])
@@ -81,7 +83,7 @@ def marks_gain(fitter: Fitter, null: Fit, fit: Fit) -> tuple[Gain, list[Fold]]:
             name = "marks " + ", ".join(str(1 + i) for i in own[:3]) + (", …" if len(own) > 3 else "")
             load = observed.wrench[own, 0]
             parts.append(Fold(name, len(own), _rms(load), _rms(before[own]), _rms(after[own])))
-    gain = Gain(rmse[0], rmse[1], (float(low), float(high)), scaled[0], scaled[1], "marks")
+    gain = Gain(rmse[0], rmse[1], (float(low), float(high)), scaled[0], scaled[1], "marks", expected)
     return gain, parts
 
 
@@ -90,8 +92,8 @@ def _held_out(fitter: Fitter, fit: Fit, turn: np.ndarray) -> Array:
     result: Array = fit.at.residual[:, 0].copy()
     for k in range(THIRD):
         own = turn == k
-        at = refitted_without(fitter, fit, own)
-        result[own] = np.inf if at is None else at.residual[own, 0]
+        refit = refitted_without(fitter, fit, own)
+        result[own] = np.inf if refit is None else refit[1].residual[own, 0]
     return result
 
 

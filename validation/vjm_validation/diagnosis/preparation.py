@@ -11,13 +11,14 @@ from vjm.effects.catalogue import Maker, catalogue
 from vjm.effects.effect import Effect, Scene
 from vjm.equilibrium import NoConvergenceError
 from vjm.io.errors import did_you_mean
+from vjm.rotations import Array
 from vjm_validation.diagnosis.column import ColumnForward, column_effects, with_noise_found
 from vjm_validation.diagnosis.fitting import Fit, Fitter, Whitening, prior
 from vjm_validation.diagnosis.forward import Evaluation, Forward, Predictor
 from vjm_validation.diagnosis.instrument import InstrumentScale, InstrumentZero, ThermalDrift
 from vjm_validation.diagnosis.noise_model import estimate_memory
 from vjm_validation.diagnosis.observed import Observed
-from vjm_validation.diagnosis.screening import STRONG, signatures
+from vjm_validation.diagnosis.screening import STRONG, far_off, signatures
 from vjm_validation.diagnosis.shapes import smooth_shapes
 from vjm_validation.diagnosis.unknowns import coordinates, nuisance_coordinates
 from vjm_validation.diagnosis.wild import outlying, standing_out
@@ -72,7 +73,7 @@ def prepare(
     null = choose_branches(fitter, null)
     effects = possible(effects_of(forward.observed, more), only, without)
     remember(fitter, null, effects)
-    null = _fitted(fitter)
+    null = _fitted(fitter, null.at.z, *_beside_kinks(fitter))
     return Prepared(fitter, null, effects, observed)
 
 
@@ -102,9 +103,11 @@ def _leave_out(fitter: Fitter, observed: Observed, wild: np.ndarray, at: Evaluat
 def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
     """Find wild samples, the readings' covariances and the noise's memory again, about a better model.
 
-    None where nothing changes by it.
+    None where nothing changes by it, or the model is so far off that it tells nothing of the noise.
     """
     fitter, everything = prepared.fitter, prepared.all
+    if far_off(fitter, best) and not everything.steered:
+        return None
     before = fitter.forward.observed.present, fitter.whitening.memory.rho
     if everything.steered:
         everything = with_noise_found(everything, best)
@@ -127,23 +130,30 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
     close = float(np.abs(before[1] - fitter.whitening.memory.rho).max()) < SAME_MEMORY
     if same and close and prepared.null.objective - best.objective < STRONG and not everything.steered:
         return None
-    return replace(prepared, null=_fitted(fitter), all=everything)
+    return replace(prepared, null=_fitted(fitter, prepared.null.at.z), all=everything)
 
 
-def _fitted(fitter: Fitter) -> Fit:
+def _fitted(fitter: Fitter, *near: Array) -> Fit:
+    """The sheet's tolerances alone: the best from nominal, and from nuisances ``(m,)`` near by.
+
+    Raises:
+        NoConvergenceError: the nominal machine has no equilibrium at the readings.
+    """
     null = fitter.fit((), np.zeros(len(fitter.nuisances)), [], fresh=True)
     if null is None:
         raise NoConvergenceError("the nominal machine has no equilibrium at the readings")
-    if _kinked(fitter):
-        # the critical point moves over readings: the objective has more than one minimum
-        for i in fitter.of_machine:
-            for sign in (1.0, -1.0):
-                start = np.zeros(len(fitter.nuisances))
-                start[i] = sign
-                other = fitter.fit((), start, [])
-                if other is not None and other.objective < null.objective - 0.5:
-                    null = other
+    for start in near:
+        other = fitter.fit((), start, [])
+        if other is not None and other.objective < null.objective - 0.5:
+            null = other
     return null
+
+
+def _beside_kinks(fitter: Fitter) -> list[Array]:
+    """Nuisances ``(m,)`` to begin from where a critical point may move over readings: there are several minima."""
+    if not _kinked(fitter):
+        return []
+    return [sign * np.eye(len(fitter.nuisances))[i] for i in fitter.of_machine for sign in (1.0, -1.0)]
 
 
 def _kinked(fitter: Fitter) -> bool:

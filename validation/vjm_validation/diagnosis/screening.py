@@ -33,6 +33,8 @@ ORDINARY = 3.0
 """Sigmas of a machine's nuisance that change little of what effects do."""
 OWN = 0.01
 """Share of a signature that the fit cannot absorb, below which it is the gauge's noise that sets it apart."""
+FAR_OFF = 2.0
+"""Median size of whitened residuals, 0.67 for a right model, beyond which a model is far off."""
 STARTS = 2
 """Trials from which an effect is fitted."""
 
@@ -99,6 +101,11 @@ def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Sig
                 change = here.residual - at.residual
                 result.append(Signature(effect, tuple(trial), change, one_sided=sided))
     return result
+
+
+def far_off(fitter: Fitter, fit: Fit) -> bool:
+    """Whether a fit is so far from the readings, a few wild ones aside, that it says nothing of their noise."""
+    return float(np.median(np.abs(fitter.whitening.flat(fit.at.residual)))) > FAR_OFF
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from vjm_validation.diagnosis.screening import (
     Score,
     Signature,
     best_pairs,
+    far_off,
     projection,
     scores,
     signatures,
@@ -129,7 +130,11 @@ class Search:
                 ranked = self._scores(best, found)
             if step and self._hopeless(best, ranked, MOST_CAUSES - step):
                 break
-            promising = [s for k, s in enumerate(ranked) if (k < SHORT or _bent(s)) and s.p < HOPEFUL * self.alarm]
+            if step == MOST_CAUSES - 1 and far_off(self.fitter, base):
+                break
+            promising = [
+                s for k, s in enumerate(ranked) if (k < SHORT or _bent(s.effect)) and s.p < HOPEFUL * self.alarm
+            ]
             for score in promising:
                 self._try((*base.hypothesis, score.effect), base, [[*base.values, v] for v in score.starts])
             if step == 1:
@@ -193,12 +198,15 @@ class Search:
             level = max((s.explained for s in found if s.effect.label == own.label), default=np.inf)
             seen = {own.cause}
             for score in found:
-                far = score.explained < level - NEARLY**2 and not _bent(score)
+                far = score.explained < level - NEARLY**2 and not _bent(score.effect)
                 if far or score.effect.cause in seen or len(seen) > MOST_ALIKE:
                     continue
                 # of each cause the label that explains most
                 seen.add(score.effect.cause)
                 self._try((*rest, score.effect), base.fit, [[*base.fit.values, v] for v in score.starts[:1]])
+                known = self.tried.get(frozenset(e.label for e in (*rest, score.effect)))
+                if known is not None and not far_off(self.fitter, known.fit):
+                    self.settled(known)
 
     def _pairs(self) -> None:
         """Pairs that together explain what neither shows alone."""
@@ -219,10 +227,11 @@ class Search:
         held = np.array([np.isfinite(c.sigma) for c in base.found[:m]])
         begin = np.where(held, np.clip(base.at.z[:m], -STRAINED, STRAINED), base.at.z[:m])
         hint = self.hints.get(key)
-        if hint is not None and hint.fit.hypothesis == hypothesis:
+        if hint is not None and hint.fit.hypothesis == hypothesis and hint.fit.converged:
             begin, starts = hint.fit.at.z[:m], [hint.fit.values]
         rivals = [r.fit.objective for r in self.tried.values() if len(r.labels) == len(key)]
-        target = min(rivals, default=np.inf) + CLOSE
+        # towards a modulus or length far off the first steps say little
+        target = np.inf if _bent(hypothesis[-1]) else min(rivals, default=np.inf) + CLOSE
         for values in starts:
             fit = self.fitter.fit(hypothesis, begin, values, rough=True, target=target)
             if fit is not None and (best is None or fit.objective < best.objective):
@@ -326,12 +335,16 @@ class Search:
             at = [i for i, c in kinds if c.subject == str(number)][: effect.extent]
             if at and _is_nothing(effect, fit.at.z[at], covariance[np.ix_(at, at)]):
                 cost += DISGUISED
+            if len(at) > 1:
+                # of a vector the directions that the readings say less of cost less
+                sizes = np.maximum(np.linalg.eigvalsh(covariance[np.ix_(at, at)]), 1e-300)
+                cost -= float(np.sum(np.minimum(np.log(sizes[1:] / sizes[0]), np.log(self.samples))))
         return fit.objective + cost
 
 
-def _bent(score: Score) -> bool:
+def _bent(effect: Effect) -> bool:
     """Whether an effect is known by a slope that says little of large sizes: that of a part's modulus or length."""
-    key = release_key(score.effect)
+    key = release_key(effect)
     return key is not None and key[0] in ("modulus", "length")
 
 

@@ -26,6 +26,8 @@ RIVALS = 12
 """Hypotheses that are compared with the best at most."""
 UNPROVED, ACCIDENT = 0.5, 0.7
 """How sure a cause is that predicts what was held out worse than none, and that several such are an accident."""
+BY_CHANCE = 2.0
+"""Times a right model's expected error that its error may be: readings held out together are wrong together."""
 SUREST = 0.99
 """No verdict is surer: laws are never quite right."""
 NORMAL_95 = 1.959963984540054
@@ -100,21 +102,25 @@ def judge(search: Search, best: Ranked) -> Verdict:
     )
 
 
-def proved(verdict: Verdict, before: float, after: float) -> Verdict:
+def proved(verdict: Verdict, before: float, after: float, expected: float) -> Verdict:
     """What the prediction of readings held out makes of a verdict.
 
-    Several causes that predict them worse than none are an accident of the readings fitted; one such is unsure.
+    Several causes that predict them worse than none are an accident of the readings fitted. One such is unsure, but
+    where what was held out lies so far from the rest that a right model could not be expected to do better.
 
     Args:
         verdict: on all readings.
         before: error held out of the sheet's tolerances alone.
         after: of the likeliest member.
+        expected: of a right model.
     """
     if after <= before:
         return verdict
     if len(verdict.members[0].labels) > 1:
         words = replace(verdict.rest, worst="what no causes predict")
         return replace(verdict, kind="unknown", members=(), probabilities=(), confidence=ACCIDENT, rest=words)
+    if after <= BY_CHANCE * expected:
+        return verdict
     return replace(verdict, confidence=verdict.confidence * UNPROVED)
 
 
