@@ -24,7 +24,7 @@ BURIED = ("link_length",)
 """No length that a bar can have wrong shows at a strength of 16 short of a critical point: 12 mm do at 4."""
 QUIET, STRANGERS, INSEPARABLE = 40, 10, 10
 INDISTINCT = 1.0
-"""Strength below which a second cause shows nearly the same readings as the hidden one: that design cannot separate."""
+"""Strength below which a second cause shows nearly the readings of the hidden one: that design cannot separate."""
 OUTSIDE = 8.0
 """Strength that no cause of the catalogue takes away, from which on a stranger is one."""
 

@@ -130,7 +130,7 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
     close = float(np.abs(before[1] - fitter.whitening.memory.rho).max()) < SAME_MEMORY
     if same and close and prepared.null.objective - best.objective < STRONG and not everything.steered:
         return None
-    return replace(prepared, null=_fitted(fitter, prepared.null.at.z), all=everything)
+    return replace(prepared, null=_fitted(fitter, prepared.null.at.z, *_beside_kinks(fitter)), all=everything)
 
 
 def _fitted(fitter: Fitter, *near: Array) -> Fit:
