@@ -13,7 +13,7 @@ from vjm_validation.blind.judging import right
 from vjm_validation.blind.plan import CAUSES, Group
 
 QUICK = ("joint_friction", "actuator_backlash", "creep", "plasticity", "load_misalignment", "thermal_drift")
-"""Bristles for Coulomb's friction, soft walls, two terms, gradual yield, a tilt in any direction, a lagging drift."""
+"""By bristles, soft walls, two terms, a gradual law, a tilt in any direction, a drift that lags behind."""
 
 
 @pytest.mark.parametrize("cause", QUICK)
