@@ -10,6 +10,9 @@ import numpy as np
 from vjm.effects.effect import Effect, Quantity, Scene
 from vjm.effects.machine import Machine, beam_of, link_of
 
+CROOKED = 30.0
+"""Lengths over mid-span amplitudes below which a link is not one that should be straight."""
+
 
 @dataclass(frozen=True)
 class LinkBow(Effect):
@@ -17,16 +20,19 @@ class LinkBow(Effect):
 
     Attributes:
         sizes: amplitudes to begin a search with, mm.
+        length: of the link, mm.
     """
 
     sizes: tuple[float, ...] = (0.5, 2.0)
+    length: float = 310.0
     cause = "link_bow"
     extent = 2
     title = "the bar is not straight when unloaded"
 
     def quantities(self) -> tuple[Quantity, ...]:
         """Mid-span amplitudes along both axes of the section."""
-        return tuple(Quantity(f"along_{axis}_mm", -30.0, 30.0, 0.5, neutral=0.0) for axis in "yz")
+        most = self.length / CROOKED
+        return tuple(Quantity(f"along_{axis}_mm", -most, most, 0.5, neutral=0.0) for axis in "yz")
 
     def trials(self) -> Sequence[tuple[float, ...]]:
         """Both ways in both planes."""
@@ -47,4 +53,4 @@ class LinkBow(Effect):
 def effects(scene: Scene) -> list[Effect]:
     """Where the link's section is known: one spring alone has no shape."""
     link = beam_of(scene.chain, link_of(scene.chain))
-    return [LinkBow()] if (scene.engine.segments or 1) > 1 and link.section is not None else []
+    return [LinkBow(length=link.length)] if (scene.engine.segments or 1) > 1 and link.section is not None else []

@@ -16,7 +16,7 @@ from vjm.parts import Actuator
 from vjm.rotations import Array
 
 RATIO = Quantity("ratio", 0.1, 10.0, 0.05, neutral=1.0)
-MEAN = Quantity("mean_factor", 0.3, 3.0, 0.05, usual=1.0, spread=0.1)
+MEAN = Quantity("mean_factor", 0.3, 3.0, 0.05, usual=1.0, spread=0.3)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import pytest
 
 from vjm_validation.calibration.noise import memory_of
 from vjm_validation.diagnosis.critical import knee
-from vjm_validation.diagnosis.noise_model import estimate_memory
+from vjm_validation.diagnosis.noise_model import USUAL, estimate_memory
 from vjm_validation.diagnosis.screening import Score, threshold
 
 
@@ -46,6 +46,16 @@ def test_memory_is_found_below_any_trend(rho):
         found.append(memory.rho)
     # 36 estimates, each with a standard error of about √((1 − ρ²)/400) ≤ 0.05
     assert float(np.mean(found)) == pytest.approx(rho, abs=0.04)
+
+
+def test_readings_without_noise_have_the_usual_memory():
+    n = 100
+    t = np.linspace(-1.0, 1.0, n)
+    shapes = np.repeat(np.stack([t**k for k in range(3)], axis=-1)[:, None, :], 6, axis=1)
+    present = np.ones((n, 6), dtype=bool)
+    misfit = np.repeat((3.0 * np.sin(6.0 * t))[:, None], 6, axis=1)
+    memory = estimate_memory(memory_of(np.zeros(n, dtype=int), present), misfit, shapes, present)
+    assert memory.rho.tolist() == [USUAL] * 6
 
 
 def test_the_knee_is_where_the_lines_meet():

@@ -27,6 +27,8 @@ ONE_CLASS = 2.0
 """Strength within which two causes are one class."""
 VARIANTS = (
     ("contact_compliance", {"contact_power": 0.5}), ("contact_compliance", {"contact_power": 0.75}),
+    ("actuator_backlash", {"play_force": 2.0}), ("actuator_backlash", {"play_force": 15.0}),
+    ("joint_clearance", {"play_force": 2.0}), ("joint_clearance", {"play_force": 15.0}),
     ("actuator_hardening", {"ratio": 4.0}), ("actuator_hardening", {"ratio": 1.3}),
     ("actuator_hardening", {"ratio": 0.7}), ("actuator_hardening", {"ratio": 0.4}),
     ("creep", {"creep": (10.0, 90.0, 0.7)}), ("creep", {"creep": (40.0, 300.0, 0.4)}),

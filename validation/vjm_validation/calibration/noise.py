@@ -19,6 +19,8 @@ STATIONARY = 0.98
 """Largest autocorrelation of neighbouring readings; at 1 a sequence would have no mean."""
 LEAST_SAMPLES = 8
 """Neighbours from which an autocorrelation is estimated."""
+SET = 10.0
+"""Steps of a displacement over its noise from which on they are set, not rounded to."""
 FEW_LEVELS = 0.5
 """Share of different values in a channel from which on its steps are looked for."""
 
@@ -51,6 +53,9 @@ def noise_of(measurement: Measurement) -> Noise:
             continue
         noise = sheet.instrument[name].noise if name in sheet.instrument else 0.0
         step = rounding_step(readings.values[name]) if noise > 0.0 or name in WRENCH else 0.0
+        if name in POSE and step > SET * noise:
+            # so far apart they are the test's own steps, read to the last digit
+            step = 0.0
         if step > 0.1 * noise:
             quantum[name] = step
         # a rounded reading is off by up to half a step, evenly

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -55,7 +56,9 @@ class Proposal:
 
 
 def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
-    """The candidate that tells the first hypothesis best from each of the others; None where none can be computed.
+    """The candidate that tells hypotheses best from one another; None where none can be computed.
+
+    Of the pairs the one that it tells apart least counts.
 
     No posture is taken near a critical point that it was not taken to before: what a machine does there tells all
     hypotheses apart, and may be the last thing that it does.
@@ -79,7 +82,7 @@ def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
             (both, (min(pull, push), -min(pull, push))),
         ]
         for name, ends in programmes:
-            found = [_candidate(fitter, fits[0], other, posture, name, ends) for other in fits[1:]]
+            found = [_candidate(fitter, one, other, posture, name, ends) for one, other in combinations(fits, 2)]
             # the one of the pairs that it tells apart least
             weakest = min((f for f in found if f is not None), key=lambda f: f.strength, default=None)
             if weakest is None or None in found:

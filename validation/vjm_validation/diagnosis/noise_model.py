@@ -27,6 +27,8 @@ USUAL, WIDE = 0.4, 0.3
 """The common one, where nothing is known."""
 FEWEST = 12
 """Samples of a channel below which it takes the others' memory."""
+SILENT = 0.05
+"""Median second difference of readings, in the sheet's standard deviations, below which there is no noise."""
 RANK = 0.02
 """Of singular values over the largest, below which shapes are one: what sets them apart is the gauge's noise."""
 
@@ -55,7 +57,9 @@ def estimate_memory(
     common = int(np.argmin(total))
     rho = np.where(present.any(axis=0), grid[common], 0.0)
     for c, cost in zip(channels, costs + apart[:, common], strict=True):
-        rho[c] = _least(grid, cost)
+        bends = np.diff(instant[present[:, c], c], n=2)
+        # readings with hardly any of the noise that the sheet says tell nothing of its memory
+        rho[c] = _least(grid, cost) if float(np.median(np.abs(bends))) > SILENT else USUAL
     return replace(memory, rho=rho)
 
 
