@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vjm.compilation import entry
 from vjm.equilibrium import NoConvergenceError
 from vjm.rotations import Array
 from vjm_validation.calibration.noise import Memory, whiten
+from vjm_validation.diagnosis.bounded import bounded_step
 from vjm_validation.diagnosis.forward import Evaluation, Predictor, values_of
 from vjm_validation.diagnosis.observed import Observed
 from vjm_validation.diagnosis.unknowns import Coordinate, Hypothesis, coordinates, start
@@ -35,10 +35,10 @@ FAR = 1.0
 """Distance of a machine nuisance from where tables were made, in sigmas, at which they are made anew at once."""
 NEAR = 0.15
 """And at which they are made anew at the end of a fit."""
-SWEEPS = 2000
-"""Of coordinate descent, where a step ends at bounds."""
-LONGEST = 1.0
-"""Of one step, in units of one and the coordinate itself."""
+FARTHER = 3.0
+"""Sigmas of a machine's nuisance, where it is free, after which its slopes are made anew."""
+RETREATS, SHORTER = 6, 4.0
+"""Times that a fit goes back from where slopes have led it astray, and by what its damping then grows."""
 DIFFERENCE = 0.03
 """Step of differences, in units of a coordinate."""
 
@@ -225,7 +225,10 @@ class Fitter:
         J = self.slopes(found, at, hypothesis, fresh=fresh)
         self.anchor = z[own].copy()
         best, damping, converged, exact = self.objective(found, at), 1e-3, False, True
+        retreats, sloped, usual = 0, z[own].copy(), self.machine_slopes
+        freed = any(not np.isfinite(found[i].sigma) for i in own)
         for count in range(STEPS):
+            start_of_step = at, best, self.anchor
             there, damping = self._step(found, at, J, best, damping, hypothesis)
             value = best if there is None else self.objective(found, there)
             fall = best - value
@@ -241,7 +244,16 @@ class Fitter:
                 again = self.evaluate(found, at.z, hypothesis)
                 if again is None:
                     break
-                at, best, ended, damping = again, self.objective(found, again), False, 1e-3
+                worth = self.objective(found, again)
+                if off > FAR and worth > start_of_step[1] + LEARNT and retreats < RETREATS:
+                    # the slopes have led astray: back, and on by shorter steps
+                    at, best, self.anchor = start_of_step
+                    retreats, damping, exact = retreats + 1, max(10.0 * damping, SHORTER**retreats), True
+                    self._renew(J, found, at, hypothesis)
+                    continue
+                at, best, ended, damping = again, worth, False, 1e-3
+                if freed and float(np.abs(at.z[own] - sloped).max()) > FARTHER:
+                    J, sloped = self._slopes_anew(found, at, hypothesis), at.z[own].copy()
             if ended and exact:
                 converged = True
                 break
@@ -252,7 +264,15 @@ class Fitter:
                 self._renew(J, found, at, hypothesis)
         if not rough and not fresh:
             self._renew(J, found, at, hypothesis)
+        self.machine_slopes = usual
         return Fit(hypothesis, tuple(found), at, J, self._own_objective(found, at), converged)
+
+    def _slopes_anew(self, found: Sequence[Coordinate], at: Evaluation, hypothesis: Hypothesis) -> Array:
+        """Slopes where the machine's own have changed on the way."""
+        here, self.anchor = self.anchor, None
+        J = self.slopes(found, at, hypothesis, fresh=True)
+        self.anchor = here
+        return J
 
     def _promise(self, found: Sequence[Coordinate], at: Evaluation, J: Array) -> float:
         """Fall of the objective by a whole step, to first order, were no step too long."""
@@ -288,7 +308,7 @@ class Fitter:
         fixed = np.array([c.sigma == 0.0 for c in found])
         A, b = self._system(found, at, J)
         for _ in range(6):
-            move = _solve(A, b, damping, fixed, at.z, low, high)
+            move = bounded_step(A, b, damping, fixed, at.z, low, high)
             if float(move @ b) < 0.5 * ENOUGH:
                 return None, damping
             there = self.evaluate(found, np.clip(at.z + move, low, high), hypothesis)
@@ -339,45 +359,3 @@ def prior(found: Sequence[Coordinate], z: Array) -> tuple[Array, Array]:
     weight = np.array([0.0 if c.sigma == 0.0 or not np.isfinite(c.sigma) else 1.0 / c.sigma for c in found])
     mean = np.array([c.mean for c in found])
     return (z - mean) * weight, weight
-
-
-def _solve(A: Array, b: Array, damping: float, fixed: np.ndarray, z: Array, low: Array, high: Array) -> Array:
-    """A damped step within the bounds and the trusted range of each coordinate.
-
-    What would go further stops there, and the others do what is best beside it: a bow, say, acts by its square,
-    and the slope at a small one says little of a large one.
-    """
-    most = LONGEST * (1.0 + np.abs(z))
-    floor, roof = np.maximum(low - z, -most), np.minimum(high - z, most)
-    step = np.zeros(len(b))
-    on = ~fixed
-    M = A[np.ix_(on, on)] + damping * np.diag(np.diag(A)[on])
-    size = np.sqrt(np.maximum(np.diag(M), 1e-300))
-    M, right = M / size[:, None] / size, b[on] / size
-    try:
-        first = np.linalg.solve(M, right)
-    except np.linalg.LinAlgError:
-        first = np.linalg.lstsq(M, right, rcond=1e-12)[0]
-    least, largest = floor[on] * size, roof[on] * size
-    if ((first < least) | (first > largest)).any():
-        first = np.clip(first, least, largest)
-        _descend(M, right, least, largest, first, SWEEPS)
-    step[on] = np.clip(first / size, floor[on], roof[on])
-    return step
-
-
-@entry
-def _descend(M: Array, b: Array, low: Array, high: Array, x: Array, sweeps: int) -> None:
-    """Minimise ``½ xᵀMx − bᵀx`` of a unit diagonal within bounds, coordinate by coordinate, from ``x`` (k,) on."""
-    k = len(b)
-    for _ in range(sweeps):
-        largest = 0.0
-        for i in range(k):
-            slope = b[i]
-            for j in range(k):
-                slope -= M[i, j] * x[j]
-            new = min(max(x[i] + slope, low[i]), high[i])
-            largest = max(largest, abs(new - x[i]))
-            x[i] = new
-        if largest < 1e-6:
-            break

@@ -52,8 +52,9 @@ STUCK, FAINT = 2.0, 0.03
 first trial with which it begins again."""
 RESTARTS = 3
 """Times that a search begins anew because a hypothesis has led the null to a better optimum."""
-NEARLY, MOST_ALIKE = 4.0, 12
-"""Strength by which, to first order, effects that may be one class differ, and how many causes are fitted."""
+NEARLY, ROUGHLY, MOST_ALIKE = 4.0, 0.15, 12
+"""Strength by which, to first order, effects that may be one class differ, the share of the squares by which large
+ones do, and how many causes are fitted."""
 CARRIED_ON = 3
 """Times that a fit which has not ended by itself is carried on, at most."""
 POLISHED = 3
@@ -198,7 +199,7 @@ class Search:
             level = max((s.explained for s in found if s.effect.label == own.label), default=np.inf)
             seen = {own.cause}
             for score in found:
-                far = score.explained < level - NEARLY**2 and not _bent(score.effect)
+                far = score.explained < level - max(NEARLY**2, ROUGHLY * level) and not _bent(score.effect)
                 if far or score.effect.cause in seen or len(seen) > MOST_ALIKE:
                     continue
                 # of each cause the label that explains most
@@ -238,17 +239,20 @@ class Search:
                 best = fit
         if (
             best is not None
-            and best.objective > base.objective + STUCK
             and key > {e.label for e in base.hypothesis}
+            and best.objective > base.objective + STUCK
         ):
-            # it contains the base, and cannot be worse: from there, with next to none of the effect
-            faint = [_faint(effect, own) for effect, own in zip(hypothesis, starts[0], strict=True)]
-            known = {effect.label: own for effect, own in zip(base.hypothesis, base.values, strict=True)}
-            values = [known.get(effect.label, own) for effect, own in zip(hypothesis, faint, strict=True)]
-            again = self.fitter.fit(hypothesis, base.at.z[:m], values, rough=True)
+            # it contains the base, and cannot be worse
+            again = self._from_base(hypothesis, base, starts[0])
             best = again if again is not None and again.objective < best.objective else best
         if best is not None:
             self.tried[key] = Ranked(best, self._criterion(best))
+
+    def _from_base(self, hypothesis: Hypothesis, base: Fit, values: Sequence[Sequence[float]]) -> Fit | None:
+        """A fit that begins at a hypothesis with a cause less, with next to none of that cause."""
+        known = {effect.label: own for effect, own in zip(base.hypothesis, base.values, strict=True)}
+        begin = [known.get(e.label) or _faint(e, own) for e, own in zip(hypothesis, values, strict=True)]
+        return self.fitter.fit(hypothesis, base.at.z[: len(self.fitter.nuisances)], begin, rough=True)
 
     def _better(self, best: Ranked, size: int) -> Ranked | None:
         """The best of one size, where it is significantly better."""
