@@ -73,8 +73,8 @@ def test_friction_is_found_and_its_files_hold_it(make, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("label", "values", "name", "value"),
     [
-        ("actuator_backlash", (0.02, 0.0, 8.0), "actuator_backlash.gap_mm", 0.02),
-        ("creep.foot", (0.02, 60.0), "creep.fraction", 0.02),
+        ("actuator_backlash", (0.05, 0.0, 8.0), "actuator_backlash.gap_mm", 0.05),
+        ("creep.foot", (0.05, 10.0), "creep.fraction", 0.05),
         ("plasticity.foot", (1500.0, 0.1), "plasticity.yield_N", 1500.0),
         ("base_compliance", (1e-5, 1.0, 1.0), "base_compliance.cxx_mm_per_N", 1e-5),
         ("thermal_drift.fx_N.per_s", (0.2,), "thermal_drift.fx_N.per_s", 0.2),
