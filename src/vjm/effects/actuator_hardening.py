@@ -11,7 +11,6 @@ from vjm.effects.effect import Effect, Quantity, Scene
 from vjm.effects.machine import Machine
 from vjm.effects.places import drive
 from vjm.effects.series import Element, memoryless
-from vjm.parts import Actuator
 from vjm.rotations import Array
 
 RATIO = Quantity("stiffness_ratio", 0.05, 20.0, 1.0, neutral=1.0, usual=1.0, spread=np.log(2.5), log=True)
@@ -66,7 +65,5 @@ class ActuatorHardening(Effect):
 
 def effects(scene: Scene) -> list[Effect]:
     """Where there is a drive."""
-    if Machine(scene.chain, scene.engine).drive_axis is None:
-        return []
-    own = next(part for part in scene.chain.parts if isinstance(part, Actuator))
-    return [ActuatorHardening(force=scene.force, compliance=own.compliance)]
+    own = Machine(scene.chain, scene.engine).drive
+    return [] if own is None else [ActuatorHardening(force=scene.force, compliance=own.compliance)]

@@ -10,7 +10,6 @@ from vjm.effects.effect import Effect, Quantity, Scene
 from vjm.effects.machine import Machine, beam_of, link_of
 from vjm.effects.places import drive, foot
 from vjm.effects.series import AlongLine, Element, Place, retarded, together
-from vjm.parts import Actuator
 
 LATER = 6.0
 """Time of the slow term over that of the fast one: materials relax over decades of time, which two terms cover."""
@@ -81,8 +80,7 @@ def effects(scene: Scene) -> list[Effect]:
         return []
     link = link_of(scene.chain)
     clock = {"duration": scene.duration, "interval": scene.interval}
-    drives = [p for p in scene.chain.parts if isinstance(p, Actuator) and p.compliance > 0.0]
-    has = Machine(scene.chain, scene.engine).drive_axis is not None
-    found: list[Effect] = [Creep("actuator", drives[0].compliance, **clock)] if drives and has else []
+    own = Machine(scene.chain, scene.engine).drive
+    found: list[Effect] = [Creep("actuator", own.compliance, **clock)] if own and own.compliance > 0.0 else []
     found += [Creep("foot", **clock) for b in scene.chain.beams if b.name == FOOT != link]
     return [*found, Creep("link", **clock)] if beam_of(scene.chain, link).section is not None else found

@@ -113,15 +113,22 @@ class Machine:
         return known[1]
 
     @property
-    def drive_axis(self) -> Array | None:
-        """Unit vector ``(3,)`` of the drive's axis, world axes; None where there is no drive before the joints."""
+    def drive(self) -> Actuator | None:
+        """The drive before the joints, where there is one."""
         for part in self.nominal.parts:
             if isinstance(part, Actuator):
-                result: Array = self.nominal.base[:3, :3] @ np.asarray(part.axis)
-                return result
+                return part
             if isinstance(part, PassiveJoint):
                 return None
         return None
+
+    @property
+    def drive_axis(self) -> Array | None:
+        """Unit vector ``(3,)`` of the drive's axis, world axes; None where there is no drive before the joints."""
+        if self.drive is None:
+            return None
+        result: Array = self.nominal.base[:3, :3] @ np.asarray(self.drive.axis)
+        return result
 
     def line(self, posture: str) -> Array:
         """Unit vector ``(3,)`` along the link in an unloaded posture, from its root to its tip, world axes."""

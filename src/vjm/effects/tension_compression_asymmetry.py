@@ -12,15 +12,25 @@ from vjm.effects.effect import Effect, Quantity, Scene
 from vjm.effects.machine import Machine, link_of
 from vjm.effects.places import drive
 from vjm.effects.series import Element, memoryless
-from vjm.parts import Actuator
 from vjm.rotations import Array
 
 RATIO = Quantity("ratio", 0.1, 10.0, 0.05, neutral=1.0)
 MEAN = Quantity("mean_factor", 0.3, 3.0, 0.05, usual=1.0, spread=0.3)
 
 
+class TwoWays(Effect):
+    """A stiffness in pull and another one in push."""
+
+    cause = "tension_compression_asymmetry"
+    title = "a stiffness differs between pull and push"
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Pull stiffness over push stiffness, and the factor on their geometric mean's compliance."""
+        return (RATIO, MEAN)
+
+
 @dataclass(frozen=True)
-class Asymmetry(Effect):
+class Asymmetry(TwoWays):
     """Two factors on all stiffnesses of a part, one in pull and one in push.
 
     Attributes:
@@ -30,17 +40,11 @@ class Asymmetry(Effect):
 
     part: str = "link"
     beam: str = "link"
-    cause = "tension_compression_asymmetry"
-    title = "a stiffness differs between pull and push"
 
     @property
     def contains(self) -> tuple[str, ...]:
         """One factor in both ways."""
         return ("foot_compliance", "link_compliance")
-
-    def quantities(self) -> tuple[Quantity, ...]:
-        """Pull stiffness over push stiffness, and the factor on their geometric mean's compliance."""
-        return (RATIO, MEAN)
 
     def trials(self) -> Sequence[tuple[float, ...]]:
         """Stiffer in pull."""
@@ -51,13 +55,9 @@ class Asymmetry(Effect):
         changed = replace(machine, asymmetry=(*machine.asymmetry, (self.beam, values[0])))
         return changed.times(self.beam, values[1])
 
-    def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
-        """With the part."""
-        return {f"{self.cause}.ratio": float(values[0]), f"{self.cause}.mean_factor": float(values[1])}
-
 
 @dataclass(frozen=True)
-class DriveAsymmetry(Effect):
+class DriveAsymmetry(TwoWays):
     """A drive whose spring differs between pull and push along its axis.
 
     Attributes:
@@ -66,17 +66,11 @@ class DriveAsymmetry(Effect):
 
     compliance: float = 1e-5
     part: str = "actuator"
-    cause = "tension_compression_asymmetry"
-    title = "a stiffness differs between pull and push"
 
     @property
     def contains(self) -> tuple[str, ...]:
         """One factor in both ways."""
         return ("actuator_compliance",)
-
-    def quantities(self) -> tuple[Quantity, ...]:
-        """Pull stiffness over push stiffness, and the factor on their geometric mean's compliance."""
-        return (RATIO, MEAN)
 
     def trials(self) -> Sequence[tuple[float, ...]]:
         """Stiffer in pull, and softer."""
@@ -97,8 +91,7 @@ class DriveAsymmetry(Effect):
 def effects(scene: Scene) -> list[Effect]:
     """Of the drive where the model has a spring there, of the foot and of the link."""
     link = link_of(scene.chain)
-    drives = [p for p in scene.chain.parts if isinstance(p, Actuator) and p.compliance > 0.0]
-    has = Machine(scene.chain, scene.engine).drive_axis is not None
-    found: list[Effect] = [DriveAsymmetry(drives[0].compliance)] if drives and has else []
+    own = Machine(scene.chain, scene.engine).drive
+    found: list[Effect] = [DriveAsymmetry(own.compliance)] if own and own.compliance > 0.0 else []
     found += [Asymmetry(part="foot", beam=FOOT) for b in scene.chain.beams if b.name == FOOT != link]
     return [*found, Asymmetry(part="link", beam=link)]

@@ -111,7 +111,7 @@ def test_isotropic_hardening_widens_the_elastic_range_on_both_sides():
     force = np.array([0.0, 150.0, 0.0, -140.0, -150.0, -170.0])
     history = History(np.zeros(6), np.arange(6) == 0, np.tile([1.0, 0.0, 0.0], (6, 1)))
     x, _ = yielding(100.0, 1e-3, grows=1.0)(force, history)
-    # 150 N have made it 150 N wide each way; 20 N beyond that slip back
+    # 150 N have made it 150 N wide each way; 20 N beyond that slip back; sums of six numbers, so to rounding
     np.testing.assert_allclose(x, [0.0, 0.05, 0.05, 0.05, 0.05, 0.03], atol=1e-12)
 
 
@@ -119,6 +119,7 @@ def test_laws_together_add_their_extensions():
     force = np.array([0.0, 150.0, 250.0])
     history = History(np.zeros(3), np.arange(3) == 0, np.tile([1.0, 0.0, 0.0], (3, 1)))
     x, slope = together(yielding(100.0, 1e-3), yielding(200.0, 2e-3))(force, history)
+    # 50 and 150 N beyond the one, 50 N beyond the other: to rounding
     np.testing.assert_allclose(x, [0.0, 0.05, 0.15 + 0.1], atol=1e-12)
     np.testing.assert_allclose(slope, [0.0, 1e-3, 3e-3], atol=1e-15)
 

@@ -113,8 +113,8 @@ def diagnose(
     if observed.steered:
         best = with_one_more(search, best)
     progress("verdict")
-    verdict, candidates = _proved(prepared, judge(search, best))
-    document = _document(measurement, prepared, verdict, candidates, begun)
+    verdict, candidates, points = _proved(prepared, judge(search, best))
+    document = _document(measurement, prepared, verdict, candidates, points, begun)
     if second is not None:
         document = document.model_copy(update={"transfer": _transfer(verdict, second)})
     progress("report")
@@ -133,21 +133,29 @@ def _search(prepared: Prepared, progress: Callable[[str], None]) -> Search:
     return Search(fitter, prepared.null, prepared.effects, samples, progress)
 
 
-def _proved(prepared: Prepared, verdict: Verdict) -> tuple[Verdict, list[CandidateRow]]:
-    """The verdict in the light of what its members predict of readings held out."""
+def _proved(prepared: Prepared, verdict: Verdict) -> tuple[Verdict, list[CandidateRow], list[Critical]]:
+    """The verdict judged by what its members predict of readings held out, and the first's critical points."""
+    null = prepared.null
     if not verdict.members:
-        return verdict, []
+        return verdict, [], critical_points(prepared.fitter, null, null)
     observed = prepared.fitter.forward.observed
     split = split_of(observed)
     # of marks every third one is held out, which is another split
-    unaided = None if observed.steered else held_out_residual(prepared.fitter, prepared.null, split)
-    gains = [_gain(prepared, member.fit, split, unaided) for member in verdict.members]
+    unaided = None if observed.steered else held_out_residual(prepared.fitter, null, split)
+    points = [critical_points(prepared.fitter, null, member.fit) for member in verdict.members]
+    gains = [
+        _gain(prepared, member.fit, own, split, unaided)
+        for member, own in zip(verdict.members, points, strict=True)
+    ]
     first = gains[0]
     verdict = proved(verdict, first.before_in_sigma, first.after_in_sigma, first.expected_in_sigma)
-    return verdict, [
+    if not verdict.members:
+        return verdict, [], critical_points(prepared.fitter, null, null)
+    candidates = [
         CandidateRow(causes=sorted(m.causes), probability=p, parameters=_values(prepared, m.fit), gain=own)
-        for m, p, own in zip(verdict.members, verdict.probabilities, gains[: len(verdict.members)], strict=True)
+        for m, p, own in zip(verdict.members, verdict.probabilities, gains, strict=True)
     ]
+    return verdict, candidates, points[0]
 
 
 def _document(
@@ -155,6 +163,7 @@ def _document(
     prepared: Prepared,
     verdict: Verdict,
     candidates: Sequence[CandidateRow],
+    points: Sequence[Critical],
     begun: float,
 ) -> Diagnosis:
     fitter = prepared.fitter
@@ -184,7 +193,7 @@ def _document(
             readings=len(observed.pose),
         ),
         nuisances={name: _value(e) for name, e in nuisance_estimates(fitter, chosen).items()},
-        critical=[_critical(one) for one in critical_points(fitter, prepared.null, chosen)],
+        critical=[_critical(one) for one in points],
         seconds=time.perf_counter() - begun,
     )
 
@@ -259,7 +268,7 @@ def _values(prepared: Prepared, fit: Fit) -> dict[str, ValueRow | str]:
     return result
 
 
-def _gain(prepared: Prepared, fit: Fit, split: Split, unaided: Array | None) -> GainRow:
+def _gain(prepared: Prepared, fit: Fit, points: Sequence[Critical], split: Split, unaided: Array | None) -> GainRow:
     """The gain of a fit; ``unaided`` (n, 6) what the tolerances alone leave held out, None for a test of marks."""
     fitter = prepared.fitter
     if unaided is None:
@@ -268,7 +277,6 @@ def _gain(prepared: Prepared, fit: Fit, split: Split, unaided: Array | None) -> 
         extended = held_out_residual(fitter, fit, split, unaided)
         found = gain(fitter, fit, split, unaided, extended, unsure(fitter, fit, split))
         parts = folds(fitter, split, unaided, extended)
-    points = critical_points(fitter, prepared.null, fit)
     measured, before, after = points[0].triple if points else (None, None, None)
     return GainRow(
         rmse_before=found.before,

@@ -277,12 +277,7 @@ class Fitter:
     def _promise(self, found: Sequence[Coordinate], at: Evaluation, J: Array) -> float:
         """Fall of the objective by a whole step, to first order, were no step too long."""
         A, b = self._system(found, at, J)
-        on = np.array([c.sigma != 0.0 for c in found]) & (np.diag(A) > 0.0)
-        size = np.sqrt(np.diag(A)[on])
-        right = b[on] / size
-        return float(
-            right @ np.linalg.pinv(A[np.ix_(on, on)] / size[:, None] / size, rcond=1e-10, hermitian=True) @ right
-        )
+        return float(b @ inverse(A, np.array([c.sigma != 0.0 for c in found]), rcond=1e-10) @ b)
 
     def _own_objective(self, found: Sequence[Coordinate], at: Evaluation) -> float:
         """The objective with the readings' covariances as the hypothesis' own stiffness makes them.
@@ -359,3 +354,16 @@ def prior(found: Sequence[Coordinate], z: Array) -> tuple[Array, Array]:
     weight = np.array([0.0 if c.sigma == 0.0 or not np.isfinite(c.sigma) else 1.0 / c.sigma for c in found])
     mean = np.array([c.mean for c in found])
     return (z - mean) * weight, weight
+
+
+def inverse(A: Array, free: np.ndarray, rcond: float = 1e-12) -> Array:
+    """Pseudo-inverse ``(k, k)`` of a normal matrix whose coordinates differ in size.
+
+    Zero for those that are not free ``(k,)``, and where nothing is known.
+    """
+    on = free & (np.diag(A) > 0.0)
+    size = np.sqrt(np.diag(A)[on])
+    result = np.zeros_like(A)
+    own = np.linalg.pinv(A[np.ix_(on, on)] / size[:, None] / size, rcond=rcond, hermitian=True)
+    result[np.ix_(on, on)] = own / size[:, None] / size
+    return result

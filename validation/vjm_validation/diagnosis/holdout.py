@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_validation.diagnosis.fitting import Fit, Fitter
+from vjm_validation.diagnosis.fitting import Fit, Fitter, inverse
 from vjm_validation.diagnosis.forward import Evaluation
 from vjm_validation.diagnosis.observed import Observed
 from vjm_validation.diagnosis.shapes import driven_place
@@ -73,16 +73,12 @@ def split_of(observed: Observed) -> Split:
     return Split("marks", np.arange(len(place)) % 3)
 
 
-def refitted_without(fitter: Fitter, fit: Fit, own: np.ndarray) -> tuple[Fit, Evaluation] | None:
-    """A refit in full that has not seen the readings of ``own`` (n,), and all readings under it.
-
-    None where the machine fails.
-    """
+def refitted_without(fitter: Fitter, fit: Fit, own: np.ndarray) -> Evaluation | None:
+    """All readings under a refit in full that has not seen those of ``own`` (n,); None where the machine fails."""
     less = _without(fitter, own)
     found = less.fit(fit.hypothesis, fit.at.z[: len(fitter.nuisances)], fit.values, fresh=True)
     fitter.anchor = None
-    at = None if found is None else fitter.evaluate(found.found, found.at.z, fit.hypothesis)
-    return None if found is None or at is None else (found, at)
+    return None if found is None else fitter.evaluate(found.found, found.at.z, fit.hypothesis)
 
 
 def _without(fitter: Fitter, own: np.ndarray) -> Fitter:
@@ -95,6 +91,7 @@ def _without(fitter: Fitter, own: np.ndarray) -> Fitter:
 
 def _as_drawn(fitter: Fitter, fit: Fit) -> Array:
     """Residual ``(n, 6)`` of the machine as drawn."""
+    fitter.anchor = None
     at = fitter.evaluate(fitter.nuisances, np.zeros(len(fitter.nuisances)), ())
     return fit.at.residual if at is None else at.residual
 
@@ -111,9 +108,9 @@ def held_out_residual(fitter: Fitter, fit: Fit, split: Split, otherwise: Array |
     result = (_as_drawn(fitter, fit) if otherwise is None else otherwise).copy()
     for number in np.unique(split.fold):
         own = split.fold == number
-        refit = refitted_without(fitter, fit, own)
-        if refit is not None:
-            result[own] = refit[1].residual[own]
+        at = refitted_without(fitter, fit, own)
+        if at is not None:
+            result[own] = at.residual[own]
     return np.where(fitter.whitening.present, result, 0.0)
 
 
@@ -126,14 +123,12 @@ def unsure(fitter: Fitter, fit: Fit, split: Split) -> Array:
     usual, fitter.anchor = fitter.machine_slopes, None
     steep = fitter.slopes(fit.found, fit.at, fit.hypothesis, fresh=True)
     fitter.machine_slopes = usual
+    free = np.array([c.sigma != 0.0 for c in fit.found])
     result = np.zeros_like(fit.at.residual)
     for number in np.unique(split.fold):
         own = split.fold == number
         A = _without(fitter, own).normal(replace(fit, jacobian=steep))
-        free = np.array([c.sigma != 0.0 for c in fit.found]) & (np.diag(A) > 0.0)
-        size = np.sqrt(np.diag(A)[free])
-        C = np.linalg.pinv(A[np.ix_(free, free)] / size[:, None] / size, rcond=1e-12, hermitian=True)
-        J = steep[own][:, :, free] / size
+        C, J = inverse(A, free), steep[own]
         result[own] = np.sqrt(np.maximum(np.einsum("nij,jk,nik->ni", J, C, J), 0.0))
     return result
 

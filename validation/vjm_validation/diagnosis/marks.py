@@ -92,8 +92,8 @@ def _held_out(fitter: Fitter, fit: Fit, turn: np.ndarray) -> Array:
     result: Array = fit.at.residual[:, 0].copy()
     for k in range(THIRD):
         own = turn == k
-        refit = refitted_without(fitter, fit, own)
-        result[own] = np.inf if refit is None else refit[1].residual[own, 0]
+        at = refitted_without(fitter, fit, own)
+        result[own] = np.inf if at is None else at.residual[own, 0]
     return result
 
 

@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from vjm.effects.effect import Effect
 from vjm.rotations import Array
-from vjm_validation.diagnosis.fitting import Fit, Fitter
+from vjm_validation.diagnosis.fitting import Fit, Fitter, inverse
 from vjm_validation.diagnosis.misfit import misfit
 from vjm_validation.diagnosis.screening import (
     STRONG,
@@ -329,9 +329,7 @@ class Search:
         if not kinds:
             return fit.objective + cost
         A = self.fitter.normal(fit)
-        size = np.sqrt(np.maximum(np.diag(A), 1e-300))
-        inverse = np.linalg.pinv(A / size[:, None] / size, rcond=1e-12, hermitian=True)
-        covariance = inverse / size[:, None] / size
+        covariance = inverse(A, np.ones(len(A), dtype=bool))
         spread = np.maximum(np.diag(covariance), 1e-300)
         sigma = np.array([fit.found[i].sigma for i in own])
         cost += float(np.sum(np.log(np.maximum(sigma**2 / spread[own], 1.0))))

@@ -95,8 +95,8 @@ def _nuisance(kind: str, subject: str, sigma: float, usual: float) -> Coordinate
     low, high = PARTS if kind == "modulus" else (-FARTHEST * scale, FARTHEST * scale)
     if kind == "scale":
         low, high = max(low, -LOST), min(high, LOST)
-    fixed = 1.0 if sigma > 0.0 else 0.0
-    return Coordinate(f"{kind} {subject}", kind, subject, scale, 0.0, fixed, low / scale, high / scale)
+    spread = 1.0 if sigma > 0.0 else 0.0
+    return Coordinate(f"{kind} {subject}", kind, subject, scale, 0.0, spread, low / scale, high / scale)
 
 
 def coordinates(nuisances: Sequence[Coordinate], hypothesis: Hypothesis) -> list[Coordinate]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_validation.diagnosis.classes import best_verdict
-from vjm_validation.diagnosis.fitting import Fit, Fitter
+from vjm_validation.diagnosis.fitting import Fit, Fitter, inverse
 from vjm_validation.diagnosis.forward import values_of
 from vjm_validation.diagnosis.misfit import Misfit, misfit
 from vjm_validation.diagnosis.search import WRONG_LAW, Ranked, Search
@@ -211,11 +211,7 @@ def _reported(fit: Fit, z: Array, index: int, force: float) -> dict[str, float]:
 
 def _covariance(fitter: Fitter, fit: Fit) -> Array:
     A = fitter.normal(fit)
-    free = np.array([c.sigma != 0.0 for c in fit.found]) & (np.diag(A) > 0.0)
-    size = np.sqrt(np.diag(A)[free])
-    covariance = np.zeros_like(A)
-    inner = A[np.ix_(free, free)] / size[:, None] / size
-    covariance[np.ix_(free, free)] = np.linalg.pinv(inner, rcond=1e-12, hermitian=True) / size[:, None] / size
+    covariance = inverse(A, np.array([c.sigma != 0.0 for c in fit.found]))
     rows = int(fitter.whitening.present.sum())
     inflation = max(1.0, fit.objective / max(rows - fit.free, 1))
     result: Array = covariance * inflation
