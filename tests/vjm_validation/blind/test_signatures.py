@@ -94,8 +94,9 @@ def test_the_likelihood_ratio_holds_its_rate_and_finds_what_is_strong(known):
     design = known.visibility.design
     (family,) = [f for f in catalogue(design, 4000.0) if f.name == "joint_friction"]
     there = family.members[0](as_drawn(design), 1500.0).response(design)
-    assert verdicts(known, there, there)["likelihood_ratio"]["causes"] == ["joint_friction"]
-    assert verdicts(known, known.visibility.nominal, known.visibility.nominal)["likelihood_ratio"]["causes"] == []
+    assert verdicts(known, there, there, threshold(known))["likelihood_ratio"]["causes"] == ["joint_friction"]
+    still = known.visibility.nominal
+    assert verdicts(known, still, still, threshold(known))["likelihood_ratio"]["causes"] == []
 
 
 def test_a_rest_longer_than_the_creep_shows_it(design):

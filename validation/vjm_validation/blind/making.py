@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,8 @@ from vjm_validation.blind.noise import read, with_nuisances
 from vjm_validation.blind.outside import outside
 from vjm_validation.blind.plan import Group, Plan
 from vjm_validation.blind.rig import Response, Rig
-from vjm_validation.blind.rivals import verdicts
+from vjm_validation.blind.rivals import threshold, verdicts
+from vjm_validation.blind.sharpening import sharpened
 from vjm_validation.blind.sheets import data_text, sheet_text
 from vjm_validation.blind.signatures import Signatures, signatures
 from vjm_validation.blind.store import Store
@@ -45,11 +46,13 @@ class Hidden:
         family: what it is.
         size: how much of it.
         strength: that it has alone.
+        laws: by which it acts.
     """
 
     family: Family
     size: float
     strength: float
+    laws: Laws = field(default_factory=Laws)
 
     @property
     def put(self) -> Put:
@@ -89,8 +92,10 @@ def make(plan: Plan, store: Store, folder: Path, proposal: dict[str, Any] | None
     truth = {}
     if proposal is None:
         change = known.visibility.whitened(rig.response(design).less(known.visibility.nominal))
-        truth = _truth(plan, known, hidden, change, nuisances)
-        truth["rivals"] = verdicts(known, seen, regular)
+        laws = hidden[0].laws if hidden else Laws()
+        sharp = sharpened(known, change, [(one.family, one.size) for one in hidden], laws) if hidden else known
+        truth = _truth(plan, sharp, hidden, change, nuisances)
+        truth["rivals"] = verdicts(sharp, seen, regular, threshold(known))
         truth["simulator"] = simulator
         truth["oracle"] = _oracle(known, seen, still)
     write_whole(folder / "sheet.toml", sheet_text(design, f"blind {plan.name}"))
@@ -210,11 +215,12 @@ def _sized(known: Signatures, cause: str, strength: float, plan: Plan, rng: np.r
     """
     design = known.visibility.design
     largest = float(np.abs(known.visibility.nominal.forces[:, 0]).max())
+    laws = Laws.draw(rng) if plan.group is not Group.OUTSIDE else Laws()
     if plan.group is Group.OUTSIDE:
         families = outside(design, rng)
         families = [families[int(cause) % len(families)]]
     else:
-        families = [f for f in catalogue(design, largest, Laws.draw(rng)) if f.cause == cause]
+        families = [f for f in catalogue(design, largest, laws) if f.cause == cause]
     if not families:
         raise UnreachableError(f"{cause} has no place in this design")
     family = families[int(rng.integers(len(families)))]
@@ -231,7 +237,7 @@ def _sized(known: Signatures, cause: str, strength: float, plan: Plan, rng: np.r
             high, size = (size, np.inf), 0.5 * (low[0] + size)
             continue
         if abs(here / strength - 1.0) < NEAR or (size >= family.most and here >= 0.5 * strength):
-            return Hidden(family, sign * size, here)
+            return Hidden(family, sign * size, here, laws)
         if here < strength:
             low = (size, here)
             if size >= family.most:
@@ -247,7 +253,7 @@ def _sized(known: Signatures, cause: str, strength: float, plan: Plan, rng: np.r
             size *= float(np.clip(strength / max(here, 1e-3), 1.2, 30.0))
     if low[1] < 0.5 * strength:
         raise UnreachableError(f"{family.name} does not reach a strength of {strength:g}")
-    return Hidden(family, sign * low[0], low[1])
+    return Hidden(family, sign * low[0], low[1], laws)
 
 
 def _lumped(plan: Plan, seed: int) -> tuple[Signatures, list[Hidden]] | None:

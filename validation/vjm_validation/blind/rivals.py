@@ -19,32 +19,33 @@ FAMILYWISE = 0.01
 """Share of quiet sets on which the likelihood ratio may raise an alarm."""
 
 
-def verdicts(known: Signatures, seen: Response, regular: Response) -> dict[str, Any]:
+def verdicts(known: Signatures, seen: Response, regular: Response, limit: float) -> dict[str, Any]:
     """What each of them says: the causes it names, an empty list for none.
 
     Args:
-        known: signatures of the design.
+        known: signatures of the design, sharpened for what is hidden.
         seen: readings as in the file.
         regular: the same without wild and missed ones: who knows the noise knows which they are.
+        limit: of the likelihood ratio, see `threshold`.
     """
     visibility = known.visibility
     sigma = np.tile([visibility.design.instruments[n].noise for n in visibility.design.channels], len(seen.ux))
     raw = visibility.flat(seen.less(visibility.nominal))
     ratio = np.nan_to_num(raw / sigma)
     return {
-        "likelihood_ratio": _likelihood_ratio(known, visibility.whitened(regular.less(visibility.nominal))),
+        "likelihood_ratio": _likelihood_ratio(known, visibility.whitened(regular.less(visibility.nominal)), limit),
         "largest_drop": _largest_drop(known, ratio),
         "plain_bic": _plain_bic(known, ratio, int(np.isfinite(raw).sum())),
     }
 
 
-def _likelihood_ratio(known: Signatures, residual: Array) -> dict[str, Any]:
-    """The largest drop of the whitened square, against its 99 % point over noise, and what comes near it."""
+def _likelihood_ratio(known: Signatures, residual: Array, limit: float) -> dict[str, Any]:
+    """The largest drop of the whitened square, against its limit, and what comes near it."""
     drops = known.drops(residual[:, None])[:, 0]
     by_cause = {c: max(d for curve, d in zip(known.curves, drops, strict=True) if curve.cause == c)
                 for c in known.causes}  # fmt: skip
     best = max(by_cause, key=lambda c: by_cause[c])
-    if by_cause[best] < threshold(known):
+    if by_cause[best] < limit:
         return {"causes": [], "drop": by_cause[best]}
     alike = [c for c, d in by_cause.items() if by_cause[best] - d <= ONE_CLASS**2]
     return {"causes": [best], "alike": alike, "drop": by_cause[best]}

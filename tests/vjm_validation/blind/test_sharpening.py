@@ -1,0 +1,72 @@
+"""The injector's yardstick near what is hidden: laws of any shape lie in their own class, rivals are refitted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize, minimize_scalar
+
+from vjm_validation.blind.causes import Laws, catalogue
+from vjm_validation.blind.drawing import as_drawn
+from vjm_validation.blind.sharpening import sharpened
+
+
+def family_of(known, name, laws):
+    largest = float(np.abs(known.visibility.nominal.forces[:, 0]).max())
+    return next(f for f in catalogue(known.visibility.design, largest, laws) if f.name == name)
+
+
+def whitened(known, family, size):
+    design = known.visibility.design
+    there = family.members[0](as_drawn(design), size).response(design)
+    return known.visibility.whitened(there.less(known.visibility.nominal))
+
+
+CASES = {
+    "actuator_backlash": (Laws(play_force=11.0), 0.12),
+    "joint_friction": (Laws(bristle=4e-4, torques=(1.3, 0.7, 0.7, 1.3)), 3000.0),
+    "creep foot": (Laws(creep=(15.0, 120.0, 0.7)), 0.15),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_hidden_is_in_its_own_class(known, name):
+    laws, size = CASES[name]
+    family = family_of(known, name, laws)
+    target = whitened(known, family, size)
+    sharp = sharpened(known, target, [(family, size)], laws)
+    assert sharp.nearest(target, [family.cause]).distance < 1e-6 * np.linalg.norm(target)
+    # and the coarse curves, which serve all laws, are not hers
+    assert known.nearest(target, [family.cause]).distance > 0.1
+
+
+def test_a_rival_is_refitted_by_the_hidden_law(known):
+    laws, size = CASES["actuator_backlash"][0], 0.06
+    family = family_of(known, "actuator_backlash", laws)
+    target = whitened(known, family, size)
+    sharp = sharpened(known, target, [(family, size)], laws)
+    rival = family_of(known, "joint_clearance", laws)
+    best = minimize_scalar(
+        lambda s: np.linalg.norm(target - whitened(known, rival, s)), bounds=(0.01, 0.4), method="bounded"
+    )
+    # the straight line through the refitted point may come a little nearer than the point
+    assert sharp.nearest(target, ["joint_clearance"]).distance == pytest.approx(best.fun, rel=0.02)
+    assert (
+        sharp.nearest(target, ["joint_clearance"]).distance <= known.nearest(target, ["joint_clearance"]).distance
+    )
+
+
+def test_a_vector_is_refitted_in_both_components(known):
+    laws = Laws(direction=0.6)
+    target = whitened(known, family_of(known, "link_compliance", Laws()), 0.1)
+    sharp = sharpened(known, target, [], Laws())
+
+    def left(z):
+        turned = family_of(known, "load_misalignment", replace(laws, direction=float(np.arctan2(z[1], z[0]))))
+        return float(np.linalg.norm(target - whitened(known, turned, 0.05 * float(np.hypot(*z)))))
+
+    found = min(
+        minimize(left, start, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-3}).fun
+         for start in ([1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0])
+    )  # fmt: skip
+    assert sharp.nearest(target, ["load_misalignment"]).distance <= found + 0.05

@@ -1,0 +1,180 @@
+"""A yardstick that knows what is hidden: the points of every cause that come nearest to it, simulated.
+
+The curves of `signatures` serve a whole design. They are straight between a few sizes and have usual laws, so that
+they can lie beside what a law of another shape, or a size between, would show. Here each cause that might be one
+class with the hidden one is refitted to its readings: the same machine with the cause in it, by the hidden one's
+laws where both have them, its sizes and directions found by Gauss and Newton's method with differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_validation.blind.causes import Family, Laws, catalogue
+from vjm_validation.blind.drawing import as_drawn
+from vjm_validation.blind.machine import NoTruthError
+from vjm_validation.blind.signatures import Curve, Signatures
+
+WITHIN = 8.0
+"""Strength by the coarse curves within which a cause is looked at."""
+ROUNDS, HALVED = 4, 3
+"""Steps of a refit, and times that one which does not come nearer is halved."""
+DIFFERENCE = 0.03
+"""Relative step of differences."""
+SETTLED = 0.02
+"""Strength by which a step must come nearer for another one."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A cause at some sizes.
+
+    Attributes:
+        flat: what it changes, as forces ``(n c,)``.
+        whitened: the same, whitened.
+    """
+
+    flat: Array
+    whitened: Array
+
+
+@dataclass(frozen=True)
+class Refit:
+    """Simulates causes in a design by given laws.
+
+    Attributes:
+        known: the yardstick.
+        laws: of what is hidden.
+    """
+
+    known: Signatures
+    laws: Laws
+
+    def point(self, cause: str, label: str, sizes: Array) -> Point | None:
+        """A cause at its sizes ``(k,)``, see `_form`; None where it has no place or the simulator gives up."""
+        seen = self.known.visibility
+        laws, size = _form(cause, sizes, self.laws)
+        largest = float(np.abs(seen.nominal.forces[:, 0]).max())
+        family = next(
+            (f for f in catalogue(seen.design, largest, laws) if f.cause == cause and _same_place(f, label)), None
+        )
+        if family is None or size == 0.0 or abs(size) > family.most:
+            return None
+        (put,) = family.members
+        try:
+            change = put(as_drawn(seen.design), size).response(seen.design).less(seen.nominal)
+        except NoTruthError:
+            return None
+        flat = seen.flat(change)
+        return Point(flat, seen.whitened_flat(flat))
+
+    def nearest(self, cause: str, target: Array) -> tuple[Curve, Point] | None:
+        """The point of a cause nearest to a whitened change ``(n c,)``, from where its coarse curves begin."""
+        fit = self.known.nearest(target, [cause])
+        curve = next((c for c in self.known.curves if c.cause == cause and fit.weights[list(c.nodes)].any()), None)
+        # a sheet's lumped link is another machine than that of the coarse curves
+        far = fit.distance > WITHIN and self.known.visibility.design.link_segments > 1
+        if far or curve is None:
+            return None
+        sizes = _sizes(curve, fit.weights)
+        here = self.point(cause, curve.label, sizes)
+        for _ in range(ROUNDS if here is not None else 0):
+            assert here is not None
+            slopes = self._slopes(cause, curve.label, sizes, here)
+            step = np.linalg.lstsq(slopes, target - here.whitened, rcond=1e-6)[0]
+            before = float(np.linalg.norm(target - here.whitened))
+            for k in range(HALVED):
+                there = self.point(cause, curve.label, _inside(cause, sizes + 0.5**k * step, sizes))
+                if there is not None and float(np.linalg.norm(target - there.whitened)) < before:
+                    sizes, here = _inside(cause, sizes + 0.5**k * step, sizes), there
+                    break
+            if before - float(np.linalg.norm(target - here.whitened)) < SETTLED:
+                break
+        return None if here is None else (curve, here)
+
+    def _slopes(self, cause: str, label: str, sizes: Array, here: Point) -> Array:
+        """Derivatives ``(n c, k)`` of the whitened change by the sizes."""
+        scale = float(np.abs(sizes).max())
+        columns = np.zeros((len(here.whitened), len(sizes)))
+        for k in range(len(sizes)):
+            h = DIFFERENCE * scale * (1.0 if sizes[k] >= 0.0 else -1.0)
+            moved = sizes.copy()
+            moved[k] += h
+            there = self.point(cause, label, moved) or self.point(cause, label, 2.0 * sizes - moved)
+            if there is not None:
+                columns[:, k] = (there.whitened - here.whitened) / h
+        return columns
+
+
+def sharpened(known: Signatures, target: Array, hidden: Sequence[tuple[Family, float]], laws: Laws) -> Signatures:
+    """A design's yardstick with a point more for each cause that comes near, and with the hidden ones' own.
+
+    Args:
+        known: the design's.
+        target: what is hidden, as a whitened change ``(n c,)``.
+        hidden: each with its size.
+        laws: of the hidden ones.
+    """
+    seen, added = known.visibility, list[tuple[str, str, Point]]()
+    for family, size in hidden:
+        (put,) = family.members
+        try:
+            flat = seen.flat(put(as_drawn(seen.design), size).response(seen.design).less(seen.nominal))
+        except NoTruthError:
+            continue
+        if family.cause in known.causes:
+            added.append((family.cause, family.label, Point(flat, seen.whitened_flat(flat))))
+    refit = Refit(known, laws)
+    for cause in known.causes:
+        found = refit.nearest(cause, target)
+        if found is not None:
+            added.append((cause, found[0].label, found[1]))
+    if not added:
+        return known
+    white = np.array([*known.nodes, *(point.whitened for _, _, point in added)])
+    spread = np.tile([seen.design.instruments[name].noise for name in seen.design.channels], len(seen.design))
+    raw = np.array([*known.raw, *(point.flat / spread for _, _, point in added)])
+    first = len(known.nodes)
+    curves = [Curve(cause, label, (first + k,), (1.0,), False, False) for k, (cause, label, _) in enumerate(added)]
+    return Signatures(seen, (*known.curves, *curves), white, white @ white.T, raw)
+
+
+def _same_place(family: Family, label: str) -> bool:
+    return family.label == label or family.cause == "link_bow"
+
+
+def _sizes(curve: Curve, weights: Array) -> Array:
+    """Sizes ``(k,)`` at which a coarse curve comes nearest: those of a plane's members, or the one."""
+    w, s = weights[list(curve.nodes)], np.array(curve.sizes)
+    if curve.cause == "link_bow":
+        size, turn = float(w @ s), np.radians(float(curve.label))
+        return size * np.array([np.cos(turn), np.sin(turn)])
+    result: Array = w * s if curve.spans else np.array([float(w @ s)])
+    return result
+
+
+def _form(cause: str, sizes: Array, laws: Laws) -> tuple[Laws, float]:
+    """Laws and size of one form that has a cause's sizes: components of a bow or tilt, compliances, two weights."""
+    if cause in ("link_bow", "load_misalignment") and len(sizes) == 2:
+        return replace(laws, direction=float(np.arctan2(sizes[1], sizes[0]))), float(np.hypot(*sizes))
+    laws = replace(laws, direction=0.0)
+    if cause == "base_compliance" and len(sizes) == 3:
+        x = max(float(sizes[0]), 1e-4 * float(sizes.max()), 1e-12)
+        return replace(laws, base=(float(sizes[1]) / x, float(sizes[2]) / x, 0.0)), x
+    if cause == "gravity" and len(sizes) == 2:
+        whole = float(sizes.sum())
+        return replace(laws, spread=float(sizes[0]) / whole if whole else 0.0), whole
+    return laws, float(sizes[0])
+
+
+def _inside(cause: str, sizes: Array, before: Array) -> Array:
+    """Sizes that make sense: compliances and weights are not negative, and one size keeps its sign."""
+    if cause in ("base_compliance", "gravity"):
+        return np.maximum(sizes, 0.0)
+    if len(sizes) == 1:
+        return np.where(sizes * before > 0.0, sizes, 0.1 * before)
+    return sizes
