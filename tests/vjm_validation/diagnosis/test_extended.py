@@ -93,6 +93,7 @@ CASES = {
         (),
     ),
     "weight": ((Gravity(),), [(40.0,)], 12, ("--gravity=0,0,-9.80665",)),
+    "weight of foot and bar": ((Gravity(foot=0.3),), [(40.0, 0.6)], 12, ("--gravity=0,0,-9.80665",)),
     "tilt": ((LoadMisalignment(),), [(0.05, -0.02)], 12, ("--axis",)),
     "bow on a base": ((LinkBow(), BaseCompliance()), [(-1.5, 0.2), (2e-5, 1.0, 1.0)], 12, ()),
 }
@@ -214,3 +215,20 @@ def test_from_data_to_the_extended_curve(tmp_path, monkeypatch, hidden, cause):
                 left.append(f - (1.0 + error["scale fx_N"]) * there - error["zero fx_N"])
     # 2 N of the cell and 0.001 mm of the gauge at some 3000 N/mm; two wild samples
     assert np.sqrt(np.median(np.square(left))) / 0.6745 < 1.3 * np.hypot(2.0, 3.3)
+
+
+def test_a_displacement_turned_a_little_needs_no_tables_of_its_own(fitted):
+    _, fitter, fit = fitted((LoadMisalignment(),), [(0.03, -0.02)])
+    z = fit.at.z.copy()
+    tilt = next(i for i, c in enumerate(fit.found) if c.kind == "effect")
+
+    def error(step):
+        z[tilt] = fit.at.z[tilt] + step
+        own = fitter.forward.evaluate(fit.found, z, fit.hypothesis)
+        beside = fitter.forward.evaluate(fit.found, z, fit.hypothesis, fit.at.z)
+        change = np.abs(own.residual - fit.at.residual).max()
+        return np.abs(beside.residual - own.residual).max() / change
+
+    # what is left out is of second order: a quarter of the step, a quarter of the relative error
+    assert error(0.4) < 0.02
+    assert error(0.1) < 0.4 * error(0.4)

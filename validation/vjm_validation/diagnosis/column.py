@@ -235,8 +235,10 @@ class ColumnForward:
         """Both sides are alike."""
         return False
 
-    def evaluate(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> Evaluation:
-        """Readings against a hypothesis."""
+    def evaluate(
+        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+    ) -> Evaluation:
+        """Readings against a hypothesis; no tables are needed for it."""
         observed = self.observed
         zero_u, gain_u = channel_errors(found, z, [observed.steered])
         zero_f, gain_f = channel_errors(found, z, WRENCH)

@@ -61,8 +61,10 @@ class Predictor(Protocol):
     def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> Machine:
         """The machine of a hypothesis."""
 
-    def evaluate(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> Evaluation:
-        """Readings against a hypothesis."""
+    def evaluate(
+        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+    ) -> Evaluation:
+        """Readings against a hypothesis; a little ``beside`` coordinates (n_z,) whose tables will do."""
 
     def reading(self, observed: Observed) -> Predictor:
         """The same for other readings of the same test."""
@@ -98,8 +100,17 @@ class Forward:
         """The machine of a hypothesis."""
         return machine_of(self.observed, found, z, hypothesis)
 
-    def evaluate(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> Evaluation:
+    def evaluate(
+        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+    ) -> Evaluation:
         """Readings against a hypothesis.
+
+        Args:
+            found: its coordinates.
+            z: their values ``(n_z,)``.
+            hypothesis: its causes.
+            beside: values a little beside, along whose displacements tables are made: across them the stiffness
+                there leads on, which is exact to first order.
 
         Raises:
             NoConvergenceError: the machine does not stand.
@@ -111,10 +122,10 @@ class Forward:
         zero_f, gain_f = channel_errors(found, z, WRENCH)
         drift = self._drift(hypothesis, values)
         place = (observed.pose - drift[:, :6] - zero_u) / gain_u
-        own = [(effect, v) for effect, v in zip(hypothesis, values, strict=True) if release_key(effect) is None]
+        own = _own(found, z, hypothesis)
         for effect, v in own:
             place = effect.imposed(place, v)
-        look, tables = self._lookup(machine, own, place)
+        look, tables = self._lookup(machine, own if beside is None else _own(found, beside, hypothesis), place)
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
         limit = sum((np.asarray(effect.friction(v)) for effect, v in own), np.zeros(1))
         if limit.any():
@@ -246,6 +257,12 @@ class Forward:
         tau = friction_torques(free, give, limit, self.observed.history.begins, rest)
         result: Array = np.einsum("nij,nj->ni", bear, tau)
         return result
+
+
+def _own(found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> list[tuple[Effect, list[float]]]:
+    """The effects that free no nuisance, with their values."""
+    values = values_of(found, z, hypothesis)
+    return [(effect, v) for effect, v in zip(hypothesis, values, strict=True) if release_key(effect) is None]
 
 
 def _turned(before: Array, after: Array) -> Array:
