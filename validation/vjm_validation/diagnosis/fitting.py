@@ -81,7 +81,7 @@ class Fit:
         found: its coordinates.
         at: the readings there.
         jacobian: of the raw residuals ``(n, 6, n_z)``.
-        objective: squares of whitened residuals and of what lies off the priors.
+        objective: twice the negative logarithm of likelihood and prior, see `Fitter.objective`.
         converged: whether it ended by itself.
     """
 
@@ -133,15 +133,17 @@ class Fitter:
         observed = self.forward.observed
         self.whitening = replace(self.whitening, factors=_factors(observed, at), present=observed.present)
 
-    def evaluate(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> Evaluation | None:
-        """The readings, or None where the machine does not stand."""
+    def evaluate(
+        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+    ) -> Evaluation | None:
+        """The readings, or None where the machine does not stand; see `Forward.evaluate`."""
         own, made = self.of_machine, z
         anchor, slopes = self.anchor, self.machine_slopes
         if anchor is not None and slopes is not None:
             made = z.copy()
             made[own] = anchor
         try:
-            at = self.forward.evaluate(found, made, hypothesis)
+            at = self.forward.evaluate(found, made, hypothesis, beside)
         except (NoConvergenceError, ValueError, np.linalg.LinAlgError):
             return None
         if anchor is not None and slopes is not None:
@@ -149,7 +151,7 @@ class Fitter:
             at = replace(at, z=z, residual=at.residual + np.where(self.whitening.present, change, 0.0))
         return at if np.isfinite(at.residual).all() else None
 
-    def objective(self, found: Sequence[Coordinate], at: Evaluation) -> float:
+    def squares(self, found: Sequence[Coordinate], at: Evaluation) -> float:
         """Squares of whitened residuals and of what lies off the priors."""
         r = self.whitening.flat(at.residual)
         p, _ = prior(found, at.z)
@@ -189,7 +191,7 @@ class Fitter:
             z[i] += step
             if not found[i].low <= z[i] <= found[i].high:
                 continue
-            there = self.evaluate(found, z, hypothesis)
+            there = self.evaluate(found, z, hypothesis, at.z)
             if there is not None:
                 result: Array = (there.residual - at.residual) / step
                 return result
@@ -213,7 +215,7 @@ class Fitter:
             values: of each effect.
             fresh: differentiate by the machine's nuisances anew.
             rough: be content with slopes over a sigma of the machine's nuisances.
-            target: objective worth reaching; a fit that will hardly come so far is given up.
+            target: squares worth reaching; a fit that will hardly come so far is given up.
         """
         found = coordinates(self.nuisances, hypothesis)
         z = start(found, hypothesis, nuisances, values)
@@ -224,13 +226,13 @@ class Fitter:
             return None
         J = self.slopes(found, at, hypothesis, fresh=fresh)
         self.anchor = z[own].copy()
-        best, damping, converged, exact = self.objective(found, at), 1e-3, False, True
+        best, damping, converged, exact = self.squares(found, at), 1e-3, False, True
         retreats, sloped, usual = 0, z[own].copy(), self.machine_slopes
         freed = any(not np.isfinite(found[i].sigma) for i in own)
         for count in range(STEPS):
             start_of_step = at, best, self.anchor
             there, damping = self._step(found, at, J, best, damping, hypothesis)
-            value = best if there is None else self.objective(found, there)
+            value = best if there is None else self.squares(found, there)
             fall = best - value
             if there is not None:
                 before, at, best = at, there, value
@@ -244,7 +246,7 @@ class Fitter:
                 again = self.evaluate(found, at.z, hypothesis)
                 if again is None:
                     break
-                worth = self.objective(found, again)
+                worth = self.squares(found, again)
                 if off > FAR and worth > start_of_step[1] + LEARNT and retreats < RETREATS:
                     # the slopes have led astray: back, and on by shorter steps
                     at, best, self.anchor = start_of_step
@@ -265,7 +267,7 @@ class Fitter:
         if not rough and not fresh:
             self._renew(J, found, at, hypothesis)
         self.machine_slopes = usual
-        return Fit(hypothesis, tuple(found), at, J, self._own_objective(found, at), converged)
+        return Fit(hypothesis, tuple(found), at, J, self.objective(found, at), converged)
 
     def _slopes_anew(self, found: Sequence[Coordinate], at: Evaluation, hypothesis: Hypothesis) -> Array:
         """Slopes where the machine's own have changed on the way."""
@@ -279,15 +281,19 @@ class Fitter:
         A, b = self._system(found, at, J)
         return float(b @ inverse(A, np.array([c.sigma != 0.0 for c in found]), rcond=1e-10) @ b)
 
-    def _own_objective(self, found: Sequence[Coordinate], at: Evaluation) -> float:
-        """The objective with the readings' covariances as the hypothesis' own stiffness makes them.
+    def objective(self, found: Sequence[Coordinate], at: Evaluation) -> float:
+        """Twice the negative logarithm of the likelihood and prior, but for a constant.
 
-        With another's, one that needs little of the displacement (a steady ramp, and a drift with the clock) would
-        gain by the gauge's noise that it leaves out.
+        The readings' covariances are as the hypothesis' own stiffness makes them. With another's, one that needs
+        little of the displacement (a steady ramp, and a drift with the clock) would gain by the gauge's noise that
+        it leaves out; without their determinants, one near a critical point would gain by the noise it has there.
         """
-        r = replace(self.whitening, factors=_factors(self.forward.observed, at)).flat(at.residual)
+        observed = self.forward.observed
+        factors = _factors(observed, at)
+        r = replace(self.whitening, factors=factors).flat(at.residual)
         p, _ = prior(found, at.z)
-        return float(r @ r + p @ p)
+        size = np.where(observed.present, factors[:, range(6), range(6)] * observed.noise.wrench, 1.0)
+        return float(r @ r + p @ p - 2.0 * np.log(size).sum())
 
     def _step(
         self,
@@ -307,7 +313,7 @@ class Fitter:
             if float(move @ b) < 0.5 * ENOUGH:
                 return None, damping
             there = self.evaluate(found, np.clip(at.z + move, low, high), hypothesis)
-            if there is not None and self.objective(found, there) < best:
+            if there is not None and self.squares(found, there) < best:
                 return there, max(damping * 0.1, 1e-9)
             damping = max(damping * 10.0, 1e-3)
         return None, damping

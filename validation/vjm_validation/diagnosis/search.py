@@ -230,7 +230,9 @@ class Search:
         hint = self.hints.get(key)
         if hint is not None and hint.fit.hypothesis == hypothesis and hint.fit.converged:
             begin, starts = hint.fit.at.z[:m], [hint.fit.values]
-        rivals = [r.fit.objective for r in self.tried.values() if len(r.labels) == len(key)]
+        rivals = [
+            self.fitter.squares(r.fit.found, r.fit.at) for r in self.tried.values() if len(r.labels) == len(key)
+        ]
         # towards a modulus or length far off the first steps say little
         target = np.inf if _bent(hypothesis[-1]) else min(rivals, default=np.inf) + CLOSE
         for values in starts:

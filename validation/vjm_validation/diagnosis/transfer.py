@@ -82,7 +82,7 @@ def _row(
     forward: Predictor, observed: Observed, what: str, hypothesis: Hypothesis, value: Callable[[Coordinate], float]
 ) -> Transferred:
     found = coordinates(nuisance_coordinates(observed), hypothesis)
-    z = np.array([c.quantity.coordinate(value(c)) if c.quantity else value(c) / c.scale for c in found])
+    z = np.array([c.coordinate(value(c)) for c in found])
     try:
         at = forward.evaluate(found, z, hypothesis)
     except NoConvergenceError:

@@ -23,8 +23,8 @@ Hypothesis = tuple[Effect, ...]
 """Causes that act together; empty: nothing but the sheet's tolerances."""
 FARTHEST = 60.0
 """Sigmas of the sheet beyond which an instrument or a length is not off but another one."""
-PARTS = (-0.8, 4.0)
-"""Of a part's modulus, relative."""
+PARTS = 5.0
+"""Times that a part may be softer or stiffer than the sheet says."""
 LOST = 0.9
 """Of a channel's scale, relative."""
 
@@ -56,8 +56,16 @@ class Coordinate:
     quantity: Quantity | None = None
 
     def value(self, z: float) -> float:
-        """In its own unit."""
-        return self.quantity.value(z) if self.quantity is not None else z * self.scale
+        """In its own unit; of a modulus relative, which counts by its logarithm."""
+        if self.quantity is not None:
+            return self.quantity.value(z)
+        return float(np.expm1(z * self.scale)) if self.kind == "modulus" else z * self.scale
+
+    def coordinate(self, value: float) -> float:
+        """The converse of `value`."""
+        if self.quantity is not None:
+            return self.quantity.coordinate(value)
+        return (float(np.log1p(value)) if self.kind == "modulus" else value) / self.scale
 
 
 def release_key(effect: Effect) -> tuple[str, str] | None:
@@ -92,11 +100,9 @@ def nuisance_coordinates(observed: Observed) -> list[Coordinate]:
 
 def _nuisance(kind: str, subject: str, sigma: float, usual: float) -> Coordinate:
     scale = sigma if sigma > 0.0 else usual
-    low, high = PARTS if kind == "modulus" else (-FARTHEST * scale, FARTHEST * scale)
-    if kind == "scale":
-        low, high = max(low, -LOST), min(high, LOST)
+    most = {"modulus": float(np.log(PARTS)), "scale": min(LOST, FARTHEST * scale)}.get(kind, FARTHEST * scale)
     spread = 1.0 if sigma > 0.0 else 0.0
-    return Coordinate(f"{kind} {subject}", kind, subject, scale, 0.0, spread, low / scale, high / scale)
+    return Coordinate(f"{kind} {subject}", kind, subject, scale, 0.0, spread, -most / scale, most / scale)
 
 
 def coordinates(nuisances: Sequence[Coordinate], hypothesis: Hypothesis) -> list[Coordinate]:

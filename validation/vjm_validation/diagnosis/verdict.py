@@ -213,7 +213,7 @@ def _covariance(fitter: Fitter, fit: Fit) -> Array:
     A = fitter.normal(fit)
     covariance = inverse(A, np.array([c.sigma != 0.0 for c in fit.found]))
     rows = int(fitter.whitening.present.sum())
-    inflation = max(1.0, fit.objective / max(rows - fit.free, 1))
+    inflation = max(1.0, fitter.squares(fit.found, fit.at) / max(rows - fit.free, 1))
     result: Array = covariance * inflation
     return result
 
