@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from vjm_validation.blind.__main__ import main
 from vjm_validation.blind.judging import admitted, column, principal, right
 from vjm_validation.blind.score import RIVALS, score
 from vjm_validation.blind.statistics import calibration_error, rate, reliability, wilson
-from vjm_validation.blind.table import BEGIN, END, markdown, rows, with_table
+from vjm_validation.blind.table import BEGIN, END, Part, markdown, rows, with_table
 
 
 def truth(causes=("creep",), group="single", admits=(), omitted=(), strength=10.0, held_out=True, **more):
@@ -147,6 +148,25 @@ def test_the_table_says_what_is_missed_and_goes_between_its_marks():
     assert with_table(new, held) == new
     assert with_table("no marks", held) == "no marks"
     assert markdown(score([])).count("–") > 10
+
+
+def test_the_table_says_how_much_of_a_campaign_it_is_about():
+    held = score(results(), held_out=True)
+    assert "half; made by `make blind`." in markdown(held)
+    cut = markdown(held, Part(share=0.5, finished=30, of=40))
+    assert (
+        'half of 50 % of a campaign, of which 30 of 40 sets were finished; made by `make blind ARGS="--share 0.5"`'
+        in cut
+    )
+
+
+def test_nothing_is_scored_where_nothing_is_finished(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["blind", "--only-score", "--out", str(tmp_path / "none")])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    assert "no set is finished" in capsys.readouterr().err
+    assert not list((tmp_path / "none").iterdir())
 
 
 def test_candidates_that_differ_in_the_part_alone_are_one():

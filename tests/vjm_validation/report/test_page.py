@@ -57,6 +57,15 @@ def bare(monkeypatch):
     monkeypatch.setattr(page, "iteration_picture", lambda run: None)
 
 
+def test_a_campaign_beside_the_report_is_linked(computed, bare, tmp_path):
+    assert "blind.html" not in write_report(computed, tmp_path / "run").read_text()
+    (tmp_path / "blind").mkdir()
+    (tmp_path / "blind" / "blind.html").write_text("a campaign")
+    (link,) = [a for a in Elements(write_report(computed, tmp_path / "run").read_text()).all("a")
+               if a.get("href", "").endswith("blind.html")]  # fmt: skip
+    assert (tmp_path / "run" / link["href"]).read_text() == "a campaign"
+
+
 def test_no_external_reference(text):
     elements = Elements(text)
     ids = {attributes["id"] for _, attributes in elements.found if "id" in attributes}

@@ -15,7 +15,7 @@ from vjm_validation.blind.campaign import results, run
 from vjm_validation.blind.page import page
 from vjm_validation.blind.plan import plans
 from vjm_validation.blind.score import score
-from vjm_validation.blind.table import markdown, with_table
+from vjm_validation.blind.table import Part, markdown, with_table
 
 SAMPLE, SAMPLE_DESIGNS = 0.03, 6
 """Share of a whole campaign that `--sample` makes, and the designs that it has."""
@@ -35,6 +35,7 @@ def campaign(
     share: Annotated[float, Parameter(help="Share of a whole campaign's sets, of every group alike.")] = 1.0,
     seed: Annotated[int, Parameter(help="Of the campaign; another one has other designs and sets.")] = 0,
     only_make: Annotated[bool, Parameter(negative="", help="Make the sets and diagnose none.")] = False,
+    only_score: Annotated[bool, Parameter(negative="", help="Score what is finished and go no further.")] = False,
     readme: Annotated[Path | None, Parameter(help="README whose table is renewed.")] = None,
 ) -> int:
     """Make the sets, diagnose them, write score.json, blind.html and blind.md; go on where it was cut off."""
@@ -45,24 +46,35 @@ def campaign(
     check_writable(out)
     share = SAMPLE if sample else share
     todo = plans(share, seed, SAMPLE_DESIGNS) if sample else plans(share, seed)
-    try:
-        with show.progress() as progress:
-            run(todo, out, jobs=jobs, diagnose=not only_make, progress=lambda n, of: progress("sets", n, of))
-    except KeyboardInterrupt:
-        show.error(f"interrupted; what is finished is in {out} and is not done again")
-        return INTERRUPTED
+    if not only_score:
+        try:
+            with show.progress() as progress:
+                run(todo, out, jobs=jobs, diagnose=not only_make, progress=lambda n, of: progress("sets", n, of))
+        except KeyboardInterrupt:
+            show.error(f"interrupted; what is finished is in {out} and is not done again; --only-score scores it")
+            return INTERRUPTED
     if only_make:
         return OK
     done = results(todo, out)
+    if not done:
+        raise ValueError(f"{out}: no set is finished: run without --only-score")
+    part = Part(share, len(done), len(todo))
     held, development = score(done, held_out=True), score(done, held_out=False)
-    document = {"seed": seed, "share": share, "held_out": held, "development": development}
+    document = {
+        "seed": seed,
+        "share": share,
+        "finished": len(done),
+        "of": len(todo),
+        "held_out": held,
+        "development": development,
+    }
     write_whole(out / "score.json", json.dumps(document, indent=1))
     write_whole(out / "blind.html", page(held, development))
-    write_whole(out / "blind.md", markdown(held, share))
+    write_whole(out / "blind.md", markdown(held, part))
     if readme is not None:
-        write_whole(readme, with_table(readme.read_text(encoding="utf-8"), held, share))
+        write_whole(readme, with_table(readme.read_text(encoding="utf-8"), held, part))
     console = show.console()
-    console.print(markdown(held, share), soft_wrap=True, markup=False)
+    console.print(markdown(held, part), soft_wrap=True, markup=False)
     console.print(f"page: {out / 'blind.html'}", soft_wrap=True)
     return OK
 

@@ -36,6 +36,29 @@ class Row:
         return _DASH if self.met is None else "holds" if self.met else "missed"
 
 
+@dataclass(frozen=True)
+class Part:
+    """How much of a campaign was made.
+
+    Attributes:
+        share: that was asked for of a whole one's sets.
+        finished: sets.
+        of: that were asked for.
+    """
+
+    share: float = 1.0
+    finished: int = 0
+    of: int = 0
+
+    @property
+    def words(self) -> str:
+        """What a reader must know of it, and the command."""
+        part = "" if self.share >= 1.0 else f" of {100.0 * self.share:.0f} % of a campaign"
+        left = "" if self.finished == self.of else f", of which {self.finished} of {self.of} sets were finished"
+        options = "" if self.share >= 1.0 else f' ARGS="--share {self.share:g}"'
+        return f"{part}{left}; made by `make blind{options}`"
+
+
 def rows(score: dict[str, Any]) -> list[Row]:
     """The headline figures of a score."""
     best = score["rivals"]["likelihood_ratio"]["by_strength"]["4"]["rate"]
@@ -79,12 +102,10 @@ def rows(score: dict[str, Any]) -> list[Row]:
     ]  # fmt: skip
 
 
-def markdown(score: dict[str, Any], share: float = 1.0) -> str:
-    """The rows as a table, with what they are about; ``share`` of a whole campaign's sets were made."""
-    part = "" if share >= 1.0 else f" of {100.0 * share:.0f} % of a campaign"
-    options = "" if share >= 1.0 else f' ARGS="--share {share:g}"'
+def markdown(score: dict[str, Any], part: Part = Part()) -> str:
+    """The rows as a table, with what they are about."""
     lines = [
-        f"{score['sets']} sets, the {score['half']} half{part}; made by `make blind{options}`.",
+        f"{score['sets']} sets, the {score['half']} half{part.words}.",
         "",
         "| figure | asked | found | 95 % interval | |",
         "| --- | --- | --- | --- | --- |",
@@ -95,9 +116,9 @@ def markdown(score: dict[str, Any], share: float = 1.0) -> str:
     return "\n".join(lines) + "\n"
 
 
-def with_table(readme: str, score: dict[str, Any], share: float = 1.0) -> str:
+def with_table(readme: str, score: dict[str, Any], part: Part = Part()) -> str:
     """A README with the table between its marks; unchanged where it has none."""
-    block = f"{BEGIN}\n{markdown(score, share)}{END}"
+    block = f"{BEGIN}\n{markdown(score, part)}{END}"
     return re.sub(f"{re.escape(BEGIN)}.*?{re.escape(END)}", lambda _: block, readme, flags=re.S)
 
 
