@@ -204,7 +204,11 @@ def _confused(known: Signatures, hidden: Sequence[Hidden]) -> bool:
     (one,) = hidden
     rig = as_drawn(known.visibility.design)
     change = one.put(rig, one.size).response(known.visibility.design).less(known.visibility.nominal)
-    return any(cause != one.family.cause for cause in known.equivalent(known.visibility.whitened(change)))
+    target = known.visibility.whitened(change)
+    if len(known.equivalent(target)) < 2:
+        return False
+    sharp = sharpened(known, target, [(one.family, one.size)], one.laws)
+    return any(cause != one.family.cause for cause in sharp.equivalent(target))
 
 
 def _sized(known: Signatures, cause: str, strength: float, plan: Plan, rng: np.random.Generator) -> Hidden:

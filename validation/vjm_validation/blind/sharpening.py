@@ -62,8 +62,9 @@ class Refit:
         family = next(
             (f for f in catalogue(seen.design, largest, laws) if f.cause == cause and _same_place(f, label)), None
         )
-        if family is None or size == 0.0 or abs(size) > family.most:
+        if family is None or size == 0.0:
             return None
+        size = float(np.clip(size, -family.most, family.most))
         (put,) = family.members
         try:
             change = put(as_drawn(seen.design), size).response(seen.design).less(seen.nominal)
@@ -139,8 +140,11 @@ def sharpened(known: Signatures, target: Array, hidden: Sequence[tuple[Family, f
     spread = np.tile([seen.design.instruments[name].noise for name in seen.design.channels], len(seen.design))
     raw = np.array([*known.raw, *(point.flat / spread for _, _, point in added)])
     first = len(known.nodes)
+    # a plane is straight: what it seems to reach, the refit has shown to be there or not
+    bent = {cause for cause, _, _ in added}
+    kept = [curve for curve in known.curves if not (curve.spans and curve.cause in bent)]
     curves = [Curve(cause, label, (first + k,), (1.0,), False, False) for k, (cause, label, _) in enumerate(added)]
-    return Signatures(seen, (*known.curves, *curves), white, white @ white.T, raw)
+    return Signatures(seen, (*kept, *curves), white, white @ white.T, raw)
 
 
 def _same_place(family: Family, label: str) -> bool:

@@ -175,6 +175,19 @@ class Fitter:
         present = self.forward.observed.present
         return np.where(present[:, :, None], np.nan_to_num(J), 0.0)
 
+    def differentiate_near(self, null: Fit, most: float) -> None:
+        """Slopes by the machine's nuisances where hypotheses begin, no further than ``most`` sigmas off.
+
+        A null that lacks a cause drags them along, and slopes found there lead astray.
+        """
+        own = self.of_machine
+        if float(np.abs(null.at.z[own]).max(initial=0.0)) <= FARTHER:
+            return
+        self.anchor = None
+        at = self.evaluate(null.found, np.clip(null.at.z, -most, most), null.hypothesis)
+        if at is not None:
+            self.slopes(null.found, at, null.hypothesis, fresh=True)
+
     def _instrument(self, J: Array, i: int, c: Coordinate, at: Evaluation) -> None:
         if c.subject in WRENCH:
             k = WRENCH.index(c.subject)

@@ -115,6 +115,7 @@ class Search:
     def run(self) -> Ranked:
         """The best hypothesis; the null where nothing is significant."""
         best = self.tried[frozenset()] = Ranked(self.null, self._criterion(self.null))
+        self.fitter.differentiate_near(self.null, STRAINED)
         found: list[Signature] = []
         for step in range(MOST_CAUSES):
             base = best.fit
