@@ -277,6 +277,10 @@ class Fitter:
             exact = ended or count % RENEWED == 0
             if exact:
                 self._renew(J, found, at, hypothesis)
+        if (at.z[own] != self.anchor).any():
+            # slopes of the machine's nuisances have led here; what it is worth they may miss by several squares
+            self.anchor = at.z[own].copy()
+            at = self.evaluate(found, at.z, hypothesis) or at
         if not rough and not fresh:
             self._renew(J, found, at, hypothesis)
         self.machine_slopes = usual
