@@ -79,11 +79,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
         if not rival.labels or rival.criterion > best.criterion + RIVAL or len(rivals) == RIVALS:
             continue
         # of a cause that can sit in several places the likeliest
-        if (
-            rival.fit.converged
-            and all(rival.causes != m.causes for m in rivals)
-            and not _needless(search, best, rival)
-        ):
+        if rival.fit.converged and all(rival.causes != m.causes for m in rivals) and not needless(best, rival):
             rivals.append(rival)
     # and in whichever place it is, it is that cause
     total = {r: sum(w for other, w in weights.items() if other.causes == r.causes) for r in rivals}
@@ -126,11 +122,12 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
     return replace(verdict, confidence=verdict.confidence * UNPROVED)
 
 
-def _needless(search: Search, best: Ranked, rival: Ranked) -> bool:
+def needless(best: Ranked, rival: Ranked) -> bool:
     """Whether a rival says the same with more causes, or with a parameter more that does not pay."""
     if len(rival.labels) > len(best.labels) or rival.labels > best.labels:
         return True
-    wider = any(cause in best.causes for effect in rival.fit.hypothesis for cause in effect.contains)
+    others = best.causes - rival.causes
+    wider = any(cause in others for effect in rival.fit.hypothesis for cause in effect.contains)
     return wider and rival.fit.objective > best.fit.objective - PAYS
 
 
