@@ -33,8 +33,8 @@ PATIENT, HOPE = 2, 5.0
 """A fit is given up after so many steps where so many like the last would not reach its target."""
 FAR = 1.0
 """Distance of a machine nuisance from where tables were made, in sigmas, at which they are made anew at once."""
-NEAR = 0.15
-"""And at which they are made anew at the end of a fit."""
+MISSED, MISSED_ROUGHLY = 0.3, 3.0
+"""Squares by which a fit may be worth less than slopes from its last tables said, to end there."""
 FARTHER = 3.0
 """Sigmas of a machine's nuisance, where it is free, after which its slopes are made anew."""
 RETREATS, SHORTER = 6, 4.0
@@ -227,7 +227,7 @@ class Fitter:
             nuisances: to start from ``(m,)``.
             values: of each effect.
             fresh: differentiate by the machine's nuisances anew.
-            rough: be content with slopes over a sigma of the machine's nuisances.
+            rough: be content with what slopes by the machine's nuisances say.
             target: squares worth reaching; a fit that will hardly come so far is given up.
         """
         found = coordinates(self.nuisances, hypothesis)
@@ -254,7 +254,7 @@ class Fitter:
                     exact = False
             off = float(np.abs(at.z[own] - self.anchor).max(initial=0.0))
             ended = there is None or fall < ENOUGH
-            if off > FAR or (ended and not rough and off > NEAR):
+            if off > FAR or (ended and off > 0.0):
                 self.anchor = at.z[own].copy()
                 again = self.evaluate(found, at.z, hypothesis)
                 if again is None:
@@ -266,7 +266,10 @@ class Fitter:
                     retreats, damping, exact = retreats + 1, max(10.0 * damping, SHORTER**retreats), True
                     self._renew(J, found, at, hypothesis)
                     continue
-                at, best, ended, damping = again, worth, False, 1e-3
+                astray = off > FAR or worth > best + (MISSED_ROUGHLY if rough else MISSED)
+                at, best = again, worth
+                if astray:
+                    ended, damping = False, 1e-3
                 if freed and float(np.abs(at.z[own] - sloped).max()) > FARTHER:
                     J, sloped = self._slopes_anew(found, at, hypothesis), at.z[own].copy()
             if ended and exact:
@@ -278,7 +281,6 @@ class Fitter:
             if exact:
                 self._renew(J, found, at, hypothesis)
         if (at.z[own] != self.anchor).any():
-            # slopes of the machine's nuisances have led here; what it is worth they may miss by several squares
             self.anchor = at.z[own].copy()
             at = self.evaluate(found, at.z, hypothesis) or at
         if not rough and not fresh:
