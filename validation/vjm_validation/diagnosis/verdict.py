@@ -30,6 +30,8 @@ UNPROVED, ACCIDENT = 0.5, 0.7
 """How sure a cause is that predicts what was held out worse than none, and that several such are an accident."""
 BY_CHANCE = 2.0
 """Times a right model's expected error that its error may be: readings held out together are wrong together."""
+UNSEEN = 0.65
+"""How sure it is that there is nothing where nothing is seen: the rest hides what is too faint (docs/blind.md)."""
 SUREST = 0.99
 """No verdict is surer: laws are never quite right."""
 NORMAL_95 = 1.959963984540054
@@ -141,10 +143,9 @@ def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:
 
 def _quiet(search: Search, weights: dict[Ranked, float], rest: Misfit) -> float:
     least = min((s.p for s in search.first), default=1.0)
-    return min(
-        SUREST,
-        float(1.0 / (1.0 + 0.05 * search.alarm / max(least, search.alarm))),
-        0.5 + 0.5 * min(1.0, rest.p / 0.05),
+    # an alarm that nearly came, or a misfit, makes it less sure
+    return UNSEEN * min(
+        float(1.0 / (1.0 + 0.05 * search.alarm / max(least, search.alarm))), 0.5 + 0.5 * min(1.0, rest.p / 0.05)
     )
 
 
