@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from types import FrameType
 
 import numpy as np
 from rich.box import SIMPLE
@@ -43,18 +46,45 @@ def one_line(failure: Exception) -> str:
 def progress(*, quiet: bool = False) -> Iterator[Callable[[str, int, int], None]]:
     """A progress display on standard error, called with a stage's name, how much is done, and of how much.
 
-    Of zero means that nobody knows of how much.
+    Of zero means that nobody knows of how much. An interrupt that meets a callback of a foreign library, which
+    swallows what is raised in it, is raised again with the next call, or at the end.
     """
+    asked = False
+
+    def interrupt(_signal: int, _frame: FrameType | None) -> None:
+        nonlocal asked
+        asked = True
+        raise KeyboardInterrupt
+
+    def check() -> None:
+        if asked:
+            raise KeyboardInterrupt
+
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=quiet) as display:
+    with _on_interrupt(interrupt), Progress(*columns, console=Console(stderr=True), disable=quiet) as display:
         tasks = {}
 
         def update(stage: str, done: int, total: int) -> None:
+            check()
             if stage not in tasks:
                 tasks[stage] = display.add_task(stage, total=total or None)
             display.update(tasks[stage], completed=done, total=total or None)
 
         yield update
+        check()
+
+
+@contextmanager
+def _on_interrupt(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Handle Ctrl-C so; only the main thread can."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def two_columns(title: str, rows: Mapping[str, str]) -> Table:
