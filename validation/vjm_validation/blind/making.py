@@ -92,8 +92,7 @@ def make(plan: Plan, store: Store, folder: Path, proposal: dict[str, Any] | None
     truth = {}
     if proposal is None:
         change = known.visibility.whitened(rig.response(design).less(known.visibility.nominal))
-        laws = hidden[0].laws if hidden else Laws()
-        sharp = sharpened(known, change, [(one.family, one.size) for one in hidden], laws) if hidden else known
+        sharp = _sharpened(known, change, hidden)
         truth = _truth(plan, sharp, hidden, change, nuisances)
         truth["rivals"] = verdicts(sharp, seen, regular, threshold(known))
         truth["simulator"] = simulator
@@ -207,8 +206,14 @@ def _confused(known: Signatures, hidden: Sequence[Hidden]) -> bool:
     target = known.visibility.whitened(change)
     if len(known.equivalent(target)) < 2:
         return False
-    sharp = sharpened(known, target, [(one.family, one.size)], one.laws)
-    return any(cause != one.family.cause for cause in sharp.equivalent(target))
+    return any(cause != one.family.cause for cause in _sharpened(known, target, hidden).equivalent(target))
+
+
+def _sharpened(known: Signatures, target: Array, hidden: Sequence[Hidden]) -> Signatures:
+    """The yardstick refitted to what is hidden, a whitened change ``(n c,)``, by the first cause's laws."""
+    if not hidden:
+        return known
+    return sharpened(known, target, [(one.family, one.size) for one in hidden], hidden[0].laws)
 
 
 def _sized(known: Signatures, cause: str, strength: float, plan: Plan, rng: np.random.Generator) -> Hidden:
@@ -219,11 +224,12 @@ def _sized(known: Signatures, cause: str, strength: float, plan: Plan, rng: np.r
     """
     design = known.visibility.design
     largest = float(np.abs(known.visibility.nominal.forces[:, 0]).max())
-    laws = Laws.draw(rng) if plan.group is not Group.OUTSIDE else Laws()
+    laws = Laws()
     if plan.group is Group.OUTSIDE:
         families = outside(design, rng)
         families = [families[int(cause) % len(families)]]
     else:
+        laws = Laws.draw(rng)
         families = [f for f in catalogue(design, largest, laws) if f.cause == cause]
     if not families:
         raise UnreachableError(f"{cause} has no place in this design")

@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_validation.blind.causes import Family, Laws, catalogue
+from vjm_validation.blind.causes import Family, Laws, Put, catalogue
 from vjm_validation.blind.drawing import as_drawn
 from vjm_validation.blind.machine import NoTruthError
-from vjm_validation.blind.signatures import Curve, Signatures
+from vjm_validation.blind.signatures import Curve, Signatures, change_of
+from vjm_validation.blind.visibility import Visibility
 
 WITHIN = 8.0
 """Strength by the coarse curves within which a cause is looked at."""
@@ -40,6 +41,15 @@ class Point:
 
     flat: Array
     whitened: Array
+
+    @staticmethod
+    def simulated(seen: Visibility, put: Put, size: float) -> Point | None:
+        """A cause of a size in the machine as drawn; None where the simulator gives up."""
+        try:
+            flat = change_of(seen, as_drawn(seen.design), seen.nominal, put, size)
+        except NoTruthError:
+            return None
+        return Point(flat, seen.whitened_flat(flat))
 
 
 @dataclass(frozen=True)
@@ -64,17 +74,11 @@ class Refit:
         )
         if family is None or size == 0.0:
             return None
-        size = float(np.clip(size, -family.most, family.most))
         (put,) = family.members
-        try:
-            change = put(as_drawn(seen.design), size).response(seen.design).less(seen.nominal)
-        except NoTruthError:
-            return None
-        flat = seen.flat(change)
-        return Point(flat, seen.whitened_flat(flat))
+        return Point.simulated(seen, put, float(np.clip(size, -family.most, family.most)))
 
-    def nearest(self, cause: str, target: Array) -> tuple[Curve, Point] | None:
-        """The point of a cause nearest to a whitened change ``(n c,)``, from where its coarse curves begin."""
+    def nearest(self, cause: str, target: Array) -> tuple[str, Point] | None:
+        """Label and point of a cause nearest to a whitened change ``(n c,)``, from where its coarse curves are."""
         fit = self.known.nearest(target, [cause])
         curve = next((c for c in self.known.curves if c.cause == cause and fit.weights[list(c.nodes)].any()), None)
         # a sheet's lumped link is another machine than that of the coarse curves
@@ -89,25 +93,28 @@ class Refit:
             step = np.linalg.lstsq(slopes, target - here.whitened, rcond=1e-6)[0]
             before = float(np.linalg.norm(target - here.whitened))
             for k in range(HALVED):
-                there = self.point(cause, curve.label, _inside(cause, sizes + 0.5**k * step, sizes))
+                moved = _inside(cause, sizes + 0.5**k * step, sizes)
+                there = self.point(cause, curve.label, moved)
                 if there is not None and float(np.linalg.norm(target - there.whitened)) < before:
-                    sizes, here = _inside(cause, sizes + 0.5**k * step, sizes), there
+                    sizes, here = moved, there
                     break
             if before - float(np.linalg.norm(target - here.whitened)) < SETTLED:
                 break
-        return None if here is None else (curve, here)
+        return None if here is None else (curve.label, here)
 
     def _slopes(self, cause: str, label: str, sizes: Array, here: Point) -> Array:
         """Derivatives ``(n c, k)`` of the whitened change by the sizes."""
         scale = float(np.abs(sizes).max())
         columns = np.zeros((len(here.whitened), len(sizes)))
         for k in range(len(sizes)):
-            h = DIFFERENCE * scale * (1.0 if sizes[k] >= 0.0 else -1.0)
-            moved = sizes.copy()
-            moved[k] += h
-            there = self.point(cause, label, moved) or self.point(cause, label, 2.0 * sizes - moved)
-            if there is not None:
-                columns[:, k] = (there.whitened - here.whitened) / h
+            outwards = DIFFERENCE * scale * (1.0 if sizes[k] >= 0.0 else -1.0)
+            for h in (outwards, -outwards):
+                moved = sizes.copy()
+                moved[k] += h
+                there = self.point(cause, label, moved)
+                if there is not None:
+                    columns[:, k] = (there.whitened - here.whitened) / h
+                    break
         return columns
 
 
@@ -123,17 +130,14 @@ def sharpened(known: Signatures, target: Array, hidden: Sequence[tuple[Family, f
     seen, added = known.visibility, list[tuple[str, str, Point]]()
     for family, size in hidden:
         (put,) = family.members
-        try:
-            flat = seen.flat(put(as_drawn(seen.design), size).response(seen.design).less(seen.nominal))
-        except NoTruthError:
-            continue
-        if family.cause in known.causes:
-            added.append((family.cause, family.label, Point(flat, seen.whitened_flat(flat))))
+        point = Point.simulated(seen, put, size) if family.cause in known.causes else None
+        if point is not None:
+            added.append((family.cause, family.label, point))
     refit = Refit(known, laws)
     for cause in known.causes:
-        found = refit.nearest(cause, target)
-        if found is not None:
-            added.append((cause, found[0].label, found[1]))
+        nearest = refit.nearest(cause, target)
+        if nearest is not None:
+            added.append((cause, *nearest))
     if not added:
         return known
     white = np.array([*known.nodes, *(point.whitened for _, _, point in added)])

@@ -175,13 +175,16 @@ class Fitter:
         present = self.forward.observed.present
         return np.where(present[:, :, None], np.nan_to_num(J), 0.0)
 
+    def dragged(self, null: Fit) -> bool:
+        """Whether a null needs nuisances of the machine far off the sheet's."""
+        return float(np.abs(null.at.z[self.of_machine]).max(initial=0.0)) > FARTHER
+
     def differentiate_near(self, null: Fit, most: float) -> None:
         """Slopes by the machine's nuisances where hypotheses begin, no further than ``most`` sigmas off.
 
         A null that lacks a cause drags them along, and slopes found there lead astray.
         """
-        own = self.of_machine
-        if float(np.abs(null.at.z[own]).max(initial=0.0)) <= FARTHER:
+        if not self.dragged(null):
             return
         self.anchor = None
         at = self.evaluate(null.found, np.clip(null.at.z, -most, most), null.hypothesis)

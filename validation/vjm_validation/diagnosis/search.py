@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from vjm.effects.effect import Effect
 from vjm.rotations import Array
-from vjm_validation.diagnosis.fitting import FARTHER, Fit, Fitter, inverse
+from vjm_validation.diagnosis.fitting import Fit, Fitter, inverse
 from vjm_validation.diagnosis.misfit import misfit
 from vjm_validation.diagnosis.screening import (
     STRONG,
@@ -137,7 +137,7 @@ class Search:
             promising = [
                 s for k, s in enumerate(ranked) if (k < SHORT or _bent(s.effect)) and s.p < HOPEFUL * self.alarm
             ]
-            if step == 0 and self._strained():
+            if step == 0 and self.fitter.dragged(self.null):
                 # signatures about nuisances dragged far along say little of what is there or is not
                 promising += [
                     s for s in ranked if not s.effect.quantities() and s.effect not in [p.effect for p in promising]
@@ -169,10 +169,6 @@ class Search:
                 self.tried = {}
                 return True
         return False
-
-    def _strained(self) -> bool:
-        """Whether the null needs nuisances of the machine far off the sheet's."""
-        return float(np.abs(self.null.at.z[self.fitter.of_machine]).max(initial=0.0)) > FARTHER
 
     def _signatures(self, best: Ranked) -> list[Signature]:
         self.progress(f"signatures of {len(self.effects)} effects")

@@ -73,7 +73,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
     if not best.labels:
         if rest.p < MISFIT:
             return Verdict("unknown", (), (), min(SUREST, 1.0 - rest.p), _others(weights, []), rest)
-        return Verdict("none", (), (), _quiet(search, weights, rest), _others(weights, [best]), rest)
+        return Verdict("none", (), (), _quiet(search, rest), _others(weights, [best]), rest)
     if wrong or not best.fit.converged:
         return Verdict("unknown", (), (), min(SUREST, 1.0 - min(rest.p, rest.strained)), _others(weights, []), rest)
     rivals: list[Ranked] = []
@@ -141,7 +141,7 @@ def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:
     return {r: float(v) for r, v in zip(ranked, w / w.sum(), strict=True)}
 
 
-def _quiet(search: Search, weights: dict[Ranked, float], rest: Misfit) -> float:
+def _quiet(search: Search, rest: Misfit) -> float:
     least = min((s.p for s in search.first), default=1.0)
     # an alarm that nearly came, or a misfit, makes it less sure
     return UNSEEN * min(
