@@ -71,9 +71,12 @@ class LumpedProblem:
         self.stations = tuple(StationLabel(s.part, s.fraction) for s in model.stations)
         as_drawn = bow is None and not self._hand.joints
         self._pose0 = self._hand.tool if as_drawn else self.model.kinematics(self._x0).end
+
+    @cached_property
+    def _softest(self) -> float:
+        """Smallest eigenvalue without any load."""
         bare = self.model.under(NO_LOADING) if len(self._loading) else self.model
-        at_rest = Configuration(bare, self._x0, np.zeros(6), 0.0, 0)
-        self._softest = stability(at_rest).eigenvalue
+        return stability(Configuration(bare, self._x0, np.zeros(6), 0.0, 0)).eigenvalue
 
     def target(self, ramp: float) -> Array:
         """Frame ``(4, 4)`` of the hand at a ramp."""

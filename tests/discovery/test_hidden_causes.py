@@ -16,6 +16,9 @@ QUICK = ("joint_friction", "actuator_backlash", "creep", "plasticity", "load_mis
 """By bristles, soft walls, two terms, a gradual law, a tilt in any direction."""
 EXPLAINED = ("joint_friction", "actuator_backlash")
 """Causes whose held-out postures are predicted within 1.3 times the noise; the others' laws extrapolate worse."""
+EXTRAPOLATED = (*EXPLAINED, "plasticity", "load_misalignment")
+"""Causes of which another posture is predicted as well as a right model could; creep by two terms of another law is
+one and a half times worse."""
 
 
 @pytest.mark.parametrize("cause", QUICK)
@@ -27,6 +30,9 @@ def test_a_hidden_cause_is_found(hide, cause):
     assert gain["after_in_sigma"] < gain["before_in_sigma"]
     if cause in EXPLAINED:
         assert gain["after_in_sigma"] <= 1.3
+    if cause in EXTRAPOLATED:
+        # a third beyond: what is held out together is wrong together
+        assert gain["after_in_sigma"] <= 1.3 * gain["expected_in_sigma"]
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

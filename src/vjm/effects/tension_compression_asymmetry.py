@@ -15,7 +15,8 @@ from vjm.effects.series import Element, memoryless
 from vjm.rotations import Array
 
 RATIO = Quantity("ratio", 0.1, 10.0, 0.05, neutral=1.0)
-MEAN = Quantity("mean_factor", 0.3, 3.0, 0.05, usual=1.0, spread=0.3)
+AS_DRAWN = Quantity("as_drawn", -1.5, 1.5, 0.5, usual=0.0, spread=0.7)
+"""Which way has the drawn stiffness: pull at 1, push at -1, at 0 neither but their geometric mean."""
 
 
 class TwoWays(Effect):
@@ -25,8 +26,14 @@ class TwoWays(Effect):
     title = "a stiffness differs between pull and push"
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """Pull stiffness over push stiffness, and the factor on their geometric mean's compliance."""
-        return (RATIO, MEAN)
+        """Pull stiffness over push stiffness, and which way is as drawn."""
+        return (RATIO, AS_DRAWN)
+
+
+def _mean(values: Sequence[float]) -> float:
+    """Factor on the geometric mean of both compliances."""
+    ratio, as_drawn = values
+    return float(ratio ** (0.5 * as_drawn))
 
 
 @dataclass(frozen=True)
@@ -41,19 +48,14 @@ class Asymmetry(TwoWays):
     part: str = "link"
     beam: str = "link"
 
-    @property
-    def contains(self) -> tuple[str, ...]:
-        """One factor in both ways."""
-        return ("foot_compliance", "link_compliance")
-
     def trials(self) -> Sequence[tuple[float, ...]]:
-        """Stiffer in pull."""
-        return [(1.1, 1.0)]
+        """Stiffer in pull, weaker in push, and both."""
+        return [(1.1, 0.0), (1.1, 1.0), (1.1, -1.0)]
 
     def machine(self, machine: Machine, values: Sequence[float]) -> Machine:
         """Both factors."""
         changed = replace(machine, asymmetry=(*machine.asymmetry, (self.beam, values[0])))
-        return changed.times(self.beam, values[1])
+        return changed.times(self.beam, _mean(values))
 
 
 @dataclass(frozen=True)
@@ -67,19 +69,14 @@ class DriveAsymmetry(TwoWays):
     compliance: float = 1e-5
     part: str = "actuator"
 
-    @property
-    def contains(self) -> tuple[str, ...]:
-        """One factor in both ways."""
-        return ("actuator_compliance",)
-
     def trials(self) -> Sequence[tuple[float, ...]]:
-        """Stiffer in pull, and softer."""
-        return [(1.3, 1.0), (0.75, 1.0)]
+        """Stiffer in pull, and softer, by either way or by both."""
+        return [(1.3, 0.0), (1.3, 1.0), (1.3, -1.0), (0.75, 0.0)]
 
     def elements(self, machine: Machine, values: Sequence[float]) -> tuple[Element, ...]:
         """What both springs give way beyond the model's own one."""
-        ratio, mean = values
-        pull, push = (self.compliance * (mean * ratio**power - 1.0) for power in (-0.5, 0.5))
+        mean = _mean(values)
+        pull, push = (self.compliance * (mean * values[0] ** power - 1.0) for power in (-0.5, 0.5))
 
         def law(N: Array) -> tuple[Array, Array]:
             slope = np.where(N > 0.0, pull, push)

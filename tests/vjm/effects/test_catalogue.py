@@ -7,7 +7,7 @@ import pytest
 
 from vjm.effects.catalogue import catalogue, plug_in
 from vjm.effects.effect import Scene
-from vjm.effects.machine import Machine
+from vjm.effects.machine import Machine, beam_of
 from vjm.io.model_file import load_chain
 from vjm.vjm_engine import VjmEngine
 
@@ -40,6 +40,19 @@ def test_column_without_foot_or_drive_has_no_such_causes():
     found = {e.label for e in catalogue(column)}
     assert not [label for label in found if "foot" in label or "actuator" in label]
     assert "creep" not in {label.partition(".")[0] for label in found}
+
+
+@pytest.mark.parametrize("part", ["foot", "link"])
+@pytest.mark.parametrize(("as_drawn", "same"), [(1.0, True), (-1.0, False)])
+def test_one_way_of_an_asymmetry_may_be_as_drawn(part, as_drawn, same):
+    ratio = 1.3
+    effect = next(e for e in catalogue(scene(8)) if e.label == f"tension_compression_asymmetry.{part}")
+    nominal = Machine(load_chain("orthoglide-chain"), VjmEngine(8))
+    changed = effect.machine(nominal, (ratio, as_drawn))
+    for pulls in (True, False):
+        drawn, made = (beam_of(m.chain(pulls), effect.beam).effective_section().EA for m in (nominal, changed))
+        factor = 1.0 if pulls is same else (ratio if pulls else 1.0 / ratio)
+        assert made == pytest.approx(drawn * factor, rel=1e-12)
 
 
 def test_trials_lie_within_the_bounds_and_act():

@@ -191,5 +191,8 @@ def test_a_proposed_experiment_is_added(design, path, ends):
     assert {new.ux.max(), new.ux.min()} - {0.0} == ends
     assert new.time[0] > design.sequences[-1].time[-1]
     assert new.ux[-1] == pytest.approx(0.0)
+    thrice = extended(design, {"posture": "D", "path": f"{path}, 3 times"}).sequences[-1]
+    assert len(thrice.ux) - 1 == 3 * (len(new.ux) - 1)
+    assert (np.diff(thrice.time) > 0.0).all()
     with pytest.raises(NoExperimentError, match="wiggle"):
         extended(design, {"posture": "D", "path": "wiggle"})

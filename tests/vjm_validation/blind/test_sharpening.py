@@ -49,11 +49,9 @@ def test_a_rival_is_refitted_by_the_hidden_law(known):
     best = minimize_scalar(
         lambda s: np.linalg.norm(target - whitened(known, rival, s)), bounds=(0.01, 0.4), method="bounded"
     )
-    # the straight line through the refitted point may come a little nearer than the point
-    assert sharp.nearest(target, ["joint_clearance"]).distance == pytest.approx(best.fun, rel=0.02)
-    assert (
-        sharp.nearest(target, ["joint_clearance"]).distance <= known.nearest(target, ["joint_clearance"]).distance
-    )
+    # the minimiser knows its place to 1e-5, and so its value, flat there, far better
+    assert sharp.nearest(target, ["joint_clearance"]).distance == pytest.approx(best.fun, rel=1e-6)
+    assert known.nearest(target, ["joint_clearance"]).distance > best.fun * (1.0 + 1e-5)
 
 
 def test_a_vector_is_refitted_in_both_components(known):

@@ -2,25 +2,47 @@
 
 from types import SimpleNamespace
 
+import numpy as np
+import pytest
+
+from vjm.effects.actuator_compliance import ActuatorCompliance
+from vjm.effects.actuator_hardening import RATIO, ActuatorHardening
 from vjm_validation.diagnosis.instrument import InstrumentZero, ThermalDrift
 from vjm_validation.diagnosis.search import Ranked
+from vjm_validation.diagnosis.unknowns import coordinates
 from vjm_validation.diagnosis.verdict import PAYS, needless
 
 DRIFT, ZERO = ThermalDrift(part="ux_mm", by="K", span=1.0), InstrumentZero(part="fx_N")
+LINEAR, HARDENING = ActuatorCompliance(), ActuatorHardening()
 
 
 def ranked(*effects, objective=100.0):
-    return Ranked(SimpleNamespace(hypothesis=effects, objective=objective), objective)
+    fit = SimpleNamespace(hypothesis=effects, objective=objective, found=coordinates([], effects))
+    return Ranked(fit, objective)
+
+
+def known_within(*errors):
+    """A fitter that knows a hypothesis' coordinates within such standard deviations."""
+    return SimpleNamespace(normal=lambda fit: np.diag([(1.0 / e) ** 2 for e in errors or [1.0] * len(fit.found)]))
+
+
+@pytest.mark.parametrize(("error", "out"), [(0.3, True), (0.6, False)])
+def test_a_shape_that_would_not_show_does_not_exclude_its_cause(error, out):
+    # the usual hardening is a factor of 2.5 either way: seen where its logarithm is known within half of that
+    assert RATIO.spread == pytest.approx(np.log(2.5))
+    best, rival = ranked(LINEAR), ranked(HARDENING)
+    assert needless(known_within(error, 1e-6), best, rival) is out
+    assert not needless(known_within(error, 1e-6), best, ranked(HARDENING, objective=100.0 - PAYS - 0.1))
 
 
 def test_a_law_with_a_parameter_more_must_pay_for_it():
     best = ranked(ZERO)
     # a drift is a zero error and a slope
-    assert needless(best, ranked(DRIFT, objective=best.fit.objective - PAYS + 0.1))
-    assert not needless(best, ranked(DRIFT, objective=best.fit.objective - PAYS - 0.1))
+    assert needless(known_within(), best, ranked(DRIFT, objective=best.fit.objective - PAYS + 0.1))
+    assert not needless(known_within(), best, ranked(DRIFT, objective=best.fit.objective - PAYS - 0.1))
 
 
 def test_a_zero_error_beside_a_drift_of_another_channel_is_not_needless():
     both = ranked(DRIFT, ZERO)
-    assert not needless(both, both)
-    assert needless(both, ranked(DRIFT, ZERO, InstrumentZero(part="ux_mm")))
+    assert not needless(known_within(), both, both)
+    assert needless(known_within(), both, ranked(DRIFT, ZERO, InstrumentZero(part="ux_mm")))

@@ -13,6 +13,7 @@ from vjm_validation.blind.designs import POSTURES, REMOUNTING, Design, Sequence
 STEPS, WAITS = 12, 5
 """Readings on each way, and while held."""
 _MOVE = re.compile(r"(pull and push|pull|push) to (-?[0-9.eE+-]+) mm")
+_TIMES = re.compile(r", (\d+) times")
 
 
 class NoExperimentError(ValueError):
@@ -25,7 +26,7 @@ def extended(design: Design, proposal: dict[str, Any]) -> Design:
     Args:
         design: that was diagnosed.
         proposal: ``next_experiment``: ``posture`` and a ``path`` such as ``pull and push to 2 mm, out, held and
-            back``.
+            back``, or ``…, 4 times``.
 
     Raises:
         NoExperimentError: posture or path say nothing.
@@ -37,7 +38,8 @@ def extended(design: Design, proposal: dict[str, Any]) -> Design:
     reach = abs(float(found[2]))
     ends = {"pull and push": (reach, -reach), "pull": (reach,), "push": (-reach,)}[found[1]]
     ux, time = [0.0], [0.0]
-    for end in ends:
+    times = _TIMES.search(path)
+    for end in ends * (int(times[1]) if times else 1):
         ways = [np.linspace(0.0, end, STEPS + 1)[1:], np.full(WAITS, end), np.linspace(end, 0.0, STEPS + 1)[1:]]
         for way, pace in zip(ways, (5.0, 60.0, 5.0), strict=True):
             ux += way.tolist()

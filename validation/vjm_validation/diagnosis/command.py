@@ -16,6 +16,7 @@ from vjm.rotations import Array
 from vjm_validation.diagnosis.column import DEPARTS, FIRST_YIELD, HANDBOOK, ColumnForward, is_column, observe_column
 from vjm_validation.diagnosis.column_experiment import direct
 from vjm_validation.diagnosis.contrasts import contrasts
+from vjm_validation.diagnosis.criterion import effective_samples
 from vjm_validation.diagnosis.critical import Critical, critical_points
 from vjm_validation.diagnosis.document import (
     AlternativeRow,
@@ -41,7 +42,7 @@ from vjm_validation.diagnosis.marks import marks_gain, with_one_more
 from vjm_validation.diagnosis.observed import Observed, observe
 from vjm_validation.diagnosis.page import write_page
 from vjm_validation.diagnosis.preparation import Prepared, effects_of, possible, prepare, refresh
-from vjm_validation.diagnosis.search import Search, effective_samples
+from vjm_validation.diagnosis.search import Search
 from vjm_validation.diagnosis.transfer import transfer
 from vjm_validation.diagnosis.verdict import Estimate, Verdict, estimates, judge, nuisance_estimates, proved
 from vjm_validation.measurement import Measurement, read_measurement

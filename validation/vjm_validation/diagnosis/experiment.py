@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from math import ceil
 
 import numpy as np
 
@@ -32,6 +33,8 @@ FURTHER = 2.5
 """How far beyond the furthest reading a test may be taken."""
 HELD = 6
 """Readings while held."""
+WANTED, MOST = 4.0, 10
+"""Strength at which two causes are told apart for sure, and how often a test is repeated for that at most."""
 SHORT_OF, UNKNOWN = 0.8, 0.1
 """How near a critical displacement a posture may be taken, and how far where the model does not say."""
 
@@ -43,7 +46,7 @@ class Proposal:
     Attributes:
         posture: label.
         path: what is done, in words.
-        strength: of the discrimination to be expected.
+        strength: of the discrimination to be expected, of the two hypotheses that it tells apart least.
         difference: largest difference of a reading that it would show.
         channel: of that reading.
     """
@@ -58,7 +61,7 @@ class Proposal:
 def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
     """The candidate that tells hypotheses best from one another; None where none can be computed.
 
-    Of the pairs the one that it tells apart least counts.
+    Pairs that it tells apart for sure count no more than that, and it is repeated as often as the others need.
 
     No posture is taken near a critical point that it was not taken to before: what a machine does there tells all
     hypotheses apart, and may be the last thing that it does.
@@ -69,7 +72,8 @@ def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
     """
     observed = fitter.forward.observed
     chain = observed.measurement.chain
-    best: Proposal | None = None
+    pairs = list(combinations(fits, 2))
+    best: tuple[float, str, str, tuple[float, ...], list[Proposal]] | None = None
     for posture in chain.postures:
         reach = _reach(observed, posture)
         pull, push = (_safe(observed, posture, sign, FURTHER * reach) for sign in (1.0, -1.0))
@@ -82,14 +86,31 @@ def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
             (both, (min(pull, push), -min(pull, push))),
         ]
         for name, ends in programmes:
-            found = [_candidate(fitter, one, other, posture, name, ends) for one, other in combinations(fits, 2)]
-            # the one of the pairs that it tells apart least
-            weakest = min((f for f in found if f is not None), key=lambda f: f.strength, default=None)
-            if weakest is None or None in found:
-                continue
-            if best is None or weakest.strength > 1.05 * best.strength:
-                best = weakest
-    return best
+            told = _told(fitter, pairs, posture, name, ends, 1)
+            worth = sum(min(t.strength, WANTED) for t in told)
+            if told and (best is None or worth > 1.05 * best[0]):
+                best = worth, posture, name, ends, told
+    if best is None:
+        return None
+    _, posture, name, ends, told = best
+    enough = [ceil((WANTED / max(t.strength, 1e-9)) ** 2) for t in told]
+    times = max((n for n in enough if n <= MOST), default=1)
+    if times > 1:
+        told = _told(fitter, pairs, posture, name, ends, times) or told
+    return min(told, key=lambda t: t.strength)
+
+
+def _told(
+    fitter: Fitter,
+    pairs: Sequence[tuple[Fit, Fit]],
+    posture: str,
+    name: str,
+    ends: tuple[float, ...],
+    times: int,
+) -> list[Proposal]:
+    """How well a candidate tells each pair apart; empty where that cannot be computed for one."""
+    found = [_candidate(fitter, one, other, posture, name, ends, times) for one, other in pairs]
+    return [f for f in found if f is not None] if None not in found else []
 
 
 def _reach(observed: Observed, posture: str) -> float:
@@ -113,9 +134,9 @@ def _safe(observed: Observed, posture: str, sign: float, far: float) -> float:
 
 
 def _candidate(
-    fitter: Fitter, one: Fit, other: Fit, posture: str, name: str, ends: tuple[float, ...]
+    fitter: Fitter, one: Fit, other: Fit, posture: str, name: str, ends: tuple[float, ...], times: int
 ) -> Proposal | None:
-    made = _observed(fitter.forward.observed, posture, ends)
+    made = _observed(fitter.forward.observed, posture, ends * times)
     forward = Forward(made)
     own = Fitter(forward, fitter.nuisances, fitter.whitening)
     first = own.evaluate(one.found, one.at.z, one.hypothesis)
@@ -145,11 +166,9 @@ def _candidate(
     strength = max(float(rest @ rest + step @ known @ step), 0.0) ** 0.5
     forces = np.where(present, np.abs(left), 0.0) * np.repeat([1.0, 1e-2], 3)
     k = int(np.argmax(forces.max(axis=0)))
-    held = " out, held and back"
-    return Proposal(
-        posture, f"{name} to {max(ends):.4g} mm,{held}" if max(ends) > 0 else f"push to {min(ends):.4g} mm,{held}",
-        strength, float(np.abs(left[:, k]).max()), WRENCH[k],
-    )  # fmt: skip
+    to = max(ends) if max(ends) > 0.0 else min(ends)
+    path = f"{name} to {to:.4g} mm, out, held and back" + (f", {times} times" if times > 1 else "")
+    return Proposal(posture, path, strength, float(np.abs(left[:, k]).max()), WRENCH[k])
 
 
 def _way(end: float) -> Array:

@@ -1,11 +1,12 @@
 """Whether a fit leaves anything: tests of the residual against shapes that have no name.
 
-Blocks of smooth shapes, by kind and channel, are tested as effects are; beside them the size of the whole residual.
+Blocks of shapes, by kind and channel, are tested as effects are; beside them the size of the whole residual.
 The least p-value is judged by its own distribution.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -15,7 +16,7 @@ from scipy.stats import chi2, norm
 from vjm.rotations import Array
 from vjm_validation.diagnosis.fitting import Fit, Fitter, prior
 from vjm_validation.diagnosis.screening import Projection, projection
-from vjm_validation.diagnosis.shapes import smooth_shapes
+from vjm_validation.diagnosis.shapes import smooth_shapes, sudden_shapes
 from vjm_validation.measurement.channels import WRENCH
 
 DRAWS = 4000
@@ -50,38 +51,57 @@ class _Block:
 def misfit(fitter: Fitter, fit: Fit) -> Misfit:
     """Test a fit's residual."""
     space = projection(fitter, fit)
-    blocks = _blocks(fitter, space)
+    observed = fitter.forward.observed
+    smooth = _blocks(fitter, space, *smooth_shapes(observed))
+    blocks = [*smooth, *_blocks(fitter, space, *sudden_shapes(observed))]
     if not blocks:
         return Misfit(1.0, 0.0, "")
     squares = np.array([float(np.sum((b.directions.T @ space.residual) ** 2)) for b in blocks])
     freedom = np.array([b.directions.shape[1] for b in blocks])
     p = np.asarray(chi2.sf(squares, freedom))
     worst = int(np.argmin(p))
-    together = np.column_stack([b.directions for b in blocks])
-    U, values, Vt = np.linalg.svd(together, full_matrices=False)
-    keep = values > 1e-6 * values[0]
-    left = max(float(np.sum((U[:, keep].T @ space.residual) ** 2)) - int(keep.sum()), 0.0)
-    draws = np.random.default_rng(SEED).standard_normal((DRAWS, int(keep.sum()))) @ (values[keep, None] * Vt[keep])
-    edges = np.concatenate([[0], np.cumsum(freedom)])
-    least = np.min(
-        [chi2.sf(np.sum(draws[:, a:b] ** 2, axis=1), b - a) for a, b in pairwise(edges.tolist())],
-        axis=0,
-    )
-    overall = min(_overall(space), float(chi2.sf(left + int(keep.sum()), int(keep.sum()))))
     # the rank of the least p among its draws; far out in its tail it goes with the p itself
+    least = _least(blocks)
     rank = float((np.count_nonzero(least <= p[worst]) + 1) / (DRAWS + 1))
     if rank <= 20.0 / DRAWS:
         rank = min(rank, float(p[worst] * 0.02 / np.quantile(least, 0.02)))
+    together, size = _together(smooth, space)
+    overall = min(_overall(space), float(chi2.sf(together, size)))
     total = min(1.0, 3.0 * min(rank, overall))
+    left = max(together - size, float(squares[worst]) - int(freedom[worst]), 0.0)
     off, weight = prior(fit.found, fit.at.z)
     sheet = np.array([c.kind != "effect" for c in fit.found]) & (weight > 0.0)
     strained = float(chi2.sf(float(np.sum(off[sheet] ** 2)), max(int(sheet.sum()), 1)))
     return Misfit(total, left, blocks[worst].name if total < 0.05 else "", strained)
 
 
-def _blocks(fitter: Fitter, space: Projection) -> list[_Block]:
+def _least(blocks: Sequence[_Block]) -> Array:
+    """The least p-value of blocks ``(DRAWS,)`` where nothing is wrong."""
+    directions = np.column_stack([b.directions for b in blocks])
+    # they overlap: noise is drawn as it is seen in them
+    sizes, mix = np.linalg.eigh(directions.T @ directions)
+    keep = sizes > 1e-10 * sizes[-1]
+    mix = np.sqrt(sizes[keep])[:, None] * mix[:, keep].T
+    draws = np.random.default_rng(SEED).standard_normal((DRAWS, len(mix))) @ mix
+    edges = np.concatenate([[0], np.cumsum([b.directions.shape[1] for b in blocks])])
+    result: Array = np.min(
+        [chi2.sf(np.sum(draws[:, a:b] ** 2, axis=1), b - a) for a, b in pairwise(edges.tolist())], axis=0
+    )
+    return result
+
+
+def _together(blocks: Sequence[_Block], space: Projection) -> tuple[float, int]:
+    """Squares of the residual in the span of blocks, and its dimension."""
+    if not blocks:
+        return 0.0, 0
+    U, values, _ = np.linalg.svd(np.column_stack([b.directions for b in blocks]), full_matrices=False)
+    U = U[:, values > 1e-6 * values[0]]
+    return float(np.sum((U.T @ space.residual) ** 2)), U.shape[1]
+
+
+def _blocks(fitter: Fitter, space: Projection, shapes: Array, names: Sequence[str]) -> list[_Block]:
+    """Shapes ``(n, k)`` of a kind as they show in each channel, by the kinds in their names."""
     observed = fitter.forward.observed
-    shapes, names = smooth_shapes(observed)
     kinds = list(dict.fromkeys(name.partition(": ")[2] for name in names))
     result = []
     for c, channel in enumerate(WRENCH):

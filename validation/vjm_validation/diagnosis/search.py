@@ -6,7 +6,6 @@ wrong law of the causes before it leaves behind.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -14,8 +13,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from vjm.effects.effect import Effect
-from vjm.rotations import Array
-from vjm_validation.diagnosis.fitting import Fit, Fitter, inverse
+from vjm_validation.diagnosis.criterion import criterion
+from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.misfit import misfit
 from vjm_validation.diagnosis.screening import (
     STRONG,
@@ -43,10 +42,6 @@ STRAINED = 1.5
 """Sigmas of a nuisance from which fits begin at most."""
 WORTH_A_LOOK = 60.0
 """Squares explained up to which a hypothesis may owe them to better nuisances alone."""
-DISTINCT, DISGUISED = 2.0, 12.0
-"""Standard deviations by which a cause's own parameter must differ from nothing, and what it costs if not."""
-TWICE = 6.0
-"""What it costs that a cause acts in two places at once."""
 STUCK, FAINT = 2.0, 0.03
 """Objective above that of a hypothesis with a cause less from which a fit has missed its best, and the share of the
 first trial with which it begins again."""
@@ -60,7 +55,8 @@ CARRIED_ON = 3
 POLISHED = 3
 """Hypotheses of one size whose fits are made exact."""
 HOPE = 0.3
-"""Share of what is left that the best causes must explain, to first order, to be worth a fit."""
+"""Share of what is left that the best causes must explain, to first order, to be worth a fit; and share of what was
+explained by which a hypothesis must have fallen behind not to be fitted again where the noise is known better."""
 CLOSE = 40.0
 """Criterion within which of the best a rough fit is made exact."""
 
@@ -134,16 +130,13 @@ class Search:
                 break
             if step == MOST_CAUSES - 1 and far_off(self.fitter, base):
                 break
-            promising = [
-                s for k, s in enumerate(ranked) if (k < SHORT or _bent(s.effect)) and s.p < HOPEFUL * self.alarm
-            ]
-            if step == 0 and self.fitter.dragged(self.null):
-                # signatures about nuisances dragged far along say little of what is there or is not
-                promising += [
-                    s for s in ranked if not s.effect.quantities() and s.effect not in [p.effect for p in promising]
-                ]
-            for score in promising:
-                self._try((*base.hypothesis, score.effect), base, [[*base.values, v] for v in score.starts])
+            # signatures about nuisances dragged far along say little of what is there or is not
+            dragged = step == 0 and self.fitter.dragged(self.null)
+            for k, score in enumerate(ranked):
+                promising = (k < SHORT or _bent(score.effect)) and score.p < HOPEFUL * self.alarm
+                unsized = dragged and not score.effect.quantities()
+                if (promising or unsized) and not self._beaten(best.labels | {score.effect.label}):
+                    self._try((*base.hypothesis, score.effect), base, [[*base.values, v] for v in score.starts])
             if step == 1:
                 self._pairs()
             if step == 0 and self.restarts < RESTARTS and self._null_from(base):
@@ -156,6 +149,15 @@ class Search:
             if len(best.labels) <= step:
                 break
         return best
+
+    def _beaten(self, labels: frozenset[str]) -> bool:
+        """Whether an earlier search has left a hypothesis so far behind that no better noise brings it back."""
+        hint = self.hints.get(labels)
+        if hint is None:
+            return False
+        least = min(r.criterion for r in self.hints.values() if len(r.labels) == len(labels))
+        explained = self.hints[frozenset()].criterion - least
+        return hint.criterion > least + max(CLOSE, HOPE * explained)
 
     def _null_from(self, base: Fit) -> bool:
         """Whether the null fits better from where a hypothesis with hardly any effect has led."""
@@ -220,8 +222,8 @@ class Search:
         base = self.null
         space = projection(self.fitter, base)
         for a, b, _ in best_pairs(space, self.first[:14], PAIRS):
-            hypothesis = (a.effect, b.effect)
-            self._try(hypothesis, base, [[a.starts[0], b.starts[0]]])
+            if not self._beaten(frozenset([a.effect.label, b.effect.label])):
+                self._try((a.effect, b.effect), base, [[a.starts[0], b.starts[0]]])
 
     def _try(self, hypothesis: Hypothesis, base: Fit, starts: Sequence[Sequence[Sequence[float]]]) -> None:
         key = frozenset(effect.label for effect in hypothesis)
@@ -275,8 +277,10 @@ class Search:
         explained = self.null.objective - best.fit.objective
         if gain <= WRONG_LAW * explained:
             return None
-        freedom = max(self._freedom(new.fit) - self._freedom(best.fit), 1)
-        return new if float(chi2.sf(gain, freedom)) < self.alarm and new.criterion < best.criterion else None
+        if new.criterion >= best.criterion:
+            return None
+        # the first must stand out of noise; how many there are, once there is one, is what the criterion says
+        return new if size > 1 or float(chi2.sf(gain, self._freedom(new.fit))) < self.alarm else None
 
     def settled(self, ranked: Ranked) -> Ranked:
         """The same, its fit carried on where it had not come to an end."""
@@ -305,7 +309,7 @@ class Search:
         """Without causes that the others have made superfluous."""
         if len(best.labels) < 2:
             return best
-        for i, effect in enumerate(best.fit.hypothesis):
+        for i in range(len(best.labels)):
             rest = tuple(e for k, e in enumerate(best.fit.hypothesis) if k != i)
             values = [v for k, v in enumerate(best.fit.values) if k != i]
             self._try(rest, best.fit, [values])
@@ -314,57 +318,18 @@ class Search:
                 continue
             loss = without.fit.objective - best.fit.objective
             explained = self.null.objective - without.fit.objective
-            freedom = max(len(effect.quantities()), 1)
-            if float(chi2.sf(max(loss, 0.0), freedom)) > self.alarm or loss < WRONG_LAW * explained:
+            if without.criterion <= best.criterion or loss < WRONG_LAW * explained:
                 return self._pruned(without)
         return best
 
     def _criterion(self, fit: Fit) -> float:
-        """Objective, what the parameters cost, and the catalogue's choice: of a cause, and of its place.
-
-        A free parameter costs the logarithm of the effective readings; one with a usual value and a spread what the
-        readings have narrowed it down by (Laplace's approximation of the evidence). A cause whose own parameter may
-        as well be nothing is another one in disguise.
-        """
-        kinds = [(i, c) for i, c in enumerate(fit.found) if c.kind == "effect"]
-        own = [i for i, c in kinds if np.isfinite(c.sigma)]
-        places = Counter(e.cause for e in self.effects)
-        causes = len(places)
-        free = sum(max(len(effect.quantities()), 1) for effect in fit.hypothesis) - len(own)
-        choice = 2.0 * sum(np.log(causes * places[e.cause]) for e in fit.hypothesis)
-        again = len(fit.hypothesis) - len({e.cause for e in fit.hypothesis})
-        cost = free * float(np.log(self.samples)) + float(choice) + TWICE * again
-        if not kinds:
-            return fit.objective + cost
-        A = self.fitter.normal(fit)
-        covariance = inverse(A, np.ones(len(A), dtype=bool))
-        spread = np.maximum(np.diag(covariance), 1e-300)
-        sigma = np.array([fit.found[i].sigma for i in own])
-        cost += float(np.sum(np.log(np.maximum(sigma**2 / spread[own], 1.0))))
-        for number, effect in enumerate(fit.hypothesis):
-            at = [i for i, c in kinds if c.subject == str(number)][: effect.extent]
-            if at and _is_nothing(effect, fit.at.z[at], covariance[np.ix_(at, at)]):
-                cost += DISGUISED
-            if len(at) > 1:
-                # of a vector the directions that the readings say less of cost less
-                sizes = np.maximum(np.linalg.eigvalsh(covariance[np.ix_(at, at)]), 1e-300)
-                cost -= float(np.sum(np.minimum(np.log(sizes[1:] / sizes[0]), np.log(self.samples))))
-        return fit.objective + cost
+        return criterion(self.fitter, fit, self.effects, self.samples)
 
 
 def _bent(effect: Effect) -> bool:
     """Whether an effect is known by a slope that says little of large sizes: that of a part's modulus or length."""
     key = release_key(effect)
     return key is not None and key[0] in ("modulus", "length")
-
-
-def _is_nothing(effect: Effect, z: Array, covariance: Array) -> bool:
-    """Whether an effect's size, coordinates ``(k,)``, may as well be none."""
-    sizes = effect.quantities()[: effect.extent]
-    if any(q.neutral is None or (q.log and q.neutral <= 0.0) for q in sizes):
-        return False
-    off = z - np.array([q.coordinate(q.neutral or 0.0) for q in sizes])
-    return float(off @ np.linalg.pinv(covariance, hermitian=True) @ off) < DISTINCT**2
 
 
 def _faint(effect: Effect, values: Sequence[float]) -> list[float]:
@@ -375,8 +340,3 @@ def _faint(effect: Effect, values: Sequence[float]) -> list[float]:
             nothing, here = (q.coordinate(v) if v > 0.0 or not q.log else 0.0 for v in (q.neutral, values[i]))
             result[i] = q.value(nothing + FAINT * (here - nothing))
     return result
-
-
-def effective_samples(rho: Array, present: np.ndarray) -> float:
-    """Independent readings that autocorrelated ones are worth."""
-    return float(np.sum(present.sum(axis=0) * (1.0 - rho) / (1.0 + rho)))

@@ -1,6 +1,6 @@
-"""Shapes that a misfit can have without a name: smooth in the displacement, and different on the way back.
+"""Shapes that a misfit can have without a name: smooth, different on the way back, waves, jumps.
 
-They tell whether anything is left that no hypothesis explains, and keep it out of the estimate of the noise.
+They tell whether anything is left that no hypothesis explains; the smooth ones are kept out of the noise.
 """
 
 from __future__ import annotations
@@ -13,6 +13,10 @@ from vjm_validation.measurement.readings import Branch
 
 ORDER = 4
 """Of the polynomials in the displacement."""
+WAVES, A_WAVE = 12, 4
+"""Half waves over a ray's half at most, and readings for each of them."""
+JUMPS = 8
+"""Parts of a sequence between which jumps are looked for."""
 CLEAR = 4.0
 """Times by which a shape must exceed what the noise of the displacement makes of it."""
 
@@ -108,3 +112,22 @@ def smooth_shapes(observed: Observed) -> tuple[Array, list[str]]:
             columns.append(column)
             names.append(f"posture {label}: {kind}")
     return np.column_stack(columns), names
+
+
+def sudden_shapes(observed: Observed) -> tuple[Array, list[str]]:
+    """Waves along the ramp and jumps in the order of the readings ``(n, k)``, and what each is about."""
+    place, sequence = driven_place(observed), observed.readings.sequence
+    columns, names = [], []
+    for label in dict.fromkeys(observed.readings.posture.tolist()):
+        on = observed.readings.posture == label
+        for k in range(2, min(WAVES, int(on.sum()) // A_WAVE) + 1):
+            columns += [np.where(on, np.cos(np.pi * k * place), 0.0), np.where(on, np.sin(np.pi * k * place), 0.0)]
+            names += [f"posture {label}: a wave of {2.0 / k:.2g} of the ramp"] * 2
+    for number in np.unique(sequence):
+        own = np.flatnonzero(sequence == number)
+        for edge in sorted({len(own) * k // JUMPS for k in range(1, JUMPS)} - {0}):
+            column = np.zeros(len(place))
+            column[own[edge:]] = 1.0
+            columns.append(column)
+            names.append(f"sequence {number}: a jump")
+    return np.column_stack(columns) if columns else np.zeros((len(place), 0)), names

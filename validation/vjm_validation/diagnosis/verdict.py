@@ -8,14 +8,16 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_validation.diagnosis.classes import best_verdict
+from vjm_validation.diagnosis.criterion import size_covariance, would_not_show
 from vjm_validation.diagnosis.fitting import Fit, Fitter, inverse
 from vjm_validation.diagnosis.forward import values_of
 from vjm_validation.diagnosis.misfit import Misfit, misfit
 from vjm_validation.diagnosis.search import WRONG_LAW, Ranked, Search
 from vjm_validation.diagnosis.unknowns import release_key
 
-MISFIT = 0.0002
-"""Chance of calling a right model wrong."""
+MISFIT, DOUBTFUL = 0.001, 0.01
+"""Chance of calling a right model wrong: the sheet's, and one with causes, since what no catalogue has may be as
+likely as they are and is often half explained by one."""
 STRAINED = 1e-6
 """Chance of nuisances so far from the sheet's below which the model is wrong, however well it then fits."""
 RIVAL = 16.0
@@ -32,8 +34,9 @@ BY_CHANCE = 2.0
 """Times a right model's expected error that its error may be: readings held out together are wrong together."""
 UNSEEN = 0.65
 """How sure it is that there is nothing where nothing is seen: the rest hides what is too faint (docs/blind.md)."""
-SUREST = 0.99
-"""No verdict is surer: laws are never quite right."""
+SUREST, SUREST_CAUSE = 0.99, 0.88
+"""No verdict is surer, and none that names causes: what no catalogue has may look just like one of them
+(docs/blind.md)."""
 NORMAL_95 = 1.959963984540054
 
 
@@ -64,7 +67,8 @@ def judge(search: Search, best: Ranked) -> Verdict:
     best = search.settled(best)
     rest = misfit(fitter, best.fit)
     explained = search.null.objective - best.fit.objective
-    wrong = (rest.p < MISFIT and rest.left > WRONG_LAW * explained) or rest.strained < STRAINED
+    misses = rest.p < DOUBTFUL and rest.left > WRONG_LAW * explained
+    wrong = misses or rest.strained < STRAINED
     if best.labels and not wrong:
         search.alike(best)
         for near in [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]:
@@ -81,7 +85,11 @@ def judge(search: Search, best: Ranked) -> Verdict:
         if not rival.labels or rival.criterion > best.criterion + RIVAL or len(rivals) == RIVALS:
             continue
         # of a cause that can sit in several places the likeliest
-        if rival.fit.converged and all(rival.causes != m.causes for m in rivals) and not needless(best, rival):
+        if (
+            rival.fit.converged
+            and all(rival.causes != m.causes for m in rivals)
+            and not needless(fitter, best, rival)
+        ):
             rivals.append(rival)
     # and in whichever place it is, it is that cause
     total = {r: sum(w for other, w in weights.items() if other.causes == r.causes) for r in rivals}
@@ -96,7 +104,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
         kind,
         tuple(members),
         tuple(float(v) for v in share),
-        min(SUREST, sure),
+        min(SUREST_CAUSE, sure),
         _others(weights, members),
         rest,
     )
@@ -124,13 +132,17 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
     return replace(verdict, confidence=verdict.confidence * UNPROVED)
 
 
-def needless(best: Ranked, rival: Ranked) -> bool:
-    """Whether a rival says the same with more causes, or with a parameter more that does not pay."""
+def needless(fitter: Fitter, best: Ranked, rival: Ranked) -> bool:
+    """Whether a rival says the same with more causes, or with a parameter more that would show and does not pay."""
     if len(rival.labels) > len(best.labels) or rival.labels > best.labels:
         return True
-    others = best.causes - rival.causes
-    wider = any(cause in others for effect in rival.fit.hypothesis for cause in effect.contains)
-    return wider and rival.fit.objective > best.fit.objective - PAYS
+    if rival.fit.objective <= best.fit.objective - PAYS:
+        return False
+    others, A = best.causes - rival.causes, fitter.normal(rival.fit)
+    return any(
+        others.intersection(effect.contains) and not would_not_show(effect, size_covariance(A, rival.fit, i))
+        for i, effect in enumerate(rival.fit.hypothesis)
+    )
 
 
 def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:

@@ -87,13 +87,14 @@ def deleted(whitening: Whitening, residual: Array) -> Array:
     return np.where(whitening.present, pull / size, 0.0)
 
 
-def outlying(observed: Observed, whitening: Whitening, residual: Array) -> np.ndarray:
+def outlying(observed: Observed, whitening: Whitening, residual: Array, known: np.ndarray) -> np.ndarray:
     """Samples ``(n, 6)`` that are not what the others let expect, the worst among neighbours only.
 
     Args:
         observed: the readings.
-        whitening: of the residuals.
+        whitening: of the residuals, those known left out.
         residual: reading minus model ``(n, 6)``.
+        known: wild samples ``(n, 6)`` found before, which count where it is asked whether they are accidents.
     """
     size = np.abs(deleted(whitening, residual))
     top = size == size.max(axis=1, keepdims=True)
@@ -103,7 +104,7 @@ def outlying(observed: Observed, whitening: Whitening, residual: Array) -> np.nd
         earlier = whitening.memory.before[later, c]
         top[later, c] &= size[later, c] >= size[earlier, c]
         top[earlier, c] &= size[earlier, c] >= size[later, c]
-    return _few(observed, (size > OUTLYING) & top)
+    return _few(observed, known | ((size > OUTLYING) & top))
 
 
 def _few(observed: Observed, wild: np.ndarray) -> np.ndarray:
@@ -128,6 +129,15 @@ def _gathered(place: Array, wild: np.ndarray) -> float:
     k = int(wild.sum())
     if k < 3:
         return 1.0
-    inside = (place >= place[wild].min()) & (place <= place[wild].max())
-    share = float(inside.mean())
+    ends = np.sort(place[wild])
+    chances = [_within(place, ends[0], ends[-1], k)]
+    if k > 3:
+        # one may be wild indeed, and far from the others
+        chances += [k * _within(place, a, b, k - 1) for a, b in ((ends[0], ends[-2]), (ends[1], ends[-1]))]
+    return min(chances)
+
+
+def _within(place: Array, low: float, high: float, k: int) -> float:
+    """Chance that k samples lie within so narrow a range as the one from ``low`` to ``high``."""
+    share = float(((place >= low) & (place <= high)).mean())
     return k * share ** (k - 1) - (k - 1) * share**k

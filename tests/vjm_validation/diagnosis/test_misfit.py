@@ -1,0 +1,59 @@
+"""What a fit leaves without a name is seen: waves of any period, jumps at any time; noise is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vjm_validation.diagnosis.misfit import misfit
+from vjm_validation.diagnosis.observed import observe
+from vjm_validation.diagnosis.preparation import prepare
+from vjm_validation.diagnosis.shapes import driven_place
+from vjm_validation.diagnosis.verdict import MISFIT
+from vjm_validation.measurement.measurement import read_measurement
+
+FORCE = 8.0
+"""Four standard deviations of a reading, N."""
+
+
+@pytest.fixture(scope="module")
+def prepared(make, tmp_path_factory):
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        files = make.made_up(tmp_path_factory.mktemp("quiet"), {}, 8, monkeypatch)
+    return prepare(observe(read_measurement(files.data, files.sheet)))
+
+
+def with_more(prepared, force):
+    """The null's fit had the first channel read so much more, N ``(n,)``."""
+    fitter, null = prepared.fitter, prepared.null
+    residual = null.at.residual.copy()
+    residual[:, 0] += np.where(fitter.whitening.present[:, 0], force, 0.0)
+    return misfit(fitter, replace(null, at=replace(null.at, residual=residual)))
+
+
+def test_noise_is_nothing(prepared):
+    rest = with_more(prepared, 0.0)
+    assert rest.p > 0.05
+    assert rest.worst == ""
+
+
+# of no period that is looked for; the last is lost between two readings
+@pytest.mark.parametrize(("period", "seen"), [(0.37, True), (0.23, True), (0.05, False)])
+def test_a_wave_along_the_ramp_is_seen(prepared, period, seen):
+    place = driven_place(prepared.fitter.forward.observed)
+    rest = with_more(prepared, FORCE * np.sin(2.0 * np.pi * place / period + 1.0))
+    assert (rest.p < MISFIT) is seen
+    assert ("fx_N: a wave" in rest.worst) is seen
+
+
+@pytest.mark.parametrize("share", [0.3, 0.55, 0.8])
+def test_a_jump_in_one_posture_is_seen(prepared, share):
+    observed = prepared.fitter.forward.observed
+    own = np.flatnonzero(observed.readings.posture == "B")
+    force = np.zeros(len(observed.pose))
+    force[own[int(share * len(own)) :]] = FORCE
+    rest = with_more(prepared, force)
+    assert rest.p < MISFIT
+    assert rest.left > 10.0
