@@ -12,8 +12,8 @@ from vjm_validation.blind.sharpening import sharpened
 
 
 def family_of(known, name, laws):
-    largest = float(np.abs(known.visibility.nominal.forces[:, 0]).max())
-    return next(f for f in catalogue(known.visibility.design, largest, laws) if f.name == name)
+    seen = known.visibility
+    return next(f for f in catalogue(seen.design, seen.largest, laws) if f.name == name)
 
 
 def whitened(known, family, size):

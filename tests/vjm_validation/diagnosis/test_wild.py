@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from vjm_validation.calibration.noise import memory_of
+from vjm_validation.diagnosis import wild
 from vjm_validation.diagnosis.fitting import Whitening
 from vjm_validation.diagnosis.wild import deleted
 
@@ -56,3 +58,39 @@ def test_one_sample_off_stands_out_by_what_its_neighbours_leave():
     assert np.unravel_index(found.argmax(), found.shape) == (30, 0)
     # with both neighbours and the other channel known less is left of the noise than its own size
     assert found[30, 0] > 10.0 / 2.0
+
+
+def placed(monkeypatch, place):
+    """A test of one channel whose readings lie at such places along the ramp."""
+    monkeypatch.setattr(wild, "driven_place", lambda observed: place)
+    present = np.zeros((len(place), 6), dtype=bool)
+    present[:, 0] = True
+    return SimpleNamespace(present=present)
+
+
+@pytest.mark.parametrize("stray", [(), (95,)])
+def test_samples_that_lie_together_are_no_accident_though_one_lies_far_off(monkeypatch, stray):
+    observed = placed(monkeypatch, np.linspace(-1.0, 1.0, 100))
+    found = np.zeros((100, 6), dtype=bool)
+    found[[44, 46, 48, 50, 52, 54, *stray], 0] = True
+    assert not wild._few(observed, found).any()
+
+
+def test_samples_at_random_are_accidents(monkeypatch):
+    observed = placed(monkeypatch, np.linspace(-1.0, 1.0, 100))
+    found = np.zeros((100, 6), dtype=bool)
+    found[[3, 28, 41, 70, 88], 0] = True
+    assert np.array_equal(wild._few(observed, found), found)
+
+
+def test_neighbours_found_one_after_the_other_are_one_lot(monkeypatch):
+    own = whitening(0.0)
+    observed = placed(monkeypatch, np.linspace(-1.0, 1.0, N))
+    observed.present = own.present
+    residual = np.zeros((N, 6))
+    residual[31, 0] = 20.0
+    known = np.zeros((N, 6), dtype=bool)
+    # alone it is wild; beside two that were found before, they are what the machine does
+    assert wild.outlying(observed, own, residual, known)[31, 0]
+    known[[29, 30], 0] = True
+    assert not wild.outlying(observed, own, residual, known).any()

@@ -223,7 +223,7 @@ def _sized(known: Signatures, cause: str, strength: float, plan: Plan, rng: np.r
         UnreachableError: this design cannot show it so strongly.
     """
     design = known.visibility.design
-    largest = float(np.abs(known.visibility.nominal.forces[:, 0]).max())
+    largest = known.visibility.largest
     laws = Laws()
     if plan.group is Group.OUTSIDE:
         families = outside(design, rng)

@@ -29,7 +29,7 @@ def verdicts(known: Signatures, seen: Response, regular: Response, limit: float)
         limit: of the likelihood ratio, see `threshold`.
     """
     visibility = known.visibility
-    sigma = np.tile([visibility.design.instruments[n].noise for n in visibility.design.channels], len(seen.ux))
+    sigma = visibility.noises
     raw = visibility.flat(seen.less(visibility.nominal))
     ratio = np.nan_to_num(raw / sigma)
     return {

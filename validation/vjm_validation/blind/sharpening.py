@@ -68,7 +68,7 @@ class Refit:
         """A cause at its sizes ``(k,)``, see `_form`; None where it has no place or the simulator gives up."""
         seen = self.known.visibility
         laws, size = _form(cause, sizes, self.laws)
-        largest = float(np.abs(seen.nominal.forces[:, 0]).max())
+        largest = seen.largest
         family = next(
             (f for f in catalogue(seen.design, largest, laws) if f.cause == cause and _same_place(f, label)), None
         )
@@ -141,7 +141,7 @@ def sharpened(known: Signatures, target: Array, hidden: Sequence[tuple[Family, f
     if not added:
         return known
     white = np.array([*known.nodes, *(point.whitened for _, _, point in added)])
-    spread = np.tile([seen.design.instruments[name].noise for name in seen.design.channels], len(seen.design))
+    spread = seen.noises
     raw = np.array([*known.raw, *(point.flat / spread for _, _, point in added)])
     first = len(known.nodes)
     # a plane is straight: what it seems to reach, the refit has shown to be there or not

@@ -215,7 +215,7 @@ def signatures(design: Design) -> Signatures:
     seen = visibility(design)
     rig = Rig(drawn(design).machine)
     base = rig.response(design)
-    largest = float(np.abs(seen.nominal.forces[:, 0]).max())
+    largest = seen.largest
     families = catalogue(design, largest)
     for cause, change in VARIANTS:
         if cause == "actuator_hardening" and design.drive > 0.0:
@@ -240,7 +240,7 @@ def signatures(design: Design) -> Signatures:
         curves.append(Curve("link_lumping", "", (len(nodes) - 1,), (1.0,), False, False))
     raw = np.array(nodes)
     white = np.array([seen.whitened_flat(point) for point in nodes])
-    spread = np.tile([design.instruments[name].noise for name in design.channels], len(design))
+    spread = seen.noises
     return Signatures(seen, tuple(curves), white, white @ white.T, raw / spread)
 
 

@@ -1,0 +1,71 @@
+"""When a search takes a cause, and what it does not try again."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from vjm_validation.diagnosis.instrument import InstrumentZero
+from vjm_validation.diagnosis.search import CLOSE, HOPE, WRONG_LAW, Ranked, Search
+
+ONE, OTHER = InstrumentZero(part="fx_N"), InstrumentZero(part="ux_mm")
+EXPLAINED = 500.0
+
+
+def ranked(*effects, objective, criterion):
+    return Ranked(SimpleNamespace(hypothesis=effects, objective=objective, values=[], at=None), criterion)
+
+
+def search(*tried, hints=()):
+    """With an alarm that a gain of 15 by one parameter does not give."""
+    # fits cannot be made any better
+    fitter = SimpleNamespace(nuisances=(), machine_slopes=None, fit=lambda *args, **kwargs: None)
+    null = ranked(objective=1000.0, criterion=1000.0)
+    for r in (null, *tried):
+        r.fit.at = SimpleNamespace(z=[])
+    return Search(
+        fitter,
+        null.fit,
+        (ONE, OTHER),
+        100.0,
+        hints={r.labels: r for r in hints},
+        tried={r.labels: r for r in (null, *tried)},
+        alarm=1e-5,
+    )
+
+
+@pytest.mark.parametrize(("gain", "taken"), [(15.0, False), (25.0, True)])
+def test_a_first_cause_must_stand_out_of_noise(gain, taken):
+    new = ranked(ONE, objective=1000.0 - gain, criterion=1000.0 - gain + 5.0)
+    own = search(new)
+    assert own._better(own.tried[frozenset()], 1) is (new if taken else None)
+
+
+@pytest.mark.parametrize(
+    ("gain", "cost", "taken"),
+    # worth its price; not worth it; what a slightly wrong law of the first leaves
+    [(15.0, 12.0, True), (15.0, 16.0, False), (0.9 * WRONG_LAW * EXPLAINED, 0.0, False)],
+)
+def test_a_further_cause_must_be_worth_its_price(gain, cost, taken):
+    first = ranked(ONE, objective=1000.0 - EXPLAINED, criterion=510.0)
+    both = ranked(ONE, OTHER, objective=first.fit.objective - gain, criterion=first.criterion - gain + cost)
+    assert search(first, both)._better(first, 2) is (both if taken else None)
+
+
+@pytest.mark.parametrize(
+    ("behind", "explained", "beaten"), [(1.1, 50.0, True), (0.9, 50.0, False), (1.1, 900.0, True)]
+)
+def test_what_fell_far_behind_is_not_tried_again(behind, explained, beaten):
+    least = 1000.0 - explained
+    far = least + behind * max(CLOSE, HOPE * explained)
+    hints = (
+        ranked(objective=1000.0, criterion=1000.0),
+        ranked(ONE, objective=0.0, criterion=least),
+        ranked(OTHER, objective=0.0, criterion=far),
+    )
+    own = search(hints=hints)
+    assert own._beaten(frozenset([OTHER.label])) is beaten
+    assert not own._beaten(frozenset([ONE.label]))
+    # what was never tried may be anything
+    assert not own._beaten(frozenset([ONE.label, OTHER.label]))
