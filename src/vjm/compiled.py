@@ -8,7 +8,6 @@ import numpy as np
 
 from vjm.arrays import buffers, work_of
 from vjm.kernels import positions
-from vjm.packing import packed
 from vjm.rotations import Array
 from vjm.solving import CONVERGED, SINGULAR, UNSTABLE, end_stiffness, march, nearest, newton, place, pull, respond
 
@@ -61,7 +60,7 @@ class Compiled:
         self.energy = float(model.wrench_scale[3])
         self._length = model.chain.characteristic_length
         self._gap_unit = np.repeat([self._length, 1.0], 3)
-        self.arrays = packed(model)
+        self.arrays = model.arrays
         self.buffers = buffers(self.arrays)
         self._work = work_of(self.buffers.integers[:5], self.buffers.work_integers, self.buffers.work_numbers)
         self._constant = model.loading.constant / self.wrench_unit

@@ -56,15 +56,15 @@ def walk_grid(problem: LumpedProblem, grid: Array) -> GridPath:
     compiled, n = problem.model.compiled, problem.model.size
     pieces: list[tuple[Array, ...]] = []
     bifurcations: list[float] = []
-    start, at, stopped = problem.unloaded(), 0, ""
+    rest = problem.at_rest()
+    begin, x, wrench, at, stopped = 0.0, rest.x, rest.wrench, 0, ""
     while True:
         # behind a bifurcation the march begins beside the grid, and that point is left out
         own = len(bifurcations) > 0
-        s = np.concatenate([[start.s], grid[at + (0 if own else 1) :]])
+        s = np.concatenate([[begin], grid[at + (0 if own else 1) :]])
         found = compiled.march(
-            problem.target(0.0), problem.programme.direction, s, start.state[:n], start.state[n : n + 6],
-            TOLERANCE, MAX_ITERATIONS,
-        )  # fmt: skip
+            problem.target(0.0), problem.programme.direction, s, x, wrench, TOLERANCE, MAX_ITERATIONS
+        )
         columns = (s, found.x, found.wrench, found.stiffness, found.residual, found.iterations)
         pieces.append(tuple(column[own : found.good] for column in columns))
         if not found.why:
@@ -74,12 +74,13 @@ def walk_grid(problem: LumpedProblem, grid: Array) -> GridPath:
             stopped = f"no equilibrium found beyond {last:.6g}: {found.why}"
             break
         try:
-            start, critical = _next_branch(problem, s, found, float(grid[-1]))
+            behind, critical = _next_branch(problem, s, found, float(grid[-1]))
         except NoConvergenceError as failure:
             stopped = f"no stable branch leads on beyond {last:.6g}: {failure}"
             break
         bifurcations.append(critical)
-        at = int(np.searchsorted(grid, start.s, side="right"))
+        begin, x, wrench = behind.s, behind.state[:n], behind.state[n : n + 6]
+        at = int(np.searchsorted(grid, begin, side="right"))
     s, X, F, K, error, iterations = (np.concatenate(column) for column in zip(*pieces, strict=True))
     return GridPath(s, F, K, X, error, iterations, tuple(bifurcations), stopped)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -20,6 +21,8 @@ from vjm.rotations import AXES, Array, displacement_between, frame, inverse_fram
 
 DEPENDENT = 1e-9
 """Singular value of the joints' Jacobian, over the largest, below which their motions depend on one another."""
+KEPT = 64
+"""Postures of models whose geometry is kept."""
 STILL = 1e-9
 """Motion of the chain's points, over its length and per unit of a joint's motion, that is none."""
 
@@ -81,9 +84,9 @@ def held(model: LumpedModel, programme: Programme) -> Hand:
     """
     chain = model.chain
     q = chain.posture(programme.posture)
-    here = model.kinematics(model.configuration(q))
+    here, rank = _drawn(model, programme.posture)
     tool = here.end
-    if _rank(model, here) < len(model.passive):
+    if rank < len(model.passive):
         raise ValueError(
             f"{chain.name}, posture {programme.posture} is singular: some of its passive joints move without "
             f"moving the tool; choose another posture"
@@ -104,6 +107,13 @@ def held(model: LumpedModel, programme: Programme) -> Hand:
             )
         free.remove(hinge)
     return _movable(Hand(model, tool, ()), here, programme)
+
+
+@lru_cache(maxsize=KEPT)
+def _drawn(model: LumpedModel, posture: str) -> tuple[Kinematics, int]:
+    """A model's geometry in a posture as drawn, and how many independent motions its passive joints give."""
+    here = model.kinematics(model.configuration(model.chain.posture(posture)))
+    return here, _rank(model, here)
 
 
 def _movable(hand: Hand, k: Kinematics, programme: Programme) -> Hand:

@@ -13,10 +13,12 @@ from functools import cached_property
 
 import numpy as np
 
+from vjm.arrays import Arrays
 from vjm.assembly import Assembly, Piece, Station
 from vjm.chain import Chain
 from vjm.compiled import Compiled
 from vjm.loads import NO_LOADING, Loading
+from vjm.packing import packed
 from vjm.rotations import Array
 from vjm.springs import LinearSpring, Spring
 
@@ -121,11 +123,12 @@ class LumpedModel:
 
     def bent(self, natural: Array) -> LumpedModel:
         """The same model with springs that are free of stress at the coordinates ``natural`` (n,)."""
-        return self._changed(natural=natural)
+        return self._changed(natural=natural, arrays=self.arrays._replace(natural=natural / self.coordinate_scale))
 
     def _changed(self, **attributes: object) -> LumpedModel:
         model = copy(self)
-        model.__dict__.pop("compiled", None)
+        for packed_or_compiled in ("arrays", "compiled"):
+            model.__dict__.pop(packed_or_compiled, None)
         model.__dict__.update(attributes)
         return model
 
@@ -177,6 +180,11 @@ class LumpedModel:
         for spring, where in self.blocks:
             k[where, where] = spring.unloaded
         return k[np.ix_(self.elastic, self.elastic)]
+
+    @cached_property
+    def arrays(self) -> Arrays:
+        """The model as the kernels take it."""
+        return packed(self)
 
     @cached_property
     def compiled(self) -> Compiled:

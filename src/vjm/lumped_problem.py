@@ -86,16 +86,23 @@ class LumpedProblem:
         """Factor on the ramped loads at a ramp."""
         return ramp if self.programme.load_driven else 0.0
 
-    def unloaded(self) -> Equilibrium:
+    def at_rest(self) -> Configuration:
         """The posture as drawn, under the loads that act all along.
 
         Raises:
             NoConvergenceError: they are more than the chain bears.
         """
-        at = Configuration(self.model, self._x0, np.zeros(6), 0.0, 0)
         if np.any(self._loading.constant):
-            at = self._settled()
-        return self.equilibrium(0.0, at, 0.0)
+            return self._settled()
+        return Configuration(self.model, self._x0, np.zeros(6), 0.0, 0)
+
+    def unloaded(self) -> Equilibrium:
+        """What the path keeps of `at_rest`, where it begins.
+
+        Raises:
+            NoConvergenceError: as there.
+        """
+        return self.equilibrium(0.0, self.at_rest(), 0.0)
 
     def solve(self, s: float, start: Equilibrium, slope: Array | None = None) -> Equilibrium:
         """Equilibrium at ``s`` by Newton-Raphson from a neighbour, prolonged along its slope."""

@@ -217,9 +217,8 @@ def _walk(problem: LumpedProblem, grid: Array, *, loaded: bool) -> Table:
 def _walk_loaded(problem: LumpedProblem, grid: Array) -> tuple[Array, Array, Array, Array, str]:
     """The equilibria of a chain that carries weights, which the compiled march does not take."""
     model = problem.model
-    n = model.size
-    start = problem.unloaded()
-    x, F = start.state[:n], start.state[n : n + 6]
+    rest = problem.at_rest()
+    x, F = rest.x, rest.wrench
     found, slope, last, stopped = [(0.0, x, F, model.compiled.end_stiffness(x, F))], None, 0.0, ""
     for s in grid[1:]:
         at = last

@@ -88,18 +88,18 @@ class ManipulatorProblem(LumpedProblem):
             bow is not None or bool(np.any(constant)) or any(manipulator.errors) or any(manipulator.offsets)
         )
 
-    def unloaded(self) -> Equilibrium:
+    def at_rest(self) -> Configuration:
         """The pose as drawn, under what acts all along: constant loads and the machine's errors.
 
         Raises:
             NoConvergenceError: it has no stable equilibrium.
         """
-        at = Configuration(self.model, self._x0, np.zeros(6), 0.0, 0)
-        if self._built:
-            at = solve_newton(self.model, self._pose0, self._x0, np.zeros(6), load=0.0)
-            if stability(at).unstable:
-                raise NoConvergenceError("under its constant loads and errors of assembly the machine is unstable")
-        return self.equilibrium(0.0, at, 0.0)
+        if not self._built:
+            return Configuration(self.model, self._x0, np.zeros(6), 0.0, 0)
+        at = solve_newton(self.model, self._pose0, self._x0, np.zeros(6), load=0.0)
+        if stability(at).unstable:
+            raise NoConvergenceError("under its constant loads and errors of assembly the machine is unstable")
+        return at
 
     def equilibrium(self, s: float, at: Configuration, ramp: float) -> Equilibrium:
         """What the path keeps of a configuration; the stiffness is the platform's, its whole pose imposed."""
