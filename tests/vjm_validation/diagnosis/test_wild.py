@@ -71,16 +71,25 @@ def placed(monkeypatch, place):
 @pytest.mark.parametrize("stray", [(), (95,)])
 def test_samples_that_lie_together_are_no_accident_though_one_lies_far_off(monkeypatch, stray):
     observed = placed(monkeypatch, np.linspace(-1.0, 1.0, 100))
-    found = np.zeros((100, 6), dtype=bool)
-    found[[44, 46, 48, 50, 52, 54, *stray], 0] = True
+    found = np.zeros((100, 6))
+    found[[44, 46, 48, 50, 52, 54, *stray], 0] = [1.0, -1.0] * 3 + [1.0] * len(stray)
     assert not wild._few(observed, found).any()
 
 
 def test_samples_at_random_are_accidents(monkeypatch):
     observed = placed(monkeypatch, np.linspace(-1.0, 1.0, 100))
-    found = np.zeros((100, 6), dtype=bool)
-    found[[3, 28, 41, 70, 88], 0] = True
+    found = np.zeros((100, 6))
+    found[[3, 28, 41, 70, 88], 0] = 1.0
     assert np.array_equal(wild._few(observed, found), found)
+
+
+@pytest.mark.parametrize(("ways", "accident"), [((1.0, 1.0, 1.0), False), ((1.0, -1.0, 1.0), True)])
+def test_neighbours_that_are_off_the_same_way_are_what_the_machine_does(monkeypatch, ways, accident):
+    observed = placed(monkeypatch, np.linspace(-1.0, 1.0, 100))
+    found = np.zeros((100, 6))
+    found[[20, 22, 23], 0] = ways
+    found[[3, 70, 88], 0] = 1.0
+    assert wild._few(observed, found).any() == accident
 
 
 def test_neighbours_found_one_after_the_other_are_one_lot(monkeypatch):
@@ -89,8 +98,8 @@ def test_neighbours_found_one_after_the_other_are_one_lot(monkeypatch):
     observed.present = own.present
     residual = np.zeros((N, 6))
     residual[31, 0] = 20.0
-    known = np.zeros((N, 6), dtype=bool)
+    known = np.zeros((N, 6))
     # alone it is wild; beside two that were found before, they are what the machine does
-    assert wild.outlying(observed, own, residual, known)[31, 0]
-    known[[29, 30], 0] = True
+    assert wild.outlying(observed, own, residual, known)[31, 0] == 1.0
+    known[[29, 30], 0] = 1.0
     assert not wild.outlying(observed, own, residual, known).any()

@@ -116,16 +116,16 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
     at = fitter.evaluate(best.found, best.at.z, best.hypothesis)
     if at is None:
         at = best.at
-    wild, accidents = np.zeros_like(everything.present), np.ones(6, dtype=bool)
+    wild, accidents = np.zeros(everything.present.shape), np.ones(6, dtype=bool)
     for _ in range(WORSE):
         found = outlying(everything, fitter.whitening, at.residual, wild)
         # what with others turns out to be none is not looked for again
         accidents &= found.any(axis=0) | ~wild.any(axis=0)
-        found &= accidents
+        found = np.where(accidents, found, 0.0)
         if np.array_equal(found, wild):
             break
         wild = found
-        _leave_out(fitter, everything, wild, at)
+        _leave_out(fitter, everything, wild != 0.0, at)
     m = len(fitter.nuisances)
     fit = choose_branches(fitter, fitter.fit(best.hypothesis, best.at.z[:m], best.values, fresh=True) or best)
     remember(fitter, fit, ())

@@ -56,10 +56,13 @@ def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndar
             way = np.sign(off)
             left, right = (way * (r - near[k : k + 2]) for k in (1, 3))
             alone = (left.max(axis=0) > 0.7 * level) & (right.max(axis=0) > 0.7 * level)
-            found[own, c] = np.where((np.abs(off) > level) & alone, np.abs(off), 0.0)
+            found[own, c] = np.where((np.abs(off) > level) & alone, off, 0.0)
     # one wild channel spoils what the others are expected to be: of several the worst
-    result: np.ndarray = (found > 0.0) & (found == found.max(axis=1, keepdims=True))
-    return _few(observed, result)
+    size = np.abs(found)
+    worst: np.ndarray = (
+        _few(observed, np.where(size == size.max(axis=1, keepdims=True), np.sign(found), 0.0)) != 0.0
+    )
+    return worst
 
 
 def deleted(whitening: Whitening, residual: Array) -> Array:
@@ -87,8 +90,8 @@ def deleted(whitening: Whitening, residual: Array) -> Array:
     return np.where(whitening.present, pull / size, 0.0)
 
 
-def outlying(observed: Observed, whitening: Whitening, residual: Array, known: np.ndarray) -> np.ndarray:
-    """Samples ``(n, 6)`` that are not what the others let expect, the worst among neighbours only.
+def outlying(observed: Observed, whitening: Whitening, residual: Array, known: Array) -> Array:
+    """Samples ``(n, 6)`` that are not what the others let expect, the worst among neighbours only: which way, or 0.
 
     Args:
         observed: the readings.
@@ -96,7 +99,8 @@ def outlying(observed: Observed, whitening: Whitening, residual: Array, known: n
         residual: reading minus model ``(n, 6)``.
         known: wild samples ``(n, 6)`` found before, which count where it is asked whether they are accidents.
     """
-    size = np.abs(deleted(whitening, residual))
+    off = deleted(whitening, residual)
+    size = np.abs(off)
     top = size == size.max(axis=1, keepdims=True)
     for c in range(6):
         # a wild sample makes its neighbours look wrong
@@ -104,24 +108,32 @@ def outlying(observed: Observed, whitening: Whitening, residual: Array, known: n
         earlier = whitening.memory.before[later, c]
         top[later, c] &= size[later, c] >= size[earlier, c]
         top[earlier, c] &= size[earlier, c] >= size[later, c]
-    return _few(observed, known | ((size > OUTLYING) & top))
+    return _few(observed, np.where((size > OUTLYING) & top, np.sign(off), known))
 
 
-def _few(observed: Observed, wild: np.ndarray) -> np.ndarray:
-    """None in a channel that has too many, or whose all lie together: then they are no accidents."""
+def _few(observed: Observed, way: Array) -> Array:
+    """None in a channel that has too many, or whose all lie together: then they are no accidents.
+
+    Args:
+        observed: the readings.
+        way: 1 or -1 for a sample ``(n, 6)`` that is too large or small, else 0.
+    """
     place = driven_place(observed)
-    kept = wild.copy()
+    kept = way.copy()
     for c in range(6):
-        own, count = observed.present[:, c], int(wild[:, c].sum())
-        together = any(_gathered(way[own], wild[own, c]) < GATHERED for way in (place, np.abs(place)))
-        if count > max(FEW, SHARE * own.sum()) or together or _in_a_row(wild[own, c]):
-            kept[:, c] = False
+        own = observed.present[:, c]
+        wild = way[own, c] != 0.0
+        together = any(_gathered(where[own], wild) < GATHERED for where in (place, np.abs(place)))
+        if wild.sum() > max(FEW, SHARE * own.sum()) or together or _in_a_row(way[own, c]):
+            kept[:, c] = 0.0
     return kept
 
 
-def _in_a_row(wild: np.ndarray) -> bool:
-    """Whether three of four neighbours are wild."""
-    return bool(len(wild) > 3 and (np.convolve(wild, np.ones(4), mode="valid") >= 3).any())
+def _in_a_row(way: Array) -> bool:
+    """Whether three of four neighbours are off the same way ``(m,)``; wild ones are so either way."""
+    if len(way) < 4:
+        return False
+    return any(bool((np.convolve(way == sign, np.ones(4), mode="valid") >= 3).any()) for sign in (1.0, -1.0))
 
 
 def _gathered(place: Array, wild: np.ndarray) -> float:
