@@ -52,6 +52,7 @@ def test_one_way_of_an_asymmetry_may_be_as_drawn(part, as_drawn, same):
     for pulls in (True, False):
         drawn, made = (beam_of(m.chain(pulls), effect.beam).effective_section().EA for m in (nominal, changed))
         factor = 1.0 if pulls is same else (ratio if pulls else 1.0 / ratio)
+        # a root and a few products of doubles
         assert made == pytest.approx(drawn * factor, rel=1e-12)
 
 

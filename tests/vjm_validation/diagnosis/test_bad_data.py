@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,19 +13,14 @@ from vjm.programme import Programme
 from vjm.vjm_engine import VjmEngine
 from vjm_validation.cli import run
 
-_spec = importlib.util.spec_from_file_location("diagnosis_made_up", Path(__file__).with_name("made_up.py"))
-_made_up = importlib.util.module_from_spec(_spec)
-sys.modules[_spec.name] = _made_up
-_spec.loader.exec_module(_made_up)
-
 Table = list[list[str]]
 
 
 @pytest.fixture(scope="module")
-def sound(tmp_path_factory):
+def sound(make, tmp_path_factory):
     """Sound data: what the spoiling starts from."""
     folder = tmp_path_factory.mktemp("sound")
-    rows = _made_up.programme(("A", "B"), 1.0, 4)
+    rows = make.programme(("A", "B"), 1.0, 4)
     u, wrench = np.array([row[3] for row in rows]), np.zeros((len(rows), 6))
     engine, chain = VjmEngine(4), load_chain("orthoglide-chain")
     for posture in "AB":
@@ -36,7 +29,7 @@ def sound(tmp_path_factory):
             on = np.array([row[1] == posture for row in rows]) & (sign * u > 0.0)
             for k in range(6):
                 wrench[on, k] = np.interp(np.abs(u[on]), path.s, path.wrench[:, k])
-    return _made_up.write(folder, rows, wrench, u)
+    return make.write(folder, rows, wrench, u)
 
 
 def column(name: str, change: Callable[[str], str]) -> Callable[[Table], None]:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -30,11 +28,6 @@ from vjm_validation.diagnosis.observed import observe
 from vjm_validation.diagnosis.unknowns import coordinates, nuisance_coordinates, start
 from vjm_validation.measurement import measurement as reading
 
-_spec = importlib.util.spec_from_file_location("diagnosis_made_up", Path(__file__).with_name("made_up.py"))
-_made_up = importlib.util.module_from_spec(_spec)
-sys.modules[_spec.name] = _made_up
-_spec.loader.exec_module(_made_up)
-
 
 class OnlyForward:
     """As much of a fitter as an extended file needs."""
@@ -44,16 +37,14 @@ class OnlyForward:
 
 
 @pytest.fixture
-def fitted(tmp_path, monkeypatch):
+def fitted(make, tmp_path, monkeypatch):
     """A hypothesis with the sheet's nuisances at one sigma of the machine's own, not fitted but given."""
 
-    def make(hypothesis, values, segments=12):
-        rows = _made_up.programme(("A", "B", "D"), 1.5, 4)
-        sheet = _made_up.SHEET.replace("link_segments = 4", f"link_segments = {segments}")
+    def given(hypothesis, values, segments=12):
+        rows = make.programme(("A", "B", "D"), 1.5, 4)
+        sheet = make.SHEET.replace("link_segments = 4", f"link_segments = {segments}")
         monkeypatch.setattr(reading, "check_units", lambda *args: None)
-        files = _made_up.write(
-            tmp_path / "test", rows, np.ones((len(rows), 6)), [row[3] for row in rows], sheet=sheet
-        )
+        files = make.write(tmp_path / "test", rows, np.ones((len(rows), 6)), [row[3] for row in rows], sheet=sheet)
         measurement = reading.read_measurement(files.data, files.sheet)
         forward = Forward(observe(measurement))
         found = coordinates(nuisance_coordinates(forward.observed), hypothesis)
@@ -66,7 +57,7 @@ def fitted(tmp_path, monkeypatch):
             Fit(hypothesis, tuple(found), at, np.zeros((0, 0, 0)), 0.0, converged=True),
         )
 
-    return make
+    return given
 
 
 def curve(model: Path, posture: str, to: float, *options: str) -> tuple[np.ndarray, np.ndarray]:
@@ -150,11 +141,11 @@ def test_its_critical_force_is_predicted_anew(fitted, tmp_path, capsys, case):
         assert critical["F_cr"] == pytest.approx(euler, rel=1e-3 if case == "base" else 5e-3)
 
 
-def test_calibrate_takes_it(fitted, tmp_path):
+def test_calibrate_takes_it(make, fitted, tmp_path):
     measurement, fitter, fit = fitted((LinkBow(),), [(0.3, -0.9)])
     (tmp_path / FILE).write_text(extended_text(measurement, fitter, fit, "named", {}))
     rng = np.random.default_rng(3)
-    rows = _made_up.programme(("A", "B"), 1.5, 6)
+    rows = make.programme(("A", "B"), 1.5, 6)
     u = np.array([row[3] for row in rows])
     wrench = np.zeros((len(rows), 6))
     for posture in "AB":
@@ -164,10 +155,10 @@ def test_calibrate_takes_it(fitted, tmp_path):
             for k in range(3):
                 wrench[on, k] = np.interp(np.abs(u[on]), s, force[:, k])
     wrench[:, 0] += 2.0 * rng.standard_normal(len(rows))
-    sheet = _made_up.SHEET.replace("link_segments = 4\n", "").replace('"orthoglide-chain"', f'"{FILE}"')
+    sheet = make.SHEET.replace("link_segments = 4\n", "").replace('"orthoglide-chain"', f'"{FILE}"')
     before, _, behind = sheet.partition("[instrument.mz_Nmm]")
     sheet = before + "[tolerance]" + behind.partition("[tolerance]")[2]
-    files = _made_up.write(tmp_path, rows, wrench, u, sheet)
+    files = make.write(tmp_path, rows, wrench, u, sheet)
     lines = files.data.read_text().splitlines()
     # the force alone was made up
     files.data.write_text("\n".join(line.rsplit(",", 2)[0] for line in lines) + "\n")
@@ -195,8 +186,8 @@ def test_a_law_with_memory_is_named_and_kept_out(fitted):
     ("hidden", "cause"),
     [({"link_bow": (1.2, 0.1)}, "link_bow"), ({"base_compliance": (4e-5, 3.0, 3.0)}, "base_compliance")],
 )
-def test_from_data_to_the_extended_curve(tmp_path, monkeypatch, hidden, cause):
-    files = _made_up.made_up(tmp_path / "test", hidden, 7, monkeypatch)
+def test_from_data_to_the_extended_curve(make, tmp_path, monkeypatch, hidden, cause):
+    files = make.made_up(tmp_path / "test", hidden, 7, monkeypatch)
     out = tmp_path / "out"
     assert run(["diagnose", str(files.data), f"--sheet={files.sheet}", f"--out={out}", "--json"]) == 0
     found = json.loads((out / "diagnosis.json").read_text())
