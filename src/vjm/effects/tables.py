@@ -20,7 +20,7 @@ from vjm.lumped_problem import LumpedProblem
 from vjm.programme import Programme
 from vjm.rotations import Array
 
-NODES = 40
+NODES = 16
 """Equilibria along half a ray."""
 FINE = 0.05
 """Error in N between two equilibria, estimated from their tangents, above which there are more."""

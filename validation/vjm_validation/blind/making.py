@@ -22,9 +22,9 @@ from vjm_validation.blind.outside import outside
 from vjm_validation.blind.plan import Group, Plan
 from vjm_validation.blind.rig import Response, Rig
 from vjm_validation.blind.rivals import threshold, verdicts
-from vjm_validation.blind.sharpening import sharpened
+from vjm_validation.blind.sharpening import sharpened, sharpened_pairs
 from vjm_validation.blind.sheets import data_text, sheet_text
-from vjm_validation.blind.signatures import Signatures, signatures
+from vjm_validation.blind.signatures import ONE_CLASS, Signatures, signatures
 from vjm_validation.blind.store import Store
 from vjm_validation.blind.visibility import visibility
 
@@ -143,12 +143,14 @@ def _truth(
         "wanted": list(plan.strengths),
         "alike": alike,
         "apart": _apart(known, change, names),
-        "admitted": _admitted(known, change, names, alike),
+        "admitted": _admitted(known, change, names, alike, hidden),
         "nuisances": nuisances,
     }  # fmt: skip
 
 
-def _admitted(known: Signatures, change: Array, names: Sequence[str], alike: dict[str, float]) -> list[list[str]]:
+def _admitted(
+    known: Signatures, change: Array, names: Sequence[str], alike: dict[str, float], hidden: Sequence[Hidden]
+) -> list[list[str]]:
     """Sets of causes that a verdict may name beside the hidden one: one class with it."""
     admitted = [[cause] for cause in alike]
     if len(names) < 2 and not set(names) - set(known.causes):
@@ -157,8 +159,11 @@ def _admitted(known: Signatures, change: Array, names: Sequence[str], alike: dic
     # pairs that hold one of the hidden causes, and for a stranger all pairs of the nearest
     near = sorted(causes, key=lambda c: known.nearest(change, [c]).distance)[:8]
     pairs = {tuple(sorted((a, b))) for a in (names if len(names) > 1 else near) for b in causes if a != b}
-    pairs = {pair for pair in pairs if set(pair) <= set(known.causes)}
-    admitted += [list(pair) for pair in sorted(pairs) if known.admits(change, pair)]
+    pairs = {pair for pair in pairs if set(pair) <= set(causes)}
+    if len(hidden) == 2:
+        one, two = ((h.family, h.size, h.laws) for h in hidden)
+        known = sharpened_pairs(known, change, (one, two))
+    admitted += [list(pair) for pair in sorted(pairs) if known.nearest(change, pair).distance <= ONE_CLASS]
     return admitted
 
 
@@ -213,7 +218,7 @@ def _sharpened(known: Signatures, target: Array, hidden: Sequence[Hidden]) -> Si
     """The yardstick refitted to what is hidden, a whitened change ``(n c,)``, by the first cause's laws."""
     if not hidden:
         return known
-    return sharpened(known, target, [(one.family, one.size) for one in hidden], hidden[0].laws)
+    return sharpened(known, target, [(one.family, one.size, one.laws) for one in hidden])
 
 
 def _sized(known: Signatures, cause: str, strength: float, plan: Plan, rng: np.random.Generator) -> Hidden:

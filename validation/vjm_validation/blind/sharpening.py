@@ -4,6 +4,9 @@ The curves of `signatures` serve a whole design. They are straight between a few
 they can lie beside what a law of another shape, or a size between, would show. Here each cause that might be one
 class with the hidden one is refitted to its readings: the same machine with the cause in it, by the hidden one's
 laws where both have them, its sizes and directions found by Gauss and Newton's method with differences.
+
+Of a hidden pair either cause stays as it is hidden, and every other cause is refitted to what the second one adds,
+in the machine that has the first.
 """
 
 from __future__ import annotations
@@ -17,8 +20,8 @@ from vjm.rotations import Array
 from vjm_validation.blind.causes import Family, Laws, Put, catalogue
 from vjm_validation.blind.drawing import as_drawn
 from vjm_validation.blind.machine import NoTruthError
+from vjm_validation.blind.rig import Response, Rig
 from vjm_validation.blind.signatures import Curve, Signatures, change_of
-from vjm_validation.blind.visibility import Visibility
 
 WITHIN = 8.0
 """Strength by the coarse curves within which a cause is looked at."""
@@ -28,6 +31,9 @@ DIFFERENCE = 0.03
 """Relative step of differences."""
 SETTLED = 0.02
 """Strength by which a step must come nearer for another one."""
+
+Hidden = tuple[Family, float, Laws]
+"""What is hidden: a cause, its size, and the laws by which it acts."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +48,9 @@ class Point:
     flat: Array
     whitened: Array
 
-    @staticmethod
-    def simulated(seen: Visibility, put: Put, size: float) -> Point | None:
-        """A cause of a size in the machine as drawn; None where the simulator gives up."""
-        try:
-            flat = change_of(seen, as_drawn(seen.design), seen.nominal, put, size)
-        except NoTruthError:
-            return None
-        return Point(flat, seen.whitened_flat(flat))
+
+Added = tuple[str, str, Point]
+"""A point of a cause, and where that sits."""
 
 
 @dataclass(frozen=True)
@@ -59,10 +60,37 @@ class Refit:
     Attributes:
         known: the yardstick.
         laws: of what is hidden.
+        rig: the machine that causes are put into.
+        base: its readings.
     """
 
     known: Signatures
     laws: Laws
+    rig: Rig
+    base: Response
+
+    @staticmethod
+    def into(known: Signatures, laws: Laws, beside: Hidden | None = None) -> Refit | None:
+        """Of causes in the machine as drawn, or in one with a cause already; None where that does not stand."""
+        seen, rig = known.visibility, as_drawn(known.visibility.design)
+        if beside is None:
+            return Refit(known, laws, rig, seen.nominal)
+        family, size, _ = beside
+        (put,) = family.members
+        rig = put(rig, size)
+        try:
+            return Refit(known, laws, rig, rig.response(seen.design))
+        except NoTruthError:
+            return None
+
+    def simulated(self, put: Put, size: float) -> Point | None:
+        """A cause of a size in the machine; None where the simulator gives up."""
+        seen = self.known.visibility
+        try:
+            flat = change_of(seen, self.rig, self.base, put, size)
+        except NoTruthError:
+            return None
+        return Point(flat, seen.whitened_flat(flat))
 
     def point(self, cause: str, label: str, sizes: Array) -> Point | None:
         """A cause at its sizes ``(k,)``, see `_form`; None where it has no place or the simulator gives up."""
@@ -75,7 +103,7 @@ class Refit:
         if family is None or size == 0.0:
             return None
         (put,) = family.members
-        return Point.simulated(seen, put, float(np.clip(size, -family.most, family.most)))
+        return self.simulated(put, float(np.clip(size, -family.most, family.most)))
 
     def nearest(self, cause: str, target: Array) -> tuple[str, Point] | None:
         """Label and point of a cause nearest to a whitened change ``(n c,)``, from where its coarse curves are."""
@@ -118,31 +146,64 @@ class Refit:
         return columns
 
 
-def sharpened(known: Signatures, target: Array, hidden: Sequence[tuple[Family, float]], laws: Laws) -> Signatures:
+def sharpened(known: Signatures, target: Array, hidden: Sequence[Hidden]) -> Signatures:
     """A design's yardstick with a point more for each cause that comes near, and with the hidden ones' own.
 
     Args:
         known: the design's.
         target: what is hidden, as a whitened change ``(n c,)``.
-        hidden: each with its size.
-        laws: of the hidden ones.
+        hidden: the causes; the others are refitted by the laws of the first.
     """
-    seen, added = known.visibility, list[tuple[str, str, Point]]()
-    for family, size in hidden:
-        (put,) = family.members
-        point = Point.simulated(seen, put, size) if family.cause in known.causes else None
-        if point is not None:
-            added.append((family.cause, family.label, point))
-    refit = Refit(known, laws)
-    for cause in known.causes:
-        nearest = refit.nearest(cause, target)
-        if nearest is not None:
-            added.append((cause, *nearest))
+    added = list[Added]()
+    for own in hidden:
+        added += _hidden_point(Refit.into(known, own[2]), own)
+    refit = Refit.into(known, hidden[0][2] if hidden else Laws())
+    return _with(known, [*added, *_nearest(refit, target)])
+
+
+def sharpened_pairs(known: Signatures, target: Array, pair: tuple[Hidden, Hidden]) -> Signatures:
+    """A design's yardstick of pairs that hold one of two hidden causes; single causes are not to be read off it.
+
+    Args:
+        known: the design's.
+        target: what both together change ``(n c,)``, whitened.
+        pair: the two.
+    """
+    added = list[Added]()
+    for kept, other in (pair, pair[::-1]):
+        own = _hidden_point(Refit.into(known, kept[2]), kept)
+        beside = Refit.into(known, other[2], kept)
+        if own:
+            ((_, _, point),) = own
+            added += [*own, *_hidden_point(beside, other), *_nearest(beside, target - point.whitened)]
+    return _with(known, added)
+
+
+def _hidden_point(refit: Refit | None, hidden: Hidden) -> list[Added]:
+    """What a hidden cause changes, where it is known by name and can be simulated."""
+    family, size, _ = hidden
+    if refit is None or family.cause not in refit.known.causes:
+        return []
+    (put,) = family.members
+    point = refit.simulated(put, size)
+    return [] if point is None else [(family.cause, family.label, point)]
+
+
+def _nearest(refit: Refit | None, target: Array) -> list[Added]:
+    """The nearest point of every cause that comes near."""
+    if refit is None:
+        return []
+    found = ((cause, refit.nearest(cause, target)) for cause in refit.known.causes)
+    return [(cause, *nearest) for cause, nearest in found if nearest is not None]
+
+
+def _with(known: Signatures, added: Sequence[Added]) -> Signatures:
+    """A yardstick with more points."""
     if not added:
         return known
+    seen = known.visibility
     white = np.array([*known.nodes, *(point.whitened for _, _, point in added)])
-    spread = seen.noises
-    raw = np.array([*known.raw, *(point.flat / spread for _, _, point in added)])
+    raw = np.array([*known.raw, *(point.flat / seen.noises for _, _, point in added)])
     first = len(known.nodes)
     # a plane is straight: what it seems to reach, the refit has shown to be there or not
     bent = {cause for cause, _, _ in added}

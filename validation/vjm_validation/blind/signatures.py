@@ -8,7 +8,7 @@ plainer rivals.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -194,16 +194,6 @@ class Signatures:
         """The single causes that come within `ONE_CLASS` of a whitened change, and how near."""
         near = {cause: self.nearest(target, [cause]).distance for cause in self.causes}
         return {cause: d for cause, d in sorted(near.items(), key=lambda kv: kv[1]) if d <= ONE_CLASS}
-
-    def admits(self, target: Array, causes: Iterable[str]) -> bool:
-        """Whether a set of causes is one class with a whitened change: near it, and no smaller set of them is."""
-        wanted = tuple(causes)
-        if not wanted or any(cause not in self.causes for cause in wanted):
-            return False
-        if self.nearest(target, wanted).distance > ONE_CLASS:
-            return False
-        smaller = [tuple(c for c in wanted if c != out) for out in wanted] if len(wanted) > 1 else []
-        return not any(self.nearest(target, rest).distance <= ONE_CLASS for rest in smaller)
 
 
 def signatures(design: Design) -> Signatures:

@@ -74,7 +74,7 @@ class ThermalDrift(Effect):
         size = size_of(self.part) / self.span
         return (
             Quantity(f"{self.part}.per_{self.by}", -1e4 * size, 1e4 * size, size, neutral=0.0),
-            Quantity("before_share", -4.0, 4.0, 1.0, usual=0.0, spread=1.0),
+            Quantity("before_share", 0.0 if self.by == "s" else -4.0, 4.0, 1.0, usual=0.0, spread=1.0),
         )
 
     def trials(self) -> Sequence[tuple[float, ...]]:
