@@ -17,6 +17,7 @@ from typing import Protocol
 import numpy as np
 
 from vjm.effects.history_kernel import decaying, flowing
+from vjm.equilibrium import NoConvergenceError
 from vjm.rotations import Array
 
 TOLERANCE = 1e-7
@@ -162,6 +163,9 @@ def balance(
         pose: imposed displacements ``(n, 6)``.
         elements: in series with the chain.
         history: of the readings.
+
+    Raises:
+        NoConvergenceError: none was found.
     """
     wrench, stiffness = look(pose)
     n, e = len(pose), len(elements)
@@ -180,14 +184,17 @@ def balance(
             wanted, slopes[:, i] = element.law(force, history)
             gap[:, i] = wanted - x[:, i]
         size = np.abs(motions[:, :, :3]).max(axis=(0, 2))
-        if float(np.max(np.abs(gap) * size)) < TOLERANCE:
+        # a reading that is in balance stays: what rounding makes of its next step may lie outside its bracket
+        still = (np.abs(gap) * size < TOLERANCE).all(axis=1, keepdims=True)
+        if still.all():
             break
+        gap = np.where(still, 0.0, gap)
         low, high = np.where(gap > 0.0, np.maximum(low, x), low), np.where(gap < 0.0, np.minimum(high, x), high)
         # 1 + slope bᵀ K b
         reach = np.einsum("nei,nij,nfj->nef", motions, stiffness, motions)
         matrix = np.eye(e) + slopes[:, :, None] * reach
         new = x + np.linalg.solve(matrix, gap[:, :, None])[:, :, 0]
-        outside = ((new <= low) | (new >= high)) & bracketed
+        outside = ((new <= low) | (new >= high)) & bracketed & ~still
         # other elements have moved since: a bracket that has become empty is opened again
         empty = outside & (high - low < 1e-6)
         low, high = np.where(empty, -most, low), np.where(empty, most, high)
@@ -196,6 +203,9 @@ def balance(
         x = np.where(bounded, middle, np.clip(new, -most, most))
         own = pose - np.einsum("ne,nei->ni", x, motions)
         wrench, stiffness = look(own)
+    else:
+        worst = float(np.max(np.abs(gap) * size))
+        raise NoConvergenceError(f"elements in series are {worst:.2g} mm off balance after {ITERATIONS} steps")
     # (1 + K S)⁻¹ K with S = Σ slope b bᵀ
     give = np.einsum("ne,nei,nej->nij", slopes, motions, motions)
     scale = np.repeat([1.0, 1e2], 3)

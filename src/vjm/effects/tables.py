@@ -21,7 +21,7 @@ from vjm.programme import Programme
 from vjm.rotations import Array
 
 NODES = 16
-"""Equilibria along half a ray."""
+"""Equilibria along half a ray, where its tangents hardly turn."""
 FINE = 0.05
 """Error in N between two equilibria, estimated from their tangents, above which there are more."""
 MOST = 12
@@ -180,12 +180,12 @@ def tabulate(machine: Machine, half: HalfRay, pulls: bool) -> Table:
     problem = LumpedProblem(model, programme, machine.engine.label, bow)
     grid = np.linspace(0.0, half.reach, NODES + 1)
     table = _walk(problem, grid, loaded=gravity is not None)
-    finer = grid if machine.perfect else _refined(table)
+    finer = np.concatenate([_refined(table), grid[grid > table.s[-1]]])
     if np.isfinite(table.bifurcation):
         # towards a bifurcation the stiffness across the ray has a pole
         near = table.bifurcation * (1.0 + np.concatenate([-NEAR, NEAR]))
         finer = np.unique(np.concatenate([finer, near[near < half.reach]]))
-    return table if finer is grid else _walk(problem, finer, loaded=gravity is not None)
+    return table if len(finer) == len(grid) else _walk(problem, finer, loaded=gravity is not None)
 
 
 def _refined(table: Table) -> Array:

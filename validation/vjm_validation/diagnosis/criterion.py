@@ -9,7 +9,8 @@ import numpy as np
 
 from vjm.effects.effect import Effect
 from vjm.rotations import Array
-from vjm_validation.diagnosis.fitting import Fit, Fitter, inverse
+from vjm_validation.diagnosis.fitting import Fit, Fitter
+from vjm_validation.diagnosis.normal_equations import inverse
 
 DISTINCT, DISGUISED = 2.0, 12.0
 """Standard deviations by which a cause's own parameter must differ from nothing, and what it costs if not."""

@@ -33,8 +33,10 @@ FURTHER = 2.5
 """How far beyond the furthest reading a test may be taken."""
 HELD = 6
 """Readings while held."""
-WANTED, MOST = 4.0, 10
+WANTED, MOST = 4.0, 20
 """Strength at which two causes are told apart for sure, and how often a test is repeated for that at most."""
+HELPS = 4
+"""Times `MOST` repetitions that would be needed, up to which so many still tell half as much as wanted."""
 SHORT_OF, UNKNOWN = 0.8, 0.1
 """How near a critical displacement a posture may be taken, and how far where the model does not say."""
 
@@ -94,7 +96,7 @@ def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
         return None
     _, posture, name, ends, told = best
     enough = [ceil((WANTED / max(t.strength, 1e-9)) ** 2) for t in told]
-    times = max((n for n in enough if n <= MOST), default=1)
+    times = max((min(n, MOST) for n in enough if n <= HELPS * MOST), default=1)
     if times > 1:
         told = _told(fitter, pairs, posture, name, ends, times) or told
     return min(told, key=lambda t: t.strength)

@@ -15,8 +15,8 @@ import numpy as np
 from vjm.equilibrium import NoConvergenceError
 from vjm.rotations import Array
 from vjm_validation.calibration.noise import Memory, whiten
-from vjm_validation.diagnosis.bounded import bounded_step
 from vjm_validation.diagnosis.forward import Evaluation, Predictor, values_of
+from vjm_validation.diagnosis.normal_equations import bounded_step, inverse
 from vjm_validation.diagnosis.observed import Observed
 from vjm_validation.diagnosis.unknowns import Coordinate, Hypothesis, coordinates, start
 from vjm_validation.measurement.channels import WRENCH
@@ -255,7 +255,7 @@ class Fitter:
                 if fall > LEARNT:
                     self._learn(J, found, before, at)
                     exact = False
-            off = float(np.abs(at.z[own] - self.anchor).max(initial=0.0))
+            off = 0.0 if self.anchor is None else float(np.abs(at.z[own] - self.anchor).max(initial=0.0))
             ended = there is None or fall < ENOUGH
             if off > FAR or (ended and off > 0.0):
                 self.anchor = at.z[own].copy()
@@ -263,6 +263,13 @@ class Fitter:
                 if again is None:
                     break
                 worth = self.squares(found, again)
+                if fresh and worth > best + MISSED:
+                    # the machine's slopes depend on the causes: from here on tables are made at every step
+                    self.anchor, damping, exact = None, 1e-3, True
+                    z = at.z if worth < start_of_step[1] else start_of_step[0].z
+                    at = self.evaluate(found, z, hypothesis) or again
+                    best, J = self.squares(found, at), self.slopes(found, at, hypothesis, fresh=True)
+                    continue
                 if off > FAR and worth > start_of_step[1] + LEARNT and retreats < RETREATS:
                     # the slopes have led astray: back, and on by shorter steps
                     at, best, self.anchor = start_of_step
@@ -281,9 +288,11 @@ class Fitter:
             if count >= PATIENT and best - HOPE * fall > target and best - self._promise(found, at, J) > target:
                 break
             exact = ended or count % RENEWED == 0
-            if exact:
+            if exact and self.anchor is None:
+                J = self.slopes(found, at, hypothesis, fresh=True)
+            elif exact:
                 self._renew(J, found, at, hypothesis)
-        if (at.z[own] != self.anchor).any():
+        if self.anchor is not None and (at.z[own] != self.anchor).any():
             self.anchor = at.z[own].copy()
             at = self.evaluate(found, at.z, hypothesis) or at
         if not rough and not fresh:
@@ -382,16 +391,3 @@ def prior(found: Sequence[Coordinate], z: Array) -> tuple[Array, Array]:
     weight = np.array([0.0 if c.sigma == 0.0 or not np.isfinite(c.sigma) else 1.0 / c.sigma for c in found])
     mean = np.array([c.mean for c in found])
     return (z - mean) * weight, weight
-
-
-def inverse(A: Array, free: np.ndarray, rcond: float = 1e-12) -> Array:
-    """Pseudo-inverse ``(k, k)`` of a normal matrix whose coordinates differ in size.
-
-    Zero for those that are not free ``(k,)``, and where nothing is known.
-    """
-    on = free & (np.diag(A) > 0.0)
-    size = np.sqrt(np.diag(A)[on])
-    result = np.zeros_like(A)
-    own = np.linalg.pinv(A[np.ix_(on, on)] / size[:, None] / size, rcond=rcond, hermitian=True)
-    result[np.ix_(on, on)] = own / size[:, None] / size
-    return result

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_validation.diagnosis.fitting import Fit, Fitter, inverse
+from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.forward import Evaluation
+from vjm_validation.diagnosis.normal_equations import inverse
 from vjm_validation.diagnosis.observed import Observed
 from vjm_validation.diagnosis.shapes import driven_place
 

@@ -9,9 +9,10 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_validation.diagnosis.classes import best_verdict
 from vjm_validation.diagnosis.criterion import size_covariance, would_not_show
-from vjm_validation.diagnosis.fitting import Fit, Fitter, inverse
+from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.forward import values_of
 from vjm_validation.diagnosis.misfit import Misfit, misfit
+from vjm_validation.diagnosis.normal_equations import inverse
 from vjm_validation.diagnosis.search import WRONG_LAW, Ranked, Search
 from vjm_validation.diagnosis.unknowns import release_key
 

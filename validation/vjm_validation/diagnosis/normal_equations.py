@@ -1,4 +1,4 @@
-"""One damped step of Gauss and Newton within bounds."""
+"""Normal equations: one damped step of Gauss and Newton within bounds, and the inverse."""
 
 from __future__ import annotations
 
@@ -62,3 +62,16 @@ def _descend(M: Array, b: Array, low: Array, high: Array, x: Array, sweeps: int)
             x[i] = new
         if largest < 1e-6:
             break
+
+
+def inverse(A: Array, free: np.ndarray, rcond: float = 1e-12) -> Array:
+    """Pseudo-inverse ``(k, k)`` of a normal matrix whose coordinates differ in size.
+
+    Zero for those that are not free ``(k,)``, and where nothing is known.
+    """
+    on = free & (np.diag(A) > 0.0)
+    size = np.sqrt(np.diag(A)[on])
+    result = np.zeros_like(A)
+    own = np.linalg.pinv(A[np.ix_(on, on)] / size[:, None] / size, rcond=rcond, hermitian=True)
+    result[np.ix_(on, on)] = own / size[:, None] / size
+    return result
