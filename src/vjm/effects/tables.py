@@ -194,6 +194,8 @@ def _refined(table: Table) -> Array:
     h = np.diff(s)
     error = np.abs(np.diff(table.slope[:, :3], axis=0)).max(axis=1) * h / 8.0
     count = np.clip(np.ceil((error / FINE / 20.0) ** 0.5), 1, MOST).astype(int)
+    if (count == 1).all():
+        return s
     pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(s[:-1], s[1:], count, strict=True)]
     return np.concatenate([*pieces, s[-1:]])
 
