@@ -37,6 +37,8 @@ WANTED, MOST = 4.0, 20
 """Strength at which two causes are told apart for sure, and how often a test is repeated for that at most."""
 HELPS = 4
 """Times `MOST` repetitions that would be needed, up to which so many still tell half as much as wanted."""
+SMALL = 0.15
+"""Share of the usual reach within which scales and moduli count for little: there play and friction show best."""
 SHORT_OF, UNKNOWN = 0.8, 0.1
 """How near a critical displacement a posture may be taken, and how far where the model does not say."""
 
@@ -83,6 +85,7 @@ def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
         both = "pull and push"
         programmes = [
             (both, (near, -near)),
+            (both, (SMALL * near, -SMALL * near)),
             ("pull", (min(reach, pull),)),
             ("push", (-min(reach, push),)),
             (both, (min(pull, push), -min(pull, push))),
