@@ -10,8 +10,19 @@ from vjm.effects.machine import Machine
 from vjm.effects.part_compliance import FootCompliance
 from vjm.effects.places import foot
 from vjm.effects.play import ActuatorBacklash, JointClearance
-from vjm.effects.series import AlongLine, Element, History, balance, memoryless, retarded, together, yielding
+from vjm.effects.series import (
+    TOLERANCE,
+    AlongLine,
+    Element,
+    History,
+    balance,
+    memoryless,
+    retarded,
+    together,
+    yielding,
+)
 from vjm.effects.tables import HalfRay, tabulate
+from vjm.equilibrium import NoConvergenceError
 from vjm.io.model_file import load_chain
 from vjm.vjm_engine import VjmEngine
 
@@ -81,6 +92,24 @@ def test_play_bears_nothing_within_its_travel(machine):
     found = balance(look, u, ActuatorBacklash().elements(machine, (0.04, 0.0, 2.0)), history_of(machine, "A", 6))
     # by tanh(N/2) the travel is used up to 0.015/0.02 at 2 N
     assert np.abs(found.wrench[:, 0]).max() < 3.0
+
+
+@pytest.mark.parametrize("many", [6, 40])
+def test_every_reading_is_in_balance_whenever_the_others_are(machine, many):
+    # hard ends: readings come into balance one after another, and those that are wait for the last
+    look = look_of(machine, "A", 2.0)
+    (element,) = ActuatorBacklash().elements(machine, (0.04, 0.0, 2.0))
+    history = history_of(machine, "A", many)
+    found = balance(look, np.outer(np.linspace(0.001, 0.015, many), X), [element], history)
+    wanted, _ = element.law(element.place.force(found.wrench, history), history)
+    np.testing.assert_allclose(found.extension[:, 0], wanted, rtol=0.0, atol=TOLERANCE)
+
+
+def test_a_balance_that_is_not_found_is_none(machine):
+    # at no force does a travel that jumps meet a chain that gives way steadily
+    jump = Element(AlongLine(), memoryless(lambda N: (np.where(N > 5.0, 0.02, 0.0), np.zeros_like(N))), most=0.03)
+    with pytest.raises(NoConvergenceError, match="off balance"):
+        balance(look_of(machine, "A", 2.0), np.outer([0.01, 0.02], X), [jump], history_of(machine, "A", 2))
 
 
 def test_retarded_element_is_the_closed_form():

@@ -83,10 +83,19 @@ def write(folder: Path, rows, wrench, displacement, sheet=SHEET) -> Files:
     return Files(folder / "data.csv", folder / "sheet.toml")
 
 
-def made_up(folder: Path, hidden: dict[str, tuple[float, ...]], seed: int, monkeypatch, *, per: int = 10) -> Files:
+def made_up(
+    folder: Path,
+    hidden: dict[str, tuple[float, ...]],
+    seed: int,
+    monkeypatch,
+    *,
+    per: int = 10,
+    postures: Sequence[str] = ("A", "B"),
+    reach: float = 1.5,
+) -> Files:
     """A test with causes hidden in it, by label with values of the first parameters; the others are as usual."""
     rng = np.random.default_rng(seed)
-    rows = programme(("A", "B"), 1.5, per)
+    rows = programme(postures, reach, per)
     true = np.array([row[3] for row in rows])
     # the wrench is not known yet: ones, of which no unit can be told; then the nominal one, for its size
     monkeypatch.setattr(reading, "check_units", lambda *args: None)

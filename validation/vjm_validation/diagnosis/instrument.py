@@ -70,7 +70,10 @@ class ThermalDrift(Effect):
         return ("instrument_zero",)
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """Change of the reading; and since when, in spans, for it may have gone on before the test."""
+        """Change of the reading; and since when, in spans, for it may have gone on before the test.
+
+        A clock ran from the first reading at the latest; a gauge may be right at a temperature within the test's.
+        """
         size = size_of(self.part) / self.span
         return (
             Quantity(f"{self.part}.per_{self.by}", -1e4 * size, 1e4 * size, size, neutral=0.0),

@@ -1,0 +1,40 @@
+"""Fits near a critical point, where a cause changes how the machine's own nuisances act."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vjm_validation.diagnosis.fitting import ENOUGH
+from vjm_validation.diagnosis.observed import observe
+from vjm_validation.diagnosis.preparation import prepare
+from vjm_validation.measurement import read_measurement
+
+REACH = 2.6
+"""mm; posture A as drawn buckles at 2.72."""
+
+
+@pytest.fixture(scope="module")
+def heavy(make, tmp_path_factory):
+    """A machine with a weight that is pushed nearly to its critical point."""
+    with pytest.MonkeyPatch.context() as patch:
+        folder = tmp_path_factory.mktemp("heavy")
+        files = make.made_up(folder, {"gravity": (3.0,)}, 5, patch, postures=("A",), reach=REACH)
+    return prepare(observe(read_measurement(files.data, files.sheet)))
+
+
+def test_a_fit_ends_at_the_same_place_wherever_it_begins(heavy):
+    fitter = heavy.fitter
+    gravity = next(e for e in heavy.effects if e.cause == "gravity")
+    ends = []
+    for sigmas in (-1.5, 3.0):
+        for values in ([3.0, 0.5], [1.0, 0.5]):
+            begin = np.zeros(len(fitter.nuisances))
+            begin[fitter.of_machine] = sigmas
+            fitter.machine_slopes = None
+            ends.append(fitter.fit((gravity,), begin, [values], fresh=True))
+    assert None not in ends
+    assert all(fit.converged for fit in ends)
+    found = [fit.objective for fit in ends]
+    # a fit ends where a step brings less than that
+    assert np.ptp(found) < ENOUGH
