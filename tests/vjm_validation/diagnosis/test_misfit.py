@@ -57,3 +57,10 @@ def test_a_jump_in_one_posture_is_seen(prepared, share):
     rest = with_more(prepared, force)
     assert rest.p < MISFIT
     assert rest.left > 10.0
+
+
+def test_an_oscillation_in_one_channel_is_seen(prepared):
+    # a pump next door, in time and not along the ramp; of all channels together the residual is hardly larger
+    rest = with_more(prepared, 0.6 * FORCE * np.sin(2.0 * np.pi * np.arange(len(prepared.null.at.place)) / 9.3))
+    assert rest.p < MISFIT
+    assert rest.left > 50.0

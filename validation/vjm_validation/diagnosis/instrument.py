@@ -51,11 +51,13 @@ class ThermalDrift(Effect):
         part: the channel.
         by: ``K`` or ``s``.
         span: of the temperature or the clock during the test.
+        since: what the clock shows at the first reading, in spans.
     """
 
     part: str = "fx_N"
     by: str = "s"
     span: float = 1.0
+    since: float = 0.0
     cause = "thermal_drift"
     title = "the reading follows the clock or the temperature, not the load"
 
@@ -75,12 +77,16 @@ class ThermalDrift(Effect):
         A clock ran from the first reading at the latest; a gauge may be right at a temperature within the test's.
         """
         size = size_of(self.part) / self.span
+        low, half = 0.0 if self.by == "s" else -4.0, 0.5 * self.since
         return (
             Quantity(f"{self.part}.per_{self.by}", -1e4 * size, 1e4 * size, size, neutral=0.0),
-            Quantity("before_share", 0.0 if self.by == "s" else -4.0, 4.0, 1.0, usual=0.0, spread=1.0),
+            # somewhere between the clock's zero and the first reading
+            Quantity(
+                "before_share", low, 4.0 + self.since, 1.0, usual=0.5 * self.since, spread=1.0 + 0.5 * self.since
+            ),
         )
 
     def trials(self) -> Sequence[tuple[float, ...]]:
         """Upwards, from the first reading on and from before; downwards is the same but for the sign."""
         size = size_of(self.part) / self.span
-        return [(size, 0.0), (size, 1.0)]
+        return [(size, 0.0), (size, max(self.since, 1.0))]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.stats import chi2
 
 from vjm.rotations import Array
 from vjm_validation.diagnosis.fitting import Fit, Fitter, prior
@@ -31,8 +31,8 @@ class Misfit:
 
     Attributes:
         p: chance of such a residual where nothing is wrong.
-        left: squares of the residual in the shapes beyond what noise has there.
-        worst: the shape that stands out most, in words; empty where none does.
+        left: squares of the residual in the shapes, or of a channel, beyond what noise has there.
+        worst: the shape that stands out most, in words; empty where none does, or the residual is rough.
         strained: chance of nuisances as far from the sheet's as they had to go.
     """
 
@@ -66,13 +66,14 @@ def misfit(fitter: Fitter, fit: Fit) -> Misfit:
     if rank <= 20.0 / DRAWS:
         rank = min(rank, float(p[worst] * 0.02 / np.quantile(least, 0.02)))
     together, size = _together(smooth, space)
-    overall = min(_overall(space), float(chi2.sf(together, size)))
+    large, beyond = _too_large(space, fitter.whitening.present)
+    overall = min(large, float(chi2.sf(together, size)))
     total = min(1.0, 3.0 * min(rank, overall))
-    left = max(together - size, float(squares[worst]) - int(freedom[worst]), 0.0)
+    left = max(together - size, float(squares[worst]) - int(freedom[worst]), beyond, 0.0)
     off, weight = prior(fit.found, fit.at.z)
     sheet = np.array([c.kind != "effect" for c in fit.found]) & (weight > 0.0)
     strained = float(chi2.sf(float(np.sum(off[sheet] ** 2)), max(int(sheet.sum()), 1)))
-    return Misfit(total, left, blocks[worst].name if total < 0.05 else "", strained)
+    return Misfit(total, left, blocks[worst].name if total < 0.05 and rank <= large else "", strained)
 
 
 def _least(blocks: Sequence[_Block]) -> Array:
@@ -122,8 +123,19 @@ def _blocks(fitter: Fitter, space: Projection, shapes: Array, names: Sequence[st
     return result
 
 
-def _overall(space: Projection) -> float:
-    """Chance of a residual as large as it is, beyond what an unsure sheet explains."""
-    n = space.rows - space.basis.shape[1]
-    size = float(space.residual[: space.rows] @ space.residual[: space.rows])
-    return float(norm.sf((size / n / ROUGH - 1.0) / np.sqrt(2.0 / n)))
+def _too_large(space: Projection, present: np.ndarray) -> tuple[float, float]:
+    """Chance of a residual as large as it is, in all channels or one, beyond what an unsure sheet explains.
+
+    One channel that oscillates, say, is lost among five that are right.
+
+    Returns:
+        The chance, and by how much the squares are too large where they are most.
+    """
+    channel = np.nonzero(present)[1]
+    squares = space.residual[: space.rows] ** 2
+    # of each reading what is not spent on coordinates
+    own = 1.0 - np.sum(space.basis[: space.rows] ** 2, axis=1)
+    parts = [np.ones(space.rows, dtype=bool), *(channel == c for c in np.unique(channel))]
+    sizes = [(float(squares[on].sum()), float(own[on].sum())) for on in parts]
+    chance = min(float(chi2.sf(size / ROUGH, freedom)) for size, freedom in sizes)
+    return min(1.0, len(parts) * chance), max(size - ROUGH * freedom for size, freedom in sizes)

@@ -22,11 +22,14 @@ from vjm_validation.diagnosis.screening import STRONG, far_off, signatures
 from vjm_validation.diagnosis.shapes import smooth_shapes
 from vjm_validation.diagnosis.unknowns import coordinates, nuisance_coordinates
 from vjm_validation.diagnosis.wild import outlying, standing_out
+from vjm_validation.measurement.channels import TIME
 
 SAME_MEMORY = 0.05
 """Change of the noise's autocorrelation that is none."""
 WORSE = 6
 """Rounds in which wild samples are looked for, the worst first."""
+LONG_BEFORE = 4.0
+"""Spans of a test that its clock may have run before at most: one that shows the date says nothing."""
 
 
 @dataclass(frozen=True)
@@ -229,5 +232,7 @@ def effects_of(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
         if observed.warmth is not None:
             found.append(ThermalDrift(part=channel, by="K", span=float(np.ptp(observed.warmth))))
         if clock is not None:
-            found.append(ThermalDrift(part=channel, by="s", span=float(np.ptp(clock))))
+            span, first = float(np.ptp(clock)), float(observed.readings.values[TIME][0])
+            since = float(np.clip(first / span, 0.0, LONG_BEFORE))
+            found.append(ThermalDrift(part=channel, by="s", span=span, since=since))
     return found
