@@ -81,9 +81,7 @@ class ThermalDrift(Effect):
         return (
             Quantity(f"{self.part}.per_{self.by}", -1e4 * size, 1e4 * size, size, neutral=0.0),
             # somewhere between the clock's zero and the first reading
-            Quantity(
-                "before_share", low, 4.0 + self.since, 1.0, usual=0.5 * self.since, spread=1.0 + 0.5 * self.since
-            ),
+            Quantity("before_share", low, 4.0 + self.since, 1.0, usual=half, spread=1.0 + half),
         )
 
     def trials(self) -> Sequence[tuple[float, ...]]:
