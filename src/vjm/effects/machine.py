@@ -59,11 +59,6 @@ class Machine:
             self.engine, self.factors, self.lengthened, self.bow, self.asymmetry, self.weight, self.gravity,
         )  # fmt: skip
 
-    @property
-    def perfect(self) -> bool:
-        """Whether nothing but the springs' size was changed, so that a bifurcation stays one."""
-        return not any(self.bow) and not any(m for _, m in self.weight)
-
     def times(self, part: str, factor: float) -> Machine:
         """The machine with a part's compliance times a factor."""
         own = dict(self.factors)

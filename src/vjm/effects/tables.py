@@ -185,7 +185,7 @@ def tabulate(machine: Machine, half: HalfRay, pulls: bool) -> Table:
         # towards a bifurcation the stiffness across the ray has a pole
         near = table.bifurcation * (1.0 + np.concatenate([-NEAR, NEAR]))
         finer = np.unique(np.concatenate([finer, near[near < half.reach]]))
-    return table if len(finer) == len(grid) else _walk(problem, finer, loaded=gravity is not None)
+    return table if np.array_equal(finer, grid) else _walk(problem, finer, loaded=gravity is not None)
 
 
 def _refined(table: Table) -> Array:

@@ -11,7 +11,6 @@ from vjm.effects.part_compliance import FootCompliance
 from vjm.effects.places import foot
 from vjm.effects.play import ActuatorBacklash, JointClearance
 from vjm.effects.series import (
-    TOLERANCE,
     AlongLine,
     Element,
     History,
@@ -102,7 +101,8 @@ def test_every_reading_is_in_balance_whenever_the_others_are(machine, many):
     history = history_of(machine, "A", many)
     found = balance(look, np.outer(np.linspace(0.001, 0.015, many), X), [element], history)
     wanted, _ = element.law(element.place.force(found.wrench, history), history)
-    np.testing.assert_allclose(found.extension[:, 0], wanted, rtol=0.0, atol=TOLERANCE)
+    # mm: what `balance` promises, a ten-thousandth of a gauge's noise; what was thrown out is off by 1e-3 and more
+    np.testing.assert_allclose(found.extension[:, 0], wanted, rtol=0.0, atol=1e-7)
 
 
 def test_a_balance_that_is_not_found_is_none(machine):

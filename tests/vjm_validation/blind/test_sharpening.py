@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize, minimize_scalar
 
-from vjm_validation.blind.causes import Laws, catalogue
+from vjm_validation.blind.causes import Hidden, Laws, catalogue
 from vjm_validation.blind.drawing import as_drawn
 from vjm_validation.blind.sharpening import sharpened, sharpened_pairs
 
@@ -22,6 +22,10 @@ def whitened(known, family, size):
     return known.visibility.whitened(there.less(known.visibility.nominal))
 
 
+def hidden_in(known, family, size, laws):
+    return Hidden(family, size, float(np.linalg.norm(whitened(known, family, size))), laws)
+
+
 CASES = {
     "actuator_backlash": (Laws(play_force=11.0), 0.12),
     "joint_friction": (Laws(bristle=4e-4, torques=(1.3, 0.7, 0.7, 1.3)), 3000.0),
@@ -34,7 +38,7 @@ def test_what_is_hidden_is_in_its_own_class(known, name):
     laws, size = CASES[name]
     family = family_of(known, name, laws)
     target = whitened(known, family, size)
-    sharp = sharpened(known, target, [(family, size, laws)])
+    sharp = sharpened(known, target, [hidden_in(known, family, size, laws)])
     assert sharp.nearest(target, [family.cause]).distance < 1e-6 * np.linalg.norm(target)
     # and the coarse curves, which serve all laws, are not hers
     assert known.nearest(target, [family.cause]).distance > 0.1
@@ -44,7 +48,7 @@ def test_a_rival_is_refitted_by_the_hidden_law(known):
     laws, size = CASES["actuator_backlash"][0], 0.06
     family = family_of(known, "actuator_backlash", laws)
     target = whitened(known, family, size)
-    sharp = sharpened(known, target, [(family, size, laws)])
+    sharp = sharpened(known, target, [hidden_in(known, family, size, laws)])
     rival = family_of(known, "joint_clearance", laws)
     best = minimize_scalar(
         lambda s: np.linalg.norm(target - whitened(known, rival, s)), bounds=(0.01, 0.4), method="bounded"
@@ -74,14 +78,14 @@ def test_of_a_pair_each_cause_has_rivals_beside_the_other(known):
     design = known.visibility.design
     play, yielding = Laws(play_force=11.0), Laws(start=(0.4, 1.6))
     hidden = (
-        (family_of(known, "joint_clearance", play), 0.08, play),
-        (family_of(known, "plasticity foot", yielding), 0.06, yielding),
+        hidden_in(known, family_of(known, "joint_clearance", play), 0.08, play),
+        hidden_in(known, family_of(known, "plasticity foot", yielding), 0.06, yielding),
     )
 
-    def together(*families):
+    def together(*causes):
         rig = as_drawn(design)
-        for family, size, *_ in families:
-            rig = family.members[0](rig, size)
+        for cause in causes:
+            rig = cause.put(rig, cause.size)
         return known.visibility.whitened(rig.response(design).less(known.visibility.nominal))
 
     target = together(*hidden)
@@ -92,8 +96,10 @@ def test_of_a_pair_each_cause_has_rivals_beside_the_other(known):
     assert known.nearest(target, ["joint_clearance", "plasticity"]).distance > 0.5
     rival = family_of(known, "actuator_backlash", play)
     best = minimize_scalar(
-        lambda s: np.linalg.norm(target - together((rival, s), hidden[1])), bounds=(0.01, 0.4), method="bounded"
+        lambda s: np.linalg.norm(target - together(Hidden(rival, s, 0.0), hidden[1])),
+        bounds=(0.01, 0.4),
+        method="bounded",
     )
-    # the yielding may give way, too, so it comes nearer, but hardly
+    # the yielding may give way, too, in a straight line where its law is bent: that brings 0.2 % here
     found = sharp.nearest(target, ["actuator_backlash", "plasticity"]).distance
-    assert 0.98 * best.fun < found < best.fun * (1.0 + 1e-5)
+    assert 0.99 * best.fun < found < best.fun * (1.0 + 1e-5)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vjm_validation.diagnosis.fitting import ENOUGH
 from vjm_validation.diagnosis.observed import observe
 from vjm_validation.diagnosis.preparation import prepare
 from vjm_validation.measurement import read_measurement
@@ -36,5 +35,5 @@ def test_a_fit_ends_at_the_same_place_wherever_it_begins(heavy):
     assert None not in ends
     assert all(fit.converged for fit in ends)
     found = [fit.objective for fit in ends]
-    # a fit ends where a step brings less than that
-    assert np.ptp(found) < ENOUGH
+    # a fit ends where a step brings less than 0.03; without tables of its own they end up to 0.5 apart
+    assert np.ptp(found) < 0.03

@@ -62,5 +62,6 @@ def test_a_jump_in_one_posture_is_seen(prepared, share):
 def test_an_oscillation_in_one_channel_is_seen(prepared):
     # a pump next door, in time and not along the ramp; of all channels together the residual is hardly larger
     rest = with_more(prepared, 0.6 * FORCE * np.sin(2.0 * np.pi * np.arange(len(prepared.null.at.place)) / 9.3))
-    assert rest.p < MISFIT
+    # alone it counts from 1 in 1000; of all channels together it would be 5 in 1000
+    assert rest.p < 0.001
     assert rest.left > 50.0

@@ -9,7 +9,7 @@ exponential stiffening, a contact between power and logarithm.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -111,6 +111,29 @@ class Family:
     def name(self) -> str:
         """``plasticity link``."""
         return f"{self.cause} {self.label}".strip()
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """One hidden cause.
+
+    Attributes:
+        family: what it is.
+        size: how much of it.
+        strength: that it has alone.
+        laws: by which it acts.
+    """
+
+    family: Family
+    size: float
+    strength: float
+    laws: Laws = field(default_factory=Laws)
+
+    @property
+    def put(self) -> Put:
+        """Builds it in."""
+        (put,) = self.family.members
+        return put
 
 
 def catalogue(design: Design, largest: float, laws: Laws = Laws()) -> list[Family]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from vjm.io.files import write_whole
 from vjm.rotations import Array
-from vjm_validation.blind.causes import Family, Laws, Put, catalogue
+from vjm_validation.blind.causes import Family, Hidden, Laws, catalogue
 from vjm_validation.blind.designs import Design, draw
 from vjm_validation.blind.drawing import as_drawn, by_finite_elements
 from vjm_validation.blind.further import extended
@@ -36,29 +36,6 @@ NEAR = 0.05
 
 class UnreachableError(ValueError):
     """No size of a cause has the wanted strength in this design."""
-
-
-@dataclass(frozen=True)
-class Hidden:
-    """One hidden cause.
-
-    Attributes:
-        family: what it is.
-        size: how much of it.
-        strength: that it has alone.
-        laws: by which it acts.
-    """
-
-    family: Family
-    size: float
-    strength: float
-    laws: Laws = field(default_factory=Laws)
-
-    @property
-    def put(self) -> Put:
-        """Builds it in."""
-        (put,) = self.family.members
-        return put
 
 
 def make(plan: Plan, store: Store, folder: Path, proposal: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -92,7 +69,7 @@ def make(plan: Plan, store: Store, folder: Path, proposal: dict[str, Any] | None
     truth = {}
     if proposal is None:
         change = known.visibility.whitened(rig.response(design).less(known.visibility.nominal))
-        sharp = _sharpened(known, change, hidden)
+        sharp = sharpened(known, change, hidden) if hidden else known
         truth = _truth(plan, sharp, hidden, change, nuisances)
         truth["rivals"] = verdicts(sharp, seen, regular, threshold(known))
         truth["simulator"] = simulator
@@ -161,8 +138,7 @@ def _admitted(
     pairs = {tuple(sorted((a, b))) for a in (names if len(names) > 1 else near) for b in causes if a != b}
     pairs = {pair for pair in pairs if set(pair) <= set(causes)}
     if len(hidden) == 2:
-        one, two = ((h.family, h.size, h.laws) for h in hidden)
-        known = sharpened_pairs(known, change, (one, two))
+        known = sharpened_pairs(known, change, hidden)
     admitted += [list(pair) for pair in sorted(pairs) if known.nearest(change, pair).distance <= ONE_CLASS]
     return admitted
 
@@ -211,14 +187,7 @@ def _confused(known: Signatures, hidden: Sequence[Hidden]) -> bool:
     target = known.visibility.whitened(change)
     if len(known.equivalent(target)) < 2:
         return False
-    return any(cause != one.family.cause for cause in _sharpened(known, target, hidden).equivalent(target))
-
-
-def _sharpened(known: Signatures, target: Array, hidden: Sequence[Hidden]) -> Signatures:
-    """The yardstick refitted to what is hidden, a whitened change ``(n c,)``, by the first cause's laws."""
-    if not hidden:
-        return known
-    return sharpened(known, target, [(one.family, one.size, one.laws) for one in hidden])
+    return any(cause != one.family.cause for cause in sharpened(known, target, hidden).equivalent(target))
 
 
 def _sized(known: Signatures, cause: str, strength: float, plan: Plan, rng: np.random.Generator) -> Hidden:

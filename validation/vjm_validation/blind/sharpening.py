@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_validation.blind.causes import Family, Laws, Put, catalogue
+from vjm_validation.blind.causes import Family, Hidden, Laws, Put, catalogue
 from vjm_validation.blind.drawing import as_drawn
 from vjm_validation.blind.machine import NoTruthError
 from vjm_validation.blind.rig import Response, Rig
@@ -31,9 +31,6 @@ DIFFERENCE = 0.03
 """Relative step of differences."""
 SETTLED = 0.02
 """Strength by which a step must come nearer for another one."""
-
-Hidden = tuple[Family, float, Laws]
-"""What is hidden: a cause, its size, and the laws by which it acts."""
 
 
 @dataclass(frozen=True)
@@ -75,9 +72,7 @@ class Refit:
         seen, rig = known.visibility, as_drawn(known.visibility.design)
         if beside is None:
             return Refit(known, laws, rig, seen.nominal)
-        family, size, _ = beside
-        (put,) = family.members
-        rig = put(rig, size)
+        rig = beside.put(rig, beside.size)
         try:
             return Refit(known, laws, rig, rig.response(seen.design))
         except NoTruthError:
@@ -156,12 +151,12 @@ def sharpened(known: Signatures, target: Array, hidden: Sequence[Hidden]) -> Sig
     """
     added = list[Added]()
     for own in hidden:
-        added += _hidden_point(Refit.into(known, own[2]), own)
-    refit = Refit.into(known, hidden[0][2] if hidden else Laws())
+        added += _hidden_point(Refit.into(known, own.laws), own)
+    refit = Refit.into(known, hidden[0].laws if hidden else Laws())
     return _with(known, [*added, *_nearest(refit, target)])
 
 
-def sharpened_pairs(known: Signatures, target: Array, pair: tuple[Hidden, Hidden]) -> Signatures:
+def sharpened_pairs(known: Signatures, target: Array, pair: Sequence[Hidden]) -> Signatures:
     """A design's yardstick of pairs that hold one of two hidden causes; single causes are not to be read off it.
 
     Args:
@@ -171,21 +166,20 @@ def sharpened_pairs(known: Signatures, target: Array, pair: tuple[Hidden, Hidden
     """
     added = list[Added]()
     for kept, other in (pair, pair[::-1]):
-        own = _hidden_point(Refit.into(known, kept[2]), kept)
-        beside = Refit.into(known, other[2], kept)
+        own = _hidden_point(Refit.into(known, kept.laws), kept)
         if own:
             ((_, _, point),) = own
+            beside = Refit.into(known, other.laws, kept)
             added += [*own, *_hidden_point(beside, other), *_nearest(beside, target - point.whitened)]
     return _with(known, added)
 
 
 def _hidden_point(refit: Refit | None, hidden: Hidden) -> list[Added]:
     """What a hidden cause changes, where it is known by name and can be simulated."""
-    family, size, _ = hidden
+    family = hidden.family
     if refit is None or family.cause not in refit.known.causes:
         return []
-    (put,) = family.members
-    point = refit.simulated(put, size)
+    point = refit.simulated(hidden.put, hidden.size)
     return [] if point is None else [(family.cause, family.label, point)]
 
 

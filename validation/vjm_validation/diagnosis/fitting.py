@@ -266,9 +266,10 @@ class Fitter:
                 if fresh and worth > best + MISSED:
                     # the machine's slopes depend on the causes: from here on tables are made at every step
                     self.anchor, damping, exact = None, 1e-3, True
-                    z = at.z if worth < start_of_step[1] else start_of_step[0].z
-                    at = self.evaluate(found, z, hypothesis) or again
-                    best, J = self.squares(found, at), self.slopes(found, at, hypothesis, fresh=True)
+                    if worth >= start_of_step[1]:
+                        again = self.evaluate(found, start_of_step[0].z, hypothesis) or again
+                    at, best = again, self.squares(found, again)
+                    self._renew(J, found, at, hypothesis)
                     continue
                 if off > FAR and worth > start_of_step[1] + LEARNT and retreats < RETREATS:
                     # the slopes have led astray: back, and on by shorter steps
@@ -288,9 +289,7 @@ class Fitter:
             if count >= PATIENT and best - HOPE * fall > target and best - self._promise(found, at, J) > target:
                 break
             exact = ended or count % RENEWED == 0
-            if exact and self.anchor is None:
-                J = self.slopes(found, at, hypothesis, fresh=True)
-            elif exact:
+            if exact:
                 self._renew(J, found, at, hypothesis)
         if self.anchor is not None and (at.z[own] != self.anchor).any():
             self.anchor = at.z[own].copy()
@@ -359,10 +358,11 @@ class Fitter:
             J += np.where(self.whitening.present, missed, 0.0)[:, :, None] * (move / size)
 
     def _renew(self, J: Array, found: Sequence[Coordinate], at: Evaluation, hypothesis: Hypothesis) -> None:
-        """The slopes that change on the way."""
+        """The slopes that change on the way: without an anchor those by the machine's nuisances, too."""
         present = self.whitening.present
+        own = self.of_machine if self.anchor is None else []
         for i, c in enumerate(found):
-            if c.kind == "effect":
+            if c.kind == "effect" or i in own:
                 J[:, :, i] = self._difference(found, at, hypothesis, i)
             elif c.kind in ("zero", "scale"):
                 self._instrument(J, i, c, at)
