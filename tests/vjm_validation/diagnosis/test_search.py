@@ -42,6 +42,15 @@ def test_a_first_cause_must_stand_out_of_noise(gain, taken):
     assert own._better(own.tried[frozenset()], 1) is (new if taken else None)
 
 
+def test_one_stands_out_and_another_is_likelier():
+    # what a law with many free shapes explains says that there is something; a simpler one says as much
+    loud = ranked(ONE, objective=975.0, criterion=1010.0)
+    likely = ranked(OTHER, objective=985.0, criterion=990.0)
+    assert search(likely)._better(search(likely).tried[frozenset()], 1) is None
+    own = search(loud, likely)
+    assert own._better(own.tried[frozenset()], 1) is likely
+
+
 @pytest.mark.parametrize(
     ("gain", "cost", "taken"),
     # worth its price; not worth it; what a slightly wrong law of the first leaves

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from vjm_validation.calibration.noise import memory_of
+from vjm_validation.diagnosis.cones import Cone
 from vjm_validation.diagnosis.critical import knee
 from vjm_validation.diagnosis.noise_model import USUAL, estimate_memory
 from vjm_validation.diagnosis.screening import Score, threshold
 
 
 def score(directions):
-    return Score(None, 0.0, directions.shape[1], 1.0, ((),), directions)
+    cone = Cone.of(np.eye(directions.shape[1]), one_sided=False, vector=True)
+    return Score(None, 0.0, 1.0, ((),), directions, cone)
 
 
 def test_independent_effects_share_the_rate():

@@ -2,8 +2,8 @@
 
 A signature is the change of all readings that an effect makes at a small trial size. Together with the fit's own
 slopes it is whitened, and what the fit could absorb is projected out. What remains of the trials of one effect
-spans a few directions; the residual's part in them, squared, is chi-squared with as many degrees of freedom where
-nothing is wrong. The least p-value over the catalogue has a distribution that follows from the signatures alone; it
+spans a few directions, and what their mixtures explain of mere noise has a known distribution (`cones`). The least
+p-value over the catalogue has a distribution that follows from the signatures alone; it
 is drawn (a parametric bootstrap of the maximum), which gives the threshold for a wanted rate of false alarms.
 """
 
@@ -14,16 +14,17 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import chi2
 
 from vjm.effects.effect import Effect
 from vjm.rotations import Array
+from vjm_validation.diagnosis.cones import Cone
 from vjm_validation.diagnosis.fitting import Fit, Fitter, prior
 from vjm_validation.diagnosis.unknowns import coordinates, release_key, start
 
 FALSE_ALARMS = 0.004
 """Wanted over the whole catalogue."""
-DRAWS = 10000
+DRAWS, RARE = 10000, 3.0
+"""Of noise, for the threshold; and times that rate, by which a single effect's p-value is worth computing."""
 SAME = 0.08
 """Singular value of an effect's trials over the largest, below which they differ in nothing that shows."""
 SEED = 20240229
@@ -62,19 +63,19 @@ class Score:
 
     Attributes:
         effect: the cause.
-        explained: squares of the residual that it takes away, to first order.
-        freedom: degrees of freedom.
-        p: value.
+        explained: squares of the residual in the space of its trials, the most that it takes away to first order.
+        p: value of what mixtures of its trials take away.
         starts: parameters to begin fits from, the most promising first.
-        directions: orthonormal ``(N, freedom)``, whitened and projected.
+        directions: orthonormal ``(N, d)``, whitened and projected.
+        cone: of its trials among them.
     """
 
     effect: Effect
     explained: float
-    freedom: int
     p: float
     starts: tuple[tuple[float, ...], ...]
     directions: Array
+    cone: Cone
 
 
 def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Signature]:
@@ -183,10 +184,12 @@ def scores(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> lis
         starts = tuple(_scaled(kept[i], float(z[i] / size[i])) for i in order)
         U, values, _ = np.linalg.svd(columns, full_matrices=False)
         U = U[:, values > SAME * values[0]]
-        total = float(np.sum((U.T @ space.residual) ** 2))
-        p = float(chi2.sf(total, U.shape[1]))
-        result.append(Score(kept[0].effect, total, U.shape[1], p, starts, U))
-    return sorted(result, key=lambda score: -score.explained + 2.0 * score.freedom)
+        effect = kept[0].effect
+        cone = Cone.of(U.T @ columns, one_sided=all(s.one_sided for s in kept), vector=effect.extent > 1)
+        left = U.T @ space.residual
+        p = float(cone.chance(cone.explained(left[:, None]))[0])
+        result.append(Score(effect, float(left @ left), p, starts, U, cone))
+    return sorted(result, key=lambda score: -score.explained + 2.0 * score.cone.dimension)
 
 
 def _scaled(signature: Signature, amplitude: float) -> tuple[float, ...]:
@@ -218,9 +221,12 @@ def threshold(found: Sequence[Score], rate: float = FALSE_ALARMS) -> float:
     least = np.ones(DRAWS)
     at = 0
     for score in found:
-        square = np.sum(draws[:, at : at + score.freedom] ** 2, axis=1)
-        least = np.minimum(least, chi2.sf(square, score.freedom))
-        at += score.freedom
+        own = draws[:, at : at + score.cone.dimension].T
+        squares = score.cone.explained(own)
+        # what is not rare for one effect is no least of all
+        rare = squares >= np.quantile(squares, 1.0 - RARE * rate)
+        least[rare] = np.minimum(least[rare], score.cone.chance(squares[rare]))
+        at += score.cone.dimension
     return float(np.quantile(least, rate))
 
 

@@ -272,15 +272,14 @@ class Search:
         top = min(r.criterion for r in left)
         for near in sorted((r for r in left if r.criterion < top + CLOSE), key=lambda r: r.criterion)[:POLISHED]:
             self._polish(near)
-        new = min((r for r in self.tried.values() if len(r.labels) == size), key=lambda r: r.criterion)
+        left = [r for r in self.tried.values() if len(r.labels) == size]
+        new = min(left, key=lambda r: r.criterion)
+        if size == 1:
+            # one of them must stand out of noise; which it is, and how many there are, is what the criterion says
+            return new if any(self._chance(best.fit, r.fit) < self.alarm for r in left) else None
         gain = best.fit.objective - new.fit.objective
         explained = self.null.objective - best.fit.objective
-        if gain <= WRONG_LAW * explained:
-            return None
-        if new.criterion >= best.criterion:
-            return None
-        # the first must stand out of noise; how many there are, once there is one, is what the criterion says
-        return new if size > 1 or float(chi2.sf(gain, self._freedom(new.fit))) < self.alarm else None
+        return new if new.criterion < best.criterion and gain > WRONG_LAW * explained else None
 
     def settled(self, ranked: Ranked) -> Ranked:
         """The same, its fit carried on where it had not come to an end."""
@@ -300,10 +299,14 @@ class Search:
         if fit is not None:
             self.tried[ranked.labels] = Ranked(fit, self._criterion(fit))
 
-    def _freedom(self, fit: Fit) -> int:
-        """Degrees of freedom: those of each effect's signatures."""
-        known = {score.effect.label: score.freedom for score in self.first}
-        return sum(known.get(effect.label, max(len(effect.quantities()), 1)) for effect in fit.hypothesis)
+    def _chance(self, null: Fit, fit: Fit) -> float:
+        """p-value of what one effect explains; where it shows in no signature, each parameter is one direction."""
+        (effect,) = fit.hypothesis
+        gain = max(null.objective - fit.objective, 0.0)
+        for score in self.first:
+            if score.effect.label == effect.label:
+                return float(score.cone.chance(np.array([gain]))[0])
+        return float(chi2.sf(gain, max(len(effect.quantities()), 1)))
 
     def _pruned(self, best: Ranked) -> Ranked:
         """Without causes that the others have made superfluous."""

@@ -147,8 +147,8 @@ def needless(fitter: Fitter, best: Ranked, rival: Ranked) -> bool:
 
 
 def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:
-    """Probability of every hypothesis tried, by its criterion, supersets of the best left out."""
-    ranked = [r for r in search.tried.values() if not r.labels > best.labels]
+    """Probability of every hypothesis tried, by its criterion; supersets of the best, a rejected null have none."""
+    ranked = [r for r in search.tried.values() if not r.labels > best.labels and (r.labels or not best.labels)]
     criteria = np.array([r.criterion for r in ranked])
     w = np.exp(-0.5 * np.minimum(criteria - criteria.min(), 1400.0))
     return {r: float(v) for r, v in zip(ranked, w / w.sum(), strict=True)}
