@@ -119,19 +119,22 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
     at = fitter.evaluate(best.found, best.at.z, best.hypothesis)
     if at is None:
         at = best.at
+    m = len(fitter.nuisances)
+    fit: Fit | None = None
     wild, accidents = np.zeros(everything.present.shape), np.ones(6, dtype=bool)
     for _ in range(WORSE):
         found = outlying(everything, fitter.whitening, at.residual, wild)
         # what with others turns out to be none is not looked for again
         accidents &= found.any(axis=0) | ~wild.any(axis=0)
         found = np.where(accidents, found, 0.0)
-        if np.array_equal(found, wild):
+        if fit is not None and np.array_equal(found, wild):
             break
         wild = found
         _leave_out(fitter, everything, wild != 0.0, at)
-    m = len(fitter.nuisances)
-    fit = choose_branches(fitter, fitter.fit(best.hypothesis, best.at.z[:m], best.values, fresh=True) or best)
-    remember(fitter, fit, ())
+        # wild samples bend a fit and hide the noise's memory, and then their neighbours look wild
+        fit = choose_branches(fitter, fitter.fit(best.hypothesis, at.z[:m], best.values, fresh=True) or best)
+        remember(fitter, fit, ())
+        at = fit.at
     same = np.array_equal(before[0], fitter.forward.observed.present)
     close = float(np.abs(before[1] - fitter.whitening.memory.rho).max()) < SAME_MEMORY
     if same and close and prepared.null.objective - best.objective < STRONG and not everything.steered:

@@ -114,8 +114,9 @@ def judge(search: Search, best: Ranked) -> Verdict:
 def proved(verdict: Verdict, before: float, after: float, expected: float) -> Verdict:
     """What the prediction of readings held out makes of a verdict.
 
-    Several causes that predict them worse than none are an accident of the readings fitted. One such is unsure, but
-    where what was held out lies so far from the rest that a right model could not be expected to do better.
+    Several causes that predict them worse than none are an accident of the readings fitted; one such is unsure. But
+    where what was held out lies so far from the rest that a right model could not be expected to do better, it proves
+    nothing.
 
     Args:
         verdict: on all readings.
@@ -123,13 +124,11 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
         after: of the likeliest member.
         expected: of a right model.
     """
-    if after <= before:
+    if after <= before or after <= BY_CHANCE * expected:
         return verdict
     if len(verdict.members[0].labels) > 1:
         words = replace(verdict.rest, worst="what no causes predict")
         return replace(verdict, kind="unknown", members=(), probabilities=(), confidence=ACCIDENT, rest=words)
-    if after <= BY_CHANCE * expected:
-        return verdict
     return replace(verdict, confidence=verdict.confidence * UNPROVED)
 
 
