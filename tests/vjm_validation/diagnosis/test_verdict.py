@@ -8,9 +8,10 @@ import pytest
 from vjm.effects.actuator_compliance import ActuatorCompliance
 from vjm.effects.actuator_hardening import RATIO, ActuatorHardening
 from vjm_validation.diagnosis.instrument import InstrumentZero, ThermalDrift
+from vjm_validation.diagnosis.misfit import Misfit
 from vjm_validation.diagnosis.search import Ranked
 from vjm_validation.diagnosis.unknowns import coordinates
-from vjm_validation.diagnosis.verdict import PAYS, needless
+from vjm_validation.diagnosis.verdict import PAYS, Verdict, needless, proved
 
 DRIFT, ZERO = ThermalDrift(part="ux_mm", by="K", span=1.0), InstrumentZero(part="fx_N")
 LINEAR, HARDENING = ActuatorCompliance(), ActuatorHardening()
@@ -46,3 +47,22 @@ def test_a_zero_error_beside_a_drift_of_another_channel_is_not_needless():
     both = ranked(DRIFT, ZERO)
     assert not needless(known_within(), both, both)
     assert needless(known_within(), both, ranked(DRIFT, ZERO, InstrumentZero(part="ux_mm")))
+
+
+@pytest.mark.parametrize(
+    ("after", "expected", "counts"),
+    # better than none; worse than none, as a right model's might be; worse than that
+    [(1.9, 0.1, False), (2.9, 1.5, False), (2.9, 1.4, True)],
+)
+@pytest.mark.parametrize("causes", [(LINEAR,), (LINEAR, ZERO)])
+def test_what_was_held_out_counts_where_a_right_model_would_do_better(after, expected, counts, causes):
+    verdict = Verdict("named", (ranked(*causes),), (1.0,), 0.8, (), Misfit(1.0, 0.0, ""))
+    found = proved(verdict, 2.0, after, expected)
+    if not counts:
+        assert found is verdict
+    elif len(causes) > 1:
+        assert found.kind == "unknown"
+        assert not found.members
+    else:
+        assert found.kind == "named"
+        assert found.confidence < verdict.confidence

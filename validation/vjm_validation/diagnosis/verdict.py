@@ -115,8 +115,7 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
     """What the prediction of readings held out makes of a verdict.
 
     Several causes that predict them worse than none are an accident of the readings fitted; one such is unsure. But
-    where what was held out lies so far from the rest that a right model could not be expected to do better, it proves
-    nothing.
+    where what was held out lies so far from the rest that a right model could hardly do better, it proves nothing.
 
     Args:
         verdict: on all readings.

@@ -1,0 +1,52 @@
+"""Wild samples that have bent the model by which they are to be found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vjm_validation.diagnosis import preparation
+from vjm_validation.diagnosis.observed import observe
+from vjm_validation.measurement import read_measurement
+
+BENT = 4.0
+"""Sigmas of the force's scale that the model is off: six of the readings' at the turns of the ramp."""
+
+
+@pytest.fixture
+def quiet(make, tmp_path, monkeypatch):
+    """A test with nothing hidden and wild forces, three of them beside turns of the ramp; which rows are wild."""
+    files = make.made_up(tmp_path, {}, 3, monkeypatch)
+    header, *lines = files.data.read_text().splitlines()
+    rows = [line.split(",") for line in lines]
+    force = header.split(",").index("fx_N")
+    # both sides of where the second posture begins, and the first turn
+    for row, off in ((9, -60.0), (len(rows) // 2 - 1, 90.0), (len(rows) // 2 + 1, -80.0)):
+        rows[row][force] = f"{float(rows[row][force]) + off:.4f}"
+    files.data.write_text("\n".join([header, *map(",".join, rows)]) + "\n")
+    return files
+
+
+def test_wild_samples_are_found_though_they_have_bent_the_model(quiet, monkeypatch):
+    # a residual that is steep at the turns hides them from their neighbours
+    monkeypatch.setattr(
+        preparation, "standing_out", lambda _, r, factors: np.zeros(r.shape, dtype=bool)
+    )
+    prepared = preparation.prepare(observe(read_measurement(quiet.data, quiet.sheet)))
+    null, fitter = prepared.null, prepared.fitter
+    assert fitter.forward.observed.wild == 0
+    assert fitter.whitening.memory.rho[0] == 0.0
+    z = null.at.z.copy()
+    z[next(i for i, c in enumerate(null.found) if (c.kind, c.subject) == ("scale", "fx_N"))] += BENT
+    again = preparation.refresh(prepared, replace(null, at=fitter.evaluate(null.found, z, ())))
+    assert again is not None
+    left_out = prepared.all.present & ~again.fitter.forward.observed.present
+    # two that every made-up test has
+    rows, channels = np.nonzero(left_out)
+    assert set(channels) == {0}
+    assert {9, 87, 89} < set(rows)
+    assert len(rows) == 5
+    # what the noise was made with; some 170 readings know it to 0.07, and neighbouring channels draw it to theirs
+    assert again.fitter.whitening.memory.rho[0] == pytest.approx(0.5, abs=0.2)
