@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm_validation.blind import campaign, making
+from vjm_validation.blind import campaign, finder, making
 from vjm_validation.blind.campaign import Task, results, work
 from vjm_validation.blind.designs import KINDS, POSTURES, draw
 from vjm_validation.blind.finder import diagnosed
@@ -145,11 +145,12 @@ def test_a_campaign_goes_on_where_it_was_killed(known, tmp_path, monkeypatch):
     monkeypatch.setattr(campaign, "_store", lambda task: OneDesign(known))
     asked = []
 
-    def finder(data, sheet, out, options=()):
+    def says_none(data, sheet, out, options=()):
         asked.append(out)
-        return {"verdict": "none", "causes": [], "candidates": [], "confidence": 0.9, "took": 1.0}
+        known = {"took": 1.0, "finder": campaign.identity()}
+        return {"verdict": "none", "causes": [], "candidates": [], "confidence": 0.9, **known}
 
-    monkeypatch.setattr(campaign, "diagnosed", finder)
+    monkeypatch.setattr(campaign, "diagnosed", says_none)
     quiet = [Plan(k, Group.QUIET, 0, (), (), bool(k % 2)) for k in (1, 2)]
     tasks = [Task(plan, tmp_path, True, False) for plan in quiet]
     monkeypatch.setattr(campaign, "write_whole", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
@@ -157,7 +158,7 @@ def test_a_campaign_goes_on_where_it_was_killed(known, tmp_path, monkeypatch):
         work(tasks[0])
     monkeypatch.undo()
     monkeypatch.setattr(campaign, "_store", lambda task: pytest.fail("made twice"))
-    monkeypatch.setattr(campaign, "diagnosed", finder)
+    monkeypatch.setattr(campaign, "diagnosed", says_none)
     work(tasks[0])
     assert [r["truth"]["set"] for r in results(quiet, tmp_path)] == [1]
     assert len(asked) == 2
@@ -167,9 +168,13 @@ def test_a_campaign_goes_on_where_it_was_killed(known, tmp_path, monkeypatch):
     html = page(held, score([], held_out=False))
     assert "Blind campaign" in html
     assert html.count("<img") == 2
+    # another finder has said nothing yet
+    monkeypatch.setattr(campaign, "identity", lambda: "another")
+    campaign.run(quiet[:1], tmp_path, jobs=1)
+    assert len(asked) == 3
 
 
-def test_a_diagnosis_is_not_done_twice_and_a_refusal_is_kept(tmp_path):
+def test_a_diagnosis_is_not_done_twice_by_one_finder_and_a_refusal_is_kept(tmp_path, monkeypatch):
     (tmp_path / "data.csv").write_text("nothing")
     (tmp_path / "sheet.toml").write_text("")
     out = tmp_path / "found"
@@ -177,6 +182,9 @@ def test_a_diagnosis_is_not_done_twice_and_a_refusal_is_kept(tmp_path):
     assert "error" in first
     assert json.loads((out / "run.json").read_text()) == first
     assert diagnosed(tmp_path / "data.csv", tmp_path / "sheet.toml", out) == first
+    monkeypatch.setattr(finder, "identity", lambda: "another")
+    other = diagnosed(tmp_path / "data.csv", tmp_path / "sheet.toml", out)
+    assert (other["finder"], other["error"]) == ("another", first["error"])
 
 
 @pytest.mark.parametrize(

@@ -31,9 +31,7 @@ def quiet(make, tmp_path, monkeypatch):
 
 def test_wild_samples_are_found_though_they_have_bent_the_model(quiet, monkeypatch):
     # a residual that is steep at the turns hides them from their neighbours
-    monkeypatch.setattr(
-        preparation, "standing_out", lambda _, r, factors: np.zeros(r.shape, dtype=bool)
-    )
+    monkeypatch.setattr(preparation, "standing_out", lambda _, r, factors: np.zeros(r.shape, dtype=bool))
     prepared = preparation.prepare(observe(read_measurement(quiet.data, quiet.sheet)))
     null, fitter = prepared.null, prepared.fitter
     assert fitter.forward.observed.wild == 0

@@ -67,6 +67,7 @@ def campaign(
         "share": share,
         "finished": len(done),
         "of": len(todo),
+        "finders": sorted({str(r["found"].get("finder")) for r in done if "found" in r}),
         "held_out": held,
         "development": development,
     }

@@ -16,7 +16,7 @@ from typing import Any
 
 from vjm.batch import map_all
 from vjm.io.files import write_whole
-from vjm_validation.blind.finder import diagnosed, understands
+from vjm_validation.blind.finder import diagnosed, identity, understands
 from vjm_validation.blind.further import NoExperimentError
 from vjm_validation.blind.machine import NoTruthError
 from vjm_validation.blind.making import UnreachableError, make
@@ -57,6 +57,14 @@ class Task:
         """What there is at the end."""
         return self.place / ("result.json" if self.diagnose else "truth.json")
 
+    @property
+    def done(self) -> bool:
+        """Whether nothing is left to do: made, and diagnosed by the finder as it is now."""
+        if not self.result.is_file():
+            return False
+        known = json.loads(self.result.read_text(encoding="utf-8"))
+        return "found" not in known or known["found"].get("finder") == identity()
+
 
 def run(
     plans: list[Plan],
@@ -77,7 +85,7 @@ def run(
     """
     without = diagnose and understands(WITHOUT)
     tasks = [Task(plan, folder, diagnose, without) for plan in plans]
-    todo = [task for task in tasks if not task.result.is_file()]
+    todo = [task for task in tasks if not task.done]
     there = len(tasks) - len(todo)
 
     def tell(done: int, _: int) -> None:
@@ -138,12 +146,20 @@ def _found(task: Task, truth: dict[str, Any]) -> dict[str, Any]:
     proposal = result["found"].get("next_experiment") or {}
     if task.plan.group is Group.INSEPARABLE and proposal.get("path"):
         try:
-            if not (place / "next" / "data.csv").is_file():
-                make(task.plan, _store(task), place / "next", proposal)
+            _made_next(task, proposal)
             result["next"] = diagnosed(place / "next" / "data.csv", place / "next" / "sheet.toml", place / "next")
         except (NoExperimentError, NoTruthError) as error:
             result["next"] = {"error": str(error)}
     return result
+
+
+def _made_next(task: Task, proposal: dict[str, Any]) -> None:
+    """The readings of a proposed experiment, unless that very one has been simulated."""
+    place, said = task.place / "next", json.dumps(proposal)
+    made = place / "proposal.json"
+    if not made.is_file() or made.read_text(encoding="utf-8") != said:
+        make(task.plan, _store(task), place, proposal)
+        write_whole(made, said)
 
 
 def results(plans: list[Plan], folder: Path) -> list[dict[str, Any]]:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
 import json
 import signal
 import time
 from collections.abc import Iterator, Sequence
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -23,23 +26,39 @@ class TooLongError(Exception):
     """A diagnosis did not end."""
 
 
+@cache
+def identity() -> str:
+    """Digest of the sources by which readings are diagnosed."""
+    own = Path(__file__).parent
+    mechanics = find_spec("vjm")
+    assert mechanics is not None
+    assert mechanics.origin is not None
+    digest = hashlib.sha256()
+    for package in (Path(mechanics.origin).parent, own.parent):
+        for file in sorted(package.rglob("*.py")):
+            if own not in file.parents:
+                digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
 def diagnosed(data: Path, sheet: Path, out: Path, options: Sequence[str] = ()) -> dict[str, Any]:
-    """What the finder says of a test; read from its folder if it has said it before.
+    """What the finder says of a test; read from its folder if this very finder has said it before.
 
     Returns:
-        ``diagnosis.json``, with ``took`` and ``busy``, seconds by the clock and of a processor; or ``error`` with
-        one line where there is none.
+        ``diagnosis.json``, with ``took`` and ``busy``, seconds by the clock and of a processor, and ``finder``, its
+        `identity`; or ``error`` with one line where there is none.
     """
     marked = out / "run.json"
     if marked.is_file():
         took: dict[str, Any] = json.loads(marked.read_text(encoding="utf-8"))
         document = out / DOCUMENT
-        return json.loads(document.read_text(encoding="utf-8")) | took if "error" not in took else took
+        if took.get("finder") == identity():
+            return json.loads(document.read_text(encoding="utf-8")) | took if "error" not in took else took
+        marked.unlink()
     begun, busy = time.perf_counter(), time.process_time()
     error = _run(["diagnose", str(data), "--sheet", str(sheet), "--out", str(out), *options])
-    took = {"took": time.perf_counter() - begun, "busy": time.process_time() - busy} | (
-        {"error": error} if error else {}
-    )
+    took = {"took": time.perf_counter() - begun, "busy": time.process_time() - busy, "finder": identity()}
+    took |= {"error": error} if error else {}
     if not error and not (out / DOCUMENT).is_file():
         took["error"] = "no diagnosis.json was written"
     write_whole(marked, json.dumps(took))
