@@ -60,12 +60,18 @@ def test_one_sample_off_stands_out_by_what_its_neighbours_leave():
     assert found[30, 0] > 10.0 / 2.0
 
 
-def placed(monkeypatch, place):
-    """A test of one channel whose readings lie at such places along the ramp."""
+def placed(monkeypatch, place, force=0.0):
+    """A test of one channel whose readings lie at such places along the ramp, under such a force over its noise."""
     monkeypatch.setattr(wild, "driven_place", lambda observed: place)
     present = np.zeros((len(place), 6), dtype=bool)
     present[:, 0] = True
-    return SimpleNamespace(present=present)
+    wrench = np.zeros(present.shape)
+    wrench[:, 0] = force
+    return SimpleNamespace(present=present, wrench=wrench, noise=SimpleNamespace(wrench=np.ones(6)))
+
+
+def few(observed, found):
+    return wild._few(observed, found, wild.loads(observed, np.zeros(found.shape)))
 
 
 @pytest.mark.parametrize("stray", [(), (95,)])
@@ -73,14 +79,14 @@ def test_samples_that_lie_together_are_no_accident_though_one_lies_far_off(monke
     observed = placed(monkeypatch, np.linspace(-1.0, 1.0, 100))
     found = np.zeros((100, 6))
     found[[44, 46, 48, 50, 52, 54, *stray], 0] = [1.0, -1.0] * 3 + [1.0] * len(stray)
-    assert not wild._few(observed, found).any()
+    assert not few(observed, found).any()
 
 
 def test_samples_at_random_are_accidents(monkeypatch):
     observed = placed(monkeypatch, np.linspace(-1.0, 1.0, 100))
     found = np.zeros((100, 6))
     found[[3, 28, 41, 70, 88], 0] = 1.0
-    assert np.array_equal(wild._few(observed, found), found)
+    assert np.array_equal(few(observed, found), found)
 
 
 @pytest.mark.parametrize(("ways", "accident"), [((1.0, 1.0, 1.0), False), ((1.0, -1.0, 1.0), True)])
@@ -89,7 +95,21 @@ def test_neighbours_that_are_off_the_same_way_are_what_the_machine_does(monkeypa
     found = np.zeros((100, 6))
     found[[20, 22, 23], 0] = ways
     found[[3, 70, 88], 0] = 1.0
-    assert wild._few(observed, found).any() == accident
+    assert few(observed, found).any() == accident
+
+
+@pytest.mark.parametrize(
+    ("rows", "accident"),
+    # the two smallest forces that show, pull and push; one of them and a larger one; one of them alone
+    [((44, 55), False), ((44, 60), True), ((44,), True)],
+)
+def test_smallest_loads_that_are_read_wrong_are_what_the_gauge_does(monkeypatch, rows, accident):
+    place = np.linspace(-1.0, 1.0, 100)
+    # nobody sees whether forces below ten times the noise are read
+    observed = placed(monkeypatch, place, np.where(np.abs(place) > 0.1, 1000.0 * place, 5.0))
+    found = np.zeros((100, 6))
+    found[list(rows), 0] = 1.0
+    assert few(observed, found).any() == accident
 
 
 def test_neighbours_found_one_after_the_other_are_one_lot(monkeypatch):
@@ -100,6 +120,6 @@ def test_neighbours_found_one_after_the_other_are_one_lot(monkeypatch):
     residual[31, 0] = 20.0
     known = np.zeros((N, 6))
     # alone it is wild; beside two that were found before, they are what the machine does
-    assert wild.outlying(observed, own, residual, known)[31, 0] == 1.0
+    assert wild.outlying(observed, own, residual, known, np.zeros((N, 6)))[31, 0] == 1.0
     known[[29, 30], 0] = 1.0
-    assert not wild.outlying(observed, own, residual, known).any()
+    assert not wild.outlying(observed, own, residual, known, np.zeros((N, 6))).any()

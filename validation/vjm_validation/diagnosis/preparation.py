@@ -21,7 +21,7 @@ from vjm_validation.diagnosis.observed import Observed
 from vjm_validation.diagnosis.screening import STRONG, far_off, signatures
 from vjm_validation.diagnosis.shapes import smooth_shapes
 from vjm_validation.diagnosis.unknowns import coordinates, nuisance_coordinates
-from vjm_validation.diagnosis.wild import outlying, standing_out
+from vjm_validation.diagnosis.wild import loads, outlying, standing_out
 from vjm_validation.measurement.channels import TIME
 
 SAME_MEMORY = 0.05
@@ -117,13 +117,15 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
     _leave_out(fitter, everything, np.zeros_like(everything.present), best.at)
     fitter.anchor = None
     at = fitter.evaluate(best.found, best.at.z, best.hypothesis)
+    # of samples left out a fit does not say what should have been read
+    load = np.zeros(everything.present.shape) if at is None else loads(everything, at.residual)
     if at is None:
         at = best.at
     m = len(fitter.nuisances)
     fit: Fit | None = None
     wild, accidents = np.zeros(everything.present.shape), np.ones(6, dtype=bool)
     for _ in range(WORSE):
-        found = outlying(everything, fitter.whitening, at.residual, wild)
+        found = outlying(everything, fitter.whitening, at.residual, wild, load)
         # what with others turns out to be none is not looked for again
         accidents &= found.any(axis=0) | ~wild.any(axis=0)
         found = np.where(accidents, found, 0.0)

@@ -7,6 +7,8 @@ where too many differ it is the model that is wrong, and none of them is wild.
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 
 from vjm.rotations import Array
@@ -23,6 +25,10 @@ FEW, SHARE = 4, 0.1
 
 GATHERED = 1e-3
 """Chance below which wild samples lie together by no accident."""
+SHOWS = 10.0
+"""Load over a reading's noise from which on a gauge that does not see it is off by more than noise."""
+UNSEEN = 5e-4
+"""Chance below which it is no accident that just the smallest loads are read wrong."""
 
 
 def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndarray:
@@ -59,10 +65,9 @@ def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndar
             found[own, c] = np.where((np.abs(off) > level) & alone, off, 0.0)
     # one wild channel spoils what the others are expected to be: of several the worst
     size = np.abs(found)
-    worst: np.ndarray = (
-        _few(observed, np.where(size == size.max(axis=1, keepdims=True), np.sign(found), 0.0)) != 0.0
-    )
-    return worst
+    way = np.where(size == size.max(axis=1, keepdims=True), np.sign(found), 0.0)
+    result: np.ndarray = _few(observed, way, loads(observed, residual)) != 0.0
+    return result
 
 
 def deleted(whitening: Whitening, residual: Array) -> Array:
@@ -90,7 +95,18 @@ def deleted(whitening: Whitening, residual: Array) -> Array:
     return np.where(whitening.present, pull / size, 0.0)
 
 
-def outlying(observed: Observed, whitening: Whitening, residual: Array, known: Array) -> Array:
+def loads(observed: Observed, residual: Array) -> Array:
+    """What should have been read ``(n, 6)``, without sign, over its noise.
+
+    Args:
+        observed: the readings.
+        residual: reading minus model ``(n, 6)``, of every reading.
+    """
+    result: Array = np.abs(observed.wrench - residual) / observed.noise.wrench
+    return result
+
+
+def outlying(observed: Observed, whitening: Whitening, residual: Array, known: Array, load: Array) -> Array:
     """Samples ``(n, 6)`` that are not what the others let expect, the worst among neighbours only: which way, or 0.
 
     Args:
@@ -98,6 +114,7 @@ def outlying(observed: Observed, whitening: Whitening, residual: Array, known: A
         whitening: of the residuals, those known left out.
         residual: reading minus model ``(n, 6)``.
         known: wild samples ``(n, 6)`` found before, which count where it is asked whether they are accidents.
+        load: what should have been read ``(n, 6)``, over its noise.
     """
     off = deleted(whitening, residual)
     size = np.abs(off)
@@ -108,15 +125,16 @@ def outlying(observed: Observed, whitening: Whitening, residual: Array, known: A
         earlier = whitening.memory.before[later, c]
         top[later, c] &= size[later, c] >= size[earlier, c]
         top[earlier, c] &= size[earlier, c] >= size[later, c]
-    return _few(observed, np.where((size > OUTLYING) & top, np.sign(off), known))
+    return _few(observed, np.where((size > OUTLYING) & top, np.sign(off), known), load)
 
 
-def _few(observed: Observed, way: Array) -> Array:
+def _few(observed: Observed, way: Array, load: Array) -> Array:
     """None in a channel that has too many, or whose all lie together: then they are no accidents.
 
     Args:
         observed: the readings.
         way: 1 or -1 for a sample ``(n, 6)`` that is too large or small, else 0.
+        load: what should have been read ``(n, 6)``, over its noise.
     """
     place = driven_place(observed)
     kept = way.copy()
@@ -124,7 +142,8 @@ def _few(observed: Observed, way: Array) -> Array:
         own = observed.present[:, c]
         wild = way[own, c] != 0.0
         together = any(_gathered(where[own], wild) < GATHERED for where in (place, np.abs(place)))
-        if wild.sum() > max(FEW, SHARE * own.sum()) or together or _in_a_row(way[own, c]):
+        unseen = _smallest(load[own, c], wild) < UNSEEN
+        if wild.sum() > max(FEW, SHARE * own.sum()) or together or unseen or _in_a_row(way[own, c]):
             kept[:, c] = 0.0
     return kept
 
@@ -134,6 +153,14 @@ def _in_a_row(way: Array) -> bool:
     if len(way) < 4:
         return False
     return any(bool((np.convolve(way == sign, np.ones(4), mode="valid") >= 3).any()) for sign in (1.0, -1.0))
+
+
+def _smallest(load: Array, wild: np.ndarray) -> float:
+    """Chance that, of samples drawn at random, so many are just those of the smallest loads that show."""
+    shows = load > SHOWS
+    rising = wild[shows][np.argsort(load[shows])]
+    first = int(np.argmin(rising)) if not rising.all() else len(rising)
+    return comb(int(rising.sum()), first) / comb(len(rising), first)
 
 
 def _gathered(place: Array, wild: np.ndarray) -> float:
