@@ -12,12 +12,12 @@ from vjm_validation.diagnosis.observed import observe
 from vjm_validation.measurement import read_measurement
 
 BENT = 4.0
-"""Sigmas of the force's scale that the model is off: six of the readings' at the turns of the ramp."""
+"""Sigmas of 0.003 that the force's scale is off: at the turns of the ramp, at 5 kN, thirty of a reading's noise."""
 
 
 @pytest.fixture
 def quiet(make, tmp_path, monkeypatch):
-    """A test with nothing hidden and wild forces, three of them beside turns of the ramp; which rows are wild."""
+    """A test with nothing hidden and wild forces, three of them beside turns of the ramp."""
     files = make.made_up(tmp_path, {}, 3, monkeypatch)
     header, *lines = files.data.read_text().splitlines()
     rows = [line.split(",") for line in lines]
@@ -46,5 +46,5 @@ def test_wild_samples_are_found_though_they_have_bent_the_model(quiet, monkeypat
     assert set(channels) == {0}
     assert {9, 87, 89} < set(rows)
     assert len(rows) == 5
-    # what the noise was made with; some 170 readings know it to 0.07, and neighbouring channels draw it to theirs
+    # what the noise was made with; some 170 readings know it to √(0.75/170) = 0.07: three times that
     assert again.fitter.whitening.memory.rho[0] == pytest.approx(0.5, abs=0.2)

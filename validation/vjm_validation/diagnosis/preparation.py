@@ -116,11 +116,10 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
         everything = with_noise_found(everything, best)
     _leave_out(fitter, everything, np.zeros_like(everything.present), best.at)
     fitter.anchor = None
-    at = fitter.evaluate(best.found, best.at.z, best.hypothesis)
+    whole = fitter.evaluate(best.found, best.at.z, best.hypothesis)
     # of samples left out a fit does not say what should have been read
-    load = np.zeros(everything.present.shape) if at is None else loads(everything, at.residual)
-    if at is None:
-        at = best.at
+    load = np.zeros(everything.present.shape) if whole is None else loads(everything, whole.residual)
+    at = whole or best.at
     m = len(fitter.nuisances)
     fit: Fit | None = None
     wild, accidents = np.zeros(everything.present.shape), np.ones(6, dtype=bool)

@@ -3,8 +3,8 @@
 A signature is the change of all readings that an effect makes at a small trial size. Together with the fit's own
 slopes it is whitened, and what the fit could absorb is projected out. What remains of the trials of one effect
 spans a few directions, and what their mixtures explain of mere noise has a known distribution (`cones`). The least
-p-value over the catalogue has a distribution that follows from the signatures alone; it
-is drawn (a parametric bootstrap of the maximum), which gives the threshold for a wanted rate of false alarms.
+p-value over the catalogue has a distribution that follows from the signatures alone; it is drawn (a parametric
+bootstrap of the maximum), which gives the threshold for a wanted rate of false alarms.
 """
 
 from __future__ import annotations

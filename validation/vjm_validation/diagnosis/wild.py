@@ -159,7 +159,7 @@ def _smallest(load: Array, wild: np.ndarray) -> float:
     """Chance that, of samples drawn at random, so many are just those of the smallest loads that show."""
     shows = load > SHOWS
     rising = wild[shows][np.argsort(load[shows])]
-    first = int(np.argmin(rising)) if not rising.all() else len(rising)
+    first = int(np.cumprod(rising).sum())
     return comb(int(rising.sum()), first) / comb(len(rising), first)
 
 
