@@ -10,8 +10,9 @@ import pytest
 from vjm_validation.diagnosis.misfit import misfit
 from vjm_validation.diagnosis.observed import observe
 from vjm_validation.diagnosis.preparation import prepare
+from vjm_validation.diagnosis.search import Search
 from vjm_validation.diagnosis.shapes import driven_place
-from vjm_validation.diagnosis.verdict import MISFIT
+from vjm_validation.diagnosis.verdict import MISFIT, STRAINED, judge
 from vjm_validation.measurement.measurement import read_measurement
 
 FORCE = 8.0
@@ -65,3 +66,22 @@ def test_an_oscillation_in_one_channel_is_seen(prepared):
     # alone it counts from 1 in 1000; of all channels together it would be 5 in 1000
     assert rest.p < 0.001
     assert rest.left > 50.0
+
+
+# readings that know the zero twenty times as well as the sheet: no shape tells what the sheet does not allow
+@pytest.mark.parametrize(("sigmas", "verdict"), [(1.5, "none"), (8.0, "unknown")])
+def test_a_fit_that_needs_one_nuisance_far_off_the_sheet_is_not_right(make, tmp_path, monkeypatch, sigmas, verdict):
+    sheet = make.SHEET.replace("noise = 2.0\nzero = 3.0", "noise = 2.0\nzero = 20.0")
+    files = make.made_up(tmp_path, {}, 3, monkeypatch)
+    readings = read_measurement(files.data, files.sheet).readings
+    wrench = np.nan_to_num(readings.wrench)
+    wrench[:, 0] += 20.0 * sigmas
+    files = make.write(tmp_path, make.programme(("A", "B"), 1.5, 10), wrench, readings.pose[:, 0], sheet)
+    prepared = prepare(observe(read_measurement(files.data, files.sheet)))
+    search = Search(prepared.fitter, prepared.null, [], 100.0)
+    found = judge(search, search.run())
+    assert found.kind == verdict
+    assert found.rest.p > MISFIT
+    assert (found.rest.strained < STRAINED) is (verdict == "unknown")
+    # the made-up zero of the drawing, 0.3 N or so, on top
+    assert ("zero fx_N 8.1 sigma" in found.rest.farthest) is (verdict == "unknown")

@@ -44,7 +44,15 @@ from vjm_validation.diagnosis.page import write_page
 from vjm_validation.diagnosis.preparation import Prepared, effects_of, possible, prepare, refresh
 from vjm_validation.diagnosis.search import Search
 from vjm_validation.diagnosis.transfer import transfer
-from vjm_validation.diagnosis.verdict import Estimate, Verdict, estimates, judge, nuisance_estimates, proved
+from vjm_validation.diagnosis.verdict import (
+    STRAINED,
+    Estimate,
+    Verdict,
+    estimates,
+    judge,
+    nuisance_estimates,
+    proved,
+)
 from vjm_validation.measurement import Measurement, read_measurement
 from vjm_validation.measurement.channels import WRENCH
 from vjm_validation.summary import as_json
@@ -227,7 +235,10 @@ def _critical(one: Critical) -> CriticalPointRow:
 def _residual_words(verdict: Verdict) -> str:
     if verdict.kind != "unknown":
         return ""
-    return f"what is left has the shape '{verdict.rest.worst or 'rough'}', strength {verdict.rest.left**0.5:.1f}"
+    rest = verdict.rest
+    if rest.strained < min(STRAINED, rest.p):
+        return f"what fits best takes {rest.farthest}"
+    return f"what is left has the shape '{rest.worst or 'rough'}', strength {rest.left**0.5:.1f}"
 
 
 def _noise_words(observed: Observed) -> str:

@@ -33,13 +33,15 @@ class Misfit:
         p: chance of such a residual where nothing is wrong.
         left: squares of the residual in the shapes, or of a channel, beyond what noise has there.
         worst: the shape that stands out most, in words; empty where none does, or the residual is rough.
-        strained: chance of nuisances as far from the sheet's as they had to go.
+        strained: chance of nuisances as far from the sheet's as they had to go, all together or one of them.
+        farthest: the one that went farthest, in words; empty where the sheet allows none.
     """
 
     p: float
     left: float
     worst: str
     strained: float = 1.0
+    farthest: str = ""
 
 
 @dataclass(frozen=True)
@@ -70,10 +72,23 @@ def misfit(fitter: Fitter, fit: Fit) -> Misfit:
     overall = min(large, float(chi2.sf(together, size)))
     total = min(1.0, 3.0 * min(rank, overall))
     left = max(together - size, float(squares[worst]) - int(freedom[worst]), beyond, 0.0)
+    named = blocks[worst].name if total < 0.05 and rank <= large else ""
+    return Misfit(total, left, named, *_strained(fit))
+
+
+def _strained(fit: Fit) -> tuple[float, str]:
+    """Chance of nuisances as far from the sheet's as a fit's, and the one that went farthest in words."""
     off, weight = prior(fit.found, fit.at.z)
-    sheet = np.array([c.kind != "effect" for c in fit.found]) & (weight > 0.0)
-    strained = float(chi2.sf(float(np.sum(off[sheet] ** 2)), max(int(sheet.sum()), 1)))
-    return Misfit(total, left, blocks[worst].name if total < 0.05 and rank <= large else "", strained)
+    sheet = [i for i, c in enumerate(fit.found) if c.kind != "effect" and weight[i] > 0.0]
+    if not sheet:
+        return 1.0, ""
+    squares = off[sheet] ** 2
+    farthest = sheet[int(np.argmax(squares))]
+    together = float(chi2.sf(squares.sum(), len(sheet)))
+    # one alone is lost among twenty that are right
+    alone = len(sheet) * float(chi2.sf(squares.max(), 1))
+    words = f"{fit.found[farthest].name} {abs(off[farthest]):.1f} sigma from the sheet's"
+    return min(1.0, 2.0 * min(together, alone)), words
 
 
 def _least(blocks: Sequence[_Block]) -> Array:

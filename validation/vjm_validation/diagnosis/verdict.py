@@ -76,8 +76,9 @@ def judge(search: Search, best: Ranked) -> Verdict:
             search.settled(near)
     weights = _weights(search, best)
     if not best.labels:
-        if rest.p < MISFIT:
-            return Verdict("unknown", (), (), min(SUREST, 1.0 - rest.p), _others(weights, []), rest)
+        if rest.p < MISFIT or rest.strained < STRAINED:
+            sure = min(SUREST, 1.0 - min(rest.p, rest.strained))
+            return Verdict("unknown", (), (), sure, _others(weights, []), rest)
         return Verdict("none", (), (), _quiet(search, rest), _others(weights, [best]), rest)
     if wrong or not best.fit.converged:
         return Verdict("unknown", (), (), min(SUREST, 1.0 - min(rest.p, rest.strained)), _others(weights, []), rest)
