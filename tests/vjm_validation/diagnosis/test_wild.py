@@ -99,17 +99,18 @@ def test_neighbours_that_are_off_the_same_way_are_what_the_machine_does(monkeypa
 
 
 @pytest.mark.parametrize(
-    ("rows", "accident"),
-    # the two smallest forces that show, pull and push; one of them and a larger one; one of them alone
-    [((44, 55), False), ((44, 60), True), ((44,), True)],
+    ("found", "accident"),
+    # the two smallest forces that show, pull and push, read too small; one of them too large; one of them and a
+    # larger force; one of them alone
+    [({44: 1, 55: -1}, False), ({44: -1, 55: -1}, True), ({44: 1, 60: -1}, True), ({44: 1}, True)],
 )
-def test_smallest_loads_that_are_read_wrong_are_what_the_gauge_does(monkeypatch, rows, accident):
+def test_smallest_loads_that_are_read_too_small_are_what_the_gauge_does(monkeypatch, found, accident):
     place = np.linspace(-1.0, 1.0, 100)
     # nobody sees whether forces below ten times the noise are read
     observed = placed(monkeypatch, place, np.where(np.abs(place) > 0.1, 1000.0 * place, 5.0))
-    found = np.zeros((100, 6))
-    found[list(rows), 0] = 1.0
-    assert few(observed, found).any() == accident
+    way = np.zeros((100, 6))
+    way[list(found), 0] = list(found.values())
+    assert few(observed, way).any() == accident
 
 
 def test_neighbours_found_one_after_the_other_are_one_lot(monkeypatch):

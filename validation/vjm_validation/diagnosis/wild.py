@@ -28,7 +28,7 @@ GATHERED = 1e-3
 SHOWS = 10.0
 """Load over a reading's noise from which on a gauge that does not see it is off by more than noise."""
 UNSEEN = 5e-4
-"""Chance below which it is no accident that just the smallest loads are read wrong."""
+"""Chance below which it is no accident that just the smallest loads are read too small."""
 
 
 def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndarray:
@@ -96,13 +96,13 @@ def deleted(whitening: Whitening, residual: Array) -> Array:
 
 
 def loads(observed: Observed, residual: Array) -> Array:
-    """What should have been read ``(n, 6)``, without sign, over its noise.
+    """What should have been read ``(n, 6)``, over its noise.
 
     Args:
         observed: the readings.
         residual: reading minus model ``(n, 6)``, of every reading.
     """
-    result: Array = np.abs(observed.wrench - residual) / observed.noise.wrench
+    result: Array = (observed.wrench - residual) / observed.noise.wrench
     return result
 
 
@@ -142,7 +142,7 @@ def _few(observed: Observed, way: Array, load: Array) -> Array:
         own = observed.present[:, c]
         wild = way[own, c] != 0.0
         together = any(_gathered(where[own], wild) < GATHERED for where in (place, np.abs(place)))
-        unseen = _smallest(load[own, c], wild) < UNSEEN
+        unseen = _smallest(load[own, c], way[own, c]) < UNSEEN
         if wild.sum() > max(FEW, SHARE * own.sum()) or together or unseen or _in_a_row(way[own, c]):
             kept[:, c] = 0.0
     return kept
@@ -155,12 +155,13 @@ def _in_a_row(way: Array) -> bool:
     return any(bool((np.convolve(way == sign, np.ones(4), mode="valid") >= 3).any()) for sign in (1.0, -1.0))
 
 
-def _smallest(load: Array, wild: np.ndarray) -> float:
-    """Chance that, of samples drawn at random, so many are just those of the smallest loads that show."""
-    shows = load > SHOWS
-    rising = wild[shows][np.argsort(load[shows])]
-    first = int(np.cumprod(rising).sum())
-    return comb(int(rising.sum()), first) / comb(len(rising), first)
+def _smallest(load: Array, way: Array) -> float:
+    """Chance that, of as many samples at random, so many of those read too small have the smallest loads."""
+    shows = np.abs(load) > SHOWS
+    rising = np.argsort(np.abs(load[shows]))
+    short = (way * load < 0.0)[shows][rising]
+    first = int(np.cumprod(short).sum())
+    return comb(int(short.sum()), first) / comb(len(short), first)
 
 
 def _gathered(place: Array, wild: np.ndarray) -> float:
