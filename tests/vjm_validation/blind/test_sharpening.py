@@ -9,6 +9,7 @@ from scipy.optimize import minimize, minimize_scalar
 from vjm_validation.blind.causes import Hidden, Laws, catalogue
 from vjm_validation.blind.drawing import as_drawn
 from vjm_validation.blind.sharpening import sharpened, sharpened_pairs
+from vjm_validation.blind.signatures import signatures
 
 
 def family_of(known, name, laws):
@@ -103,3 +104,16 @@ def test_of_a_pair_each_cause_has_rivals_beside_the_other(known):
     # the yielding may give way, too, in a straight line where its law is bent: that brings 0.2 % here
     found = sharp.nearest(target, ["actuator_backlash", "plasticity"]).distance
     assert 0.99 * best.fun < found < best.fun * (1.0 + 1e-5)
+
+
+def test_what_a_lumped_link_does_not_have_keeps_its_coarse_curves(design):
+    known = signatures(replace(design, link_segments=1))
+    (lumping,) = (curve for curve in known.curves if curve.cause == "link_lumping")
+    sharp = sharpened(known, known.nodes[lumping.nodes[0]], [])
+    # the lumped model has softer parts; play, bows and the base's compliance it has not
+    new = {curve.cause for curve in sharp.curves[len(known.curves) :]} | {
+        curve.cause for curve in known.curves if curve not in sharp.curves
+    }
+    assert "link_compliance" in new
+    assert not new & {"actuator_backlash", "link_bow", "base_compliance", "gravity"}
+    assert np.abs(sharp.raw).max(axis=1).min() > 0.0

@@ -79,13 +79,13 @@ class Refit:
             return None
 
     def simulated(self, put: Put, size: float) -> Point | None:
-        """A cause of a size in the machine; None where the simulator gives up."""
+        """A cause of a size in the machine; None where the simulator gives up, or a lumped link lacks the cause."""
         seen = self.known.visibility
         try:
             flat = change_of(seen, self.rig, self.base, put, size)
         except NoTruthError:
             return None
-        return Point(flat, seen.whitened_flat(flat))
+        return Point(flat, seen.whitened_flat(flat)) if flat.any() else None
 
     def point(self, cause: str, label: str, sizes: Array) -> Point | None:
         """A cause at its sizes ``(k,)``, see `_form`; None where it has no place or the simulator gives up."""
