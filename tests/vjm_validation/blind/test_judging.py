@@ -5,6 +5,7 @@ import pytest
 
 from vjm_validation.blind.__main__ import main
 from vjm_validation.blind.judging import admitted, column, principal, right
+from vjm_validation.blind.page import page
 from vjm_validation.blind.score import RIVALS, score
 from vjm_validation.blind.statistics import calibration_error, rate, reliability, wilson
 from vjm_validation.blind.table import BEGIN, END, Part, markdown, rows, with_table
@@ -130,8 +131,17 @@ def test_the_score_counts_each_set_where_it_belongs():
     assert held["class_size"]["of_right_classes"] == 2.0
     assert held["gain"]["share_of_the_oracle"] == pytest.approx(0.95)
     assert held["confusion"]["creep"] == {"creep": 1}
+    missed, misnamed = held["wrong"]
+    assert (missed["hidden"], missed["said"], missed["candidates"]) == ({"creep": 4.0}, "none", [])
+    assert (misnamed["group"], misnamed["candidates"]) == ("outside", [["creep"]])
     assert score(results(), held_out=False)["false_alarms"]["rate"] == 1.0
     assert score([], held_out=True)["right"]["strong"]["rate"] is None
+
+
+def test_the_page_lists_wrong_verdicts():
+    html = page(score(results(), held_out=True), score(results(), held_out=False))
+    assert "beat 10" in html
+    assert "named: creep" in html
 
 
 def test_the_table_says_what_is_missed_and_goes_between_its_marks():

@@ -84,6 +84,7 @@ def score(results: list[Result], *, held_out: bool | None = True) -> dict[str, A
         "calibration": calibration_error(confidence, hits),
         "reliability": reliability(confidence, hits) if len(sure) else [],
         "confusion": _confusion(done),
+        "wrong": _wrong(done),
         "seconds": _seconds(done),
     }  # fmt: skip
 
@@ -208,6 +209,25 @@ def _confusion(results: list[Result]) -> dict[str, dict[str, int]]:
         rows.setdefault(name, Counter())[column(r["found"])] += 1
     order = [*CAUSES, "quiet", "pair", "outside", "omitted", "inseparable"]
     return {name: dict(rows[name]) for name in order if name in rows}
+
+
+def _wrong(results: list[Result]) -> list[dict[str, Any]]:
+    """Sets with a wrong verdict, single causes from a strength of 4 on: what was hidden, what was said."""
+    return [
+        {
+            "set": r["truth"]["set"],
+            "group": r["truth"]["group"],
+            "hidden": {one["cause"]: one["strength"] for one in r["truth"]["hidden"]},
+            "said": r["found"].get("verdict", "failed"),
+            "candidates": [sorted(causes) for causes in candidate_sets(r["found"])],
+            "confidence": r["found"].get("confidence"),
+            "apart": r["truth"]["apart"],
+            "likelihood_ratio": r["truth"]["rivals"]["likelihood_ratio"]["causes"],
+            "likelihood_ratio_right": _rival_right(r, "likelihood_ratio"),
+        }
+        for r in results
+        if not _right(r) and (r["truth"]["group"] != "single" or _strength(r) >= 2**-0.5 * 4.0)
+    ]
 
 
 def _seconds(results: list[Result]) -> dict[str, float | None]:
