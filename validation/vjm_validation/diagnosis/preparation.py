@@ -106,12 +106,13 @@ def _leave_out(fitter: Fitter, observed: Observed, wild: np.ndarray, at: Evaluat
 def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
     """Find wild samples, the readings' covariances and the noise's memory again, about a better model.
 
-    None where nothing changes by it, or the model is so far off that it tells nothing of the noise.
+    None where nothing changes by it, or the model is so far off that it tells nothing of the noise; the fitter is
+    then as it was, so that objectives found with it can still be compared.
     """
     fitter, everything = prepared.fitter, prepared.all
     if far_off(fitter, best) and not everything.steered:
         return None
-    before = fitter.forward.observed.present, fitter.whitening.memory.rho
+    readings, whitening, branches = fitter.forward.observed, fitter.whitening, dict(fitter.forward.branches)
     if everything.steered:
         everything = with_noise_found(everything, best)
     _leave_out(fitter, everything, np.zeros_like(everything.present), best.at)
@@ -136,9 +137,10 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
         fit = choose_branches(fitter, fitter.fit(best.hypothesis, at.z[:m], best.values, fresh=True) or best)
         remember(fitter, fit, ())
         at = fit.at
-    same = np.array_equal(before[0], fitter.forward.observed.present)
-    close = float(np.abs(before[1] - fitter.whitening.memory.rho).max()) < SAME_MEMORY
+    same = np.array_equal(readings.present, fitter.forward.observed.present)
+    close = float(np.abs(whitening.memory.rho - fitter.whitening.memory.rho).max()) < SAME_MEMORY
     if same and close and prepared.null.objective - best.objective < STRONG and not everything.steered:
+        fitter.forward.observed, fitter.whitening, fitter.forward.branches = readings, whitening, branches
         return None
     return replace(prepared, null=_fitted(fitter, prepared.null.at.z, *_beside_kinks(fitter)), all=everything)
 

@@ -45,6 +45,9 @@ WORTH_A_LOOK = 60.0
 STUCK, FAINT = 2.0, 0.03
 """Objective above that of a hypothesis with a cause less from which a fit has missed its best, and the share of the
 first trial with which it begins again."""
+PROMISED, SHORT_OF, SMALLER = 400.0, 9.0, 0.3
+"""Squares explained up to which a score to first order can be relied on, by how much a fit that explains less has
+missed its best, and the share of the trials with which it begins again."""
 RESTARTS = 3
 """Times that a search begins anew because a hypothesis has led the null to a better optimum."""
 NEARLY, ROUGHLY, MOST_ALIKE = 4.0, 0.15, 12
@@ -136,7 +139,12 @@ class Search:
                 promising = (k < SHORT or _bent(score.effect)) and score.p < HOPEFUL * self.alarm
                 unsized = dragged and not score.effect.quantities()
                 if (promising or unsized) and not self._beaten(best.labels | {score.effect.label}):
-                    self._try((*base.hypothesis, score.effect), base, [[*base.values, v] for v in score.starts])
+                    self._try(
+                        (*base.hypothesis, score.effect),
+                        base,
+                        [[*base.values, v] for v in score.starts],
+                        score.explained,
+                    )
             if step == 1:
                 self._pairs()
             if step == 0 and self.restarts < RESTARTS and self._null_from(base):
@@ -225,7 +233,21 @@ class Search:
             if not self._beaten(frozenset([a.effect.label, b.effect.label])):
                 self._try((a.effect, b.effect), base, [[a.starts[0], b.starts[0]]])
 
-    def _try(self, hypothesis: Hypothesis, base: Fit, starts: Sequence[Sequence[Sequence[float]]]) -> None:
+    def _try(
+        self,
+        hypothesis: Hypothesis,
+        base: Fit,
+        starts: Sequence[Sequence[Sequence[float]]],
+        promised: float = 0.0,
+    ) -> None:
+        """Fit a hypothesis unless that was done.
+
+        Args:
+            hypothesis: the causes.
+            base: a fit of other causes, to begin at.
+            starts: values of each effect.
+            promised: squares that its last effect explains beside the base's, to first order.
+        """
         key = frozenset(effect.label for effect in hypothesis)
         if key in self.tried or len(key) < len(hypothesis):
             return
@@ -238,12 +260,16 @@ class Search:
         hint = self.hints.get(key)
         if hint is not None and hint.fit.hypothesis == hypothesis and hint.fit.converged:
             begin, starts = hint.fit.at.z[:m], [hint.fit.values]
-        rivals = [
-            self.fitter.squares(r.fit.found, r.fit.at) for r in self.tried.values() if len(r.labels) == len(key)
-        ]
+        rivals = [r.fit for r in self.tried.values() if len(r.labels) == len(key)]
+        least = min((self.fitter.squares(fit.found, fit.at) for fit in rivals), default=np.inf)
         # towards a modulus or length far off the first steps say little
-        target = np.inf if _bent(hypothesis[-1]) else min(rivals, default=np.inf) + CLOSE
-        for values in starts:
+        target = np.inf if _bent(hypothesis[-1]) else least + CLOSE
+        hoped = base.objective - promised
+        counts = promised < PROMISED and hoped < min((fit.objective for fit in rivals), default=np.inf) + NEARLY**2
+        smaller = [[*values[:-1], _towards_nothing(hypothesis[-1], values[-1], SMALLER)] for values in starts]
+        for k, values in enumerate((*starts, *smaller)):
+            if k >= len(starts) and (not counts or (best is not None and best.objective < hoped + SHORT_OF)):
+                break
             fit = self.fitter.fit(hypothesis, begin, values, rough=True, target=target)
             if fit is not None and (best is None or fit.objective < best.objective):
                 best = fit
@@ -261,7 +287,10 @@ class Search:
     def _from_base(self, hypothesis: Hypothesis, base: Fit, values: Sequence[Sequence[float]]) -> Fit | None:
         """A fit that begins at a hypothesis with a cause less, with next to none of that cause."""
         known = {effect.label: own for effect, own in zip(base.hypothesis, base.values, strict=True)}
-        begin = [known.get(e.label) or _faint(e, own) for e, own in zip(hypothesis, values, strict=True)]
+        begin = [
+            known.get(effect.label) or _towards_nothing(effect, own, FAINT)
+            for effect, own in zip(hypothesis, values, strict=True)
+        ]
         return self.fitter.fit(hypothesis, base.at.z[: len(self.fitter.nuisances)], begin, rough=True)
 
     def _better(self, best: Ranked, size: int) -> Ranked | None:
@@ -335,11 +364,11 @@ def _bent(effect: Effect) -> bool:
     return key is not None and key[0] in ("modulus", "length")
 
 
-def _faint(effect: Effect, values: Sequence[float]) -> list[float]:
-    """An effect's values with hardly any of it."""
+def _towards_nothing(effect: Effect, values: Sequence[float], share: float) -> list[float]:
+    """An effect's values with only a share of it."""
     result = list(values)
     for i, q in enumerate(effect.quantities()[: effect.extent]):
         if q.neutral is not None:
             nothing, here = (q.coordinate(v) if v > 0.0 or not q.log else 0.0 for v in (q.neutral, values[i]))
-            result[i] = q.value(nothing + FAINT * (here - nothing))
+            result[i] = q.value(nothing + share * (here - nothing))
     return result
