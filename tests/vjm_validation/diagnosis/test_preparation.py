@@ -48,3 +48,14 @@ def test_wild_samples_are_found_though_they_have_bent_the_model(quiet, monkeypat
     assert len(rows) == 5
     # what the noise was made with; some 170 readings know it to √(0.75/170) = 0.07: three times that
     assert again.fitter.whitening.memory.rho[0] == pytest.approx(0.5, abs=0.2)
+
+
+def test_a_refresh_that_changes_nothing_leaves_what_objectives_rest_on(make, tmp_path, monkeypatch):
+    files = make.made_up(tmp_path, {}, 8, monkeypatch)
+    prepared = preparation.prepare(observe(read_measurement(files.data, files.sheet)))
+    fitter, null = prepared.fitter, prepared.null
+    # by hardly more than found before: the same
+    found = fitter.whitening.memory.rho + 0.04
+    monkeypatch.setattr(preparation, "estimate_memory", lambda memory, *_: replace(memory, rho=found))
+    assert preparation.refresh(prepared, null) is None
+    assert fitter.objective(null.found, null.at) == null.objective

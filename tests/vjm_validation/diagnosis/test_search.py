@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from vjm.effects.link_bow import LinkBow
 from vjm_validation.diagnosis.instrument import InstrumentZero
 from vjm_validation.diagnosis.search import CLOSE, HOPE, WRONG_LAW, Ranked, Search
 
@@ -78,3 +80,30 @@ def test_what_fell_far_behind_is_not_tried_again(behind, explained, beaten):
     assert not own._beaten(frozenset([ONE.label]))
     # what was never tried may be anything
     assert not own._beaten(frozenset([ONE.label, OTHER.label]))
+
+
+@pytest.mark.parametrize(
+    ("promised", "rival", "amplitudes"),
+    # a promise not kept; one that first order cannot make; one that would come too late; one kept
+    [(50.0, 1000.0, [8.0, 2.4]), (450.0, 1000.0, [8.0]), (50.0, 930.0, [8.0]), (30.0, 1000.0, [8.0])],
+)
+def test_a_fit_that_falls_short_of_what_first_order_promises_begins_again_nearer(
+    monkeypatch, promised, rival, amplitudes
+):
+    begun = []
+
+    def fit(hypothesis, begin, values, **_):
+        begun.append(values[-1][1])
+        # from far away it ends in another optimum
+        return SimpleNamespace(hypothesis=hypothesis, objective=975.0 if values[-1][1] > 5.0 else 950.0)
+
+    own = search(ranked(ONE, objective=rival, criterion=rival))
+    own.fitter.fit, own.fitter.squares = fit, lambda found, at: rival
+    monkeypatch.setattr(Search, "_criterion", lambda self, fit: fit.objective)
+    null = own.tried[frozenset()].fit
+    for known in own.tried.values():
+        known.fit.found = []
+    null.at.z = np.zeros(0)
+    own._try((LinkBow(),), null, [[(0.0, 8.0)]], promised)
+    assert begun == pytest.approx(amplitudes)
+    assert own.tried[frozenset([LinkBow().label])].fit.objective == (950.0 if len(begun) > 1 else 975.0)
