@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -72,14 +73,9 @@ class Compiled:
         self._anywhere = self._packed(np.eye(4))
         self._station_joint = np.array([s.joint for s in model.stations], dtype=np.int64)
         self._station_position = np.array([s.position for s in model.stations]).reshape(-1, 3) / self._length
-        self._start = self._some_vectors(1)[0]
+        self._start = _some_vectors(1, model.size)[0]
         self._mode = self._start.copy()
         self._basis = np.empty((max(min(BASIS, model.size - 6), 1), model.size))
-
-    def _some_vectors(self, count: int) -> Array:
-        """Unit vectors ``(count, n)`` with a share of every mode, always the same, so that results repeat."""
-        vectors = np.random.default_rng(0).standard_normal((count, len(self.coordinate_unit)))
-        return vectors / np.linalg.norm(vectors, axis=1)[:, None]
 
     def newton(
         self, target: Array, x: Array, wrench: Array, load: float, tolerance: float, max_iterations: int
@@ -119,7 +115,7 @@ class Compiled:
     def march(
         self, pose: Array, direction: Array, s: Array, x: Array, wrench: Array, tolerance: float, most: int
     ) -> March:
-        """Equilibria along a grid of displacements from its first point, which is given.
+        """Equilibria along a grid of displacements from its first point, which is given; constant loads act.
 
         Args:
             pose: unloaded frame ``(4, 4)`` of the end-effector.
@@ -131,10 +127,11 @@ class Compiled:
             most: Newton iterations at a point.
 
         Raises:
-            ValueError: the model carries loads.
+            ValueError: loads of the model turn with its bodies, or are moments.
         """
-        if len(self._constant):
-            raise ValueError("a grid is marched without loads")
+        if len(self._turning):
+            raise ValueError("a grid is marched under forces that keep their direction")
+        self._hang(0.0)
         g, n = len(s), len(x)
         X, F, K = np.empty((g, n)), np.empty((g, 6)), np.empty((g, 6, 6))
         error, iterations, negative = np.zeros(g), np.zeros(g, dtype=np.int64), np.zeros(g, dtype=np.int64)
@@ -354,7 +351,7 @@ class Compiled:
         self._must_visit(x, wrench, load)
         # more vectors than eigenvalues are wanted: the error falls with the ratio to the first one left out
         width = min(count + 2, free)
-        V = self._some_vectors(width).T
+        V = _some_vectors(width, len(self.coordinate_unit)).T
         old = np.full(count, np.inf)
         for _ in range(EIGENVALUE_ITERATIONS):
             V, _ = np.linalg.qr(self._inverse(V))
@@ -388,3 +385,12 @@ class Compiled:
             respond(*self.buffers, np.ascontiguousarray(vector), self._zero_gap)
             result[:, k] = self._work.step
         return result
+
+
+@lru_cache(maxsize=16)
+def _some_vectors(count: int, size: int) -> Array:
+    """Unit vectors ``(count, size)`` with a share of every mode, always the same, so that results repeat."""
+    vectors = np.random.default_rng(0).standard_normal((count, size))
+    vectors /= np.linalg.norm(vectors, axis=1)[:, None]
+    vectors.flags.writeable = False
+    return vectors

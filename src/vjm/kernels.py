@@ -178,6 +178,19 @@ def missing(work: Work, R_to: Floats, p_to: Floats) -> bool:
 
 
 @entry
+def frames_behind(steps: Floats, out: Floats) -> None:
+    """Frames ``out`` (m + 1, 4, 4) behind the base and each joint, from the joints' own ``steps`` (m, 4, 4)."""
+    out[0] = np.eye(4)
+    for j in range(len(steps)):
+        for a in range(3):
+            for b in range(4):
+                out[j + 1, a, b] = out[j, a, 3] if b == 3 else 0.0
+                for c in range(3):
+                    out[j + 1, a, b] += out[j, a, c] * steps[j, c, b]
+        out[j + 1, 3] = out[0, 3]
+
+
+@entry
 def positions(integers: Ints, numbers: Floats, x: Floats, joint: Ints, offset: Floats, out: Floats) -> None:
     """World positions ``(k, 3)`` of points fixed behind joints, in the order of the joints."""
     model = model_of(integers, numbers)

@@ -17,8 +17,9 @@ from vjm.arrays import Arrays
 from vjm.assembly import Assembly, Piece, Station
 from vjm.chain import Chain
 from vjm.compiled import Compiled
+from vjm.kernels import frames_behind
 from vjm.loads import NO_LOADING, Loading
-from vjm.packing import packed
+from vjm.packing import loaded_points, packed
 from vjm.rotations import Array
 from vjm.springs import LinearSpring, Spring
 
@@ -119,7 +120,8 @@ class LumpedModel:
         """The same model with loads on its bodies."""
         if loading is self.loading:
             return self
-        return self._changed(loading=loading)
+        points = loaded_points(loading, self.chain.characteristic_length)
+        return self._changed(loading=loading, arrays=self.arrays._replace(**points))
 
     def bent(self, natural: Array) -> LumpedModel:
         """The same model with springs that are free of stress at the coordinates ``natural`` (n,)."""
@@ -127,8 +129,7 @@ class LumpedModel:
 
     def _changed(self, **attributes: object) -> LumpedModel:
         model = copy(self)
-        for packed_or_compiled in ("arrays", "compiled"):
-            model.__dict__.pop(packed_or_compiled, None)
+        model.__dict__.pop("compiled", None)
         model.__dict__.update(attributes)
         return model
 
@@ -240,9 +241,7 @@ class LumpedModel:
         local[:, :3, 3] = np.where(self.joint_rotary, 0.0, joints)[:, None] * self.axis
         step = self.before @ local
         behind = np.empty((m + 1, 4, 4))
-        behind[0] = np.eye(4)
-        for j in range(m):
-            np.matmul(behind[j], step[j], out=behind[j + 1])
+        frames_behind(step, behind)
         end = behind[-1] @ self.tail
         # an axis is not moved by its own joint
         axes = np.einsum("jab,jb->ja", behind[1:, :3, :3], self.axis)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vjm.arrays import BEAM_COLUMN, LINEAR, PASSIVE, Arrays
+from vjm.loads import Loading
 from vjm.rotations import Array
 from vjm.springs import BeamColumnSpring, LinearSpring
 
@@ -75,7 +76,14 @@ def packed(model: LumpedModel) -> Arrays:
         R_tail=np.ascontiguousarray(model.tail[:3, :3]),
         p_tail=model.tail[:3, 3] / length,
         natural=model.natural / coordinate,
-        point_joint=model.loading.joint.astype(np.int64),
-        point_offset=model.loading.offset / length,
-        follows=model.loading.follows.astype(np.int64),
+        **loaded_points(model.loading, length),
     )
+
+
+def loaded_points(loading: Loading, length: float) -> dict[str, Any]:
+    """What a model's arrays have of the loads on its bodies, over its characteristic length."""
+    return {
+        "point_joint": loading.joint.astype(np.int64),
+        "point_offset": loading.offset / length,
+        "follows": loading.follows.astype(np.int64),
+    }

@@ -11,6 +11,8 @@ from vjm.chain import Chain
 from vjm.equilibrium import NoConvergenceError
 from vjm.loads import Loading
 from vjm.lumped import LumpedModel
+from vjm.lumped_problem import LumpedProblem
+from vjm.packing import packed
 from vjm.parts import Beam, Placement, RigidOffset, Section
 from vjm.paths import EventKind
 from vjm.programme import COMPONENTS, Load, PointControl, Programme
@@ -89,6 +91,24 @@ def test_cantilever_under_a_dead_tip_force_follows_the_elastica(load, w, u):
     deflection = path.displacement[:, 1]
     slope = np.gradient(path.force, deflection, edge_order=2)
     assert path.tangent[5:-5] == pytest.approx(slope[5:-5], rel=2e-3)
+
+
+@pytest.mark.parametrize(("kind", "taken"), [("forces", True), ("moments", False), ("followers", False)])
+def test_a_grid_is_marched_under_forces_that_keep_their_direction(kind, taken):
+    bare = VjmEngine(4).model(cantilever())
+    loading = random_loading(bare, np.random.default_rng(3), kind)
+    model = bare.under(loading)
+    # what the kernels take is the same as if it had been packed with its loads
+    for own, anew in zip(model.arrays, packed(model), strict=True):
+        np.testing.assert_array_equal(own, anew)
+    at = Programme("straight", 1.0)
+    problem = LumpedProblem(model, at, "")
+    args = problem.target(0.0), at.direction, np.zeros(1), np.zeros(model.size), np.zeros(6), 1e-9, 10
+    if taken:
+        assert model.compiled.march(*args).good == 1
+    else:
+        with pytest.raises(ValueError, match="keep their direction"):
+            model.compiled.march(*args)
 
 
 @pytest.mark.parametrize("follower", [False, True])

@@ -15,7 +15,7 @@ import numpy as np
 from vjm.effects.history_kernel import Packed, interpolated, looked_up
 from vjm.effects.machine import STANDARD_GRAVITY, Machine, bowed
 from vjm.equilibrium import TOLERANCE, NoConvergenceError
-from vjm.grid import walk_grid
+from vjm.grid import MAX_ITERATIONS, walk_grid
 from vjm.lumped_problem import LumpedProblem
 from vjm.programme import Programme
 from vjm.rotations import Array
@@ -217,19 +217,27 @@ def _walk(problem: LumpedProblem, grid: Array, *, loaded: bool) -> Table:
 
 
 def _walk_loaded(problem: LumpedProblem, grid: Array) -> tuple[Array, Array, Array, Array, str]:
-    """The equilibria of a chain that carries weights, which the compiled march does not take."""
+    """The equilibria of a chain that carries weights: it has no bifurcation, but may bend over steeply.
+
+    Where the compiled march stumbles, each point is gone to from the last, by steps that become shorter.
+    """
     model = problem.model
     rest = problem.at_rest()
-    x, F = rest.x, rest.wrench
-    found, slope, last, stopped = [(0.0, x, F, model.compiled.end_stiffness(x, F))], None, 0.0, ""
-    for s in grid[1:]:
+    ahead = model.compiled.march(
+        problem.target(0.0), problem.programme.direction, grid, rest.x, rest.wrench, TOLERANCE, MAX_ITERATIONS
+    )
+    good = ahead.good
+    x, F, last, stopped = ahead.x[good - 1], ahead.wrench[good - 1], float(grid[good - 1]), ""
+    found = list(zip(grid[:good], ahead.x, ahead.wrench, ahead.stiffness, strict=False))
+    slope = problem.rate(problem.configuration(problem.point(last, x, F))) if ahead.why else None
+    for s in grid[good:]:
         at = last
         step = s - at
         while at < s - 1e-12 * s:
             to = min(at + step, s)
-            guess = (x, F) if slope is None else (x + slope[0] * (to - at), F + slope[1] * (to - at))
+            assert slope is not None
             there, wrench, _, _, why = model.compiled.newton(
-                problem.target(to), guess[0], guess[1], 0.0, TOLERANCE, 20
+                problem.target(to), x + slope[0] * (to - at), F + slope[1] * (to - at), 0.0, TOLERANCE, 20
             )
             if why or model.compiled.visit(there, wrench) != 0:
                 step *= 0.5

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vjm.compiled import Compiled
 from vjm.effects.machine import Machine, bowed
 from vjm.effects.tables import HalfRay, tabulate
 from vjm.grid import walk_grid
@@ -87,6 +88,24 @@ def test_weight_agrees_with_the_suites_own_walk(machine):
     path = machine.engine.walk(heavy.chain(), Programme("B", -2.0, steps=4, gravity=(0.0, 0.0, -9.80665)))
     wrench, _ = table.at(np.array([p.s for p in path.points]))
     np.testing.assert_allclose(wrench[:, :3], [p.wrench[:3] for p in path.points], atol=0.05)
+
+
+def test_weight_is_followed_where_the_march_stumbles(machine, monkeypatch):
+    heavy = replace(machine, weight=(("link", 4.0),))
+    whole = tabulate(heavy, HalfRay("B", BACK, 2.0), pulls=False)
+    march, given_up = Compiled.march, []
+
+    def stumbles(*args):
+        found = march(*args)
+        given_up.append(len(found.x))
+        return found._replace(good=5, why="Newton did not converge")
+
+    monkeypatch.setattr(Compiled, "march", stumbles)
+    step_by_step = tabulate(heavy, HalfRay("B", BACK, 2.0), pulls=False)
+    assert given_up
+    # both to the solver's tolerance, 1e-9 of the forces
+    np.testing.assert_allclose(step_by_step.wrench, whole.wrench, rtol=1e-7, atol=1e-4)
+    np.testing.assert_allclose(step_by_step.stiffness, whole.stiffness, rtol=1e-6, atol=1e-2)
 
 
 def test_asymmetry_has_a_stiffness_in_each_direction(machine):
