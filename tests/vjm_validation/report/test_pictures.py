@@ -19,7 +19,7 @@ from vjm_validation.report.figures import (
 from vjm_validation.report.iteration_figures import iteration_picture
 from vjm_validation.report.lumping_figures import MARKS, PLACES, converged, lumping_pictures
 from vjm_validation.report.skeleton import Camera, Skeleton, magnification, picture_axes, skeleton
-from vjm_validation.report.style import number
+from vjm_validation.report.style import PAGE_WIDTH, Margins, figure, number
 from vjm_validation.run import Direction, Key
 
 PULLED, PUSHED = Direction.TENSION, Direction.COMPRESSION
@@ -167,3 +167,19 @@ def test_pictures_of_counts_decode_with_failures_and_without_events(run):
     assert min(pixels.shape) > 300
     assert 0.01 < np.mean(pixels < 200) < 0.5
     assert "Grey band: the paper's 3 to 5." in picture.caption
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (2, 2), (4, 3)])
+def test_margins_hold_what_stands_around_the_axes(rows, columns):
+    height = 2.2 * rows
+    with figure(height, columns, rows=rows, margins=Margins(between=0.72)) as (fig, axes):
+        for ax in axes:
+            ax.plot([-2.5, 2.5], [-12345.0, 12345.0])
+            ax.set(title="posture A, as drawn", xlabel="ux, mm", ylabel="fx, N")
+            ax.tick_params(labelbottom=True)
+        boxes = [ax.get_tightbbox() for ax in axes]
+    inches = [box.transformed(fig.dpi_scale_trans.inverted()) for box in boxes]
+    for box in inches:
+        assert -0.01 <= box.x0 <= box.x1 <= PAGE_WIDTH + 0.01
+        assert -0.01 <= box.y0 <= box.y1 <= height + 0.01
+    assert not any(a.overlaps(b) for k, a in enumerate(inches) for b in inches[:k])

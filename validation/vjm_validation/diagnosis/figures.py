@@ -12,11 +12,13 @@ from vjm_validation.diagnosis.fitting import Fit
 from vjm_validation.diagnosis.preparation import Prepared
 from vjm_validation.diagnosis.shapes import driven_channel, loading
 from vjm_validation.measurement.channels import WRENCH
-from vjm_validation.report.style import Picture, figure, png
+from vjm_validation.report.style import Margins, Picture, figure, png
 
 INK, BEFORE, BEST, AFTER, BACK = "#1b1f24", "#D55E00", "#E69F00", "#0072B2", "#7a7a7a"
 MOST_POSTURES = 4
 """Postures that are drawn."""
+LETTER = 0.066
+"""Width of a letter, inches."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,8 @@ def _curves(prepared: Prepared, fit: Fit, before: Before) -> Picture:
     labels = _postures(prepared)
     columns = min(len(labels), 2)
     rows = (len(labels) + 1) // 2
-    with figure(3.0 if rows == 1 else 2.7 * rows, columns, rows=rows) as (fig, axes):
+    margins = Margins(between=0.72)
+    with figure(3.0 if rows == 1 else 2.7 * rows, columns, rows=rows, margins=margins) as (fig, axes):
         for label, ax in zip(labels, axes, strict=False):
             on = (observed.readings.posture == label) & observed.present[:, c]
             order = np.argsort(u[on], kind="stable")
@@ -102,7 +105,7 @@ def _residuals(prepared: Prepared, fit: Fit, before: Before) -> Picture:
     if fit.hypothesis:
         panels.append((fit.at.residual, AFTER, "extended"))
     n = len(panels)
-    with figure(2.2 * len(labels), n, rows=len(labels), sharey=False) as (fig, axes):
+    with figure(2.2 * len(labels), n, rows=len(labels), margins=Margins()) as (fig, axes):
         for k, label in enumerate(labels):
             on = (observed.readings.posture == label) & observed.present[:, c]
             for ax, (residual, colour, name) in zip(axes[n * k : n * k + n], panels, strict=True):
@@ -126,9 +129,11 @@ def _residuals(prepared: Prepared, fit: Fit, before: Before) -> Picture:
 
 def _contrasts(document: Diagnosis) -> Picture:
     rows = document.contrasts[::-1]
-    with figure(0.26 * len(rows) + 0.9, 1) as (fig, (ax,)):
+    words = [f"{row.channel}: {row.name}" for row in rows]
+    margins = Margins(left=0.2 + LETTER * max(map(len, words)), top=0.1)
+    with figure(0.26 * len(rows) + 0.9, 1, margins=margins) as (fig, (ax,)):
         ax.barh(range(len(rows)), [abs(row.significance) for row in rows], color=BEFORE, height=0.6)
-        ax.set_yticks(range(len(rows)), [f"{row.channel}: {row.name}" for row in rows])
+        ax.set_yticks(range(len(rows)), words)
         ax.set_ylim(-0.8, len(rows) - 0.2)
         ax.axvline(3.0, color=BACK, lw=0.8, ls="--")
         ax.set_xscale("symlog", linthresh=3.0)

@@ -136,16 +136,58 @@ def listed(words: list[str]) -> str:
     return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
+@dataclass(frozen=True)
+class Margins:
+    """Room around the axes of a figure, inches, where it is known beforehand what stands there.
+
+    Attributes:
+        left: for the first column's labels.
+        across: between columns.
+        between: between rows.
+        right: beside the last column.
+        bottom: below the last row.
+        top: above the first row.
+    """
+
+    left: float = 0.8
+    across: float = 0.8
+    between: float = 0.35
+    right: float = 0.12
+    bottom: float = 0.42
+    top: float = 0.26
+
+    def apply(self, fig: Figure, rows: int, columns: int) -> None:
+        """Place the axes."""
+        width, height = fig.get_size_inches()
+        wide = (width - self.left - self.right - (columns - 1) * self.across) / columns
+        high = (height - self.bottom - self.top - (rows - 1) * self.between) / rows
+        fig.subplots_adjust(
+            self.left / width, self.bottom / height, 1.0 - self.right / width, 1.0 - self.top / height,
+            self.across / wide, self.between / high,
+        )  # fmt: skip
+
+
 @contextmanager
 def figure(
-    height: float, columns: int = 2, *, rows: int = 1, sharey: bool = False, widths: list[float] | None = None
+    height: float,
+    columns: int = 2,
+    *,
+    rows: int = 1,
+    sharey: bool = False,
+    widths: list[float] | None = None,
+    margins: Margins | None = None,
 ) -> Iterator[tuple[Figure, list[Axes]]]:
-    """A figure of the page's width with its axes row by row, in the report's style, without pyplot's state."""
+    """A figure of the page's width with its axes row by row, in the report's style, without pyplot's state.
+
+    Without ``margins`` the labels are measured, which takes as long as to draw them.
+    """
     with mpl.rc_context(RC):
-        fig = Figure(figsize=(PAGE_WIDTH, height), layout="constrained")
+        fig = Figure(figsize=(PAGE_WIDTH, height), layout="constrained" if margins is None else None)
         axes = fig.subplots(
             rows, columns, squeeze=False, sharex="col", sharey="row" if sharey else False, width_ratios=widths
         )
+        if margins is not None:
+            margins.apply(fig, rows, columns)
         yield fig, list(axes.flat)
 
 
