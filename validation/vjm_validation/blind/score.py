@@ -18,6 +18,10 @@ RIVALS = {
     "largest_drop": "largest drop of the error",
     "plain_bic": "plain BIC on raw rows",
 }
+STRONG = 0.9 * 8.0
+"""Strength from which on a cause counts as one of 8 and more: it was sought within 5 %, and nuisances move it."""
+WITHIN = 2**0.5
+"""Factor around a strength within which a set belongs to it."""
 SURE = 0.8
 """Confidence above which a wrong name counts as worse."""
 FAR = 5.0
@@ -40,7 +44,7 @@ def score(results: list[Result], *, held_out: bool | None = True) -> dict[str, A
     done = [r for r in done if r not in not_run]
     group: Callable[[str], list[Result]] = lambda name: [r for r in done if r["truth"]["group"] == name]  # noqa: E731
     single, pair, quiet = group("single"), group("pair"), group("quiet")
-    strong = [r for r in single if _strength(r) >= 0.9 * 8.0]
+    strong = [r for r in single if _strength(r) >= STRONG]
     sure = [(float(r["found"]["confidence"]), float(_right(r))) for r in done if "error" not in r["found"]]
     confidence, hits = np.array([s[0] for s in sure]), np.array([s[1] for s in sure])
     return {
@@ -99,7 +103,7 @@ def _strength(r: Result) -> float:
 
 def _near(r: Result, strength: float) -> bool:
     """Whether a set belongs to a strength: within the factor √2 around it."""
-    return bool(2**-0.5 <= _strength(r) / strength < 2**0.5)
+    return bool(1.0 / WITHIN <= _strength(r) / strength < WITHIN)
 
 
 def _rival_right(r: Result, name: str) -> bool:
@@ -131,7 +135,7 @@ def _strangers(results: list[Result]) -> dict[str, Any]:
 
 def _separable(r: Result) -> bool:
     """Whether both of a pair are strong, and no other set is one class with it."""
-    strong = all(one["strength"] >= 0.9 * 8.0 for one in r["truth"]["hidden"])
+    strong = all(one["strength"] >= STRONG for one in r["truth"]["hidden"])
     return strong and admitted(r["truth"]) == {frozenset(r["truth"]["causes"])}
 
 
@@ -148,7 +152,9 @@ def _resolved(r: Result) -> bool:
 
 def _class_sizes(results: list[Result]) -> dict[str, float | None]:
     said = [len(candidate_sets(r["found"])) for r in results if r["found"].get("verdict") == "class" and _right(r)]
-    true = [len(admitted(r["truth"])) for r in results if r["truth"]["group"] == "single" and _strength(r) >= 7.2]
+    true = [
+        len(admitted(r["truth"])) for r in results if r["truth"]["group"] == "single" and _strength(r) >= STRONG
+    ]
     return {
         "of_right_classes": float(np.mean(said)) if said else None,
         "of_the_truth_at_8": float(np.mean(true)) if true else None,
@@ -204,7 +210,7 @@ def _confusion(results: list[Result]) -> dict[str, dict[str, int]]:
     for r in results:
         truth = r["truth"]
         name = truth["group"] if truth["group"] != "single" else truth["causes"][0]
-        if truth["group"] == "single" and _strength(r) < 7.2:
+        if truth["group"] == "single" and _strength(r) < STRONG:
             continue
         rows.setdefault(name, Counter())[column(r["found"])] += 1
     order = [*CAUSES, "quiet", "pair", "outside", "omitted", "inseparable"]
@@ -226,7 +232,7 @@ def _wrong(results: list[Result]) -> list[dict[str, Any]]:
             "likelihood_ratio_right": _rival_right(r, "likelihood_ratio"),
         }
         for r in results
-        if not _right(r) and (r["truth"]["group"] != "single" or _strength(r) >= 2**-0.5 * 4.0)
+        if not _right(r) and (r["truth"]["group"] != "single" or _strength(r) >= 4.0 / WITHIN)
     ]
 
 
