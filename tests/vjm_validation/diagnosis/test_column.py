@@ -13,10 +13,10 @@ from vjm_validation.cli import run
 from vjm_validation.diagnosis.column import observe_column
 from vjm_validation.diagnosis.column_experiment import direct
 from vjm_validation.diagnosis.command import diagnose
+from vjm_validation.diagnosis.estimates import Estimate
 from vjm_validation.diagnosis.marks import marks_gain
 from vjm_validation.diagnosis.preparation import prepare
 from vjm_validation.diagnosis.transfer import transfer
-from vjm_validation.diagnosis.verdict import Estimate
 from vjm_validation.measurement import read_measurement
 
 MEASURED = Path(__file__).parents[4] / "shared" / "measured"

@@ -83,5 +83,5 @@ def test_a_fit_that_needs_one_nuisance_far_off_the_sheet_is_not_right(make, tmp_
     assert found.kind == verdict
     assert found.rest.p > MISFIT
     assert (found.rest.strained < STRAINED) is (verdict == "unknown")
-    # the made-up zero of the drawing, 0.3 N or so, on top
+    # the drawing's own zero, a tenth of a sigma or 2 N, on top
     assert ("zero fx_N 8.1 sigma" in found.rest.farthest) is (verdict == "unknown")

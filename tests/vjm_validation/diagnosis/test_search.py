@@ -15,14 +15,17 @@ ONE, OTHER = InstrumentZero(part="fx_N"), InstrumentZero(part="ux_mm")
 EXPLAINED = 500.0
 
 
-def ranked(*effects, objective, criterion):
-    return Ranked(SimpleNamespace(hypothesis=effects, objective=objective, values=[], at=None), criterion)
+def ranked(*effects, objective, criterion, converged=True):
+    fit = SimpleNamespace(hypothesis=effects, objective=objective, values=[], at=None, converged=converged)
+    return Ranked(fit, criterion)
 
 
-def search(*tried, hints=()):
+def search(*tried, hints=(), dragged=False):
     """With an alarm that a gain of 15 by one parameter does not give."""
     # fits cannot be made any better
-    fitter = SimpleNamespace(nuisances=(), machine_slopes=None, fit=lambda *args, **kwargs: None)
+    fitter = SimpleNamespace(
+        nuisances=(), machine_slopes=None, fit=lambda *args, **kwargs: None, dragged=lambda null: dragged
+    )
     null = ranked(objective=1000.0, criterion=1000.0)
     for r in (null, *tried):
         r.fit.at = SimpleNamespace(z=[])
@@ -62,6 +65,21 @@ def test_a_further_cause_must_be_worth_its_price(gain, cost, taken):
     first = ranked(ONE, objective=1000.0 - EXPLAINED, criterion=510.0)
     both = ranked(ONE, OTHER, objective=first.fit.objective - gain, criterion=first.criterion - gain + cost)
     assert search(first, both)._better(first, 2) is (both if taken else None)
+
+
+@pytest.mark.parametrize(
+    ("behind", "converged", "dragged", "again"),
+    # led astray; ended by itself; by slopes that can be relied on; too far behind to be the right one
+    [(1.0, False, True, True), (1.0, True, True, False), (1.0, False, False, False), (4.0, False, True, False)],
+)
+def test_a_fit_that_dragged_nuisances_led_astray_is_made_exact(monkeypatch, behind, converged, dragged, again):
+    best = ranked(ONE, objective=490.0, criterion=500.0)
+    lost = ranked(OTHER, objective=490.0, criterion=500.0 + behind * (CLOSE + 10.0), converged=converged)
+    own, polished = search(best, lost, dragged=dragged), []
+    monkeypatch.setattr(Search, "_polish", lambda self, known: polished.append(known))
+    own._better(own.tried[frozenset()], 1)
+    assert (lost in polished) is again
+    assert best in polished
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from vjm_validation.diagnosis.instrument import InstrumentZero, ThermalDrift
 from vjm_validation.diagnosis.misfit import Misfit
 from vjm_validation.diagnosis.search import Ranked
 from vjm_validation.diagnosis.unknowns import coordinates
-from vjm_validation.diagnosis.verdict import PAYS, Verdict, needless, proved
+from vjm_validation.diagnosis.verdict import PAYS, Verdict, _elsewhere, _quiet, needless, proved
 
 DRIFT, ZERO = ThermalDrift(part="ux_mm", by="K", span=1.0), InstrumentZero(part="fx_N")
 LINEAR, HARDENING = ActuatorCompliance(), ActuatorHardening()
@@ -66,3 +66,26 @@ def test_what_was_held_out_counts_where_a_right_model_would_do_better(after, exp
     else:
         assert found.kind == "named"
         assert found.confidence < verdict.confidence
+
+
+def test_nothing_is_less_sure_the_nearer_an_alarm_came():
+    def sure(least, rest):
+        return _quiet(SimpleNamespace(first=[SimpleNamespace(p=least)], alarm=1e-3), Misfit(rest, 0.0, ""))
+
+    # more likely than not that something faint is there; hardly any chance of it; no effect to test
+    assert sure(1e-3, 1.0) < 0.5 < sure(0.05, 1.0) < sure(0.9, 1.0) < 0.9
+    assert sure(0.9, 0.01) < sure(0.9, 1.0)
+    assert _quiet(SimpleNamespace(first=[], alarm=1e-3), Misfit(1.0, 0.0, "")) == sure(1.0, 1.0)
+
+
+def test_a_cause_may_sit_in_another_place():
+    def at(*parts, converged=True):
+        found = ranked(*(ThermalDrift(part=part, by="K", span=1.0) for part in parts))
+        found.fit.converged = converged
+        return found
+
+    assert _elsewhere(at("fx_N"), at("ux_mm"))
+    assert not _elsewhere(at("fx_N"), at("fx_N"))
+    assert not _elsewhere(at("fx_N", converged=False), at("ux_mm"))
+    # two places at once are another hypothesis
+    assert not _elsewhere(at("fx_N", "fz_N"), at("ux_mm"))

@@ -101,8 +101,15 @@ def test_neighbours_that_are_off_the_same_way_are_what_the_machine_does(monkeypa
 @pytest.mark.parametrize(
     ("found", "accident"),
     # the two smallest forces that show, pull and push, read too small; one of them too large; one of them and a
-    # larger force; one of them alone
-    [({44: 1, 55: -1}, False), ({44: -1, 55: -1}, True), ({44: 1, 60: -1}, True), ({44: 1}, True)],
+    # larger force; one of them alone; three of the six smallest, not these themselves; and three anywhere
+    [
+        ({44: 1, 55: -1}, False),
+        ({44: -1, 55: -1}, True),
+        ({44: 1, 60: -1}, True),
+        ({44: 1}, True),
+        ({43: 1, 56: -1, 57: -1}, False),
+        ({43: 1, 66: -1, 77: -1}, True),
+    ],
 )
 def test_smallest_loads_that_are_read_too_small_are_what_the_gauge_does(monkeypatch, found, accident):
     place = np.linspace(-1.0, 1.0, 100)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from vjm_validation.diagnosis.verdict import Estimate
+from vjm_validation.diagnosis.estimates import Estimate
 from vjm_validation.measurement import Measurement
 from vjm_validation.measurement.channels import WRENCH
 

@@ -33,6 +33,7 @@ from vjm_validation.diagnosis.document import (
     ValueRow,
     VersionRow,
 )
+from vjm_validation.diagnosis.estimates import Estimate, estimates, joined, nuisance_estimates
 from vjm_validation.diagnosis.experiment import propose
 from vjm_validation.diagnosis.extended import extended_text
 from vjm_validation.diagnosis.fitting import Fit
@@ -42,17 +43,9 @@ from vjm_validation.diagnosis.marks import marks_gain, with_one_more
 from vjm_validation.diagnosis.observed import Observed, observe
 from vjm_validation.diagnosis.page import write_page
 from vjm_validation.diagnosis.preparation import Prepared, effects_of, possible, prepare, refresh
-from vjm_validation.diagnosis.search import Search
+from vjm_validation.diagnosis.search import Ranked, Search
 from vjm_validation.diagnosis.transfer import transfer
-from vjm_validation.diagnosis.verdict import (
-    STRAINED,
-    Estimate,
-    Verdict,
-    estimates,
-    judge,
-    nuisance_estimates,
-    proved,
-)
+from vjm_validation.diagnosis.verdict import STRAINED, Verdict, judge, proved
 from vjm_validation.measurement import Measurement, read_measurement
 from vjm_validation.measurement.channels import WRENCH
 from vjm_validation.summary import as_json
@@ -161,8 +154,8 @@ def _proved(prepared: Prepared, verdict: Verdict) -> tuple[Verdict, list[Candida
     if not verdict.members:
         return verdict, [], critical_points(prepared.fitter, null, null)
     candidates = [
-        CandidateRow(causes=sorted(m.causes), probability=p, parameters=_values(prepared, m.fit), gain=own)
-        for m, p, own in zip(verdict.members, verdict.probabilities, gains, strict=True)
+        CandidateRow(causes=sorted(m.causes), probability=p, parameters=_values(prepared, m.fit, places), gain=own)
+        for m, p, own, places in zip(verdict.members, verdict.probabilities, gains, verdict.places, strict=True)
     ]
     return verdict, candidates, points[0]
 
@@ -259,8 +252,9 @@ def _value(e: Estimate) -> ValueRow:
     return ValueRow(value=e.value, std=e.std, interval95=[e.low, e.high])
 
 
-def _values(prepared: Prepared, fit: Fit) -> dict[str, ValueRow | str]:
-    found = estimates(prepared.fitter, fit, 0.0)
+def _values(prepared: Prepared, fit: Fit, places: Sequence[Ranked]) -> dict[str, ValueRow | str]:
+    elsewhere = [estimates(prepared.fitter, place.fit, 0.0) for place in places]
+    found = joined(estimates(prepared.fitter, fit, 0.0), elsewhere)
     result: dict[str, ValueRow | str] = {name: _value(e) for name, e in found.items()}
     forward = prepared.fitter.forward
     if isinstance(forward, ColumnForward):

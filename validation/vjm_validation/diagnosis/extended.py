@@ -29,9 +29,9 @@ from vjm.io.toml_text import toml_text
 from vjm.parts import Actuator
 from vjm_validation.calibration.calibrated_model import calibrated_document
 from vjm_validation.diagnosis.column import ColumnYield
+from vjm_validation.diagnosis.estimates import Estimate
 from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.instrument import InstrumentScale, InstrumentZero, ThermalDrift
-from vjm_validation.diagnosis.verdict import Estimate
 from vjm_validation.measurement import Measurement
 
 FILE = "extended-model.toml"

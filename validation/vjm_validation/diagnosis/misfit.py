@@ -57,7 +57,7 @@ def misfit(fitter: Fitter, fit: Fit) -> Misfit:
     smooth = _blocks(fitter, space, *smooth_shapes(observed))
     blocks = [*smooth, *_blocks(fitter, space, *sudden_shapes(observed))]
     if not blocks:
-        return Misfit(1.0, 0.0, "")
+        return Misfit(1.0, 0.0, "", *_strained(fit))
     squares = np.array([float(np.sum((b.directions.T @ space.residual) ** 2)) for b in blocks])
     freedom = np.array([b.directions.shape[1] for b in blocks])
     p = np.asarray(chi2.sf(squares, freedom))

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from vjm.effects.effect import Effect
+from vjm.rotations import Array
 from vjm_validation.diagnosis.criterion import criterion
 from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.misfit import misfit
@@ -55,11 +56,12 @@ NEARLY, ROUGHLY, MOST_ALIKE = 4.0, 0.15, 12
 ones do, and how many causes are fitted."""
 CARRIED_ON = 3
 """Times that a fit which has not ended by itself is carried on, at most."""
-POLISHED = 3
-"""Hypotheses of one size whose fits are made exact."""
+POLISHED, ASTRAY = 3, 2
+"""Hypotheses of one size whose fits are made exact, and of those further behind that had not come to an end."""
 HOPE = 0.3
 """Share of what is left that the best causes must explain, to first order, to be worth a fit; and share of what was
-explained by which a hypothesis must have fallen behind not to be fitted again where the noise is known better."""
+explained by which a hypothesis must have fallen behind not to be fitted again where the noise is known better, or
+where its fit had not ended."""
 CLOSE = 40.0
 """Criterion within which of the best a rough fit is made exact."""
 
@@ -253,7 +255,6 @@ class Search:
             return
         self.progress(" + ".join(effect.label for effect in hypothesis))
         m = len(self.fitter.nuisances)
-        best: Fit | None = None
         # a wrong model has dragged the nuisances along; what it has freed is its own affair
         held = np.array([np.isfinite(c.sigma) for c in base.found[:m]])
         begin = np.where(held, np.clip(base.at.z[:m], -STRAINED, STRAINED), base.at.z[:m])
@@ -264,25 +265,37 @@ class Search:
         least = min((self.fitter.squares(fit.found, fit.at) for fit in rivals), default=np.inf)
         # towards a modulus or length far off the first steps say little
         target = np.inf if _bent(hypothesis[-1]) else least + CLOSE
+        best = self._fitted(hypothesis, begin, starts, target)
         hoped = base.objective - promised
         counts = promised < PROMISED and hoped < min((fit.objective for fit in rivals), default=np.inf) + NEARLY**2
-        smaller = [[*values[:-1], _towards_nothing(hypothesis[-1], values[-1], SMALLER)] for values in starts]
-        for k, values in enumerate((*starts, *smaller)):
-            if k >= len(starts) and (not counts or (best is not None and best.objective < hoped + SHORT_OF)):
-                break
-            fit = self.fitter.fit(hypothesis, begin, values, rough=True, target=target)
-            if fit is not None and (best is None or fit.objective < best.objective):
-                best = fit
+        if counts and (best is None or best.objective >= hoped + SHORT_OF):
+            smaller = [[*values[:-1], _towards_nothing(hypothesis[-1], values[-1], SMALLER)] for values in starts]
+            best = _lower(best, self._fitted(hypothesis, begin, smaller, target, hoped + SHORT_OF))
         if (
             best is not None
             and key > {e.label for e in base.hypothesis}
             and best.objective > base.objective + STUCK
         ):
             # it contains the base, and cannot be worse
-            again = self._from_base(hypothesis, base, starts[0])
-            best = again if again is not None and again.objective < best.objective else best
+            best = _lower(best, self._from_base(hypothesis, base, starts[0]))
         if best is not None:
             self.tried[key] = Ranked(best, self._criterion(best))
+
+    def _fitted(
+        self,
+        hypothesis: Hypothesis,
+        begin: Array,
+        starts: Sequence[Sequence[Sequence[float]]],
+        target: float,
+        enough: float = -np.inf,
+    ) -> Fit | None:
+        """The best fit from several starts, up to one whose objective is small enough."""
+        best: Fit | None = None
+        for values in starts:
+            best = _lower(best, self.fitter.fit(hypothesis, begin, values, rough=True, target=target))
+            if best is not None and best.objective < enough:
+                break
+        return best
 
     def _from_base(self, hypothesis: Hypothesis, base: Fit, values: Sequence[Sequence[float]]) -> Fit | None:
         """A fit that begins at a hypothesis with a cause less, with next to none of that cause."""
@@ -298,9 +311,14 @@ class Search:
         left = [r for r in self.tried.values() if len(r.labels) == size]
         if not left:
             return None
-        top = min(r.criterion for r in left)
-        for near in sorted((r for r in left if r.criterion < top + CLOSE), key=lambda r: r.criterion)[:POLISHED]:
-            self._polish(near)
+        left.sort(key=lambda r: r.criterion)
+        top = left[0].criterion
+        near = [r for r in left if r.criterion < top + CLOSE][:POLISHED]
+        # where the null has dragged nuisances far along, rough slopes may have led the right one astray
+        reach = HOPE * (self.null.objective - top) if self.fitter.dragged(self.null) else 0.0
+        astray = [r for r in left if r not in near and not r.fit.converged and r.criterion < top + reach]
+        for ranked in (*near, *astray[:ASTRAY]):
+            self._polish(ranked)
         left = [r for r in self.tried.values() if len(r.labels) == size]
         new = min(left, key=lambda r: r.criterion)
         if size == 1:
@@ -356,6 +374,11 @@ class Search:
 
     def _criterion(self, fit: Fit) -> float:
         return criterion(self.fitter, fit, self.effects, self.samples)
+
+
+def _lower(*fits: Fit | None) -> Fit | None:
+    """Of fits the best, where there is one."""
+    return min((fit for fit in fits if fit is not None), key=lambda fit: fit.objective, default=None)
 
 
 def _bent(effect: Effect) -> bool:

@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import expit
 
-from vjm.rotations import Array
 from vjm_validation.diagnosis.classes import best_verdict
 from vjm_validation.diagnosis.criterion import size_covariance, would_not_show
-from vjm_validation.diagnosis.fitting import Fit, Fitter
-from vjm_validation.diagnosis.forward import values_of
+from vjm_validation.diagnosis.fitting import Fitter
 from vjm_validation.diagnosis.misfit import Misfit, misfit
-from vjm_validation.diagnosis.normal_equations import inverse
 from vjm_validation.diagnosis.search import WRONG_LAW, Ranked, Search
-from vjm_validation.diagnosis.unknowns import release_key
 
 MISFIT, DOUBTFUL = 0.001, 0.01
 """Chance of calling a right model wrong: the sheet's, and one with causes, since what no catalogue has may be as
@@ -27,18 +24,22 @@ PAYS = 6.6
 """Fall of the objective for which a law with a parameter more is preferred: one in a hundred does so by chance."""
 RIVALS = 12
 """Hypotheses that are compared with the best at most."""
-FURTHER = 0.6
+FURTHER = 0.85
 """How sure a further cause is beside a first one: several explain what no catalogue has, too (docs/blind.md)."""
+ANY_CLASS = 0.45
+"""How sure a class is beside its own probability, which takes each border for a coin's toss (docs/blind.md)."""
+AS_LIKELY = 0.1
+"""Probability over the likeliest's from which on a place counts as possible."""
 UNPROVED, ACCIDENT = 0.5, 0.7
 """How sure a cause is that predicts what was held out worse than none, and that several such are an accident."""
 BY_CHANCE = 2.0
 """Times a right model's expected error that its error may be: readings held out together are wrong together."""
-UNSEEN = 0.65
-"""How sure it is that there is nothing where nothing is seen: the rest hides what is too faint (docs/blind.md)."""
-SUREST, SUREST_CAUSE = 0.99, 0.88
+FAINT_ODDS, FAINT_SLOPE = -0.5, 0.72
+"""Logarithm of the odds that there is nothing where an alarm nearly came, and what each power of ten further off
+adds: causes of a strength of 1 or 2 cannot be seen (docs/blind.md)."""
+SUREST, SUREST_CAUSE = 0.99, 0.86
 """No verdict is surer, and none that names causes: what no catalogue has may look just like one of them
 (docs/blind.md)."""
-NORMAL_95 = 1.959963984540054
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,7 @@ class Verdict:
         confidence: that kind and set are right.
         others: less likely ones with their probabilities.
         rest: what the best leaves.
+        places: of each member the hypotheses that have its causes elsewhere, and explain about as much.
     """
 
     kind: str
@@ -60,6 +62,7 @@ class Verdict:
     confidence: float
     others: tuple[tuple[Ranked, float], ...]
     rest: Misfit
+    places: tuple[tuple[Ranked, ...], ...] = ()
 
 
 def judge(search: Search, best: Ranked) -> Verdict:
@@ -68,20 +71,17 @@ def judge(search: Search, best: Ranked) -> Verdict:
     best = search.settled(best)
     rest = misfit(fitter, best.fit)
     explained = search.null.objective - best.fit.objective
-    misses = rest.p < DOUBTFUL and rest.left > WRONG_LAW * explained
-    wrong = misses or rest.strained < STRAINED
+    misses = rest.p < DOUBTFUL and rest.left > WRONG_LAW * explained if best.labels else rest.p < MISFIT
+    wrong = misses or rest.strained < STRAINED or bool(best.labels and not best.fit.converged)
     if best.labels and not wrong:
         search.alike(best)
         for near in [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]:
             search.settled(near)
     weights = _weights(search, best)
-    if not best.labels:
-        if rest.p < MISFIT or rest.strained < STRAINED:
-            sure = min(SUREST, 1.0 - min(rest.p, rest.strained))
-            return Verdict("unknown", (), (), sure, _others(weights, []), rest)
-        return Verdict("none", (), (), _quiet(search, rest), _others(weights, [best]), rest)
-    if wrong or not best.fit.converged:
+    if wrong:
         return Verdict("unknown", (), (), min(SUREST, 1.0 - min(rest.p, rest.strained)), _others(weights, []), rest)
+    if not best.labels:
+        return Verdict("none", (), (), _quiet(search, rest), _others(weights, [best]), rest)
     rivals: list[Ranked] = []
     for rival in sorted(weights, key=lambda r: r.criterion):
         if not rival.labels or rival.criterion > best.criterion + RIVAL or len(rivals) == RIVALS:
@@ -99,9 +99,15 @@ def judge(search: Search, best: Ranked) -> Verdict:
     members = [rivals[i] for i in chosen]
     own = np.array([total[m] for m in members])
     share = own / own.sum()
+    kind = "class" if len(members) > 1 else "named"
+    if kind == "class":
+        sure = ANY_CLASS + (1.0 - ANY_CLASS) * sure
     # what the misfit test nearly rejects is less sure
     sure *= float(np.clip(rest.p / 0.02, 0.3, 1.0)) * FURTHER ** (len(members[0].labels) - 1)
-    kind = "class" if len(members) > 1 else "named"
+    places = [
+        tuple(r for r, w in weights.items() if _elsewhere(r, member) and w >= AS_LIKELY * weights[member])
+        for member in members
+    ]
     return Verdict(
         kind,
         tuple(members),
@@ -109,6 +115,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
         min(SUREST_CAUSE, sure),
         _others(weights, members),
         rest,
+        tuple(places),
     )
 
 
@@ -154,87 +161,20 @@ def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:
 
 
 def _quiet(search: Search, rest: Misfit) -> float:
+    """How sure it is that there is nothing: the nearer an alarm came, the likelier something faint is there."""
     least = min((s.p for s in search.first), default=1.0)
-    # an alarm that nearly came, or a misfit, makes it less sure
-    return UNSEEN * min(
-        float(1.0 / (1.0 + 0.05 * search.alarm / max(least, search.alarm))), 0.5 + 0.5 * min(1.0, rest.p / 0.05)
-    )
+    odds = FAINT_ODDS + FAINT_SLOPE * float(np.log10(max(least, search.alarm) / search.alarm))
+    # a misfit makes it less sure
+    return float(expit(odds)) * (0.5 + 0.5 * min(1.0, rest.p / 0.05))
+
+
+def _elsewhere(ranked: Ranked, member: Ranked) -> bool:
+    """Whether a hypothesis has a member's causes in other places."""
+    same = ranked.causes == member.causes and len(ranked.labels) == len(member.labels)
+    return same and ranked.labels != member.labels and ranked.fit.converged
 
 
 def _others(weights: dict[Ranked, float], members: list[Ranked]) -> tuple[tuple[Ranked, float], ...]:
     inside = {m.causes for m in members}
     left = [(r, w) for r, w in weights.items() if r.causes not in inside and r.labels]
     return tuple(sorted(left, key=lambda pair: -pair[1])[:5])
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A parameter.
-
-    Attributes:
-        value: in its unit.
-        std: standard deviation.
-        low: end of the 95 % interval.
-        high: end of the 95 % interval.
-    """
-
-    value: float
-    std: float
-    low: float
-    high: float
-
-
-def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
-    """The parameters of a fit under docs/measured-data.md's names, with their uncertainty to first order."""
-    covariance = _covariance(fitter, fit)
-    result: dict[str, Estimate] = {}
-    for i, effect in enumerate(fit.hypothesis):
-        key = release_key(effect)
-        here = _reported(fit, fit.at.z, i, force)
-        own = (
-            [k for k, c in enumerate(fit.found) if c.kind == "effect" and c.subject == str(i)]
-            if key is None
-            else [k for k, c in enumerate(fit.found) if (c.kind, c.subject) == key]
-        )
-        slopes = {name: np.zeros(len(fit.found)) for name in here}
-        for k in own:
-            h = 1e-5 * max(1.0, abs(float(fit.at.z[k])))
-            z = fit.at.z.copy()
-            z[k] += h
-            for name, value in _reported(fit, z, i, force).items():
-                slopes[name][k] = (value - here[name]) / h
-        for name, value in here.items():
-            std = max(float(slopes[name] @ covariance @ slopes[name]), 0.0) ** 0.5
-            result[name] = Estimate(value, std, value - NORMAL_95 * std, value + NORMAL_95 * std)
-    return result
-
-
-def _reported(fit: Fit, z: Array, index: int, force: float) -> dict[str, float]:
-    effect = fit.hypothesis[index]
-    values = values_of(fit.found, z, fit.hypothesis)[index]
-    key = release_key(effect)
-    if key is None:
-        return effect.reported(values, force)
-    name = {"modulus": "factor", "length": "delta_mm"}.get(key[0], effect.part)
-    return {f"{effect.cause}.{name}": float(values[0])}
-
-
-def _covariance(fitter: Fitter, fit: Fit) -> Array:
-    A = fitter.normal(fit)
-    covariance = inverse(A, np.array([c.sigma != 0.0 for c in fit.found]))
-    rows = int(fitter.whitening.present.sum())
-    inflation = max(1.0, fitter.squares(fit.found, fit.at) / max(rows - fit.free, 1))
-    result: Array = covariance * inflation
-    return result
-
-
-def nuisance_estimates(fitter: Fitter, fit: Fit) -> dict[str, Estimate]:
-    """The nuisances of a fit."""
-    covariance = _covariance(fitter, fit)
-    result = {}
-    for i, c in enumerate(fit.found):
-        if c.kind == "effect" or c.sigma == 0.0:
-            continue
-        value, std = c.value(float(fit.at.z[i])), float(np.sqrt(covariance[i, i])) * c.scale
-        result[c.name] = Estimate(value, std, value - NORMAL_95 * std, value + NORMAL_95 * std)
-    return result

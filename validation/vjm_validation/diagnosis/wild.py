@@ -7,9 +7,8 @@ where too many differ it is the model that is wrong, and none of them is wild.
 
 from __future__ import annotations
 
-from math import comb
-
 import numpy as np
+from scipy.stats import hypergeom
 
 from vjm.rotations import Array
 from vjm_validation.diagnosis.fitting import Whitening
@@ -156,12 +155,17 @@ def _in_a_row(way: Array) -> bool:
 
 
 def _smallest(load: Array, way: Array) -> float:
-    """Chance that, of as many samples at random, so many of those read too small have the smallest loads."""
+    """Chance that, of as many samples at random, so many of those read too small have loads among the smallest."""
     shows = np.abs(load) > SHOWS
     rising = np.argsort(np.abs(load[shows]))
     short = (way * load < 0.0)[shows][rising]
-    first = int(np.cumprod(short).sum())
-    return comb(int(short.sum()), first) / comb(len(short), first)
+    many = int(short.sum())
+    if many < 2:
+        return 1.0
+    upto, count = np.flatnonzero(short) + 1, np.arange(1, many + 1)
+    # up to each of them: at least so many of them within the first; one alone says nothing
+    chance = np.asarray(hypergeom.sf(count - 1, len(short), many, upto))
+    return float(chance[1:].min())
 
 
 def _gathered(place: Array, wild: np.ndarray) -> float:
