@@ -127,10 +127,10 @@ class Compiled:
             most: Newton iterations at a point.
 
         Raises:
-            ValueError: loads of the model turn with its bodies, or are moments.
+            ValueError: loads of the model grow with the ramp, turn with its bodies, or are moments.
         """
-        if len(self._turning):
-            raise ValueError("a grid is marched under forces that keep their direction")
+        if len(self._turning) or self._ramped.any():
+            raise ValueError("a grid is marched under constant forces that keep their direction")
         self._hang(0.0)
         g, n = len(s), len(x)
         X, F, K = np.empty((g, n)), np.empty((g, 6)), np.empty((g, 6, 6))

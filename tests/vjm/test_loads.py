@@ -1,5 +1,7 @@
 """Loads on bodies of the chain: their tangent, and closed forms under tip loads, followers and weight."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -93,10 +95,14 @@ def test_cantilever_under_a_dead_tip_force_follows_the_elastica(load, w, u):
     assert path.tangent[5:-5] == pytest.approx(slope[5:-5], rel=2e-3)
 
 
-@pytest.mark.parametrize(("kind", "taken"), [("forces", True), ("moments", False), ("followers", False)])
-def test_a_grid_is_marched_under_forces_that_keep_their_direction(kind, taken):
+@pytest.mark.parametrize(
+    ("kind", "ramped", "taken"),
+    [("forces", False, True), ("forces", True, False), ("moments", False, False), ("followers", False, False)],
+)
+def test_a_grid_is_marched_under_constant_forces_that_keep_their_direction(kind, ramped, taken):
     bare = VjmEngine(4).model(cantilever())
     loading = random_loading(bare, np.random.default_rng(3), kind)
+    loading = loading if ramped else replace(loading, ramped=np.zeros((4, 6)))
     model = bare.under(loading)
     # what the kernels take is the same as if it had been packed with its loads
     for own, anew in zip(model.arrays, packed(model), strict=True):
