@@ -8,8 +8,7 @@ only steers, since at the optimum of a right model the residual is noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -116,7 +115,6 @@ class Fitter:
         whitening: in force.
         machine_slopes: derivatives ``(n, 6, m)`` of the residuals by the machine's nuisances, of the last base.
         anchor: those nuisances ``(m,)`` for which tables are made; from there the slopes lead on. None: exact.
-        signed: signatures about ordinary nulls, see `vjm_validation.diagnosis.screening.signatures`.
     """
 
     forward: Predictor
@@ -124,7 +122,6 @@ class Fitter:
     whitening: Whitening
     machine_slopes: Array | None = None
     anchor: Array | None = None
-    signed: dict[tuple[Any, ...], list[Any]] = field(default_factory=dict)
 
     @property
     def of_machine(self) -> list[int]:
