@@ -226,16 +226,17 @@ def _walk_loaded(problem: LumpedProblem, grid: Array) -> tuple[Array, Array, Arr
     ahead = model.compiled.march(
         problem.target(0.0), problem.programme.direction, grid, rest.x, rest.wrench, TOLERANCE, MAX_ITERATIONS
     )
+    if not ahead.why:
+        return grid, ahead.x, ahead.wrench, ahead.stiffness, ""
     good = ahead.good
     x, F, last, stopped = ahead.x[good - 1], ahead.wrench[good - 1], float(grid[good - 1]), ""
     found = list(zip(grid[:good], ahead.x, ahead.wrench, ahead.stiffness, strict=False))
-    slope = problem.rate(problem.configuration(problem.point(last, x, F))) if ahead.why else None
+    slope = problem.rate(problem.configuration(problem.point(last, x, F)))
     for s in grid[good:]:
         at = last
         step = s - at
         while at < s - 1e-12 * s:
             to = min(at + step, s)
-            assert slope is not None
             there, wrench, _, _, why = model.compiled.newton(
                 problem.target(to), x + slope[0] * (to - at), F + slope[1] * (to - at), 0.0, TOLERANCE, 20
             )

@@ -20,11 +20,9 @@ from vjm_validation.blind.finder import diagnosed, identity, understands
 from vjm_validation.blind.further import NoExperimentError
 from vjm_validation.blind.machine import NoTruthError
 from vjm_validation.blind.making import UnreachableError, make
-from vjm_validation.blind.plan import Group, Plan
+from vjm_validation.blind.plan import STRONG, Group, Plan
 from vjm_validation.blind.store import Store
 
-WORTH = 8.0
-"""Strength from which on parameters are compared."""
 WITHOUT = "--without"
 """Option by which the finder is not told of a cause."""
 ONLY = "--only"
@@ -139,7 +137,7 @@ def _found(task: Task, truth: dict[str, Any]) -> dict[str, Any]:
         options = [WITHOUT, *truth["causes"]]
     result = {"found": diagnosed(place / "data.csv", sheet, place / "found", options)}
     hidden = [one["strength"] for one in truth["hidden"]]
-    if task.plan.group is Group.SINGLE and hidden[0] >= 0.9 * WORTH:
+    if task.plan.group is Group.SINGLE and hidden[0] >= STRONG:
         told = [ONLY, *truth["causes"]] if task.without else []
         result["still"] = diagnosed(place / "still.csv", sheet, place / "still", told)
         result["told"] = diagnosed(place / "data.csv", sheet, place / "told", told)

@@ -16,6 +16,8 @@ CAUSES = (
 )  # fmt: skip
 """Of docs/measured-data.md."""
 STRENGTHS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+STRONG = 0.9 * 8.0
+"""Strength from which on a cause counts as one of 8 and more: it was sought within 5 %, and nuisances move it."""
 MASKING = (
     ("actuator_compliance", "foot_compliance"), ("joint_friction", "creep"), ("joint_clearance", "instrument_zero"),
     ("link_compliance", "instrument_scale"), ("thermal_drift", "creep"), ("plasticity", "joint_friction"),

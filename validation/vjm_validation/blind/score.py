@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vjm_validation.blind.judging import admitted, candidate_sets, column, principal, right
-from vjm_validation.blind.plan import CAUSES, STRENGTHS
+from vjm_validation.blind.plan import CAUSES, STRENGTHS, STRONG
 from vjm_validation.blind.statistics import calibration_error, rate, reliability
 
 Result = dict[str, Any]
@@ -18,8 +18,6 @@ RIVALS = {
     "largest_drop": "largest drop of the error",
     "plain_bic": "plain BIC on raw rows",
 }
-STRONG = 0.9 * 8.0
-"""Strength from which on a cause counts as one of 8 and more: it was sought within 5 %, and nuisances move it."""
 WITHIN = 2**0.5
 """Factor around a strength within which a set belongs to it."""
 SURE = 0.8

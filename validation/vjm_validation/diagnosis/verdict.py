@@ -71,8 +71,12 @@ def judge(search: Search, best: Ranked) -> Verdict:
     best = search.settled(best)
     rest = misfit(fitter, best.fit)
     explained = search.null.objective - best.fit.objective
-    misses = rest.p < DOUBTFUL and rest.left > WRONG_LAW * explained if best.labels else rest.p < MISFIT
-    wrong = misses or rest.strained < STRAINED or bool(best.labels and not best.fit.converged)
+    if best.labels:
+        misses = rest.p < DOUBTFUL and rest.left > WRONG_LAW * explained
+        wrong = misses or not best.fit.converged
+    else:
+        wrong = rest.p < MISFIT
+    wrong = wrong or rest.strained < STRAINED
     if best.labels and not wrong:
         search.alike(best)
         for near in [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]:
@@ -135,7 +139,7 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
         return verdict
     if len(verdict.members[0].labels) > 1:
         words = replace(verdict.rest, worst="what no causes predict")
-        return replace(verdict, kind="unknown", members=(), probabilities=(), confidence=ACCIDENT, rest=words)
+        return Verdict("unknown", (), (), ACCIDENT, verdict.others, words)
     return replace(verdict, confidence=verdict.confidence * UNPROVED)
 
 
