@@ -179,6 +179,7 @@ def test_margins_hold_what_stands_around_the_axes(rows, columns):
             ax.tick_params(labelbottom=True)
         boxes = [ax.get_tightbbox() for ax in axes]
     inches = [box.transformed(fig.dpi_scale_trans.inverted()) for box in boxes]
+    # text ends on whole pixels, a hundred to the inch
     for box in inches:
         assert -0.01 <= box.x0 <= box.x1 <= PAGE_WIDTH + 0.01
         assert -0.01 <= box.y0 <= box.y1 <= height + 0.01
