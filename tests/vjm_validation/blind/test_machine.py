@@ -53,6 +53,15 @@ def test_it_buckles_where_the_column_does_and_comes_back(chain):
     assert wrench[12:] == pytest.approx(wrench[11::-1], abs=1e-4)
 
 
+def test_a_history_is_marched_once(chain, monkeypatch):
+    there, machine = ramp(-2.0, 6), Machine(chain, link_factor=1.013)
+    first = machine.readings("A", there)
+    monkeypatch.setattr("vjm_validation.blind.machine.march", None)
+    assert Machine(chain, link_factor=1.013).readings("A", there) == pytest.approx(first, abs=0.0)
+    with pytest.raises(TypeError, match="not callable"):
+        Machine(chain, link_factor=1.014).readings("A", there)
+
+
 def test_play_is_travel_without_force(chain):
     tight = Machine(chain, lumped_foot=True)
     loose = tight.with_law(DRIVE, play=0.2, play_force=2.0)

@@ -37,6 +37,8 @@ STEP = 1e-6
 TOLERANCE = 1e-8
 """Of the conditions in their spans: 1e-9 mm, some 1e-5 N."""
 TRIALS = 12
+GAIN = 0.3
+"""Of the conditions in one step; a Jacobian with which they fall less is renewed."""
 HALVINGS = 10
 BRISTLE, TORQUE, ANGLE, HELD = 0, 1, 2, 3
 """Columns of the joints' state ``(4, 4)``: N mm/rad before it slips, N mm at which it slips, angle, torque now."""
@@ -191,8 +193,13 @@ def solved(A: Array, b: Array) -> bool:
 @kernel
 def settled(x: Array, place: Array, turn: Array, m: Bundle, laws: Array, joints: Array, late: Bundle,
             out: Array, J: Array, fresh: bool) -> bool:  # fmt: skip
-    """Newton's method from ``x`` in place, with the Jacobian ``J`` as long as it serves; whether it converged."""
+    """Newton's method from ``x`` in place; whether it converged.
+
+    The Jacobian ``J`` is Broyden's (C. G. Broyden, Math. Comp. 19, 1965, 577): each step's outcome mends it, and
+    differences are taken anew only where a step has gained little.
+    """
     last = np.inf
+    before, step = np.empty(10), np.empty(10)
     for trial in range(TRIALS):
         r = conditions(x, place, turn, m, laws, joints, late, out)
         size = np.abs(r).max()
@@ -200,12 +207,22 @@ def settled(x: Array, place: Array, turn: Array, m: Bundle, laws: Array, joints:
             return False
         if size < TOLERANCE:
             return True
-        if (fresh and trial == 0) or size > 0.1 * last:
+        if (fresh and trial == 0) or size > GAIN * last:
             J[:] = jacobian(x, r, place, turn, m, laws, joints, late, out)
+        elif trial > 0:
+            square = step @ step
+            for i in range(10):
+                for k in range(10):
+                    J[i, k] += (r[i] - before[i]) / square * step[k]
         last = size
+        before[:] = r
         if not solved(J, r):
             return False
-        x -= r * min(1.0, 3.0 / np.abs(r).max())
+        share = min(1.0, 3.0 / np.abs(r).max())
+        # what J says will be left
+        before *= 1.0 - share
+        step[:] = -share * r
+        x += step
     return False
 
 
@@ -232,7 +249,7 @@ def branched(x: Array, pose0: Array, pose1: Array, home: Array, m: Bundle, laws:
     v = V[9].copy()
     pivot = np.argmax(np.abs(v[6:])) + 6
     v *= side * np.sign(v[pivot])
-    root, amplitude = x.copy(), 0.05
+    root, amplitude, last, last_share = x.copy(), 0.05, 0.0, 0.0
     for _ in range(30):
         y, share = root + amplitude * v, 1.0
         good = False
@@ -260,10 +277,14 @@ def branched(x: Array, pose0: Array, pose1: Array, home: Array, m: Bundle, laws:
             continue
         if abs(share - 1.0) < 0.02:
             break
-        if share < 1.0:
-            amplitude *= 1.7
-        else:
-            amplitude *= 0.6
+        factor = 1.7 if share < 1.0 else 0.6
+        if last > 0.0 and share != last_share:
+            # a branch bends away by its amplitude's square
+            square = amplitude**2 + (1.0 - share) * (amplitude**2 - last**2) / (share - last_share)
+            if square > 0.0:
+                factor = min(max(np.sqrt(square) / amplitude, 0.3), 3.0)
+        last, last_share = amplitude, share
+        amplitude *= factor
         if amplitude < 1e-6:
             return False
     place, turn = posed(pose1, home)

@@ -195,6 +195,8 @@ def march(poses: Array, spans: Array, q0: Array, home: Array, m: Bundle, laws: A
                     r = conditions(x, place, turn, m, laws, joints, late, out)
                     J[:] = jacobian(x, r, place, turn, m, laws, joints, late, out)
                     good = good and orientation(J) == stable
+                # differences have left another state's loads behind
+                conditions(x, place, turn, m, laws, joints, late, out)
             if not good:
                 x[:] = start
                 share *= 0.5
@@ -202,7 +204,6 @@ def march(poses: Array, spans: Array, q0: Array, home: Array, m: Bundle, laws: A
                 if halvings > HALVINGS:
                     return result, i
                 continue
-            conditions(x, place, turn, m, laws, joints, late, out)
             keep(span, x, out, creep, lags, last, laws, joints, late, foot_own, path)
             before[:], moved[:], pose[:] = start, step, here
             done += share
