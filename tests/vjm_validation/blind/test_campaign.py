@@ -174,6 +174,16 @@ def test_a_campaign_goes_on_where_it_was_killed(known, tmp_path, monkeypatch):
     assert len(asked) == 3
 
 
+def test_processes_begin_with_different_designs(tmp_path):
+    tasks = [Task(Plan(k, Group.QUIET, k % 5, (), (), False), tmp_path, False, False) for k in range(10)]
+    turn = campaign._in_turn(tasks, 2)
+    assert sorted(t.plan.number for t in turn) == list(range(10))
+    assert [t.plan.design for t in turn[::2]] == [0, 0, 1, 1, 2]
+    assert [t.plan.design for t in turn[1::2]] == [2, 3, 3, 4, 4]
+    assert len(campaign._in_turn(tasks[:3], 2)) == 3
+    assert campaign._in_turn([], 2) == []
+
+
 def test_a_diagnosis_is_not_done_twice_by_one_finder_and_a_refusal_is_kept(tmp_path, monkeypatch):
     (tmp_path / "data.csv").write_text("nothing")
     (tmp_path / "sheet.toml").write_text("")

@@ -81,6 +81,16 @@ def test_a_pair_is_nearest_to_its_own_causes(known):
     assert known.nearest(both, ["joint_friction", "actuator_compliance"]).distance < 2.0
 
 
+def test_no_pair_comes_nearer_than_the_space_of_its_nodes(known):
+    rng = np.random.default_rng(4)
+    pairs = [("actuator_compliance", "link_bow"), ("base_compliance", "creep"), ("gravity", "load_misalignment")]
+    for target in rng.standard_normal((3, known.nodes.shape[1])):
+        for pair in pairs:
+            assert 0.0 < known.at_least(target, pair) <= known.nearest(target, pair).distance
+    # a multiple of one node lies in it
+    assert known.at_least(0.7 * known.nodes[0], [known.curves[0].cause]) == pytest.approx(0.0, abs=1e-5)
+
+
 def test_the_likelihood_ratio_holds_its_rate_and_finds_what_is_strong(known):
     rng = np.random.default_rng(3)
     quiet = known.drops(rng.standard_normal((known.nodes.shape[1], 300))).max(axis=0)

@@ -91,9 +91,14 @@ def run(
             progress(there + done, len(tasks))
 
     tell(0, 0)
-    # neighbours share their design's signatures
-    todo.sort(key=lambda task: (task.plan.design, task.plan.number))
-    map_all(work, todo, jobs, tell)
+    map_all(work, _in_turn(todo, jobs), jobs, tell)
+
+
+def _in_turn(tasks: list[Task], jobs: int) -> list[Task]:
+    """Tasks so that neighbours share a design's signatures, but processes do not find the same ones at once."""
+    tasks = sorted(tasks, key=lambda task: (task.plan.design, task.plan.number))
+    size = -(-len(tasks) // jobs)
+    return [task for k in range(size) for task in tasks[k::size]]
 
 
 def work(task: Task) -> str:

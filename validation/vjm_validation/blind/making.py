@@ -139,6 +139,7 @@ def _admitted(
     pairs = {pair for pair in pairs if set(pair) <= set(causes)}
     if len(hidden) == 2:
         known = sharpened_pairs(known, change, hidden)
+    pairs = {pair for pair in pairs if known.at_least(change, pair) <= ONE_CLASS}
     admitted += [list(pair) for pair in sorted(pairs) if known.nearest(change, pair).distance <= ONE_CLASS]
     return admitted
 

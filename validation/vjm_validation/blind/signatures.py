@@ -121,6 +121,13 @@ class Signatures:
             best = fit if fit.distance < best.distance else best
         return best
 
+    def at_least(self, target: Array, causes: Sequence[str]) -> float:
+        """A distance that `nearest` cannot fall below: that of the space which all the causes' nodes span."""
+        at = [node for curve in self.curves if curve.cause in causes for node in curve.nodes]
+        products = self.nodes[at] @ target
+        drop = products @ np.linalg.lstsq(self.gram[np.ix_(at, at)], products, rcond=1e-13)[0]
+        return float(np.sqrt(max(float(target @ target) - float(drop), 0.0)))
+
     def together(self, products: Array, square: float, curves: Sequence[Curve]) -> Fit:
         """Nearest point of a sum of curves, by turns.
 
