@@ -9,6 +9,7 @@ import pytest
 
 from vjm_validation.diagnosis import preparation
 from vjm_validation.diagnosis.observed import observe
+from vjm_validation.diagnosis.screening import NEAR_BY, signatures
 from vjm_validation.measurement import read_measurement
 
 BENT = 4.0
@@ -59,3 +60,27 @@ def test_a_refresh_that_changes_nothing_leaves_what_objectives_rest_on(make, tmp
     monkeypatch.setattr(preparation, "estimate_memory", lambda memory, *_: replace(memory, rho=found))
     assert preparation.refresh(prepared, null) is None
     assert fitter.objective(null.found, null.at) == null.objective
+
+
+def test_signatures_about_a_null_serve_others_near_by(make, tmp_path, monkeypatch):
+    files = make.made_up(tmp_path, {}, 8, monkeypatch)
+    prepared = preparation.prepare(observe(read_measurement(files.data, files.sheet)))
+    fitter, null, signed = prepared.fitter, prepared.null, prepared.signed
+    assert signed.serves(fitter, null)
+    z = null.at.z.copy()
+    scale = next(i for i, c in enumerate(null.found) if (c.kind, c.subject) == ("scale", "ux_mm"))
+    z[scale] += 0.9 * NEAR_BY
+    near = replace(null, at=replace(null.at, z=z))
+    assert signed.serves(fitter, near)
+    for kept, anew in zip(signed.found, signatures(fitter, near, prepared.effects), strict=True):
+        assert (kept.effect, kept.values) == (anew.effect, anew.values)
+        if kept.change is not None:
+            had, has = (fitter.whitening.flat(one.change) for one in (kept, anew))
+            # the sheet's scale is known to 0.1 %; where the model is curved an effect changes by a few times that
+            assert np.linalg.norm(had - has) < 0.01 * np.linalg.norm(has)
+    z[scale] += NEAR_BY
+    assert not signed.serves(fitter, replace(null, at=replace(null.at, z=z)))
+    # of samples that come back nothing is known
+    assert not replace(signed, present=signed.present & (np.arange(len(signed.present)) > 0)[:, None]).serves(
+        fitter, null
+    )

@@ -132,7 +132,7 @@ def diagnose(
 def _search(prepared: Prepared, progress: Callable[[str], None]) -> Search:
     fitter = prepared.fitter
     samples = effective_samples(fitter.whitening.memory.rho, fitter.whitening.present)
-    return Search(fitter, prepared.null, prepared.effects, samples, progress)
+    return Search(fitter, prepared.null, prepared.effects, samples, progress, signed=prepared.signed)
 
 
 def _proved(prepared: Prepared, verdict: Verdict) -> tuple[Verdict, list[CandidateRow], list[Critical]]:

@@ -18,7 +18,7 @@ from vjm_validation.diagnosis.forward import Evaluation, Forward, Predictor
 from vjm_validation.diagnosis.instrument import InstrumentScale, InstrumentZero, ThermalDrift
 from vjm_validation.diagnosis.noise_model import estimate_memory
 from vjm_validation.diagnosis.observed import Observed
-from vjm_validation.diagnosis.screening import STRONG, far_off, signatures
+from vjm_validation.diagnosis.screening import STRONG, Signature, Signed, far_off, signed
 from vjm_validation.diagnosis.shapes import smooth_shapes
 from vjm_validation.diagnosis.unknowns import coordinates, nuisance_coordinates
 from vjm_validation.diagnosis.wild import loads, outlying, standing_out
@@ -41,12 +41,14 @@ class Prepared:
         null: fit of the sheet's tolerances alone.
         effects: the catalogue.
         all: every reading, wild ones included.
+        signed: what each effect does to the readings about a null.
     """
 
     fitter: Fitter
     null: Fit
     effects: tuple[Effect, ...]
     all: Observed
+    signed: Signed
 
 
 def prepare(
@@ -75,9 +77,10 @@ def prepare(
     null = _fitted(fitter)
     null = choose_branches(fitter, null)
     effects = possible(effects_of(forward.observed, more), only, without)
-    remember(fitter, null, effects)
+    known = signed(fitter, null, effects)
+    remember(fitter, null, known.found)
     null = _fitted(fitter, null.at.z, *_beside_kinks(fitter))
-    return Prepared(fitter, null, effects, observed)
+    return Prepared(fitter, null, effects, observed, known)
 
 
 def possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]:
@@ -178,11 +181,11 @@ def _kinked(fitter: Fitter) -> bool:
     return False
 
 
-def remember(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> None:
+def remember(fitter: Fitter, base: Fit, shown: Sequence[Signature]) -> None:
     """Estimate the noise's memory; what effects or smooth shapes could explain does not count as noise."""
     observed, whitening = fitter.forward.observed, fitter.whitening
     smooth, _ = smooth_shapes(observed)
-    own = [s.change for s in signatures(fitter, base, effects) if s.change is not None]
+    own = [s.change for s in shown if s.change is not None]
     off, weight = prior(base.found, base.at.z)
     known = weight > 0.0
     J = whitening.instant(base.jacobian)

@@ -32,6 +32,8 @@ STRONG = 4000.0
 """Squares explained from which on what was found about the old fit is found anew about the new one."""
 ORDINARY = 3.0
 """Sigmas of a machine's nuisance that change little of what effects do."""
+NEAR_BY = 1.0
+"""Sigmas of a nuisance by which a null may move and signatures about it are still those."""
 OWN = 0.01
 """Share of a signature that the fit cannot absorb, below which it is the gauge's noise that sets it apart."""
 FAR_OFF = 2.0
@@ -55,6 +57,30 @@ class Signature:
     values: tuple[float, ...]
     change: Array | None
     one_sided: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Signed:
+    """Signatures about a null.
+
+    Attributes:
+        null: about which they were found.
+        present: ``(n, 6)`` samples that counted.
+        branches: of the model's bifurcations.
+        found: one for each trial of each effect.
+    """
+
+    null: Fit
+    present: np.ndarray
+    branches: dict[tuple[int, int], int]
+    found: list[Signature]
+
+    def serves(self, fitter: Fitter, null: Fit) -> bool:
+        """Whether another null of the same test lies so near that effects do the same about it."""
+        own, moved = fitter.of_machine, np.abs(null.at.z - self.null.at.z).max(initial=0.0)
+        ordinary = max(np.abs(z[own]).max(initial=0.0) for z in (null.at.z, self.null.at.z)) < ORDINARY
+        seen = not (fitter.forward.observed.present & ~self.present).any()
+        return bool(moved < NEAR_BY and ordinary and seen and self.branches == fitter.forward.branches)
 
 
 @dataclass(frozen=True)
@@ -102,6 +128,12 @@ def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Sig
                 change = here.residual - at.residual
                 result.append(Signature(effect, tuple(trial), change, one_sided=sided))
     return result
+
+
+def signed(fitter: Fitter, null: Fit, effects: Sequence[Effect]) -> Signed:
+    """The signatures of effects about a null, kept for others near by."""
+    found = signatures(fitter, null, effects)
+    return Signed(null, fitter.forward.observed.present, dict(fitter.forward.branches), found)
 
 
 def far_off(fitter: Fitter, fit: Fit) -> bool:

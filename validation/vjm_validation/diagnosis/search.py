@@ -21,6 +21,7 @@ from vjm_validation.diagnosis.screening import (
     STRONG,
     Score,
     Signature,
+    Signed,
     best_pairs,
     far_off,
     projection,
@@ -28,7 +29,7 @@ from vjm_validation.diagnosis.screening import (
     signatures,
     threshold,
 )
-from vjm_validation.diagnosis.unknowns import Hypothesis, release_key
+from vjm_validation.diagnosis.unknowns import Hypothesis, bent
 
 MOST_CAUSES = 3
 SHORT = 5
@@ -100,6 +101,7 @@ class Search:
         samples: effective number of readings.
         progress: told what is being tried.
         hints: fits of an earlier search, by their effects, from which to begin.
+        signed: what the effects do to the readings about a null near by.
     """
 
     fitter: Fitter
@@ -108,6 +110,7 @@ class Search:
     samples: float
     progress: Callable[[str], None] = lambda _: None
     hints: Mapping[frozenset[str], Ranked] = field(default_factory=dict)
+    signed: Signed | None = None
     tried: dict[frozenset[str], Ranked] = field(default_factory=dict)
     alarm: float = 0.0
     restarts: int = 0
@@ -138,7 +141,7 @@ class Search:
             # signatures about nuisances dragged far along say little of what is there or is not
             dragged = step == 0 and self.fitter.dragged(self.null)
             for k, score in enumerate(ranked):
-                promising = (k < SHORT or _bent(score.effect)) and score.p < HOPEFUL * self.alarm
+                promising = (k < SHORT or bent(score.effect)) and score.p < HOPEFUL * self.alarm
                 unsized = dragged and not score.effect.quantities()
                 if (promising or unsized) and not self._beaten(best.labels | {score.effect.label}):
                     self._try(
@@ -166,8 +169,11 @@ class Search:
         if hint is None:
             return False
         least = min(r.criterion for r in self.hints.values() if len(r.labels) == len(labels))
-        explained = self.hints[frozenset()].criterion - least
-        return hint.criterion > least + max(CLOSE, HOPE * explained)
+        return self._far_behind(hint, self.hints[frozenset()].criterion, least)
+
+    def _far_behind(self, ranked: Ranked, null: float, least: float) -> bool:
+        """Whether a hypothesis lies so far behind one that is worth ``least`` as not to count."""
+        return ranked.criterion > least + max(CLOSE, HOPE * (null - least))
 
     def _null_from(self, base: Fit) -> bool:
         """Whether the null fits better from where a hypothesis with hardly any effect has led."""
@@ -183,6 +189,8 @@ class Search:
         return False
 
     def _signatures(self, best: Ranked) -> list[Signature]:
+        if not best.labels and self.signed is not None and self.signed.serves(self.fitter, best.fit):
+            return self.signed.found
         self.progress(f"signatures of {len(self.effects)} effects")
         return signatures(self.fitter, best.fit, [e for e in self.effects if e.label not in best.labels])
 
@@ -217,14 +225,15 @@ class Search:
             level = max((s.explained for s in found if s.effect.label == own.label), default=np.inf)
             seen = {own.cause}
             for score in found:
-                far = score.explained < level - max(NEARLY**2, ROUGHLY * level) and not _bent(score.effect)
+                far = score.explained < level - max(NEARLY**2, ROUGHLY * level) and not bent(score.effect)
                 if far or score.effect.cause in seen or len(seen) > MOST_ALIKE:
                     continue
                 # of each cause the label that explains most
                 seen.add(score.effect.cause)
                 self._try((*rest, score.effect), base.fit, [[*base.fit.values, v] for v in score.starts[:1]])
                 known = self.tried.get(frozenset(e.label for e in (*rest, score.effect)))
-                if known is not None and not far_off(self.fitter, known.fit):
+                behind = known is not None and self._far_behind(known, self.null.objective, best.criterion)
+                if known is not None and not behind and not far_off(self.fitter, known.fit):
                     self.settled(known)
 
     def _pairs(self) -> None:
@@ -264,7 +273,7 @@ class Search:
         rivals = [r.fit for r in self.tried.values() if len(r.labels) == len(key)]
         least = min((self.fitter.squares(fit.found, fit.at) for fit in rivals), default=np.inf)
         # towards a modulus or length far off the first steps say little
-        target = np.inf if _bent(hypothesis[-1]) else least + CLOSE
+        target = np.inf if bent(hypothesis[-1]) else least + CLOSE
         best = self._fitted(hypothesis, begin, starts, target)
         hoped = base.objective - promised
         counts = promised < PROMISED and hoped < min((fit.objective for fit in rivals), default=np.inf) + NEARLY**2
@@ -379,12 +388,6 @@ class Search:
 def _lower(*fits: Fit | None) -> Fit | None:
     """Of fits the best, where there is one."""
     return min((fit for fit in fits if fit is not None), key=lambda fit: fit.objective, default=None)
-
-
-def _bent(effect: Effect) -> bool:
-    """Whether an effect is known by a slope that says little of large sizes: that of a part's modulus or length."""
-    key = release_key(effect)
-    return key is not None and key[0] in ("modulus", "length")
 
 
 def _towards_nothing(effect: Effect, values: Sequence[float], share: float) -> list[float]:

@@ -81,6 +81,12 @@ def release_key(effect: Effect) -> tuple[str, str] | None:
     return None
 
 
+def bent(effect: Effect) -> bool:
+    """Whether an effect is known by a slope that says little of large sizes: that of a part's modulus or length."""
+    key = release_key(effect)
+    return key is not None and key[0] in ("modulus", "length")
+
+
 def nuisance_coordinates(observed: Observed) -> list[Coordinate]:
     """Every nuisance that there could be; those that the sheet does not allow are fixed at zero."""
     sheet, chain = observed.measurement.sheet, observed.measurement.chain
