@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import jsonschema
+import numpy as np
 import pytest
 
 from vjm.io.model_file import load_chain
@@ -56,6 +57,14 @@ def test_friction_is_found_and_its_files_hold_it(make, tmp_path, monkeypatch):
     page = (tmp_path / "out" / PAGE).read_text()
     for part in ("What was measured", "The cause and its size", "held out", "joint_friction.torque_Nmm"):
         assert part in page
+
+
+def test_a_foot_that_has_yielded_is_in_balance_at_every_reading(make, tmp_path, monkeypatch):
+    # brackets that the past has spoilt take more than 40 steps here
+    files = make.made_up(tmp_path, {"plasticity.foot": (1500.0, 0.1)}, 5, monkeypatch)
+    header, *rows = (line.split(",") for line in files.data.read_text().splitlines())
+    force = np.array([float(row[header.index("fx_N")] or "nan") for row in rows])
+    assert np.nanmax(np.abs(force)) > 1500.0
 
 
 @pytest.mark.slow
