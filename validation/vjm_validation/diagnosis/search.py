@@ -29,7 +29,7 @@ from vjm_validation.diagnosis.screening import (
     signatures,
     threshold,
 )
-from vjm_validation.diagnosis.unknowns import Hypothesis, bent
+from vjm_validation.diagnosis.unknowns import Hypothesis, bent, towards_nothing
 
 MOST_CAUSES = 3
 SHORT = 5
@@ -169,11 +169,7 @@ class Search:
         if hint is None:
             return False
         least = min(r.criterion for r in self.hints.values() if len(r.labels) == len(labels))
-        return self._far_behind(hint, self.hints[frozenset()].criterion, least)
-
-    def _far_behind(self, ranked: Ranked, null: float, least: float) -> bool:
-        """Whether a hypothesis lies so far behind one that is worth ``least`` as not to count."""
-        return ranked.criterion > least + max(CLOSE, HOPE * (null - least))
+        return _far_behind(hint, least, self.hints[frozenset()].criterion)
 
     def _null_from(self, base: Fit) -> bool:
         """Whether the null fits better from where a hypothesis with hardly any effect has led."""
@@ -232,8 +228,9 @@ class Search:
                 seen.add(score.effect.cause)
                 self._try((*rest, score.effect), base.fit, [[*base.fit.values, v] for v in score.starts[:1]])
                 known = self.tried.get(frozenset(e.label for e in (*rest, score.effect)))
-                behind = known is not None and self._far_behind(known, self.null.objective, best.criterion)
-                if known is not None and not behind and not far_off(self.fitter, known.fit):
+                if known is None or _far_behind(known, best.criterion, self.null.objective):
+                    continue
+                if not far_off(self.fitter, known.fit):
                     self.settled(known)
 
     def _pairs(self) -> None:
@@ -278,7 +275,7 @@ class Search:
         hoped = base.objective - promised
         counts = promised < PROMISED and hoped < min((fit.objective for fit in rivals), default=np.inf) + NEARLY**2
         if counts and (best is None or best.objective >= hoped + SHORT_OF):
-            smaller = [[*values[:-1], _towards_nothing(hypothesis[-1], values[-1], SMALLER)] for values in starts]
+            smaller = [[*values[:-1], towards_nothing(hypothesis[-1], values[-1], SMALLER)] for values in starts]
             best = _lower(best, self._fitted(hypothesis, begin, smaller, target, hoped + SHORT_OF))
         if (
             best is not None
@@ -310,7 +307,7 @@ class Search:
         """A fit that begins at a hypothesis with a cause less, with next to none of that cause."""
         known = {effect.label: own for effect, own in zip(base.hypothesis, base.values, strict=True)}
         begin = [
-            known.get(effect.label) or _towards_nothing(effect, own, FAINT)
+            known.get(effect.label) or towards_nothing(effect, own, FAINT)
             for effect, own in zip(hypothesis, values, strict=True)
         ]
         return self.fitter.fit(hypothesis, base.at.z[: len(self.fitter.nuisances)], begin, rough=True)
@@ -390,11 +387,6 @@ def _lower(*fits: Fit | None) -> Fit | None:
     return min((fit for fit in fits if fit is not None), key=lambda fit: fit.objective, default=None)
 
 
-def _towards_nothing(effect: Effect, values: Sequence[float], share: float) -> list[float]:
-    """An effect's values with only a share of it."""
-    result = list(values)
-    for i, q in enumerate(effect.quantities()[: effect.extent]):
-        if q.neutral is not None:
-            nothing, here = (q.coordinate(v) if v > 0.0 or not q.log else 0.0 for v in (q.neutral, values[i]))
-            result[i] = q.value(nothing + share * (here - nothing))
-    return result
+def _far_behind(ranked: Ranked, least: float, null: float) -> bool:
+    """Whether a hypothesis lies too far behind the least criterion to count, by what that gains on the null's."""
+    return ranked.criterion > least + max(CLOSE, HOPE * (null - least))

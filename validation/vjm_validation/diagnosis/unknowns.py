@@ -87,6 +87,16 @@ def bent(effect: Effect) -> bool:
     return key is not None and key[0] in ("modulus", "length")
 
 
+def towards_nothing(effect: Effect, values: Sequence[float], share: float) -> list[float]:
+    """An effect's values with only a share of it."""
+    result = list(values)
+    for i, q in enumerate(effect.quantities()[: effect.extent]):
+        if q.neutral is not None:
+            nothing, here = (q.coordinate(v) if v > 0.0 or not q.log else 0.0 for v in (q.neutral, values[i]))
+            result[i] = q.value(nothing + share * (here - nothing))
+    return result
+
+
 def nuisance_coordinates(observed: Observed) -> list[Coordinate]:
     """Every nuisance that there could be; those that the sheet does not allow are fixed at zero."""
     sheet, chain = observed.measurement.sheet, observed.measurement.chain
