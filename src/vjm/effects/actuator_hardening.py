@@ -18,9 +18,15 @@ RATIO = Quantity("stiffness_ratio", 0.05, 20.0, 1.0, neutral=1.0, usual=1.0, spr
 and large torque, preloaded screws double theirs."""
 
 
+EXPONENT = Quantity("exponent", 0.25, 4.0, 1.0, usual=1.0, spread=0.5, log=True)
+"""Of the load: stiffness that falls or grows evenly, or exponentially, lies between 0.4 and 1.8."""
+
+
 @dataclass(frozen=True)
 class ActuatorHardening(Effect):
-    """Tangent stiffness ``k₀ (1 + (r − 1) |N|/N_max)``: ``x = c₀ N_max ln(1 + (r − 1) |N|/N_max)/(r − 1)``.
+    """Tangent compliance ``c₀ (1 + (1/r − 1) u^m)`` at a share ``u = |N|/N_max`` of the largest load.
+
+    So ``x = c₀ N (1 + (1/r − 1) u^m/(m + 1))``; the tangent stiffness at the largest load is r times that at none.
 
     Attributes:
         force: N_max, the largest force of the test, N.
@@ -38,27 +44,27 @@ class ActuatorHardening(Effect):
         return () if self.compliance else ("actuator_compliance",)
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """r, and c₀ at zero load where the model has none."""
+        """r, c₀ at zero load where the model has none, and m."""
         own = () if self.compliance else (Quantity("compliance_mm_per_N", 0.0, 1e-2, 1e-5, neutral=0.0),)
-        return (RATIO, *own)
+        return (RATIO, *own, EXPONENT)
 
     def trials(self) -> Sequence[tuple[float, ...]]:
         """Stiffening and softening ones."""
         if self.compliance:
-            return [(1.5,), (0.6,)]
-        return [(3.0, 2e-5), (10.0, 4e-5), (0.3, 1e-5)]
+            return [(1.5, 1.0), (0.6, 1.0)]
+        return [(3.0, 2e-5, 1.0), (10.0, 4e-5, 1.0), (0.3, 1e-5, 1.0)]
 
     def elements(self, machine: Machine, values: Sequence[float]) -> tuple[Element, ...]:
         """One spring with that law, in the place of the model's own."""
-        r, c = values[0], self.compliance or values[1]
-        a = r - 1.0 if abs(r - 1.0) > 1e-6 else 1e-6
+        r, c, m = values[0], self.compliance or values[1], values[-1]
+        more = 1.0 / r - 1.0
 
         def law(N: Array) -> tuple[Array, Array]:
             # beyond the largest force the tangent stays
-            size = np.minimum(np.abs(N), self.force) / self.force
-            past = np.abs(N) - np.minimum(np.abs(N), self.force)
-            x = c * (self.force * np.log1p(a * size) / a + past / r)
-            return np.sign(N) * x - self.compliance * N, c / (1.0 + a * size) - self.compliance
+            size = np.minimum(np.abs(N), self.force)
+            grown = more * (size / self.force) ** m
+            x = c * (size * (1.0 + grown / (m + 1.0)) + (np.abs(N) - size) / r)
+            return np.sign(N) * x - self.compliance * N, c * (1.0 + grown) - self.compliance
 
         return (Element(drive(machine), memoryless(law)),)
 
