@@ -45,6 +45,20 @@ def test_play_in_drive_and_joints_are_one_class_where_the_link_lies_along_the_dr
     )
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_where_a_test_only_pulls_or_only_pushes_a_part_is_softer_or_asymmetric(design, way):
+    one_sided = replace(design.sequences[0], ux=way * np.abs(design.sequences[0].ux))
+    alone = signatures(replace(design, sequences=(one_sided,), seed=10**6 + 2))
+    near = alone.equivalent(change(alone, "foot_compliance", 0.3))
+    assert near["tension_compression_asymmetry"] < 0.5 * ONE_CLASS
+
+
+def test_where_it_does_both_they_are_not_one_class(known):
+    near = known.equivalent(change(known, "foot_compliance", 0.3))
+    assert "foot_compliance" in near
+    assert "tension_compression_asymmetry" not in near
+
+
 def test_an_oblique_posture_tells_them_apart(known):
     target = change(known, "actuator_backlash", 0.05)
     assert "joint_clearance" not in known.equivalent(target)

@@ -39,6 +39,7 @@ class Laws:
         start: first yield over the largest force, and the power of what follows.
         spread: share of the weight that the foot has.
         centre: share of a difference between pull and push that the push takes.
+        pull_force: N over which it changes from one to the other.
         lag: s by which a reading's drift lags behind the temperature.
         ratio: tangent stiffness of a drive at the largest force over that at zero, where the sheet has it rigid.
     """
@@ -55,6 +56,7 @@ class Laws:
     start: tuple[float, float] = (0.5, 1.5)
     spread: float = 0.4
     centre: float = 0.0
+    pull_force: float = 50.0
     lag: float = 0.0
     ratio: float = 2.0
 
@@ -188,14 +190,18 @@ def _drive(design: Design, largest: float, laws: Laws) -> list[Family]:
         found += [
             Family("actuator_hardening", "", (stiffening,), 0.3, (1, -1), 2.5,
                    parameter="actuator_hardening.stiffness_ratio", value=lambda s: float(np.exp(s))),
-            Family("tension_compression_asymmetry", "actuator", (_pull_of_drive(c),), 0.2, (1, -1), 1.2,
+            Family("tension_compression_asymmetry", "actuator", (_pull_of_drive(c, laws),), 0.2, (1, -1), 1.2,
                    parameter="tension_compression_asymmetry.ratio", value=lambda s: float(np.exp(s))),
         ]  # fmt: skip
     return found
 
 
-def _pull_of_drive(c: float) -> Put:
-    return _law(DRIVE, lambda s: {"pull": c * (np.exp(-s) - 1.0), "pull_force": 50.0})
+def _pull_of_drive(c: float, laws: Laws) -> Put:
+    def columns(s: float) -> dict[str, float]:
+        push = c * np.exp(laws.centre * s)
+        return {"linear": push - c, "pull": push * (np.exp(-s) - 1.0), "pull_force": laws.pull_force}
+
+    return _law(DRIVE, columns)
 
 
 def _contact(part: int, laws: Laws) -> Put:
@@ -226,7 +232,8 @@ def _parts(design: Design, laws: Laws) -> list[Family]:
     def pull(part: str) -> Put:
         def put(rig: Rig, s: float) -> Rig:
             here = getattr(rig.machine, f"{part}_factor") * np.exp(laws.centre * s)
-            return _machine(rig, **{f"{part}_factor": here, f"{part}_pull": np.exp(-s) - 1.0})
+            changed = {f"{part}_factor": here, f"{part}_pull": np.exp(-s) - 1.0}
+            return _machine(rig, pull_force=laws.pull_force, **changed)
 
         return put
 

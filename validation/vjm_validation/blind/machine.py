@@ -18,8 +18,6 @@ LINK_STEPS, FOOT_STEPS = 16, 6
 """Of the integration, fourth order: the critical force is then right to 2e-5, as a test measures."""
 KEPT = 16
 """Histories whose wrenches are remembered."""
-FORCE_FACTOR = 50.0
-"""N over which a stiffness that differs between pull and push changes from one to the other."""
 
 
 class NoTruthError(ArithmeticError):
@@ -38,6 +36,7 @@ class Machine:
         link_longer: mm.
         foot_pull: compliance of the foot in pull over that in push, less one.
         link_pull: of the link.
+        pull_force: N over which a compliance that differs between pull and push changes from one to the other.
         bow: deflection of the unloaded link along its two section axes ``(2, k)`` mm: half sine, whole sine, ….
         base: compliance ``(6, 6)`` of what carries the base, at its root, world axes.
         laws: elements in series ``(3, COLUMNS)`` at drive, foot and link, see `rod_kernel.stretch`.
@@ -55,6 +54,7 @@ class Machine:
     link_longer: float = 0.0
     foot_pull: float = 0.0
     link_pull: float = 0.0
+    pull_force: float = 50.0
     bow: Array = field(default_factory=lambda: np.zeros((2, 2)))
     base: Array = field(default_factory=lambda: np.zeros((6, 6)))
     laws: Array = field(default_factory=lambda: np.zeros((3, COLUMNS)))
@@ -138,7 +138,8 @@ class Machine:
             (1, self._link, self.link_factor, self.link_pull, self.weight[1], LINK_STEPS),
         ):
             s, length = beam.effective_section(), beam.length + (self.link_longer if row else 0.0)
-            rods[row] = length, s.EA, s.GJ, s.EIy, s.EIz, 9.80665 * mass / length, factor, pull, FORCE_FACTOR, steps
+            weight = 9.80665 * mass / length
+            rods[row] = length, s.EA, s.GJ, s.EIy, s.EIz, weight, factor, pull, self.pull_force, steps
         if self.lumped_foot:
             rods[0, 0] = 0.0
         return rods

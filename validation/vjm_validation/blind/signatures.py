@@ -34,6 +34,8 @@ VARIANTS = (
     ("creep", {"creep": (10.0, 90.0, 0.7)}), ("creep", {"creep": (40.0, 300.0, 0.4)}),
     ("plasticity", {"start": (0.35, 1.2)}), ("plasticity", {"start": (0.65, 1.2)}),
     ("plasticity", {"start": (0.8, 1.2)}),
+    # a test that only pulls, or only pushes, shows a factor on the part's stiffness and no transition
+    ("tension_compression_asymmetry", {"centre": 0.5, "pull_force": 5.0}),
 )  # fmt: skip
 """Other laws with which a cause may imitate another one."""
 SWEEPS, SETTLED = 400, 1e-5
