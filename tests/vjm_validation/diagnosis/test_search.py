@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from vjm.effects.link_bow import LinkBow
+from vjm.effects.part_compliance import FootCompliance, LinkCompliance
 from vjm_validation.diagnosis.instrument import InstrumentZero
 from vjm_validation.diagnosis.search import CLOSE, HOPE, WRONG_LAW, Ranked, Search
+from vjm_validation.diagnosis.unknowns import AFAR, Coordinate
 
 ONE, OTHER = InstrumentZero(part="fx_N"), InstrumentZero(part="ux_mm")
 EXPLAINED = 500.0
@@ -125,3 +127,24 @@ def test_a_fit_that_falls_short_of_what_first_order_promises_begins_again_nearer
     own._try((LinkBow(),), null, [[(0.0, 8.0)]], promised)
     assert begun == pytest.approx(amplitudes)
     assert own.tried[frozenset([LinkBow().label])].fit.objective == (950.0 if len(begun) > 1 else 975.0)
+
+
+@pytest.mark.parametrize(
+    ("effect", "begun"), [(LinkCompliance(beam="link"), [0.0, 1.0, -1.0]), (FootCompliance(), [0.0]), (ONE, [0.0])]
+)
+def test_a_bars_stiffness_is_looked_for_from_afar_too(monkeypatch, effect, begun):
+    link = Coordinate("modulus link", "modulus", "link", np.log(AFAR))
+    tried = []
+
+    def fit(hypothesis, begin, values, **_):
+        tried.append(begin[0])
+        return SimpleNamespace(hypothesis=hypothesis, objective=900.0 - 50.0 * begin[0])
+
+    own = search()
+    own.fitter.fit, own.fitter.nuisances = fit, (link,)
+    monkeypatch.setattr(Search, "_criterion", lambda self, fit: fit.objective)
+    null = own.tried[frozenset()].fit
+    null.found, null.at.z = [link], np.zeros(1)
+    own._try((effect,), null, [[(1.0,)]])
+    assert tried == pytest.approx(begun)
+    assert own.tried[frozenset([effect.label])].fit.objective == 900.0 - 50.0 * max(begun)

@@ -41,13 +41,19 @@ def distance(fitter: Fitter, truth: Fit, other: Fit) -> float:
             off[i] -= truth.at.z[i]
     apart = fitter.whitening.flat(other.at.residual - truth.at.residual)
     held = weight > 0.0
-    free = np.array([c.sigma != 0.0 for c in other.found])
     r = np.concatenate([apart, (off * weight)[held]])
-    columns = np.vstack([fitter.whitening.flat(other.jacobian), np.diag(weight)[held]])[:, free]
+    columns = np.vstack([fitter.whitening.flat(other.jacobian), np.diag(weight)[held]])
     size = np.linalg.norm(columns, axis=0)
-    U, values, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
-    basis = U[:, values > 1e-10 * values[0]]
-    return float(np.linalg.norm(r - basis @ (basis.T @ r)))
+    free = np.array([c.sigma != 0.0 for c in other.found]) & (size > 0.0)
+    low, high = (np.array([getattr(c, end) for c in other.found]) for end in ("low", "high"))
+    while True:
+        step = np.zeros(len(free))
+        step[free] = np.linalg.lstsq(columns[:, free] / size[free], -r, rcond=1e-10)[0] / size[free]
+        # what is at a bound goes no further
+        out = free & (((other.at.z <= low) & (step < 0.0)) | ((other.at.z >= high) & (step > 0.0)))
+        if not out.any():
+            return float(np.linalg.norm(r + columns @ step))
+        free &= ~out
 
 
 def best_verdict(fitter: Fitter, fits: Sequence[Fit], weights: Array) -> tuple[list[int], float]:

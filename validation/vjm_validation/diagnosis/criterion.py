@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import log_ndtr
 
 from vjm.effects.effect import Effect
 from vjm.rotations import Array
@@ -42,11 +43,10 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     again = len(fit.hypothesis) - len({e.cause for e in fit.hypothesis})
     cost = free * float(np.log(samples)) + float(choice) + TWICE * again
     cost += RARER * max(len(fit.hypothesis) - 1, 0)
-    if not kinds:
-        return fit.objective + cost
     A = fitter.normal(fit)
     covariance = inverse(A, np.ones(len(A), dtype=bool))
     spread = np.maximum(np.diag(covariance), 1e-300)
+    cost += beyond_bounds(fitter.pressure(fit) * spread**0.5)
     sigma = np.array([fit.found[i].sigma for i in own])
     cost += float(np.sum(np.log(np.maximum(sigma**2 / spread[own], 1.0))))
     for number, effect in enumerate(fit.hypothesis):
@@ -58,6 +58,20 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
             sizes = np.maximum(np.linalg.eigvalsh(covariance[np.ix_(at, at)]), 1e-300)
             cost -= float(np.sum(np.minimum(np.log(sizes[1:] / sizes[0]), np.log(samples))))
     return fit.objective + cost
+
+
+def beyond_bounds(pressed: Array) -> float:
+    """What it costs that coordinates end at bounds: the evidence that lies beyond them.
+
+    Along a coordinate the posterior there is ``exp(−g t − t²/2)``, t its distance from the bound in standard
+    deviations: of the Gaussian's integral, which the other costs take, Mills' ratio of g is left over √(2π).
+
+    Args:
+        pressed: slopes g of the logarithm of the posterior towards the bounds, over standard deviations; zero where
+            a coordinate does not end at one.
+    """
+    g = pressed[pressed > 0.0]
+    return float(-np.sum(g**2 + 2.0 * log_ndtr(-g)))
 
 
 def size_covariance(A: Array, fit: Fit, number: int) -> Array:

@@ -380,6 +380,12 @@ class Fitter:
         """Inverse covariance ``(n_z, n_z)`` of a fit's coordinates, priors included."""
         return self._system(fit.found, fit.at, fit.jacobian)[0]
 
+    def pressure(self, fit: Fit) -> Array:
+        """How strongly ``(n_z,)`` a fit's coordinates press against bounds that they lie at, else zero."""
+        low, high = (np.array([getattr(c, end) for c in fit.found]) for end in ("low", "high"))
+        b, z = self._system(fit.found, fit.at, fit.jacobian)[1], fit.at.z
+        return np.where(z <= low, np.maximum(-b, 0.0), np.where(z >= high, np.maximum(b, 0.0), 0.0))
+
 
 def _factors(observed: Observed, at: Evaluation) -> Array:
     """Inverse Cholesky factors ``(n, 6, 6)`` of the readings' covariances under a hypothesis."""

@@ -29,7 +29,7 @@ from vjm_validation.diagnosis.screening import (
     signatures,
     threshold,
 )
-from vjm_validation.diagnosis.unknowns import Hypothesis, bent, towards_nothing
+from vjm_validation.diagnosis.unknowns import Hypothesis, afar, bent, towards_nothing
 
 MOST_CAUSES = 3
 SHORT = 5
@@ -272,6 +272,9 @@ class Search:
         # towards a modulus or length far off the first steps say little
         target = np.inf if bent(hypothesis[-1]) else least + CLOSE
         best = self._fitted(hypothesis, begin, starts, target)
+        if not base.hypothesis and hint is None:
+            for far in afar(hypothesis[-1], self.fitter.nuisances, begin):
+                best = _lower(best, self._fitted(hypothesis, far, starts, target))
         hoped = base.objective - promised
         counts = promised < PROMISED and hoped < min((fit.objective for fit in rivals), default=np.inf) + NEARLY**2
         if counts and (best is None or best.objective >= hoped + SHORT_OF):

@@ -25,6 +25,8 @@ FARTHEST = 60.0
 """Sigmas of the sheet beyond which an instrument or a length is not off but another one."""
 PARTS = 5.0
 """Times that a part may be softer or stiffer than the sheet says."""
+AFAR = 2.0
+"""Times that a part is softer or stiffer where a fit of its modulus begins besides."""
 LOST = 0.9
 """Of a channel's scale, relative."""
 
@@ -85,6 +87,22 @@ def bent(effect: Effect) -> bool:
     """Whether an effect is known by a slope that says little of large sizes: that of a part's modulus or length."""
     key = release_key(effect)
     return key is not None and key[0] in ("modulus", "length")
+
+
+def afar(effect: Effect, nuisances: Sequence[Coordinate], begin: Array) -> list[Array]:
+    """Starts ``(m,)`` from a stiffness far off, besides ``begin``: of a bar's there may be several optima.
+
+    A softer bar has its critical point within the readings, a stiffer one has none there, and no step leads across.
+    """
+    key = release_key(effect)
+    result = []
+    for i, c in enumerate(nuisances):
+        if (c.kind, c.subject) == key and c.kind == "modulus":
+            for sign in (1.0, -1.0):
+                far = begin.copy()
+                far[i] = sign * np.log(AFAR) / c.scale
+                result.append(far)
+    return result
 
 
 def towards_nothing(effect: Effect, values: Sequence[float], share: float) -> list[float]:
