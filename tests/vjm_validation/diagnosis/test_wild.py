@@ -10,7 +10,7 @@ import pytest
 
 from vjm_validation.calibration.noise import memory_of
 from vjm_validation.diagnosis import wild
-from vjm_validation.diagnosis.fitting import Whitening
+from vjm_validation.diagnosis.whitening import Whitening
 from vjm_validation.diagnosis.wild import deleted
 
 N = 60
@@ -27,7 +27,7 @@ def whitening(rho: float) -> Whitening:
     covariance[17, 0, 0] = 4.0
     factors = np.linalg.inv(np.linalg.cholesky(covariance))
     memory = replace(memory_of(np.zeros(N, dtype=int), present), rho=np.full(6, rho))
-    return Whitening(factors, memory, np.ones(6), present)
+    return Whitening(factors, memory, present)
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.7])

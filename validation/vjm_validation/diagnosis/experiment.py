@@ -19,11 +19,12 @@ from vjm.equilibrium import NoConvergenceError
 from vjm.paths import EventKind
 from vjm.programme import Programme
 from vjm.rotations import Array
-from vjm_validation.calibration.noise import memory_of, whiten
+from vjm_validation.calibration.noise import memory_of
 from vjm_validation.calibration.rays import Ray
 from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.forward import Forward
 from vjm_validation.diagnosis.observed import Observed
+from vjm_validation.diagnosis.steady import Steady, basis, pieces
 from vjm_validation.measurement import Readings
 from vjm_validation.measurement.channels import POSE, WRENCH
 
@@ -148,14 +149,11 @@ def _candidate(
     second = own.evaluate(other.found, other.at.z, other.hypothesis)
     if first is None or second is None:
         return None
-    present = made.present
-    factors = whiten(made.noise, first.stiffness, first.gain, present)
     own.whitening = replace(
         fitter.whitening,
-        factors=factors,
-        present=present,
-        memory=replace(memory_of(made.readings.sequence, present), rho=fitter.whitening.memory.rho),
+        memory=replace(memory_of(made.readings.sequence, made.present), rho=fitter.whitening.memory.rho),
     )
+    own.weigh(first)
     # residuals against zero readings: prediction with the sign turned
     raw = second.residual - first.residual
     own.anchor = None
@@ -169,7 +167,7 @@ def _candidate(
     left = raw + J @ step
     rest = own.whitening.flat(left)
     strength = max(float(rest @ rest + step @ known @ step), 0.0) ** 0.5
-    forces = np.where(present, np.abs(left), 0.0) * np.repeat([1.0, 1e-2], 3)
+    forces = np.where(made.present, np.abs(left), 0.0) * np.repeat([1.0, 1e-2], 3)
     k = int(np.argmax(forces.max(axis=0)))
     to = max(ends) if max(ends) > 0.0 else min(ends)
     path = f"{name} to {to:.4g} mm, out, held and back" + (f", {times} times" if times > 1 else "")
@@ -202,6 +200,12 @@ def _observed(observed: Observed, posture: str, ends: tuple[float, ...]) -> Obse
     values: dict[str, Array] = {name: pose[:, k] for k, name in enumerate(POSE) if name in observed.pose_channels}
     readings = Readings("next", np.arange(n), np.full(n, posture), np.ones(n, dtype=int), values)
     x = np.eye(6)[0]
+    steady: Steady | None = None
+    if observed.steady is not None:
+        # it will be steered as the test at hand was
+        order = np.arange(n, dtype=float) if clock is None else clock
+        parts = pieces(readings.sequence, order, u, float(observed.noise.pose[0]))
+        steady = Steady(basis(parts, order), readings.sequence, observed.steady.moved)
     return replace(
         observed,
         readings=readings,
@@ -212,4 +216,5 @@ def _observed(observed: Observed, posture: str, ends: tuple[float, ...]) -> Obse
         history=History(np.zeros(n) if clock is None else clock, begins, np.tile(line, (n, 1))),
         clock=clock,
         warmth=warmth,
+        steady=steady,
     )

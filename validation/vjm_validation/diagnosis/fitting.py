@@ -14,11 +14,10 @@ import numpy as np
 
 from vjm.equilibrium import NoConvergenceError
 from vjm.rotations import Array
-from vjm_validation.calibration.noise import Memory, whiten
 from vjm_validation.diagnosis.forward import Evaluation, Predictor, values_of
 from vjm_validation.diagnosis.normal_equations import bounded_step, inverse
-from vjm_validation.diagnosis.observed import Observed
 from vjm_validation.diagnosis.unknowns import Coordinate, Hypothesis, coordinates, start
+from vjm_validation.diagnosis.whitening import Whitening, weighed
 from vjm_validation.measurement.channels import WRENCH
 
 STEPS = 20
@@ -41,35 +40,6 @@ RETREATS, SHORTER = 6, 4.0
 """Times that a fit goes back from where slopes have led it astray, and by what its damping then grows."""
 DIFFERENCE = 0.03
 """Step of differences, in units of a coordinate."""
-
-
-@dataclass(frozen=True)
-class Whitening:
-    """How residuals become independent and of unit variance.
-
-    Attributes:
-        factors: inverse Cholesky factors ``(n, 6, 6)``.
-        memory: autocorrelation of the whitened channels.
-        spread: ``(6,)`` standard deviation left, 1 where the sheet is right.
-        present: ``(n, 6)`` which samples count.
-    """
-
-    factors: Array
-    memory: Memory
-    spread: Array
-    present: np.ndarray
-
-    def instant(self, raw: Array) -> Array:
-        """``(n, 6, …)`` of unit variance, still with memory."""
-        result: Array = np.einsum("nij,nj...->ni...", self.factors, raw)
-        return result
-
-    def flat(self, raw: Array) -> Array:
-        """Raw residuals ``(n, 6, …)`` as independent ones ``(N, …)``."""
-        free = self.memory.remove(self.instant(raw))
-        free = free / self.spread.reshape(6, *[1] * (raw.ndim - 2))
-        result: Array = free[self.present]
-        return result
 
 
 @dataclass(frozen=True)
@@ -131,7 +101,7 @@ class Fitter:
     def weigh(self, at: Evaluation) -> None:
         """Renew the covariances of the readings."""
         observed = self.forward.observed
-        self.whitening = replace(self.whitening, factors=_factors(observed, at), present=observed.present)
+        self.whitening = weighed(self.whitening, observed, at)
 
     def evaluate(
         self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
@@ -319,11 +289,10 @@ class Fitter:
         it leaves out; without their determinants, one near a critical point would gain by the noise it has there.
         """
         observed = self.forward.observed
-        factors = _factors(observed, at)
-        r = replace(self.whitening, factors=factors).flat(at.residual)
+        own = weighed(self.whitening, observed, at)
+        r = own.flat(at.residual)
         p, _ = prior(found, at.z)
-        size = np.where(observed.present, factors[:, range(6), range(6)] * observed.noise.wrench, 1.0)
-        return float(r @ r + p @ p - 2.0 * np.log(size).sum())
+        return float(r @ r + p @ p + own.determinant)
 
     def _step(
         self,
@@ -385,11 +354,6 @@ class Fitter:
         low, high = (np.array([getattr(c, end) for c in fit.found]) for end in ("low", "high"))
         b, z = self._system(fit.found, fit.at, fit.jacobian)[1], fit.at.z
         return np.where(z <= low, np.maximum(-b, 0.0), np.where(z >= high, np.maximum(b, 0.0), 0.0))
-
-
-def _factors(observed: Observed, at: Evaluation) -> Array:
-    """Inverse Cholesky factors ``(n, 6, 6)`` of the readings' covariances under a hypothesis."""
-    return whiten(observed.noise, at.stiffness / at.gain_u, at.gain, observed.present)
 
 
 def prior(found: Sequence[Coordinate], z: Array) -> tuple[Array, Array]:

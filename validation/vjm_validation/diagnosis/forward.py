@@ -148,7 +148,11 @@ class Forward:
             if isinstance(effect, ThermalDrift):
                 by = observed.warmth if effect.by == "K" else observed.clock
                 assert by is not None
-                result[:, (*POSE, *WRENCH).index(effect.part)] += v[0] * (by + v[1] * effect.span)
+                drift = by + v[1] * effect.span
+                if observed.steady is not None and effect.part in POSE:
+                    # the gauge's drift went the way of its noise
+                    drift = observed.steady.steered(drift)
+                result[:, (*POSE, *WRENCH).index(effect.part)] += v[0] * drift
         return result
 
     def _lookup(

@@ -127,7 +127,7 @@ def _blocks(fitter: Fitter, space: Projection, shapes: Array, names: Sequence[st
             own = [k for k, name in enumerate(names) if name.partition(": ")[2] == kind]
             raw = np.zeros((len(shapes), 6, len(own)))
             raw[:, c] = shapes[:, own]
-            free = fitter.whitening.memory.remove(raw)[fitter.whitening.present]
+            free = fitter.whitening.apart(fitter.whitening.memory.remove(raw)[fitter.whitening.present])
             columns = space.rest(np.vstack([free, np.zeros((len(space.residual) - space.rows, len(own)))]))
             size = np.linalg.norm(columns, axis=0)
             before = np.linalg.norm(free, axis=0)

@@ -11,6 +11,7 @@ from vjm.effects.series import History
 from vjm.rotations import Array
 from vjm_validation.calibration.noise import Memory, Noise, memory_of, noise_of
 from vjm_validation.calibration.rays import Ray, rays
+from vjm_validation.diagnosis.steady import Steady, steady
 from vjm_validation.measurement import Measurement, Readings
 from vjm_validation.measurement.channels import POSE, TEMPERATURE, TIME, WRENCH
 
@@ -22,7 +23,7 @@ class Observed:
     Attributes:
         measurement: sheet, readings and machine.
         readings: those that are used.
-        pose: displacements as read ``(n, 6)``.
+        pose: displacements as steered, or as read where they were not steered steadily ``(n, 6)``.
         wrench: as read ``(n, 6)``; nan where there is no reading, or a wild one.
         noise: of one reading.
         rays: of the readings, by posture and run.
@@ -31,6 +32,7 @@ class Observed:
         clock: s since the first reading ``(n,)``, or None.
         warmth: K above the first reading ``(n,)``, or None.
         wild: number of samples left out as wild.
+        steady: how the displacement was steered; None where it is what was read.
         steered: column that takes the place of the first displacement, where a point steered the test.
     """
 
@@ -45,6 +47,7 @@ class Observed:
     clock: Array | None
     warmth: Array | None
     wild: int = 0
+    steady: Steady | None = None
     steered: str = ""
 
     @property
@@ -62,6 +65,12 @@ class Observed:
     def pose_channels(self) -> list[str]:
         """Columns of the displacement that were read."""
         return [self.steered] if self.steered else [name for name in POSE if name in self.readings.values]
+
+    @property
+    def pose_noise(self) -> Array:
+        """Standard deviation ``(6,)`` of a displacement, what is not known of straight lines aside."""
+        moved = 1.0 if self.steady is None else self.steady.moved
+        return self.noise.pose * moved**0.5
 
     def slot(self, channel: str) -> int:
         """Index of a displacement's channel."""
@@ -92,6 +101,17 @@ def observe(measurement: Measurement) -> Observed:
     readings = readings.only(usable)
     pose, wrench = readings.pose, readings.wrench
     noise = noise_of(measurement)
+    time = readings.values.get(TIME)
+    clock = None if time is None or np.isnan(time).any() or np.ptp(time) == 0.0 else time - time[0]
+    path: Steady | None = None
+    driven = [k for k, name in enumerate(POSE) if name in readings.values]
+    if sheet.test.control == "displacement" and len(driven) == 1:
+        k = driven[0]
+        order = readings.row.astype(float) if clock is None else clock
+        path = steady(readings.sequence, order, pose[:, k], float(noise.pose[k]), wrench, noise.wrench)
+        if path is not None:
+            pose = pose.copy()
+            pose[:, k] = path.steered(pose[:, k])
     zero = np.array([sheet.instrument[n].zero if n in sheet.instrument else 0.0 for n in POSE])
     groups = np.array([f"{p} {r}" for p, r in zip(readings.posture, readings.run, strict=True)])
     chain = measurement.chain
@@ -101,8 +121,6 @@ def observe(measurement: Measurement) -> Observed:
     lines = {label: machine.line(label) for label in dict.fromkeys(readings.posture.tolist())}
     begins = np.ones(len(readings), dtype=bool)
     begins[1:] = readings.posture[1:] != readings.posture[:-1]
-    time = readings.values.get(TIME)
-    clock = None if time is None or np.isnan(time).any() or np.ptp(time) == 0.0 else time - time[0]
     heat = readings.values.get(TEMPERATURE)
     warmth = None if heat is None or np.isnan(heat).any() or np.ptp(heat) == 0.0 else heat - heat[0]
     history = History(
@@ -112,5 +130,5 @@ def observe(measurement: Measurement) -> Observed:
     )
     return Observed(
         measurement, readings, pose, wrench, noise, own,
-        memory_of(readings.sequence, ~np.isnan(wrench)), history, clock, warmth,
+        memory_of(readings.sequence, ~np.isnan(wrench)), history, clock, warmth, steady=path,
     )  # fmt: skip

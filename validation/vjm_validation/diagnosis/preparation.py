@@ -13,7 +13,7 @@ from vjm.equilibrium import NoConvergenceError
 from vjm.io.errors import did_you_mean
 from vjm.rotations import Array
 from vjm_validation.diagnosis.column import ColumnForward, column_effects, with_noise_found
-from vjm_validation.diagnosis.fitting import Fit, Fitter, Whitening, prior
+from vjm_validation.diagnosis.fitting import Fit, Fitter, prior
 from vjm_validation.diagnosis.forward import Evaluation, Forward, Predictor
 from vjm_validation.diagnosis.instrument import InstrumentScale, InstrumentZero, ThermalDrift
 from vjm_validation.diagnosis.noise_model import estimate_memory
@@ -21,6 +21,7 @@ from vjm_validation.diagnosis.observed import Observed
 from vjm_validation.diagnosis.screening import STRONG, Signature, Signed, far_off, signed
 from vjm_validation.diagnosis.shapes import smooth_shapes
 from vjm_validation.diagnosis.unknowns import coordinates, nuisance_coordinates
+from vjm_validation.diagnosis.whitening import Whitening
 from vjm_validation.diagnosis.wild import loads, outlying, standing_out
 from vjm_validation.measurement.channels import TIME
 
@@ -71,7 +72,7 @@ def prepare(
     found = coordinates(nuisances, ())
     zero = np.zeros(len(found))
     at = forward.evaluate(found, zero, ())
-    fitter = Fitter(forward, nuisances, Whitening(np.zeros(0), observed.memory, np.ones(6), observed.present))
+    fitter = Fitter(forward, nuisances, Whitening(np.zeros(0), observed.memory, observed.present))
     fitter.weigh(at)
     _leave_out(fitter, observed, standing_out(observed, at.residual, fitter.whitening.factors), at)
     null = _fitted(fitter)
@@ -195,6 +196,7 @@ def remember(fitter: Fitter, base: Fit, shown: Sequence[Signature]) -> None:
     sheet = J[:, :, known] / weight[known]
     # as it were at the sheet's own values
     instant = whitening.instant(base.at.residual) - sheet @ off[known]
+    sheet = np.concatenate([sheet, whitening.instant(whitening.slow)], axis=2)
     memory = estimate_memory(observed.memory, instant, np.concatenate(shapes, axis=2), observed.present, sheet)
     fitter.whitening = replace(whitening, memory=memory)
 

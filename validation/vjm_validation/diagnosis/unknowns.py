@@ -27,6 +27,8 @@ PARTS = 5.0
 """Times that a part may be softer or stiffer than the sheet says."""
 AFAR = 2.0
 """Times that a part is softer or stiffer where a fit of its modulus begins besides."""
+SHARE = 0.1
+"""Of a link's length, up to which it may be longer or shorter, however little of it the sheet allows."""
 LOST = 0.9
 """Of a channel's scale, relative."""
 
@@ -128,13 +130,16 @@ def nuisance_coordinates(observed: Observed) -> list[Coordinate]:
             found.append(_nuisance(kind, channel, sigma, usual))
     parts = [beam.name for beam in chain.beams if beam.name in (FOOT, link_of(chain))]
     found += [_nuisance("modulus", part, sheet.tolerance.modulus_rel, 0.02) for part in parts]
-    found.append(_nuisance("length", link_of(chain), sheet.tolerance.link_length_mm, 0.2))
+    link = link_of(chain)
+    whole = next(beam.length for beam in chain.beams if beam.name == link)
+    found.append(_nuisance("length", link, sheet.tolerance.link_length_mm, 0.2, SHARE * whole))
     return found
 
 
-def _nuisance(kind: str, subject: str, sigma: float, usual: float) -> Coordinate:
+def _nuisance(kind: str, subject: str, sigma: float, usual: float, far: float = 0.0) -> Coordinate:
     scale = sigma if sigma > 0.0 else usual
-    most = {"modulus": float(np.log(PARTS)), "scale": min(LOST, FARTHEST * scale)}.get(kind, FARTHEST * scale)
+    most = max(FARTHEST * scale, far)
+    most = {"modulus": float(np.log(PARTS)), "scale": min(LOST, FARTHEST * scale)}.get(kind, most)
     spread = 1.0 if sigma > 0.0 else 0.0
     return Coordinate(f"{kind} {subject}", kind, subject, scale, 0.0, spread, -most / scale, most / scale)
 

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.stats import hypergeom
 
 from vjm.rotations import Array
-from vjm_validation.diagnosis.fitting import Whitening
 from vjm_validation.diagnosis.observed import Observed
 from vjm_validation.diagnosis.shapes import driven_place
+from vjm_validation.diagnosis.whitening import Whitening
 
 SPIKE = 6.0
 """Standard deviations by which a sample must stand out of its neighbours on both sides."""
@@ -61,6 +61,10 @@ def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndar
             way = np.sign(off)
             left, right = (way * (r - near[k : k + 2]) for k in (1, 3))
             alone = (left.max(axis=0) > 0.7 * level) & (right.max(axis=0) > 0.7 * level)
+            # and where a model is off, turns and ends lie on the lines that lead there
+            for first, second, third in (near[2::-1], near[3:]):
+                beyond = way * (r - np.array([2.0 * first - second, 3.0 * second - 2.0 * third]))
+                alone &= beyond.max(axis=0) > 0.7 * level
             found[own, c] = np.where((np.abs(off) > level) & alone, off, 0.0)
     # one wild channel spoils what the others are expected to be: of several the worst
     size = np.abs(found)
@@ -82,7 +86,7 @@ def deleted(whitening: Whitening, residual: Array) -> Array:
     memory, F = whitening.memory, whitening.factors
     power = np.where(memory.before >= 0, memory.rho ** np.maximum(memory.gap, 1), 0.0)
     weight = 1.0 / (1.0 - power**2)
-    free = memory.remove(whitening.instant(residual)) * np.sqrt(weight)
+    free = memory.remove(whitening.instant(whitening.without_slow(residual))) * np.sqrt(weight)
     back, diagonal = free.copy(), weight.copy()
     for c in range(6):
         later = np.flatnonzero(memory.before[:, c] >= 0)

@@ -1,0 +1,168 @@
+"""The displacement as a test was steered, at a steady rate from turn to turn: its gauge's noise is not steady.
+
+A stiff machine makes newtons of a gauge's tenths of a micrometre: in a test that imposes displacements most of what
+is not known of the forces is the gauge's noise. But a drive goes from turn to turn at a steady rate, or holds. What
+a gauge reads beside straight lines in time is then its own noise, which is seen and need not be allowed for; what
+remains of it are errors of the lines. Where the drive had gone so indeed, the forces would follow; they are asked.
+This is regression with errors in a variable whose true values have a structure (Fuller 1987, Measurement error
+models, §1.1 and 2.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.rotations import Array
+
+PRICE = 50.0
+"""Squares of noise that each parameter of a line must explain: noise with a memory of 0.8 explains a hundred by two
+that are placed where they explain most; a turn of an eighth of a ramp's steps many hundreds."""
+MOST = 2000
+"""Readings of a sequence up to which lines are sought."""
+BENT = 3
+"""Order of the polynomials in time that forces may follow along a line, whatever the machine."""
+TOLD, FOLLOWED = 25.0, 0.5
+"""Squares of the gauge's noise, as forces, over theirs, from which on forces can be asked; and the share of what a
+gauge shows beside the lines that they may follow at most."""
+CERTAIN = 2.0
+"""Standard errors by which that share must exceed nothing: with a memory of 0.8 its error is twice the nominal."""
+WILD, ROUGH = 5.0, 1.3
+"""Standard deviations of the gauge beside the lines, the largest and the root of their mean square, from which on
+it does something else than to be noisy."""
+OUTLYING = 4.0
+"""Usual deviations at which a force's is cut off: some readings are wild."""
+
+
+@dataclass(frozen=True)
+class Steady:
+    """Straight lines in time, from turn to turn.
+
+    Attributes:
+        lines: orthonormal basis ``(n, s)`` of displacements that are straight between the turns.
+        sequence: number ``(n,)`` of each reading's sequence.
+        moved: share of what the gauge reads beside the lines that the drive did move.
+    """
+
+    lines: Array
+    sequence: np.ndarray
+    moved: float
+
+    def steered(self, read: Array) -> Array:
+        """What the drive did ``(n, …)``, of a displacement as read; what a gauge's drift then adds to that."""
+        straight = self.lines @ (self.lines.T @ read)
+        result: Array = straight + self.moved * (read - straight)
+        return result
+
+    def errors(self, rho: float) -> Array:
+        """What is not known of the lines ``(n, s)``: independent errors of unit size, for noise of unit size.
+
+        Args:
+            rho: autocorrelation of neighbouring readings.
+        """
+        order = np.arange(len(self.sequence))
+        together = self.sequence[:, None] == self.sequence
+        R = np.where(together, rho ** np.abs(order[:, None] - order), 0.0)
+        C = self.lines.T @ R @ self.lines
+        result: Array = self.lines @ np.linalg.cholesky(C + 1e-12 * np.eye(len(C)))
+        return result
+
+
+def steady(
+    sequence: np.ndarray, when: Array, read: Array, sigma: float, wrench: Array, noise: Array
+) -> Steady | None:
+    """The lines of a test that was steered steadily; None where its forces do not say so.
+
+    Args:
+        sequence: number ``(n,)`` of each reading's sequence.
+        when: clock ``(n,)``, or the order of the readings.
+        read: displacement ``(n,)`` as its gauge read it.
+        sigma: of one such reading.
+        wrench: forces and moments ``(n, 6)``, nan where there is none.
+        noise: of one ``(6,)``.
+    """
+    if sigma <= 0.0 or np.bincount(sequence).max() > MOST:
+        return None
+    parts = pieces(sequence, when, read, sigma)
+    a = b = unsure = 0.0
+    for own, slanted in parts:
+        if not slanted or len(own) < BENT + 3:
+            continue
+        off = _beside(when[own], read[own])
+        for c in range(6):
+            there = ~np.isnan(wrench[own, c])
+            if there.sum() < BENT + 3:
+                continue
+            u, f = read[own][there], wrench[own, c][there]
+            stiffness = float(np.polyfit(u, f, 1)[0])
+            left = _beside(when[own][there], f)
+            usual = max(1.4826 * float(np.median(np.abs(left))) / float(noise[c]), 1.0)
+            follow = stiffness * off[there] / float(noise[c])
+            a += float(follow @ np.clip(left / float(noise[c]), -OUTLYING * usual, OUTLYING * usual))
+            b += float(follow @ follow)
+            unsure += float(follow @ follow) * usual**2
+    if b < TOLD:
+        return None
+    share = a / b if a > CERTAIN * unsure**0.5 else 0.0
+    found = Steady(basis(parts, when), sequence, share)
+    beside = (read - found.lines @ (found.lines.T @ read)) / sigma
+    regular = float(np.abs(beside).max()) < WILD and float(np.sqrt(np.mean(beside**2))) < ROUGH
+    return found if share < FOLLOWED and regular else None
+
+
+def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list[tuple[np.ndarray, bool]]:
+    """Readings between turns, and whether the displacement changes there.
+
+    Of all ways to cut a sequence the one with the least squares and the least price (Bellman's principle).
+
+    Args:
+        sequence: number ``(n,)`` of each reading's sequence.
+        when: clock ``(n,)``.
+        read: displacement ``(n,)``.
+        sigma: of one reading.
+    """
+    found: list[tuple[np.ndarray, bool]] = []
+    for number in np.unique(sequence):
+        own = np.flatnonzero(sequence == number)
+        t, u = when[own] - when[own[0]], read[own] / sigma
+        t = t / max(float(t[-1]), 1e-300)
+        m = len(t)
+        powers = np.column_stack([np.ones(m), t, t * t, u, u * u, t * u])
+        sums = np.vstack([np.zeros(6), np.cumsum(powers, axis=0)])
+        least, start, slanted = np.zeros(m + 1), np.zeros(m + 1, dtype=int), np.zeros(m + 1, dtype=bool)
+        for end in range(1, m + 1):
+            n, st, stt, su, suu, stu = (sums[end] - sums[:end]).T
+            level = np.maximum(suu - su * su / n, 0.0)
+            spread, along = stt - st * st / n, stu - st * su / n
+            line = level - along**2 / np.maximum(spread, 1e-12)
+            costs = np.array([least[:end] + level + PRICE, least[:end] + np.maximum(line, 0.0) + 2.0 * PRICE])
+            costs[1, spread <= 1e-12] = np.inf
+            kind, k = np.unravel_index(int(np.argmin(costs)), costs.shape)
+            least[end], start[end], slanted[end] = costs[kind, k], k, kind == 1
+        end, cuts = m, []
+        while end > 0:
+            cuts.append((own[start[end] : end], bool(slanted[end])))
+            end = int(start[end])
+        found += cuts[::-1]
+    return found
+
+
+def basis(parts: Sequence[tuple[np.ndarray, bool]], when: Array) -> Array:
+    """Orthonormal columns ``(n, s)``: of every piece a level, and a slope where the displacement changes."""
+    columns = []
+    for own, slanted in parts:
+        for k in range(2 if slanted else 1):
+            column = np.zeros(len(when))
+            column[own] = (when[own] - when[own].mean()) ** k
+            columns.append(column / np.linalg.norm(column))
+    return np.column_stack(columns)
+
+
+def _beside(when: Array, values: Array) -> Array:
+    """Values ``(m,)`` less a polynomial in time."""
+    t = when - when.mean()
+    Q, _ = np.linalg.qr(np.vander(t / np.abs(t).max(), BENT + 1))
+    result: Array = values - Q @ (Q.T @ values)
+    return result
