@@ -74,6 +74,20 @@ def few(observed, found):
     return wild._few(observed, found, wild.loads(observed, np.zeros(found.shape)))
 
 
+def test_turns_and_ends_of_a_steep_residual_are_not_wild(monkeypatch):
+    # a model that is off by its stiffness leaves a zigzag along a ramp out, back and out to the other side
+    turns = np.concatenate([np.arange(0.0, 20.0), np.arange(20.0, -20.0, -1.0), np.arange(-20.0, 1.0)])
+    observed = placed(monkeypatch, turns / 20.0)
+    observed.readings = SimpleNamespace(sequence=np.zeros(len(turns), dtype=int))
+    residual = np.zeros((len(turns), 6))
+    residual[:, 0] = 8.0 * turns + 0.3 * np.random.default_rng(1).standard_normal(len(turns))
+    factors = np.tile(np.eye(6), (len(turns), 1, 1))
+    assert not wild.standing_out(observed, residual, factors).any()
+    # two that are, one of them beside a turn
+    residual[[21, 50], 0] += [40.0, -40.0]
+    assert set(np.flatnonzero(wild.standing_out(observed, residual, factors)[:, 0])) == {21, 50}
+
+
 @pytest.mark.parametrize("stray", [(), (95,)])
 def test_samples_that_lie_together_are_no_accident_though_one_lies_far_off(monkeypatch, stray):
     observed = placed(monkeypatch, np.linspace(-1.0, 1.0, 100))
