@@ -17,8 +17,10 @@ DISTINCT, DISGUISED = 2.0, 12.0
 """Standard deviations by which a cause's own parameter must differ from nothing, and what it costs if not."""
 TWICE = 6.0
 """What it costs that a cause acts in two places at once."""
-RARER = 2.8
-"""What a further cause costs: machines that lack two are a quarter as frequent as those that lack one."""
+RARER, RAREST = 2.8, 8.0
+"""What a further cause costs: machines that lack two are a quarter as frequent as those that lack one; and what a
+third costs besides: something that no catalogue has is far likelier than three causes at once, whose laws, each
+with shapes of its own, explain nearly any smooth residual (docs/blind.md)."""
 
 
 def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: float) -> float:
@@ -42,7 +44,7 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     choice = 2.0 * sum(np.log(causes * places[e.cause]) for e in fit.hypothesis)
     again = len(fit.hypothesis) - len({e.cause for e in fit.hypothesis})
     cost = free * float(np.log(samples)) + float(choice) + TWICE * again
-    cost += RARER * max(len(fit.hypothesis) - 1, 0)
+    cost += RARER * max(len(fit.hypothesis) - 1, 0) + RAREST * max(len(fit.hypothesis) - 2, 0)
     A = fitter.normal(fit)
     covariance = inverse(A, np.ones(len(A), dtype=bool))
     spread = np.maximum(np.diag(covariance), 1e-300)
