@@ -44,7 +44,10 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     choice = 2.0 * sum(np.log(causes * places[e.cause]) for e in fit.hypothesis)
     again = len(fit.hypothesis) - len({e.cause for e in fit.hypothesis})
     cost = free * float(np.log(samples)) + float(choice) + TWICE * again
-    cost += RARER * max(len(fit.hypothesis) - 1, 0) + RAREST * max(len(fit.hypothesis) - 2, 0)
+    cost += RARER * max(len(fit.hypothesis) - 1, 0)
+    if not fitter.forward.observed.steered:
+        # every column is bowed, and yields in the end: there a third cause is the first surprise
+        cost += RAREST * max(len(fit.hypothesis) - 2, 0)
     A = fitter.normal(fit)
     covariance = inverse(A, np.ones(len(A), dtype=bool))
     spread = np.maximum(np.diag(covariance), 1e-300)
