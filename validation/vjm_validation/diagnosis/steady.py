@@ -86,30 +86,13 @@ def steady(
     if sigma <= 0.0 or np.bincount(sequence).max() > MOST:
         return None
     parts = pieces(sequence, when, read, sigma)
-    a = b = unsure = 0.0
-    for own, slanted in parts:
-        if not slanted or len(own) < BENT + 3:
-            continue
-        off = _beside(when[own], read[own])
-        for c in range(6):
-            there = ~np.isnan(wrench[own, c])
-            if there.sum() < BENT + 3:
-                continue
-            u, f = read[own][there], wrench[own, c][there]
-            stiffness = float(np.polyfit(u, f, 1)[0])
-            left = _beside(when[own][there], f)
-            usual = max(1.4826 * float(np.median(np.abs(left))) / float(noise[c]), 1.0)
-            follow = stiffness * off[there] / float(noise[c])
-            a += float(follow @ np.clip(left / float(noise[c]), -OUTLYING * usual, OUTLYING * usual))
-            b += float(follow @ follow)
-            unsure += float(follow @ follow) * usual**2
-    if b < TOLD:
+    share = _followed(parts, when, read, wrench / noise)
+    if share is None or share >= FOLLOWED:
         return None
-    share = a / b if a > CERTAIN * unsure**0.5 else 0.0
     found = Steady(basis(parts, when), sequence, share)
     beside = (read - found.lines @ (found.lines.T @ read)) / sigma
     regular = float(np.abs(beside).max()) < WILD and float(np.sqrt(np.mean(beside**2))) < ROUGH
-    return found if share < FOLLOWED and regular else None
+    return found if regular else None
 
 
 def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list[tuple[np.ndarray, bool]]:
@@ -158,6 +141,29 @@ def basis(parts: Sequence[tuple[np.ndarray, bool]], when: Array) -> Array:
             column[own] = (when[own] - when[own].mean()) ** k
             columns.append(column / np.linalg.norm(column))
     return np.column_stack(columns)
+
+
+def _followed(parts: Sequence[tuple[np.ndarray, bool]], when: Array, read: Array, forces: Array) -> float | None:
+    """Share of what a gauge reads beside lines that forces ``(n, 6)``, over their noise, follow; None: untold."""
+    followed = whole = unsure = 0.0
+    for own, slanted in parts:
+        if not slanted or len(own) < BENT + 3:
+            continue
+        off = _beside(when[own], read[own])
+        for f in forces[own].T:
+            there = ~np.isnan(f)
+            if there.sum() < BENT + 3:
+                continue
+            stiffness = float(np.polyfit(read[own][there], f[there], 1)[0])
+            left = _beside(when[own][there], f[there])
+            usual = max(1.4826 * float(np.median(np.abs(left))), 1.0)
+            follow = stiffness * off[there]
+            followed += float(follow @ np.clip(left, -OUTLYING * usual, OUTLYING * usual))
+            whole += float(follow @ follow)
+            unsure += float(follow @ follow) * usual**2
+    if whole < TOLD:
+        return None
+    return followed / whole if followed > CERTAIN * unsure**0.5 else 0.0
 
 
 def _beside(when: Array, values: Array) -> Array:

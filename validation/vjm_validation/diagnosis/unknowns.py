@@ -138,8 +138,8 @@ def nuisance_coordinates(observed: Observed) -> list[Coordinate]:
 
 def _nuisance(kind: str, subject: str, sigma: float, usual: float, far: float = 0.0) -> Coordinate:
     scale = sigma if sigma > 0.0 else usual
-    most = max(FARTHEST * scale, far)
-    most = {"modulus": float(np.log(PARTS)), "scale": min(LOST, FARTHEST * scale)}.get(kind, most)
+    usually = FARTHEST * scale
+    most = {"modulus": float(np.log(PARTS)), "scale": min(LOST, usually)}.get(kind, max(usually, far))
     spread = 1.0 if sigma > 0.0 else 0.0
     return Coordinate(f"{kind} {subject}", kind, subject, scale, 0.0, spread, -most / scale, most / scale)
 

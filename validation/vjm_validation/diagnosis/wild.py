@@ -77,7 +77,7 @@ def deleted(whitening: Whitening, residual: Array) -> Array:
     """Each sample's distance ``(n, 6)`` from what the others let expect of it, in standard deviations.
 
     With P the inverse covariance of all residuals r it is ``(P r)_i / √P_ii``; P is factored into the readings'
-    own covariances and a memory of first order.
+    own covariances and a memory of first order. The likeliest errors of lines steered are taken from r before.
 
     Args:
         whitening: of the residuals.
