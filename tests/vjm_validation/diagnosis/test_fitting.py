@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vjm_validation.diagnosis.fitting import MISSED_ROUGHLY
 from vjm_validation.diagnosis.observed import observe
 from vjm_validation.diagnosis.preparation import prepare
 from vjm_validation.measurement import read_measurement
@@ -37,3 +38,18 @@ def test_a_fit_ends_at_the_same_place_wherever_it_begins(heavy):
     found = [fit.objective for fit in ends]
     # a fit ends where a step brings less than 0.03; without tables of its own they end up to 0.5 apart
     assert np.ptp(found) < 0.03
+
+
+# the machine's slopes over what they are where the fit begins
+@pytest.mark.parametrize("wrong", [-1.0, 0.3, 2.0, (0.0, 1.0, 1.0)])
+def test_slopes_from_elsewhere_do_not_lead_uphill(heavy, wrong):
+    fitter = heavy.fitter
+    gravity = next(e for e in heavy.effects if e.cause == "gravity")
+    begin = np.zeros(len(fitter.nuisances))
+    fitter.machine_slopes = None
+    best = fitter.fit((gravity,), begin, [[3.0, 0.5]], fresh=True)
+    fitter.machine_slopes = fitter.machine_slopes * np.array(wrong)
+    begin[fitter.of_machine] = 1.5
+    rough = fitter.fit((gravity,), begin, [[1.0, 0.5]], rough=True)
+    assert rough.converged
+    assert rough.objective < best.objective + MISSED_ROUGHLY

@@ -38,6 +38,8 @@ FARTHER = 3.0
 """Sigmas of a machine's nuisance, where it is free, after which its slopes are made anew."""
 RETREATS, SHORTER = 6, 4.0
 """Times that a fit goes back from where slopes have led it astray, and by what its damping then grows."""
+POOR = 0.25
+"""Share of the fall that slopes have promised below which they are made anew."""
 DIFFERENCE = 0.03
 """Step of differences, in units of a coordinate."""
 
@@ -210,10 +212,12 @@ class Fitter:
         at = self.evaluate(found, z, hypothesis)
         if at is None:
             return None
+        borrowed = not fresh and self.machine_slopes is not None
         J = self.slopes(found, at, hypothesis, fresh=fresh)
         self.anchor = z[own].copy()
         best, damping, converged, exact = self.squares(found, at), 1e-3, False, True
         retreats, sloped, usual = 0, z[own].copy(), self.machine_slopes
+        tabled = at, best
         freed = any(not np.isfinite(found[i].sigma) for i in own)
         for count in range(STEPS):
             start_of_step = at, best, self.anchor
@@ -241,18 +245,21 @@ class Fitter:
                     at, best = again, self.squares(found, again)
                     self._renew(J, found, at, hypothesis)
                     continue
-                if off > FAR and worth > start_of_step[1] + LEARNT and retreats < RETREATS:
-                    # the slopes have led astray: back, and on by shorter steps
-                    at, best, self.anchor = start_of_step
-                    retreats, damping, exact = retreats + 1, max(10.0 * damping, SHORTER**retreats), True
-                    self._renew(J, found, at, hypothesis)
+                if worth > tabled[1] + LEARNT and retreats < RETREATS:
+                    # slopes have led astray: back, and on by that place's own, or if they were by shorter steps
+                    (at, best), retreats, exact = tabled, retreats + 1, True
+                    self.anchor = at.z[own].copy()
+                    elsewhere = borrowed or bool((sloped != self.anchor).any())
+                    damping = 1e-3 if elsewhere else max(10.0 * damping, SHORTER**retreats)
+                    J, sloped, borrowed = self._slopes_anew(found, at, hypothesis), self.anchor, False
                     continue
-                astray = off > FAR or worth > best + (MISSED_ROUGHLY if rough else MISSED)
-                at, best = again, worth
-                if astray:
+                missed = worth > best + (MISSED_ROUGHLY if rough else MISSED)
+                poor = missed and tabled[1] - worth < POOR * (tabled[1] - best)
+                at, best = tabled = again, worth
+                if off > FAR or missed:
                     ended, damping = False, 1e-3
-                if freed and float(np.abs(at.z[own] - sloped).max()) > FARTHER:
-                    J, sloped = self._slopes_anew(found, at, hypothesis), at.z[own].copy()
+                if poor or (freed and float(np.abs(at.z[own] - sloped).max()) > FARTHER):
+                    J, sloped, borrowed = self._slopes_anew(found, at, hypothesis), self.anchor, False
             if ended and exact:
                 converged = True
                 break
@@ -264,6 +271,8 @@ class Fitter:
         if self.anchor is not None and (at.z[own] != self.anchor).any():
             self.anchor = at.z[own].copy()
             at = self.evaluate(found, at.z, hypothesis) or at
+            if self.squares(found, at) > tabled[1]:
+                at, _ = tabled
         if not rough and not fresh:
             self._renew(J, found, at, hypothesis)
         self.machine_slopes = usual
