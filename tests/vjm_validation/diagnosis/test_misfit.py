@@ -7,11 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vjm.effects.actuator_hardening import ActuatorHardening
+from vjm_validation.diagnosis.instrument import InstrumentZero
 from vjm_validation.diagnosis.misfit import misfit
 from vjm_validation.diagnosis.observed import observe
 from vjm_validation.diagnosis.preparation import prepare
 from vjm_validation.diagnosis.search import Search
 from vjm_validation.diagnosis.shapes import driven_place
+from vjm_validation.diagnosis.unknowns import coordinates, start
 from vjm_validation.diagnosis.verdict import MISFIT, STRAINED, judge
 from vjm_validation.measurement.measurement import read_measurement
 
@@ -85,3 +88,24 @@ def test_a_fit_that_needs_one_nuisance_far_off_the_sheet_is_not_right(make, tmp_
     assert (found.rest.strained < STRAINED) is (verdict == "unknown")
     # the drawing's own zero, a tenth of a sigma or 2 N, on top
     assert ("zero fx_N 8.1 sigma" in found.rest.farthest) is (verdict == "unknown")
+
+
+@pytest.mark.parametrize(
+    ("ratio", "exponent", "chance"),
+    # its size may be anything; its exponent is 1 within a factor of e^0.5, one in a hundred beyond 2.576 of these
+    [(0.05, 1.0, 1.0), (1.5, np.exp(0.5 * 2.5758), 0.01), (1.5, np.exp(-0.5 * 2.5758), 0.01)],
+)
+def test_a_law_of_a_shape_that_is_never_seen_is_unusual(prepared, ratio, exponent, chance):
+    hypothesis = (InstrumentZero(part="fx_N"), ActuatorHardening())
+    nuisances = prepared.fitter.nuisances
+    found = tuple(coordinates(nuisances, hypothesis))
+    z = start(found, hypothesis, np.zeros(len(nuisances)), [[0.0], [ratio, 0.0, exponent]])
+    slopes = np.zeros((*prepared.null.jacobian.shape[:2], len(found)))
+    at = replace(prepared.null.at, z=z)
+    rest = misfit(
+        prepared.fitter, replace(prepared.null, hypothesis=hypothesis, found=found, at=at, jacobian=slopes)
+    )
+    # five digits of the quantile
+    assert rest.unusual == pytest.approx(chance, rel=1e-3)
+    assert rest.shape.startswith("actuator_hardening exponent")
+    assert misfit(prepared.fitter, prepared.null).unusual == 1.0

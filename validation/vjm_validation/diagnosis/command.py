@@ -231,6 +231,8 @@ def _residual_words(verdict: Verdict) -> str:
     rest = verdict.rest
     if rest.strained < min(STRAINED, rest.p):
         return f"what fits best takes {rest.farthest}"
+    if rest.unusual < rest.p:
+        return f"what fits best takes {rest.shape}"
     return f"what is left has the shape '{rest.worst or 'rough'}', strength {rest.left**0.5:.1f}"
 
 

@@ -35,6 +35,8 @@ class Misfit:
         worst: the shape that stands out most, in words; empty where none does, or the residual is rough.
         strained: chance of nuisances as far from the sheet's as they had to go, all together or one of them.
         farthest: the one that went farthest, in words; empty where the sheet allows none.
+        unusual: chance of a law whose shape is as far from its cause's usual one.
+        shape: that one, in words; empty where no law has a shape.
     """
 
     p: float
@@ -42,6 +44,8 @@ class Misfit:
     worst: str
     strained: float = 1.0
     farthest: str = ""
+    unusual: float = 1.0
+    shape: str = ""
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,7 @@ def misfit(fitter: Fitter, fit: Fit) -> Misfit:
     smooth = _blocks(fitter, space, *smooth_shapes(observed))
     blocks = [*smooth, *_blocks(fitter, space, *sudden_shapes(observed))]
     if not blocks:
-        return Misfit(1.0, 0.0, "", *_strained(fit))
+        return Misfit(1.0, 0.0, "", *_strained(fit), *_unusual(fit))
     squares = np.array([float(np.sum((b.directions.T @ space.residual) ** 2)) for b in blocks])
     freedom = np.array([b.directions.shape[1] for b in blocks])
     p = np.asarray(chi2.sf(squares, freedom))
@@ -73,7 +77,7 @@ def misfit(fitter: Fitter, fit: Fit) -> Misfit:
     total = min(1.0, 3.0 * min(rank, overall))
     left = max(together - size, float(squares[worst]) - int(freedom[worst]), beyond, 0.0)
     named = blocks[worst].name if total < 0.05 and rank <= large else ""
-    return Misfit(total, left, named, *_strained(fit))
+    return Misfit(total, left, named, *_strained(fit), *_unusual(fit))
 
 
 def _strained(fit: Fit) -> tuple[float, str]:
@@ -89,6 +93,24 @@ def _strained(fit: Fit) -> tuple[float, str]:
     alone = len(sheet) * float(chi2.sf(squares.max(), 1))
     words = f"{fit.found[farthest].name} {abs(off[farthest]):.1f} sigma from the sheet's"
     return min(1.0, 2.0 * min(together, alone)), words
+
+
+def _unusual(fit: Fit) -> tuple[float, str]:
+    """Chance of a shape as far from the usual as the farthest of a fit's laws, and that one in words.
+
+    A size may be anything. A fit lies between a shape's usual value and what the readings say, so the
+    chance is rather less.
+    """
+    off, _ = prior(fit.found, fit.at.z)
+    shapes: list[int] = []
+    for number, effect in enumerate(fit.hypothesis):
+        own = [i for i, c in enumerate(fit.found) if c.kind == "effect" and c.subject == str(number)]
+        shapes += [i for i in own[effect.extent :] if 0.0 < fit.found[i].sigma < np.inf]
+    if not shapes:
+        return 1.0, ""
+    farthest = max(shapes, key=lambda i: abs(float(off[i])))
+    words = f"{fit.found[farthest].name} {abs(off[farthest]):.1f} sigma from the usual"
+    return min(1.0, len(shapes) * float(chi2.sf(off[farthest] ** 2, 1))), words
 
 
 def _least(blocks: Sequence[_Block]) -> Array:

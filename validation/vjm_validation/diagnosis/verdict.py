@@ -15,7 +15,7 @@ from vjm_validation.diagnosis.search import WRONG_LAW, Ranked, Search
 
 MISFIT, DOUBTFUL = 0.001, 0.01
 """Chance of calling a right model wrong: the sheet's, and one with causes, since what no catalogue has may be as
-likely as they are and is often half explained by one."""
+likely as they are and is often half explained by one, or explained by a law of a shape that it never has."""
 STRAINED = 1e-6
 """Chance of nuisances so far from the sheet's below which the model is wrong, however well it then fits."""
 RIVAL = 16.0
@@ -73,7 +73,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
     explained = search.null.objective - best.fit.objective
     if best.labels:
         misses = rest.p < DOUBTFUL and rest.left > WRONG_LAW * explained
-        wrong = misses or not best.fit.converged
+        wrong = misses or rest.unusual < DOUBTFUL or not best.fit.converged
     else:
         wrong = rest.p < MISFIT
     wrong = wrong or rest.strained < STRAINED
@@ -83,7 +83,8 @@ def judge(search: Search, best: Ranked) -> Verdict:
             search.settled(near)
     weights = _weights(search, best)
     if wrong:
-        return Verdict("unknown", (), (), min(SUREST, 1.0 - min(rest.p, rest.strained)), _others(weights, []), rest)
+        sure = min(SUREST, 1.0 - min(rest.p, rest.strained, rest.unusual))
+        return Verdict("unknown", (), (), sure, _others(weights, []), rest)
     if not best.labels:
         return Verdict("none", (), (), _quiet(search, rest), _others(weights, [best]), rest)
     rivals: list[Ranked] = []
