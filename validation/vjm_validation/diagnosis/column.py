@@ -48,8 +48,8 @@ class ColumnBow(LinkBow):
     sizes: tuple[float, ...] = (0.5, 1.5, 4.0)
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """Towards the positive deflection."""
-        return (Quantity("amplitude_mm", -20.0, 20.0, 0.5, neutral=0.0),)
+        """Towards the positive deflection. Behind a bifurcation micrometres show: differences must be as small."""
+        return (Quantity("amplitude_mm", -20.0, 20.0, 0.1, neutral=0.0),)
 
     def trials(self) -> Sequence[tuple[float, ...]]:
         """Small and large."""

@@ -45,8 +45,9 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     again = len(fit.hypothesis) - len({e.cause for e in fit.hypothesis})
     cost = free * float(np.log(samples)) + float(choice) + TWICE * again
     cost += RARER * max(len(fit.hypothesis) - 1, 0)
-    if not fitter.forward.observed.steered:
-        # every column is bowed, and yields in the end: there a third cause is the first surprise
+    # every column is bowed, however little, and yields in the end: there a third cause is the first surprise
+    column = fitter.forward.observed.steered
+    if not column:
         cost += RAREST * max(len(fit.hypothesis) - 2, 0)
     A = fitter.normal(fit)
     covariance = inverse(A, np.ones(len(A), dtype=bool))
@@ -56,7 +57,7 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     cost += float(np.sum(np.log(np.maximum(sigma**2 / spread[own], 1.0))))
     for number, effect in enumerate(fit.hypothesis):
         at = [i for i, c in kinds if c.subject == str(number)][: effect.extent]
-        if at and _is_nothing(effect, fit.at.z[at], size_covariance(A, fit, number)):
+        if at and not column and _is_nothing(effect, fit.at.z[at], size_covariance(A, fit, number)):
             cost += DISGUISED
         if len(at) > 1:
             # of a vector the directions that the readings say less of cost less
