@@ -40,7 +40,7 @@ HOPEFUL = 30.0
 """How far from significance, by its score's p-value over the threshold, an effect is still fitted in full."""
 WRONG_LAW = 0.02
 """Share of the squares explained that a slightly wrong law of the right cause may leave: a seventh of its size. Of
-readings by other laws, without noise, these leave more in one set of four (docs/blind.md)."""
+readings by other laws, without noise, these leave more in one set of three (docs/blind.md)."""
 STRAINED = 1.5
 """Sigmas of a nuisance from which fits begin at most."""
 WORTH_A_LOOK = 60.0
