@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize, minimize_scalar
 
+from vjm_validation.blind import sharpening
 from vjm_validation.blind.causes import Hidden, Laws, catalogue
 from vjm_validation.blind.drawing import as_drawn
-from vjm_validation.blind.sharpening import sharpened, sharpened_pairs
+from vjm_validation.blind.sharpening import Refit, sharpened, sharpened_pairs
 from vjm_validation.blind.signatures import signatures
 
 
@@ -117,3 +118,12 @@ def test_what_a_lumped_link_does_not_have_keeps_its_coarse_curves(design):
     assert "link_compliance" in new
     assert not new & {"actuator_backlash", "link_bow", "base_compliance", "gravity"}
     assert np.abs(sharp.raw).max(axis=1).min() > 0.0
+
+
+def test_where_none_of_a_cause_is_nearest_it_has_no_direction(known, monkeypatch):
+    # three compliances that a step has brought to their bound
+    monkeypatch.setattr(sharpening, "_sizes", lambda curve, weights: np.zeros(3))
+    target = whitened(known, family_of(known, "base_compliance", Laws()), 2e-6)
+    refit = Refit.into(known, Laws())
+    _, nearest = refit.nearest("base_compliance", target)
+    assert np.linalg.norm(nearest.whitened) < 1e-3 * np.linalg.norm(target)

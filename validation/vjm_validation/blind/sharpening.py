@@ -112,6 +112,9 @@ class Refit:
         here = self.point(cause, curve.label, sizes)
         for _ in range(ROUNDS if here is not None else 0):
             assert here is not None
+            if not sizes.any():
+                # nothing of it is nearest, and has no direction
+                break
             slopes = self._slopes(cause, curve.label, sizes, here)
             step = np.linalg.lstsq(slopes, target - here.whitened, rcond=1e-6)[0]
             before = float(np.linalg.norm(target - here.whitened))
