@@ -7,6 +7,7 @@ import pytest
 
 from vjm.effects.actuator_compliance import ActuatorCompliance
 from vjm.effects.actuator_hardening import RATIO, ActuatorHardening
+from vjm_validation.diagnosis.command import _residual_words
 from vjm_validation.diagnosis.instrument import InstrumentZero, ThermalDrift
 from vjm_validation.diagnosis.misfit import Misfit
 from vjm_validation.diagnosis.search import Ranked
@@ -89,3 +90,16 @@ def test_a_cause_may_sit_in_another_place():
     assert not _elsewhere(at("fx_N", converged=False), at("ux_mm"))
     # two places at once are another hypothesis
     assert not _elsewhere(at("fx_N", "fz_N"), at("ux_mm"))
+
+
+@pytest.mark.parametrize(
+    ("rest", "words"),
+    [
+        (Misfit(0.3, 4.0, "fx_N: shape", unusual=0.002, shape="exponent 3.1 sigma"), "takes exponent 3.1 sigma"),
+        # a shape that is usual is not what was wrong, however well the rest fits
+        (Misfit(0.3, 4.0, "what no causes predict", unusual=0.2, shape="exponent 1.3 sigma"), "what no causes"),
+        (Misfit(1e-5, 4.0, "fx_N: shape", unusual=0.002, shape="exponent 3.1 sigma"), "fx_N: shape"),
+    ],
+)
+def test_unknown_says_what_made_it_so(rest, words):
+    assert words in _residual_words(Verdict("unknown", (), (), 0.9, (), rest))

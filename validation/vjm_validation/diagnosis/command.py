@@ -45,7 +45,7 @@ from vjm_validation.diagnosis.page import write_page
 from vjm_validation.diagnosis.preparation import Prepared, effects_of, possible, prepare, refresh
 from vjm_validation.diagnosis.search import Ranked, Search
 from vjm_validation.diagnosis.transfer import transfer
-from vjm_validation.diagnosis.verdict import STRAINED, Verdict, judge, proved
+from vjm_validation.diagnosis.verdict import DOUBTFUL, STRAINED, Verdict, judge, proved
 from vjm_validation.measurement import Measurement, read_measurement
 from vjm_validation.measurement.channels import WRENCH
 from vjm_validation.summary import as_json
@@ -231,7 +231,7 @@ def _residual_words(verdict: Verdict) -> str:
     rest = verdict.rest
     if rest.strained < min(STRAINED, rest.p):
         return f"what fits best takes {rest.farthest}"
-    if rest.unusual < rest.p:
+    if rest.unusual < min(DOUBTFUL, rest.p):
         return f"what fits best takes {rest.shape}"
     return f"what is left has the shape '{rest.worst or 'rough'}', strength {rest.left**0.5:.1f}"
 
