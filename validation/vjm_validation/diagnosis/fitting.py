@@ -220,7 +220,7 @@ class Fitter:
         tabled = at, best
         freed = any(not np.isfinite(found[i].sigma) for i in own)
         for count in range(STEPS):
-            start_of_step = at, best, self.anchor
+            start_of_step = at, best
             there, damping = self._step(found, at, J, best, damping, hypothesis)
             value = best if there is None else self.squares(found, there)
             fall = best - value
@@ -273,6 +273,7 @@ class Fitter:
             at = self.evaluate(found, at.z, hypothesis) or at
             if self.squares(found, at) > tabled[1]:
                 at, _ = tabled
+                self.anchor = at.z[own].copy()
         if not rough and not fresh:
             self._renew(J, found, at, hypothesis)
         self.machine_slopes = usual
