@@ -105,7 +105,7 @@ def test_a_law_of_a_shape_that_is_never_seen_is_unusual(prepared, ratio, exponen
     rest = misfit(
         prepared.fitter, replace(prepared.null, hypothesis=hypothesis, found=found, at=at, jacobian=slopes)
     )
-    # five digits of the quantile
+    # the quantile has five digits, which moves the chance by one in ten thousand
     assert rest.unusual == pytest.approx(chance, rel=1e-3)
     assert rest.shape.startswith("actuator_hardening exponent")
     assert misfit(prepared.fitter, prepared.null).unusual == 1.0

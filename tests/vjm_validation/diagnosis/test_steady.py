@@ -53,6 +53,7 @@ def test_turns_and_holds_are_found_within_a_reading(rho):
 def test_without_noise_every_reading_is_on_its_line():
     sequence, when, u = programme()
     Q = basis(pieces(sequence, when, u, SIGMA), when)
+    # round-off of a few dozen terms
     assert np.allclose(Q.T @ Q, np.eye(Q.shape[1]), atol=1e-12)
     assert np.allclose(Q @ (Q.T @ u), u, atol=1e-12)
 
@@ -101,7 +102,8 @@ def test_the_share_that_forces_follow_is_what_the_drive_did():
         found = steady(sequence, when, shown, SIGMA, force, NOISE)
         assert found is not None
         shares.append(found.moved)
-    # 0.36 of 1.36; the share of 370 readings is known to 0.03, and polynomials take a little of both
+    # 0.36 of 1.36; the share of 370 readings is known to 0.03, of which one is off by four at most; the mean of
+    # twenty is known to 0.007, and polynomials, which take a little of both, put it 0.01 off
     assert np.abs(np.array(shares) - 0.36 / 1.36).max() < 0.12
     assert np.mean(shares) == pytest.approx(0.36 / 1.36, abs=0.03)
 
@@ -156,13 +158,14 @@ def test_residuals_become_independent_with_the_errors_of_lines_among_them(rho, m
     slow = own.slow.reshape(-1, own.slow.shape[2])[on]
     covariance = np.linalg.inv(L.T @ L) + slow @ slow.T
     whole = np.column_stack([own.flat(row.reshape(own.present.shape)) for row in np.eye(own.present.size)[on]])
-    assert np.allclose(whole @ covariance @ whole.T, np.eye(len(on)), atol=1e-9)
+    # round-off by the covariance's condition, 5e2
+    assert np.allclose(whole @ covariance @ whole.T, np.eye(len(on)), atol=1e-12)
     assert np.allclose(
         own.flat(np.eye(6)[None] * own.present[:, :, None])[:, 0], own.flat(own.present * np.eye(6)[0])
     )
-    # its determinant, but for what the memory alone makes of it
+    # its determinant, but for what the memory alone makes of it; round-off of sums of some 200
     memory = np.linalg.slogdet(L.T @ L)[1] + replace(own, steady=None).determinant
-    assert own.determinant == pytest.approx(np.linalg.slogdet(covariance)[1] + memory, abs=1e-8)
+    assert own.determinant == pytest.approx(np.linalg.slogdet(covariance)[1] + memory, abs=1e-10)
 
 
 def test_likely_errors_of_lines_are_taken_away_and_wild_samples_say_little_of_them():
