@@ -12,6 +12,7 @@ from vjm.effects.effect import Effect
 from vjm.rotations import Array
 from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.normal_equations import inverse
+from vjm_validation.diagnosis.unknowns import of_effect
 
 DISTINCT, DISGUISED = 2.0, 12.0
 """Standard deviations by which a cause's own parameter must differ from nothing, and what it costs if not."""
@@ -36,8 +37,7 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
         effects: the catalogue.
         samples: effective number of readings.
     """
-    kinds = [(i, c) for i, c in enumerate(fit.found) if c.kind == "effect"]
-    own = [i for i, c in kinds if np.isfinite(c.sigma)]
+    own = [i for i, c in enumerate(fit.found) if c.kind == "effect" and np.isfinite(c.sigma)]
     places = Counter(e.cause for e in effects)
     causes = len(places)
     free = sum(max(len(effect.quantities()), 1) for effect in fit.hypothesis) - len(own)
@@ -56,7 +56,7 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     sigma = np.array([fit.found[i].sigma for i in own])
     cost += float(np.sum(np.log(np.maximum(sigma**2 / spread[own], 1.0))))
     for number, effect in enumerate(fit.hypothesis):
-        at = [i for i, c in kinds if c.subject == str(number)][: effect.extent]
+        at = of_effect(fit.found, number)[: effect.extent]
         if at and not column and _is_nothing(effect, fit.at.z[at], size_covariance(A, fit, number)):
             cost += DISGUISED
         if len(at) > 1:
@@ -88,7 +88,7 @@ def size_covariance(A: Array, fit: Fit, number: int) -> Array:
         fit: of the hypothesis.
         number: of the effect in it.
     """
-    own = [i for i, c in enumerate(fit.found) if c.kind == "effect" and c.subject == str(number)]
+    own = of_effect(fit.found, number)
     at, shape = own[: fit.hypothesis[number].extent], own[fit.hypothesis[number].extent :]
     free = np.ones(len(A), dtype=bool)
     free[[i for i in shape if np.isfinite(fit.found[i].sigma)]] = False

@@ -12,7 +12,7 @@ from vjm.rotations import Array
 from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.forward import values_of
 from vjm_validation.diagnosis.normal_equations import inverse
-from vjm_validation.diagnosis.unknowns import release_key
+from vjm_validation.diagnosis.unknowns import of_effect, release_key
 
 NORMAL_95 = 1.959963984540054
 DRAWS = 512
@@ -54,7 +54,7 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
         key = release_key(effect)
         here = _reported(fit, fit.at.z, i, force)
         own = (
-            [k for k, c in enumerate(fit.found) if c.kind == "effect" and c.subject == str(i)]
+            of_effect(fit.found, i)
             if key is None
             else [k for k, c in enumerate(fit.found) if (c.kind, c.subject) == key]
         )

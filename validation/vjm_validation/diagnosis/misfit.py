@@ -17,6 +17,7 @@ from vjm.rotations import Array
 from vjm_validation.diagnosis.fitting import Fit, Fitter, prior
 from vjm_validation.diagnosis.screening import Projection, projection
 from vjm_validation.diagnosis.shapes import smooth_shapes, sudden_shapes
+from vjm_validation.diagnosis.unknowns import of_effect
 from vjm_validation.measurement.channels import WRENCH
 
 DRAWS = 4000
@@ -104,8 +105,8 @@ def _unusual(fit: Fit) -> tuple[float, str]:
     off, _ = prior(fit.found, fit.at.z)
     shapes: list[int] = []
     for number, effect in enumerate(fit.hypothesis):
-        own = [i for i, c in enumerate(fit.found) if c.kind == "effect" and c.subject == str(number)]
-        shapes += [i for i in own[effect.extent :] if 0.0 < fit.found[i].sigma < np.inf]
+        shape = of_effect(fit.found, number)[effect.extent :]
+        shapes += [i for i in shape if 0.0 < fit.found[i].sigma < np.inf]
     if not shapes:
         return 1.0, ""
     farthest = max(shapes, key=lambda i: abs(float(off[i])))

@@ -175,6 +175,11 @@ def coordinates(nuisances: Sequence[Coordinate], hypothesis: Hypothesis) -> list
     return found
 
 
+def of_effect(found: Sequence[Coordinate], number: int) -> list[int]:
+    """Indices of an effect's coordinates, by its place in the hypothesis: those of its size before its shape's."""
+    return [i for i, c in enumerate(found) if c.kind == "effect" and c.subject == str(number)]
+
+
 def start(
     found: Sequence[Coordinate], hypothesis: Hypothesis, nuisances: Array, values: Sequence[Sequence[float]]
 ) -> Array:
