@@ -148,11 +148,11 @@ class Forward:
             if isinstance(effect, ThermalDrift):
                 by = observed.warmth if effect.by == "K" else observed.clock
                 assert by is not None
-                drift = by + v[1] * effect.span
+                drift = effect.course(by, observed.clock, v)
                 if observed.steady is not None and effect.part in POSE:
                     # the gauge's drift went the way of its noise
                     drift = observed.steady.steered(drift)
-                result[:, (*POSE, *WRENCH).index(effect.part)] += v[0] * drift
+                result[:, (*POSE, *WRENCH).index(effect.part)] += drift
         return result
 
     def _lookup(

@@ -5,11 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from vjm.effects.effect import Effect, Quantity
+from vjm.rotations import Array
 from vjm_validation.measurement.channels import split_point
 
 UNIT = {"mm": 0.01, "rad": 1e-4, "N": 10.0, "Nmm": 1000.0}
 """Sizes that matter by unit."""
+USUAL_LAG = 30.0
+"""Time constant, s, that a gauge's temperature has behind the room's, in order of magnitude."""
 
 
 def size_of(channel: str) -> float:
@@ -52,12 +57,14 @@ class ThermalDrift(Effect):
         by: ``K`` or ``s``.
         span: of the temperature or the clock during the test.
         since: what the clock shows at the first reading, in spans.
+        duration: of the test, s; zero where no clock says how far a reading may lag behind the temperature.
     """
 
     part: str = "fx_N"
     by: str = "s"
     span: float = 1.0
     since: float = 0.0
+    duration: float = 0.0
     cause = "thermal_drift"
     title = "the reading follows the clock or the temperature, not the load"
 
@@ -72,19 +79,65 @@ class ThermalDrift(Effect):
         return ("instrument_zero",)
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """Change of the reading; and since when, in spans, for it may have gone on before the test.
+        """Change of the reading; and since when, in spans, for it may have gone on before the test; and its lag.
 
-        A clock ran from the first reading at the latest; a gauge may be right at a temperature within the test's.
+        A clock ran from the first reading at the latest; a gauge may be right at a temperature within the test's,
+        and grows as warm as the room only after a time of its own.
         """
         size = size_of(self.part) / self.span
         low, half = 0.0 if self.by == "s" else -4.0, 0.5 * self.since
-        return (
+        found = (
             Quantity(f"{self.part}.per_{self.by}", -1e4 * size, 1e4 * size, size, neutral=0.0),
             # somewhere between the clock's zero and the first reading
             Quantity("before_share", low, 4.0 + self.since, 1.0, usual=half, spread=1.0 + half),
         )
+        if not self._lags:
+            return found
+        return (*found, Quantity("lag_s", 0.0, self.duration, 5.0, usual=0.0, spread=USUAL_LAG))
 
     def trials(self) -> Sequence[tuple[float, ...]]:
         """Upwards, from the first reading on and from before; downwards is the same but for the sign."""
         size = size_of(self.part) / self.span
-        return [(size, 0.0), (size, max(self.since, 1.0))]
+        at_once = (0.0,) if self._lags else ()
+        return [(size, 0.0, *at_once), (size, max(self.since, 1.0), *at_once)]
+
+    def course(self, by: Array, clock: Array | None, values: Sequence[float]) -> Array:
+        """What drift adds to the reading ``(n,)``.
+
+        Args:
+            by: temperature or clock since the first reading ``(n,)``.
+            clock: ``(n,)``, s; None where there is none.
+            values: of the quantities.
+        """
+        if self._lags and clock is not None:
+            by = lagging(by, clock, values[2])
+        return values[0] * (by + values[1] * self.span)
+
+    @property
+    def _lags(self) -> bool:
+        return self.by == "K" and self.duration > 0.0
+
+
+def lagging(warmth: Array, clock: Array, lag: float) -> Array:
+    """The temperature ``(n,)`` of what warms with a time constant, in equilibrium at first.
+
+    The room's temperature goes straight from one reading to the next; θ' = (T − θ)/τ has then the exact solution
+    that is summed here.
+
+    Args:
+        warmth: of the room ``(n,)``, K.
+        clock: ``(n,)``, s.
+        lag: time constant τ, s; not negative.
+    """
+    if lag <= 0.0:
+        return warmth
+    felt = np.empty_like(warmth)
+    behind = 0.0
+    steps, rises = (np.diff(values, prepend=values[0]) for values in (clock, warmth))
+    for k, (step, rise) in enumerate(zip(steps, rises, strict=True)):
+        # what it is behind decays, and grows by what the room warms meanwhile
+        left = np.exp(-step / lag)
+        gained = rise * lag / step * -np.expm1(-step / lag) if step > 0.0 else rise
+        behind = behind * left + gained
+        felt[k] = warmth[k] - behind
+    return felt

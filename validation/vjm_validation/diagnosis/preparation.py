@@ -241,7 +241,8 @@ def effects_of(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
     for channel in (*observed.pose_channels, *observed.wrench_channels):
         found += [InstrumentZero(part=channel), InstrumentScale(part=channel)]
         if observed.warmth is not None:
-            found.append(ThermalDrift(part=channel, by="K", span=float(np.ptp(observed.warmth))))
+            span = float(np.ptp(observed.warmth))
+            found.append(ThermalDrift(part=channel, by="K", span=span, duration=scene.duration))
         if clock is not None:
             span, first = float(np.ptp(clock)), float(observed.readings.values[TIME][0])
             since = float(np.clip(first / span, 0.0, LONG_BEFORE))
