@@ -62,6 +62,16 @@ def test_a_refresh_that_changes_nothing_leaves_what_objectives_rest_on(make, tmp
     assert fitter.objective(null.found, null.at) == null.objective
 
 
+@pytest.mark.parametrize(("stiffness", "renewed"), [(0.95, False), (0.3, True)])
+def test_noise_is_found_anew_about_a_model_of_another_stiffness(make, tmp_path, monkeypatch, stiffness, renewed):
+    # near a critical point; what the displacement's noise makes of forces goes with the stiffness
+    files = make.made_up(tmp_path, {}, 8, monkeypatch)
+    prepared = preparation.prepare(observe(read_measurement(files.data, files.sheet)))
+    null = prepared.null
+    best = replace(null, at=replace(null.at, stiffness=stiffness * null.at.stiffness))
+    assert (preparation.refresh(prepared, best) is not None) == renewed
+
+
 def test_signatures_about_a_null_serve_others_near_by(make, tmp_path, monkeypatch):
     files = make.made_up(tmp_path, {}, 8, monkeypatch)
     prepared = preparation.prepare(observe(read_measurement(files.data, files.sheet)))

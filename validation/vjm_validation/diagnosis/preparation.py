@@ -21,12 +21,14 @@ from vjm_validation.diagnosis.observed import Observed
 from vjm_validation.diagnosis.screening import STRONG, Signature, Signed, far_off, signed
 from vjm_validation.diagnosis.shapes import smooth_shapes
 from vjm_validation.diagnosis.unknowns import coordinates, nuisance_coordinates
-from vjm_validation.diagnosis.whitening import Whitening
+from vjm_validation.diagnosis.whitening import Whitening, weighed
 from vjm_validation.diagnosis.wild import loads, outlying, standing_out
 from vjm_validation.measurement.channels import TIME
 
 SAME_MEMORY = 0.05
 """Change of the noise's autocorrelation that is none."""
+SAME_NOISE = 0.03
+"""Relative change of a fit's squares by which its own covariances are those in force."""
 WORSE = 6
 """Rounds in which wild samples are looked for, the worst first."""
 LONG_BEFORE = 4.0
@@ -117,6 +119,10 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
     if far_off(fitter, best) and not everything.steered:
         return None
     readings, whitening, branches = fitter.forward.observed, fitter.whitening, dict(fitter.forward.branches)
+    # near a critical point the stiffness, and what the gauge's noise makes of forces, may be another altogether
+    squares, own = (
+        float(np.sum(w.flat(best.at.residual) ** 2)) for w in (whitening, weighed(whitening, readings, best.at))
+    )
     if everything.steered:
         everything = with_noise_found(everything, best)
     _leave_out(fitter, everything, np.zeros_like(everything.present), best.at)
@@ -143,7 +149,8 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
         at = fit.at
     same = np.array_equal(readings.present, fitter.forward.observed.present)
     close = float(np.abs(whitening.memory.rho - fitter.whitening.memory.rho).max()) < SAME_MEMORY
-    if same and close and prepared.null.objective - best.objective < STRONG and not everything.steered:
+    alike = abs(own - squares) < SAME_NOISE * squares
+    if same and close and alike and prepared.null.objective - best.objective < STRONG and not everything.steered:
         fitter.forward.observed, fitter.whitening, fitter.forward.branches = readings, whitening, branches
         return None
     return replace(prepared, null=_fitted(fitter, prepared.null.at.z, *_beside_kinks(fitter)), all=everything)
