@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from vjm.effects.link_bow import LinkBow
+from vjm.effects.link_lumping import LinkLumping
 from vjm.effects.part_compliance import FootCompliance, LinkCompliance
-from vjm_validation.diagnosis.instrument import InstrumentZero
-from vjm_validation.diagnosis.search import CLOSE, HOPE, WRONG_LAW, Ranked, Search
+from vjm_validation.diagnosis.instrument import InstrumentZero, ThermalDrift
+from vjm_validation.diagnosis.search import CLOSE, HOPE, SHORT, WRONG_LAW, Ranked, Search
 from vjm_validation.diagnosis.unknowns import AFAR, Coordinate
 
 ONE, OTHER = InstrumentZero(part="fx_N"), InstrumentZero(part="ux_mm")
@@ -100,6 +101,43 @@ def test_what_fell_far_behind_is_not_tried_again(behind, explained, beaten):
     assert not own._beaten(frozenset([ONE.label]))
     # what was never tried may be anything
     assert not own._beaten(frozenset([ONE.label, OTHER.label]))
+
+
+@pytest.mark.parametrize(
+    ("second", "fitted"),
+    [
+        (ThermalDrift(part="fx_N", by="s"), False),
+        (ThermalDrift(part="ux_mm", by="s"), True),
+        (InstrumentZero(part="fx_N"), True),
+    ],
+)
+def test_a_gauge_drifts_by_one_law(monkeypatch, second, fitted):
+    own = search()
+    own.fitter.fit = lambda hypothesis, *_, **__: SimpleNamespace(hypothesis=hypothesis, objective=900.0)
+    monkeypatch.setattr(Search, "_criterion", lambda self, fit: fit.objective)
+    null = own.tried[frozenset()].fit
+    null.found, null.at.z = [], np.zeros(0)
+    own._try((ThermalDrift(part="fx_N", by="K"), second), null, [[(1.0, 0.0), (1.0, 0.0)]])
+    assert (len(own.tried) == 2) is fitted
+
+
+@pytest.mark.parametrize(("p", "fitted"), [(1e-4, True), (0.1, False)])
+def test_what_has_no_size_is_fitted_whatever_its_slope_says(monkeypatch, p, fitted):
+    channels = ("ux_mm", "fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm")
+    louder = [InstrumentZero(part=channel) for channel in channels]
+    scores = [SimpleNamespace(effect=effect, p=1e-9, starts=[()], explained=50.0) for effect in louder]
+    scores.append(SimpleNamespace(effect=LinkLumping(), p=p, starts=[()], explained=30.0))
+    own, tried = search(), []
+    own.fitter.differentiate_near = lambda *_: None
+    own.null.values = []
+    for name, what in (("_signatures", []), ("_scores", scores), ("_null_from", False), ("_better", None)):
+        monkeypatch.setattr(Search, name, lambda *_, what=what: what)
+    monkeypatch.setattr(Search, "_criterion", lambda self, fit: fit.objective)
+    monkeypatch.setattr(Search, "_try", lambda self, hypothesis, *_: tried.append(hypothesis[-1]))
+    monkeypatch.setattr("vjm_validation.diagnosis.search.threshold", lambda ranked: 1e-4)
+    own.run()
+    assert (LinkLumping() in tried) is fitted
+    assert [effect for effect in tried if effect != LinkLumping()] == louder[:SHORT]
 
 
 @pytest.mark.parametrize(

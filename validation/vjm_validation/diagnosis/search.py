@@ -249,7 +249,7 @@ class Search:
         starts: Sequence[Sequence[Sequence[float]]],
         promised: float = 0.0,
     ) -> None:
-        """Fit a hypothesis unless that was done.
+        """Fit a hypothesis unless that was done, or a part has one cause by two laws: a gauge that drifts, by one.
 
         Args:
             hypothesis: the causes.
@@ -258,7 +258,7 @@ class Search:
             promised: squares that its last effect explains beside the base's, to first order.
         """
         key = frozenset(effect.label for effect in hypothesis)
-        if key in self.tried or len(key) < len(hypothesis):
+        if key in self.tried or len({(e.cause, e.part) for e in hypothesis}) < len(hypothesis):
             return
         self.progress(" + ".join(effect.label for effect in hypothesis))
         m = len(self.fitter.nuisances)
@@ -270,7 +270,7 @@ class Search:
             begin, starts = hint.fit.at.z[:m], [hint.fit.values]
         rivals = [r.fit for r in self.tried.values() if len(r.labels) == len(key)]
         least = min((self.fitter.squares(fit.found, fit.at) for fit in rivals), default=np.inf)
-        # towards a modulus or length far off the first steps say little
+        # of what is known by a slope that says little, so do the first steps
         target = np.inf if bent(hypothesis[-1]) else least + CLOSE
         best = self._fitted(hypothesis, begin, starts, target)
         if not base.hypothesis and hint is None:

@@ -86,9 +86,12 @@ def release_key(effect: Effect) -> tuple[str, str] | None:
 
 
 def bent(effect: Effect) -> bool:
-    """Whether an effect is known by a slope that says little of large sizes: that of a part's modulus or length."""
+    """Whether an effect is known by a slope that says little of what it really explains.
+
+    That of a part's modulus or length is another one at large sizes; what either is or is not has no size.
+    """
     key = release_key(effect)
-    return key is not None and key[0] in ("modulus", "length")
+    return not effect.quantities() if key is None else key[0] in ("modulus", "length")
 
 
 def afar(effect: Effect, nuisances: Sequence[Coordinate], begin: Array) -> list[Array]:
