@@ -54,8 +54,8 @@ def test_without_noise_every_reading_is_on_its_line():
     sequence, when, u = programme()
     Q = basis(pieces(sequence, when, u, SIGMA), when)
     # round-off of a few dozen terms
-    assert np.allclose(Q.T @ Q, np.eye(Q.shape[1]), atol=1e-12)
-    assert np.allclose(Q @ (Q.T @ u), u, atol=1e-12)
+    assert np.allclose(Q.T @ Q, np.eye(Q.shape[1]), rtol=0.0, atol=1e-12)
+    assert np.allclose(Q @ (Q.T @ u), u, rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.7])
@@ -159,7 +159,7 @@ def test_residuals_become_independent_with_the_errors_of_lines_among_them(rho, m
     covariance = np.linalg.inv(L.T @ L) + slow @ slow.T
     whole = np.column_stack([own.flat(row.reshape(own.present.shape)) for row in np.eye(own.present.size)[on]])
     # round-off by the covariance's condition, 5e2
-    assert np.allclose(whole @ covariance @ whole.T, np.eye(len(on)), atol=1e-12)
+    assert np.allclose(whole @ covariance @ whole.T, np.eye(len(on)), rtol=0.0, atol=1e-12)
     assert np.allclose(
         own.flat(np.eye(6)[None] * own.present[:, :, None])[:, 0], own.flat(own.present * np.eye(6)[0])
     )
