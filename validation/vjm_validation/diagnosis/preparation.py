@@ -119,10 +119,6 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
     if far_off(fitter, best) and not everything.steered:
         return None
     readings, whitening, branches = fitter.forward.observed, fitter.whitening, dict(fitter.forward.branches)
-    # near a critical point the stiffness, and what the gauge's noise makes of forces, may be another altogether
-    squares, own = (
-        float(np.sum(w.flat(best.at.residual) ** 2)) for w in (whitening, weighed(whitening, readings, best.at))
-    )
     if everything.steered:
         everything = with_noise_found(everything, best)
     _leave_out(fitter, everything, np.zeros_like(everything.present), best.at)
@@ -149,6 +145,10 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
         at = fit.at
     same = np.array_equal(readings.present, fitter.forward.observed.present)
     close = float(np.abs(whitening.memory.rho - fitter.whitening.memory.rho).max()) < SAME_MEMORY
+    # near a critical point the stiffness, and what the gauge's noise makes of forces, may be another altogether
+    squares, own = (
+        float(np.sum(w.flat(best.at.residual) ** 2)) for w in (whitening, weighed(whitening, readings, best.at))
+    )
     alike = abs(own - squares) < SAME_NOISE * squares
     if same and close and alike and prepared.null.objective - best.objective < STRONG and not everything.steered:
         fitter.forward.observed, fitter.whitening, fitter.forward.branches = readings, whitening, branches
