@@ -18,7 +18,7 @@ from vjm.rotations import Array
 from vjm_validation.calibration.rays import Ray
 from vjm_validation.diagnosis.instrument import ThermalDrift
 from vjm_validation.diagnosis.observed import Observed
-from vjm_validation.diagnosis.unknowns import Coordinate, Hypothesis, release_key
+from vjm_validation.diagnosis.unknowns import Coordinate, Hypothesis, of_effect, release_key
 from vjm_validation.measurement.channels import POSE, WRENCH
 
 MARGIN = 1.05
@@ -146,9 +146,7 @@ class Forward:
         result = np.zeros((len(observed.pose), 12))
         for effect, v in zip(hypothesis, values, strict=True):
             if isinstance(effect, ThermalDrift):
-                by = observed.warmth if effect.by == "K" else observed.clock
-                assert by is not None
-                drift = effect.course(by, observed.clock, v)
+                drift = effect.course(observed.warmth, observed.clock, v)
                 if observed.steady is not None and effect.part in POSE:
                     # the gauge's drift went the way of its noise
                     drift = observed.steady.steered(drift)
@@ -304,7 +302,7 @@ def values_of(found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> 
     for i, effect in enumerate(hypothesis):
         key = release_key(effect)
         if key is None:
-            result.append([c.value(v) for c, v in zip(found, z, strict=True) if c.subject == str(i) and c.quantity])
+            result.append([found[k].value(z[k]) for k in of_effect(found, i)])
             continue
         k = next(k for k, c in enumerate(found) if (c.kind, c.subject) == key)
         value = found[k].value(float(z[k]))

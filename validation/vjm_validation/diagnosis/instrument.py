@@ -101,15 +101,18 @@ class ThermalDrift(Effect):
         at_once = (0.0,) if self._lags else ()
         return [(size, 0.0, *at_once), (size, max(self.since, 1.0), *at_once)]
 
-    def course(self, by: Array, clock: Array | None, values: Sequence[float]) -> Array:
+    def course(self, warmth: Array | None, clock: Array | None, values: Sequence[float]) -> Array:
         """What drift adds to the reading ``(n,)``.
 
         Args:
-            by: temperature or clock since the first reading ``(n,)``.
-            clock: ``(n,)``, s; None where there is none.
+            warmth: of the room since the first reading ``(n,)``, K; None where no drift follows it.
+            clock: since the first reading ``(n,)``, s; None where no drift follows it, and none lags.
             values: of the quantities.
         """
-        if self._lags and clock is not None:
+        by = warmth if self.by == "K" else clock
+        assert by is not None
+        if self._lags:
+            assert clock is not None
             by = lagging(by, clock, values[2])
         return values[0] * (by + values[1] * self.span)
 
