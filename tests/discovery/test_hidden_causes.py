@@ -56,6 +56,15 @@ def test_a_cause_that_no_catalogue_has_is_unknown(hide, stranger):
     assert found["verdict"] == "unknown", found["causes"]
 
 
+def test_a_dead_zone_that_hides_one_reading_is_no_accident(hide_in_a_ramp):
+    truth, found = hide_in_a_ramp(3002, Group.OUTSIDE, "2", strength=15.0)
+    assert truth["hidden"][0]["cause"] == "dead_zone"
+    # of the first step of some 130 N it hides a part, and nothing of the second
+    assert truth["hidden"][0]["size"] < 130.0
+    assert truth["apart"] > 8.0
+    assert found["verdict"] == "unknown", found["causes"]
+
+
 def test_two_causes_are_both_found(hide):
     truth, found = hide(4001, Group.PAIR, "joint_friction", "actuator_compliance")
     assert right(truth, found), (found["verdict"], [c["causes"] for c in found["candidates"]])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,12 +11,26 @@ import pytest
 from vjm.effects.link_bow import LinkBow
 from vjm.effects.link_lumping import LinkLumping
 from vjm.effects.part_compliance import FootCompliance, LinkCompliance
+from vjm_validation.calibration.noise import memory_of
 from vjm_validation.diagnosis.instrument import InstrumentZero, ThermalDrift
-from vjm_validation.diagnosis.search import CLOSE, HOPE, SHORT, WRONG_LAW, Ranked, Search
+from vjm_validation.diagnosis.search import CLOSE, FALLEN, SHORT, Ranked, Search
+from vjm_validation.diagnosis.stopping import WRONG_LAW
 from vjm_validation.diagnosis.unknowns import AFAR, Coordinate
+from vjm_validation.diagnosis.whitening import Whitening
 
 ONE, OTHER = InstrumentZero(part="fx_N"), InstrumentZero(part="ux_mm")
 EXPLAINED = 500.0
+
+
+READINGS = 20
+PRESENT = np.zeros((READINGS, 6), dtype=bool)
+PRESENT[:, 0] = True
+WHITE = Whitening(np.tile(np.eye(6), (READINGS, 1, 1)), memory_of(np.zeros(READINGS, dtype=int), PRESENT), PRESENT)
+
+
+def evenly(squares):
+    """Residuals ``(n, 6)`` of one channel, all of a size."""
+    return np.sqrt(max(squares, 0.0) / READINGS) * np.eye(6)[np.zeros(READINGS, dtype=int)]
 
 
 def ranked(*effects, objective, criterion, converged=True):
@@ -27,11 +42,15 @@ def search(*tried, hints=(), dragged=False):
     """With an alarm that a gain of 15 by one parameter does not give."""
     # fits cannot be made any better
     fitter = SimpleNamespace(
-        nuisances=(), machine_slopes=None, fit=lambda *args, **kwargs: None, dragged=lambda null: dragged
+        nuisances=(),
+        machine_slopes=None,
+        fit=lambda *args, **kwargs: None,
+        dragged=lambda null: dragged,
+        whitening=WHITE,
     )
     null = ranked(objective=1000.0, criterion=1000.0)
     for r in (null, *tried):
-        r.fit.at = SimpleNamespace(z=[])
+        r.fit.at = r.fit.at or SimpleNamespace(z=[], residual=evenly(r.fit.objective))
     return Search(
         fitter,
         null.fit,
@@ -70,6 +89,31 @@ def test_a_further_cause_must_be_worth_its_price(gain, cost, taken):
     assert search(first, both)._better(first, 2) is (both if taken else None)
 
 
+@pytest.mark.parametrize(("share", "rho", "taken"), [(0.4, 0.0, True), (0.6, 0.0, False), (0.6, 0.6, False)])
+def test_a_further_cause_is_no_explanation_of_a_single_reading(share, rho, taken):
+    first = ranked(ONE, objective=1000.0 - EXPLAINED, criterion=510.0)
+    both = ranked(ONE, OTHER, objective=450.0, criterion=470.0)
+    own = search(first, both)
+    memory = replace(WHITE.memory, rho=np.full(6, rho))
+    own.fitter.whitening = replace(WHITE, memory=memory)
+    # beyond what is left of each reading, in the one that the second cause explains, and in all
+    gain = first.fit.objective - both.fit.objective
+    free = np.sqrt(np.full(READINGS, 20.0) + (1.0 - share) * gain / READINGS)
+    free[7] = np.sqrt(free[7] ** 2 + share * gain)
+    for r, white in ((first, free), (both, np.full(READINGS, np.sqrt(20.0)))):
+        r.fit.at = SimpleNamespace(z=[], residual=remembering(white, rho)[:, None] * np.eye(6)[0])
+        assert own.fitter.whitening.flat(r.fit.at.residual) == pytest.approx(white)
+    assert own._better(first, 2) is (both if taken else None)
+
+
+def remembering(white, rho):
+    """Residuals ``(n,)`` of a memory of first order, from ones without."""
+    result = [white[0]]
+    for one in white[1:]:
+        result.append(rho * result[-1] + np.sqrt(1.0 - rho**2) * one)
+    return np.array(result)
+
+
 @pytest.mark.parametrize(
     ("behind", "converged", "dragged", "again"),
     # led astray; ended by itself; by slopes that can be relied on; too far behind to be the right one
@@ -90,7 +134,7 @@ def test_a_fit_that_dragged_nuisances_led_astray_is_made_exact(monkeypatch, behi
 )
 def test_what_fell_far_behind_is_not_tried_again(behind, explained, beaten):
     least = 1000.0 - explained
-    far = least + behind * max(CLOSE, HOPE * explained)
+    far = least + behind * max(CLOSE, FALLEN * explained)
     hints = (
         ranked(objective=1000.0, criterion=1000.0),
         ranked(ONE, objective=0.0, criterion=least),
@@ -101,6 +145,33 @@ def test_what_fell_far_behind_is_not_tried_again(behind, explained, beaten):
     assert not own._beaten(frozenset([ONE.label]))
     # what was never tried may be anything
     assert not own._beaten(frozenset([ONE.label, OTHER.label]))
+
+
+@pytest.mark.parametrize(
+    ("promised", "fitted"),
+    # beside the best cause, beside a rival; enough to be better than the best alone, and not
+    [
+        ({ONE.label: 8.0}, [(ONE, FootCompliance())]),
+        ({ONE.label: 5.0}, []),
+        ({OTHER.label: 20.0}, [(OTHER, FootCompliance())]),
+        ({OTHER.label: 14.0}, []),
+        # the better one of the same two causes
+        ({ONE.label: 8.0, OTHER.label: 20.0}, [(OTHER, FootCompliance())]),
+    ],
+)
+def test_pairs_are_fitted_that_promise_to_be_better_than_the_best_cause(monkeypatch, promised, fitted):
+    best, rival = (ranked(e, objective=v, criterion=v) for e, v in ((ONE, 890.0), (OTHER, 900.0)))
+    own, tried = search(best, rival), []
+
+    def beside(self, base, found):
+        mixture = promised.get(*base.labels, 0.0)
+        return [SimpleNamespace(effect=FootCompliance(), mixture=mixture, starts=[(1.0,)], explained=99.0)]
+
+    monkeypatch.setattr(Search, "_scores", beside)
+    monkeypatch.setattr(Search, "_try", lambda self, hypothesis, *args: tried.append(hypothesis))
+    monkeypatch.setattr("vjm_validation.diagnosis.search.projection", lambda fitter, fit: None)
+    own._pairs(best, [])
+    assert tried == fitted
 
 
 @pytest.mark.parametrize(

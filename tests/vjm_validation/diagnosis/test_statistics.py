@@ -14,7 +14,7 @@ from vjm_validation.diagnosis.screening import Score, threshold
 
 def score(directions):
     cone = Cone.of(np.eye(directions.shape[1]), one_sided=False, vector=True)
-    return Score(None, 0.0, 1.0, ((),), directions, cone)
+    return Score(None, 0.0, 0.0, 1.0, ((),), directions, cone)
 
 
 def test_independent_effects_share_the_rate():

@@ -134,6 +134,31 @@ def test_smallest_loads_that_are_read_too_small_are_what_the_gauge_does(monkeypa
     assert few(observed, way).any() == accident
 
 
+@pytest.mark.parametrize(
+    ("loads", "off", "accident"),
+    # a first step read too small; too large; with another of the same load beside it that is not; the second step;
+    # the first one after what zeros make of an unloaded machine; that one too small; a step too small to show
+    [
+        ([0.0, 40.0, 80.0], {1: -1}, False),
+        ([0.0, 40.0, 80.0], {1: 1}, True),
+        ([0.0, 40.0, 41.0], {1: -1}, True),
+        ([0.0, 40.0, 80.0], {2: -1}, True),
+        ([-12.0, 40.0, 80.0], {1: -1}, False),
+        ([-12.0, 40.0, 80.0], {0: 1}, False),
+        ([0.0, 9.0, 80.0], {1: -1}, True),
+    ],
+)
+def test_a_reading_too_small_where_a_machine_is_first_loaded_is_no_accident(monkeypatch, loads, off, accident):
+    loads = [*loads, *np.arange(120.0, 1000.0, 40.0)]
+    observed = placed(monkeypatch, np.linspace(0.0, 1.0, len(loads)), loads)
+    way = np.zeros((len(loads), 6))
+    # what is wild elsewhere stays so
+    way[[15, *off], 0] = [1.0, *off.values()]
+    kept = few(observed, way)[:, 0]
+    assert (kept[list(off)] != 0.0).all() == accident
+    assert kept[15] == 1.0
+
+
 def test_neighbours_found_one_after_the_other_are_one_lot(monkeypatch):
     own = whitening(0.0)
     observed = placed(monkeypatch, np.linspace(-1.0, 1.0, N))

@@ -90,6 +90,7 @@ class Score:
     Attributes:
         effect: the cause.
         explained: squares of the residual in the space of its trials, the most that it takes away to first order.
+        mixture: those that the best mixture of its trials takes away.
         p: value of what mixtures of its trials take away.
         starts: parameters to begin fits from, the most promising first.
         directions: orthonormal ``(N, d)``, whitened and projected.
@@ -98,6 +99,7 @@ class Score:
 
     effect: Effect
     explained: float
+    mixture: float
     p: float
     starts: tuple[tuple[float, ...], ...]
     directions: Array
@@ -219,8 +221,9 @@ def scores(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> lis
         effect = kept[0].effect
         cone = Cone.of(U.T @ columns, one_sided=all(s.one_sided for s in kept), vector=effect.extent > 1)
         left = U.T @ space.residual
-        p = float(cone.chance(cone.explained(left[:, None]))[0])
-        result.append(Score(effect, float(left @ left), p, starts, U, cone))
+        mixture = cone.explained(left[:, None])
+        p = float(cone.chance(mixture)[0])
+        result.append(Score(effect, float(left @ left), float(mixture[0]), p, starts, U, cone))
     return sorted(result, key=lambda score: -score.explained + 2.0 * score.cone.dimension)
 
 

@@ -10,13 +10,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.stats import chi2
 
 from vjm.effects.effect import Effect
 from vjm.rotations import Array
 from vjm_validation.diagnosis.criterion import criterion
 from vjm_validation.diagnosis.fitting import Fit, Fitter
-from vjm_validation.diagnosis.misfit import misfit
 from vjm_validation.diagnosis.screening import (
     STRONG,
     Score,
@@ -29,6 +27,15 @@ from vjm_validation.diagnosis.screening import (
     signatures,
     threshold,
 )
+from vjm_validation.diagnosis.stopping import (
+    HOPEFUL,
+    WORTH_A_LOOK,
+    WRONG_LAW,
+    chance,
+    hopeless,
+    in_one_reading,
+    nothing_left,
+)
 from vjm_validation.diagnosis.unknowns import Hypothesis, afar, bent, towards_nothing
 
 MOST_CAUSES = 3
@@ -36,15 +43,10 @@ SHORT = 5
 """Causes that are fitted in full at each step."""
 PAIRS = 3
 """Pairs that are fitted in full."""
-HOPEFUL = 30.0
-"""How far from significance, by its score's p-value over the threshold, an effect is still fitted in full."""
-WRONG_LAW = 0.02
-"""Share of the squares explained that a slightly wrong law of the right cause may leave: a seventh of its size. Of
-readings by other laws, without noise, these leave more in one set of three (docs/blind.md)."""
+PAYS = 6.0
+"""Squares that a pair must explain beyond the best cause, to first order, to be fitted."""
 STRAINED = 1.5
 """Sigmas of a nuisance from which fits begin at most."""
-WORTH_A_LOOK = 60.0
-"""Squares explained up to which a hypothesis may owe them to better nuisances alone."""
 STUCK, FAINT = 2.0, 0.03
 """Objective above that of a hypothesis with a cause less from which a fit has missed its best, and the share of the
 first trial with which it begins again."""
@@ -60,10 +62,11 @@ CARRIED_ON = 3
 """Times that a fit which has not ended by itself is carried on, at most."""
 POLISHED, ASTRAY = 3, 2
 """Hypotheses of one size whose fits are made exact, and of those further behind that had not come to an end."""
-HOPE = 0.3
-"""Share of what is left that the best causes must explain, to first order, to be worth a fit; and share of what was
-explained by which a hypothesis must have fallen behind not to be fitted again where the noise is known better, or
-where its fit had not ended."""
+FALLEN = 0.3
+"""Share of what was explained by which a hypothesis must have fallen behind not to be fitted again where the noise
+is known better, or where its fit had not ended."""
+ALONE = 0.5
+"""Share of what a further cause explains that may be of a single reading."""
 CLOSE = 40.0
 """Criterion within which of the best a rough fit is made exact."""
 
@@ -130,13 +133,17 @@ class Search:
             ranked = self._scores(best, found)
             if step == 0:
                 self.alarm, self.first = threshold(ranked), ranked
-            elif self._nothing_left(base, ranked, gained):
-                break
-            elif gained > STRONG:
-                found = self._signatures(best)
-                ranked = self._scores(best, found)
-            if step and self._hopeless(best, ranked, MOST_CAUSES - step):
-                break
+            elif nothing_left(self.fitter, base, ranked, gained, self.alarm):
+                if step > 1:
+                    break
+                # beside this cause; two others may be better than it
+                ranked = []
+            else:
+                if gained > STRONG:
+                    found = self._signatures(best)
+                    ranked = self._scores(best, found)
+                if hopeless(self.fitter, base, ranked[: MOST_CAUSES - step]):
+                    break
             if step == MOST_CAUSES - 1 and far_off(self.fitter, base):
                 break
             # signatures about nuisances dragged far along say little of what is there or is not
@@ -152,7 +159,7 @@ class Search:
                         score.explained,
                     )
             if step == 1:
-                self._pairs()
+                self._pairs(best, found)
             if step == 0 and self.restarts < RESTARTS and self._null_from(base):
                 self.restarts += 1
                 return self.run()
@@ -195,21 +202,6 @@ class Search:
         here = [s for s in found if s.effect.label not in best.labels]
         return scores(self.fitter, projection(self.fitter, best.fit), here)
 
-    def _nothing_left(self, base: Fit, ranked: Sequence[Score], gained: float) -> bool:
-        """Whether no effect is near significance, and no shape without a name is left."""
-        if any(s.p < HOPEFUL * self.alarm and s.explained > WRONG_LAW * gained for s in ranked):
-            return False
-        rest = misfit(self.fitter, base)
-        return (rest.p > self.alarm or rest.left < WRONG_LAW * gained) and rest.strained > self.alarm
-
-    def _hopeless(self, best: Ranked, ranked: Sequence[Score], more: int) -> bool:
-        """Whether so many causes more, however they were mixed, would leave most of what is left."""
-        space = projection(self.fitter, best.fit)
-        left = float(space.residual @ space.residual) - len(space.residual) + space.basis.shape[1]
-        if left < WORTH_A_LOOK:
-            return False
-        return sum(score.explained for score in ranked[:more]) < HOPE * left
-
     def alike(self, best: Ranked) -> None:
         """Fit the effects that, in the place of one of the best hypothesis', would show nearly the same."""
         for i in range(len(best.fit.hypothesis)):
@@ -234,13 +226,25 @@ class Search:
                 if not far_off(self.fitter, known.fit):
                     self.settled(known)
 
-    def _pairs(self) -> None:
-        """Pairs that together explain what neither shows alone."""
-        base = self.null
-        space = projection(self.fitter, base)
-        for a, b, _ in best_pairs(space, self.first[:14], PAIRS):
-            if not self._beaten(frozenset([a.effect.label, b.effect.label])):
+    def _pairs(self, best: Ranked, found: Sequence[Signature]) -> None:
+        """Pairs that to first order are better than the best cause: together, or one beside a rival of the best."""
+        base, enough = self.null, best.criterion - PAYS
+        for a, b, worth in best_pairs(projection(self.fitter, base), self.first[:14], PAIRS):
+            labels = frozenset([a.effect.label, b.effect.label])
+            if base.objective - worth < best.fit.objective - PAYS and not self._beaten(labels):
                 self._try((a.effect, b.effect), base, [[a.starts[0], b.starts[0]]])
+        rivals = [r for r in self.tried.values() if len(r.labels) == 1 and r.criterion < best.criterion + CLOSE]
+        rivals.sort(key=lambda r: r.criterion)
+        promised = [(r.criterion - s.mixture, r, s) for r in rivals[:SHORT] for s in self._scores(r, found)]
+        promised = [p for p in promised if p[0] < enough and p[2].effect.cause not in p[1].causes]
+        seen: set[frozenset[str]] = set()
+        for _, rival, score in sorted(promised, key=lambda p: p[0]):
+            causes = rival.causes | {score.effect.cause}
+            if causes in seen or len(seen) == PAIRS or self._beaten(rival.labels | {score.effect.label}):
+                continue
+            seen.add(causes)
+            starts = [[*rival.fit.values, v] for v in score.starts]
+            self._try((*rival.fit.hypothesis, score.effect), rival.fit, starts, score.explained)
 
     def _try(
         self,
@@ -325,7 +329,7 @@ class Search:
         top = left[0].criterion
         near = [r for r in left if r.criterion < top + CLOSE][:POLISHED]
         # where the null has dragged nuisances far along, rough slopes may have led the right one astray
-        reach = HOPE * (self.null.objective - top) if self.fitter.dragged(self.null) else 0.0
+        reach = FALLEN * (self.null.objective - top) if self.fitter.dragged(self.null) else 0.0
         astray = [r for r in left if r not in near and not r.fit.converged and r.criterion < top + reach]
         for ranked in (*near, *astray[:ASTRAY]):
             self._polish(ranked)
@@ -333,10 +337,12 @@ class Search:
         new = min(left, key=lambda r: r.criterion)
         if size == 1:
             # one of them must stand out of noise; which it is, and how many there are, is what the criterion says
-            return new if any(self._chance(best.fit, r.fit) < self.alarm for r in left) else None
+            return new if any(chance(self.first, best.fit, r.fit) < self.alarm for r in left) else None
         gain = best.fit.objective - new.fit.objective
         explained = self.null.objective - best.fit.objective
-        return new if new.criterion < best.criterion and gain > WRONG_LAW * explained else None
+        # several causes are no explanation of a single reading
+        counts = gain > WRONG_LAW * explained and in_one_reading(self.fitter, best.fit, new.fit) < ALONE * gain
+        return new if new.criterion < best.criterion and counts else None
 
     def settled(self, ranked: Ranked) -> Ranked:
         """The same, its fit carried on where it had not come to an end."""
@@ -355,15 +361,6 @@ class Search:
         fitter.machine_slopes = slopes
         if fit is not None:
             self.tried[ranked.labels] = Ranked(fit, self._criterion(fit))
-
-    def _chance(self, null: Fit, fit: Fit) -> float:
-        """p-value of what one effect explains; where it shows in no signature, each parameter is one direction."""
-        (effect,) = fit.hypothesis
-        gain = max(null.objective - fit.objective, 0.0)
-        for score in self.first:
-            if score.effect.label == effect.label:
-                return float(score.cone.chance(np.array([gain]))[0])
-        return float(chi2.sf(gain, max(len(effect.quantities()), 1)))
 
     def _pruned(self, best: Ranked) -> Ranked:
         """Without causes that the others have made superfluous."""
@@ -393,4 +390,4 @@ def _lower(*fits: Fit | None) -> Fit | None:
 
 def _far_behind(ranked: Ranked, least: float, null: float) -> bool:
     """Whether a hypothesis lies too far behind the least criterion to count, by what that gains on the null's."""
-    return ranked.criterion > least + max(CLOSE, HOPE * (null - least))
+    return ranked.criterion > least + max(CLOSE, FALLEN * (null - least))
