@@ -59,7 +59,7 @@ def test_a_cause_that_no_catalogue_has_is_unknown(hide, stranger):
 def test_a_dead_zone_that_hides_one_reading_is_no_accident(hide_in_a_ramp):
     truth, found = hide_in_a_ramp(3002, Group.OUTSIDE, "2", strength=15.0)
     assert truth["hidden"][0]["cause"] == "dead_zone"
-    # of the first step of some 130 N it hides a part, and nothing of the second
+    # of the first step of some 120 N it hides a part, and nothing of the second
     assert truth["hidden"][0]["size"] < 130.0
     assert truth["apart"] > 8.0
     assert found["verdict"] == "unknown", found["causes"]

@@ -28,9 +28,10 @@ SHOWS = 10.0
 """Load over a reading's noise from which on a gauge that does not see it is off by more than noise."""
 UNSEEN = 5e-4
 """Chance below which it is no accident that just the smallest loads are read too small."""
-LONELY = 1.5
-"""Times a load by which the next larger one is more where a threshold may well lie between them. Of 1200 tests
-without a cause none had a wild sample at its smallest such load, or the second (docs/blind.md)."""
+LONELY, APART = 1.5, 3.0
+"""Times a load by which the next larger one is more where a threshold may well lie between them, and by which a
+load is more than what zeros make of none. Of 1200 tests without a cause none had a wild sample at its smallest
+such load, or the second (docs/blind.md)."""
 
 
 def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndarray:
@@ -196,7 +197,7 @@ def _first_felt(load: Array, way: Array, present: np.ndarray) -> np.ndarray:
     result = np.zeros(len(load), dtype=bool)
     if len(times) > 0 and short[0] and times[0] > LONELY:
         result[rising[0]] = True
-    elif len(times) > 1 and short[1] and times[1] > LONELY and times[0] > 2.0 * LONELY:
+    elif len(times) > 1 and short[1] and times[1] > LONELY and times[0] > APART:
         result[rising[1]] = True
     return result
 
