@@ -146,6 +146,7 @@ class Assembly:
         # a spring in the middle turns as the segment under its own weight does where the halves' weights act at a
         # third of their length from its ends: q h/2 · h/3 = q h²/6, the moment's mean
         lever = 1.0 / 3.0 if at == 0.5 else 0.5
+        law = BeamColumnSpring(section, h)
         for i in range(n):
             self._piece(beam.name, i / n, (i + at) / n, along, beam.mass * at / n, lever)
             self._move(translation([at * h, 0.0, 0.0]))
@@ -153,7 +154,7 @@ class Assembly:
             kink = 0.5 * slope * (np.cos(np.pi * (i + 1) / n) - np.cos(np.pi * i / n))
             self._turn(kink)
             if beam.placement is Placement.BEST:
-                self._symmetric_spring(BeamColumnSpring(section, h))
+                self._symmetric_spring(law)
             else:
                 self._spring_of_22(section.compliance(h, at), beam.name)
             self._turn(kink)

@@ -128,6 +128,7 @@ class Compiled:
 
         Raises:
             ValueError: loads of the model grow with the ramp, turn with its bodies, or are moments.
+            numpy.linalg.LinAlgError: the first point is a critical one.
         """
         if len(self._turning) or self._ramped.any():
             raise ValueError("a grid is marched under constant forces that keep their direction")
@@ -136,16 +137,17 @@ class Compiled:
         X, F, K = np.empty((g, n)), np.empty((g, 6)), np.empty((g, 6, 6))
         error, iterations, negative = np.zeros(g), np.zeros(g, dtype=np.int64), np.zeros(g, dtype=np.int64)
         stiffness_unit = self.wrench_unit[:, None] * self.wrench_unit / self.energy
-        X[0], F[0], K[0] = x / self.coordinate_unit, wrench / self.wrench_unit, 0.0
+        X[0], F[0] = x / self.coordinate_unit, wrench / self.wrench_unit
         how, good = march(
             *self.buffers, np.ascontiguousarray(pose[:3, :3]), pose[:3, 3] / self._length,
             np.concatenate([direction[:3] / self._length, direction[3:]]), np.ascontiguousarray(s, dtype=float), 1,
             tolerance, most, X, F, K, error, iterations, negative,
         )  # fmt: skip
         self._forget()  # the factors are those of another state now
+        if not good:
+            raise np.linalg.LinAlgError("the first equilibrium is singular")
         done = min(good + (how == UNSTABLE), g)
         K[:done] *= stiffness_unit
-        K[0] = self.end_stiffness(x, wrench)
         why = {CONVERGED: "", UNSTABLE: "unstable"}.get(how, f"Newton did not converge in {most} steps")
         return March(
             good, why, X[:done] * self.coordinate_unit, F[:done] * self.wrench_unit, K[:done], error[:done],

@@ -84,8 +84,7 @@ def held(model: LumpedModel, programme: Programme) -> Hand:
     """
     chain = model.chain
     q = chain.posture(programme.posture)
-    here, rank = _drawn(model, programme.posture)
-    tool = here.end
+    tool, rank, movable = _drawn(model, programme.posture)
     if rank < len(model.passive):
         raise ValueError(
             f"{chain.name}, posture {programme.posture} is singular: some of its passive joints move without "
@@ -98,7 +97,7 @@ def held(model: LumpedModel, programme: Programme) -> Hand:
         loose = _loose(there, len(joints), np.concatenate([q, np.zeros(len(joints))]))
         if loose is None:
             x = there.configuration(there.chain.posture(programme.posture))
-            return _movable(Hand(there, tool, joints), there.kinematics(x), programme)
+            return _checked(Hand(there, tool, joints), _movable(there, there.kinematics(x)), programme)
         hinge = next((name for name in free if len(name) == 2 and abs(loose[free.index(name)]) > DEPENDENT), None)
         if hinge is None:
             raise ValueError(
@@ -106,27 +105,35 @@ def held(model: LumpedModel, programme: Programme) -> Hand:
                 f"mechanism: it moves without straining a spring; hold one of them"
             )
         free.remove(hinge)
-    return _movable(Hand(model, tool, ()), here, programme)
+    return _checked(Hand(model, tool, ()), movable, programme)
 
 
 @lru_cache(maxsize=KEPT)
-def _drawn(model: LumpedModel, posture: str) -> tuple[Kinematics, int]:
-    """A model's geometry in a posture as drawn, and how many independent motions its passive joints give."""
+def _drawn(model: LumpedModel, posture: str) -> tuple[Array, int, bool]:
+    """A model in a posture as drawn.
+
+    Returns:
+        Pose ``(4, 4)`` of the end-effector, how many independent motions the passive joints give it, and whether it
+        gives way in every direction.
+    """
     here = model.kinematics(model.configuration(model.chain.posture(posture)))
-    return here, _rank(model, here)
+    return here.end, _rank(model, here), _movable(model, here)
 
 
-def _movable(hand: Hand, k: Kinematics, programme: Programme) -> Hand:
-    """The same; its wrench is determined only where a chain gives way in every direction in which it is held."""
-    model = hand.model
+def _movable(model: LumpedModel, k: Kinematics) -> bool:
+    """Whether a chain gives way in every direction in which it is held: else its wrench is not determined."""
     J = k.jacobian * model.coordinate_scale / np.repeat([model.chain.characteristic_length, 1.0], 3)[:, None]
     values = np.linalg.eigvalsh(J @ J.T)
-    if values[0] <= DEPENDENT**2 * values[-1]:
-        raise ValueError(
-            f"{model.chain.name}, posture {programme.posture} cannot move in every direction in which it is held, "
-            f"so that the wrench there is not determined: leave rigid directions free"
-        )
-    return hand
+    return bool(values[0] > DEPENDENT**2 * values[-1])
+
+
+def _checked(hand: Hand, movable: bool, programme: Programme) -> Hand:
+    if movable:
+        return hand
+    raise ValueError(
+        f"{hand.model.chain.name}, posture {programme.posture} cannot move in every direction in which it is held, "
+        f"so that the wrench there is not determined: leave rigid directions free"
+    )
 
 
 def _in_order(programme: Programme) -> list[str]:

@@ -171,7 +171,7 @@ class LumpedModel:
         """``K_θ`` of (3) among all coordinates ``(n, n)``, without load, zero on the passive joints."""
         K = np.zeros((self.size, self.size))
         for spring, where in self.blocks:
-            K[where, where] = np.linalg.inv(spring.unloaded)
+            K[where, where] = spring.stiffness
         return K
 
     @cached_property

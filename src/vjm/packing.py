@@ -36,7 +36,7 @@ def packed(model: LumpedModel) -> Arrays:
             spring, where = next(springs)
             width = where.stop - where.start
             unit = coordinate[where]
-            k6[:width, :width] = np.linalg.inv(spring.unloaded) * unit[:, None] * unit / energy
+            k6[:width, :width] = spring.stiffness * unit[:, None] * unit / energy
             this = BEAM_COLUMN if isinstance(spring, BeamColumnSpring) else LINEAR
             if isinstance(spring, BeamColumnSpring):
                 s, h = spring.section, spring.length

@@ -287,7 +287,7 @@ def march(
         max_iterations: of Newton's method.
         x: ``(g, n)`` coordinates and
         force: ``(g, 6)`` wrenches; the known ones given, the others written.
-        K: ``(g, 6, 6)`` loaded stiffness.
+        K: ``(g, 6, 6)`` loaded stiffness; of the known points only the first one's is written.
         error: ``(g,)`` scaled residuals.
         iterations: ``(g,)``.
         negative: ``(g,)`` numbers of negative eigenvalues.
@@ -297,13 +297,18 @@ def march(
     """
     model = model_of(integers, numbers)
     work = work_of(integers, work_integers, work_numbers)
-    to, turn = np.empty(12), np.zeros(3)
+    to, turn = np.zeros(12), np.zeros(3)
     R_to, p_to = to[:9].reshape((3, 3)), to[9:]
     angle = np.sqrt(direction[3] ** 2 + direction[4] ** 2 + direction[5] ** 2)
     if angle > 0.0:
         for a in range(3):
             turn[a] = direction[3 + a] / angle
     n = x.shape[1]
+    # of the first point only the factors are wanted
+    how, _, _, _ = _newton(model, work, to, x[0], force[0], np.inf, 0)
+    if how != CONVERGED:
+        return how, 0
+    _end_stiffness(work, force[0], K[0])
     for i in range(known, len(s)):
         order = min(i, 4)
         for c in range(n):

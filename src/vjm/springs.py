@@ -36,6 +36,10 @@ class Spring(Protocol):
     def unloaded(self) -> Array:
         """Compliance ``(k, k)`` without load, mm, N, rad."""
 
+    @property
+    def stiffness(self) -> Array:
+        """Its inverse ``(k, k)``."""
+
     def strain(self, reaction: Array) -> Array:
         """Coordinates ``(k,)`` under reactions ``(k,)``."""
 
@@ -52,6 +56,11 @@ class LinearSpring:
     """
 
     unloaded: Array
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """``k_θ⁻¹`` ``(k, k)``."""
+        return np.asarray(np.linalg.inv(self.unloaded), dtype=float)
 
     def strain(self, reaction: Array) -> Array:
         """``k_θ τ``."""
@@ -95,6 +104,11 @@ class BeamColumnSpring:
     def unloaded(self) -> Array:
         """Compliance ``(6, 6)`` without load: that of the segment at its middle."""
         return self.section.compliance_at_middle(self.length)
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """Stiffness ``(6, 6)`` without load."""
+        return np.asarray(np.linalg.inv(self.unloaded), dtype=float)
 
     def strain(self, reaction: Array) -> Array:
         """Coordinates ``(6,)``: shifts along x, y, z and turns about x, y, z."""
