@@ -13,8 +13,8 @@ from vjm.effects.link_lumping import LinkLumping
 from vjm.effects.part_compliance import FootCompliance, LinkCompliance
 from vjm_validation.calibration.noise import memory_of
 from vjm_validation.diagnosis.instrument import InstrumentZero, ThermalDrift
-from vjm_validation.diagnosis.search import CLOSE, FALLEN, SHORT, Ranked, Search
-from vjm_validation.diagnosis.stopping import WRONG_LAW
+from vjm_validation.diagnosis.search import SHORT, Ranked, Search
+from vjm_validation.diagnosis.stopping import CLOSE, FALLEN, WRONG_LAW
 from vjm_validation.diagnosis.unknowns import AFAR, Coordinate
 from vjm_validation.diagnosis.whitening import Whitening
 

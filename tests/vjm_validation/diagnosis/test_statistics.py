@@ -8,13 +8,15 @@ import pytest
 from vjm_validation.calibration.noise import memory_of
 from vjm_validation.diagnosis.cones import Cone
 from vjm_validation.diagnosis.critical import knee
+from vjm_validation.diagnosis.instrument import InstrumentScale, InstrumentZero
+from vjm_validation.diagnosis.misfit import DRAWS, _Block, _least
 from vjm_validation.diagnosis.noise_model import USUAL, estimate_memory
-from vjm_validation.diagnosis.screening import Score, threshold
+from vjm_validation.diagnosis.screening import Projection, Score, best_pairs, threshold
 
 
-def score(directions):
+def score(directions, effect=None):
     cone = Cone.of(np.eye(directions.shape[1]), one_sided=False, vector=True)
-    return Score(None, 0.0, 0.0, 1.0, ((),), directions, cone)
+    return Score(effect, 0.0, 0.0, ((),), directions, cone)
 
 
 def test_independent_effects_share_the_rate():
@@ -28,6 +30,43 @@ def test_one_effect_many_times_is_one_effect():
     direction = np.linalg.qr(np.random.default_rng(0).standard_normal((50, 1)))[0]
     # 2.5 standard errors of 40 draws; twelve effects counted as different would have 12 times less
     assert threshold([score(direction)] * 12) == pytest.approx(0.004, rel=0.4)
+
+
+def test_a_pair_explains_what_least_squares_do():
+    rng = np.random.default_rng(4)
+    residual, common = rng.standard_normal(60), rng.standard_normal((60, 1))
+    # the first two share a direction, but for a hundredth of it, which counts as none
+    shared = np.hstack([common, common + 0.01 * rng.standard_normal((60, 1))])
+    columns = [
+        np.hstack([shared[:, [0]], rng.standard_normal((60, 1))]),
+        np.hstack([shared[:, [1]], rng.standard_normal((60, 2))]),
+        rng.standard_normal((60, 2)),
+    ]
+    effects = InstrumentZero(part="Fx_N"), InstrumentScale(part="Fx_N"), InstrumentZero(part="Fy_N")
+    found = [score(np.linalg.qr(own)[0], effect) for own, effect in zip(columns, effects, strict=True)]
+    pairs = best_pairs(Projection(np.zeros((60, 0)), residual, 60, {}), found, 9)
+    # two zeros are one cause
+    assert {(a.effect, b.effect) for a, b, _ in pairs} == {(effects[0], effects[1]), (effects[1], effects[2])}
+    for a, b, worth in pairs:
+        both = np.hstack([a.directions, b.directions])
+        if a.effect == effects[0]:
+            # of the shared direction the mean
+            both = np.hstack([np.linalg.svd(both, full_matrices=False)[0][:, :4]])
+        left = residual - both @ np.linalg.lstsq(both, residual, rcond=None)[0]
+        assert worth == pytest.approx(residual @ residual - left @ left - 2.0 * both.shape[1], rel=1e-9)
+    assert pairs[0][2] == max(worth for *_, worth in pairs)
+
+
+def test_the_least_p_of_blocks_is_exact_below_a_level():
+    basis = np.linalg.qr(np.random.default_rng(1).standard_normal((80, 30)))[0]
+    blocks = [_Block("", basis[:, 3 * k : 3 * k + 3]) for k in range(10)]
+    whole, tail = _least(blocks, 1.0), _least(blocks, 0.04)
+    np.testing.assert_array_equal(tail[whole < 0.04], whole[whole < 0.04])
+    assert (tail[whole > 0.04] == 1.0).all()
+    # of ten independent blocks
+    expected = 1.0 - (1.0 - 0.01) ** 10
+    error = (expected * (1.0 - expected) / DRAWS) ** 0.5
+    assert np.mean(whole < 0.01) == pytest.approx(expected, abs=3.0 * error)
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.85])

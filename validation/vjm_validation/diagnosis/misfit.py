@@ -22,6 +22,8 @@ from vjm_validation.measurement.channels import WRENCH
 
 DRAWS = 4000
 SEED = 17
+TAIL = 0.02
+"""Share of the least p-values among draws that is their tail."""
 ROUGH = 1.35
 """Share of the variance of the residual by which what is not smooth must exceed the noise to count."""
 
@@ -68,10 +70,10 @@ def misfit(fitter: Fitter, fit: Fit) -> Misfit:
     p = np.asarray(chi2.sf(squares, freedom))
     worst = int(np.argmin(p))
     # the rank of the least p among its draws; far out in its tail it goes with the p itself
-    least = _least(blocks)
+    least = _least(blocks, max(float(p[worst]), 2.0 * TAIL))
     rank = float((np.count_nonzero(least <= p[worst]) + 1) / (DRAWS + 1))
     if rank <= 20.0 / DRAWS:
-        rank = min(rank, float(p[worst] * 0.02 / np.quantile(least, 0.02)))
+        rank = min(rank, float(p[worst] * TAIL / np.quantile(least, TAIL)))
     together, size = _together(smooth, space)
     large, beyond = _too_large(space, fitter.whitening.present)
     overall = min(large, float(chi2.sf(together, size)))
@@ -114,18 +116,19 @@ def _unusual(fit: Fit) -> tuple[float, str]:
     return min(1.0, len(shapes) * float(chi2.sf(off[farthest] ** 2, 1))), words
 
 
-def _least(blocks: Sequence[_Block]) -> Array:
-    """The least p-value of blocks ``(DRAWS,)`` where nothing is wrong."""
+def _least(blocks: Sequence[_Block], level: float) -> Array:
+    """The least p-value of blocks ``(DRAWS,)`` where nothing is wrong; one where it is larger than a level."""
     directions = np.column_stack([b.directions for b in blocks])
-    # they overlap: noise is drawn as it is seen in them
-    sizes, mix = np.linalg.eigh(directions.T @ directions)
-    keep = sizes > 1e-10 * sizes[-1]
-    mix = np.sqrt(sizes[keep])[:, None] * mix[:, keep].T
-    draws = np.random.default_rng(SEED).standard_normal((DRAWS, len(mix))) @ mix
+    # a rank among draws needs no more digits than these
+    noise = np.random.default_rng(SEED).standard_normal((DRAWS, len(directions)), dtype=np.float32)
+    draws = noise @ directions.astype(np.float32)
     edges = np.concatenate([[0], np.cumsum([b.directions.shape[1] for b in blocks])])
-    result: Array = np.min(
-        [chi2.sf(np.sum(draws[:, a:b] ** 2, axis=1), b - a) for a, b in pairwise(edges.tolist())], axis=0
-    )
+    result = np.ones(DRAWS)
+    for a, b in pairwise(edges.tolist()):
+        squares = np.sum(draws[:, a:b] ** 2, axis=1, dtype=float)
+        # the chance is slow to compute, and of most draws not needed
+        rare = squares >= chi2.isf(level, b - a)
+        result[rare] = np.minimum(result[rare], chi2.sf(squares[rare], b - a))
     return result
 
 

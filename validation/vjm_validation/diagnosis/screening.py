@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -38,6 +39,8 @@ OWN = 0.01
 """Share of a signature that the fit cannot absorb, below which it is the gauge's noise that sets it apart."""
 FAR_OFF = 2.0
 """Median size of whitened residuals, 0.67 for a right model, beyond which a model is far off."""
+APART = 0.05
+"""Singular value of two effects' directions over the largest, below which they are the same direction."""
 STARTS = 2
 """Trials from which an effect is fitted."""
 
@@ -91,7 +94,6 @@ class Score:
         effect: the cause.
         explained: squares of the residual in the space of its trials, the most that it takes away to first order.
         mixture: those that the best mixture of its trials takes away.
-        p: value of what mixtures of its trials take away.
         starts: parameters to begin fits from, the most promising first.
         directions: orthonormal ``(N, d)``, whitened and projected.
         cone: of its trials among them.
@@ -100,10 +102,14 @@ class Score:
     effect: Effect
     explained: float
     mixture: float
-    p: float
     starts: tuple[tuple[float, ...], ...]
     directions: Array
     cone: Cone
+
+    @cached_property
+    def p(self) -> float:
+        """p-value of what mixtures of its trials take away."""
+        return float(self.cone.chance(np.array([self.mixture]))[0])
 
 
 def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Signature]:
@@ -181,37 +187,37 @@ def projection(fitter: Fitter, base: Fit) -> Projection:
     return Projection(basis, rest, rows, released)
 
 
-def whitened(fitter: Fitter, space: Projection, signature: Signature) -> Array:
-    """A signature, whitened, priors below ``(N,)``."""
-    raw = np.zeros(len(space.residual))
-    key = release_key(signature.effect)
-    if key is not None:
-        if key not in space.released:
-            return raw
-        raw[space.released[key]] = 1.0
-    else:
-        assert signature.change is not None
-        raw[: space.rows] = fitter.whitening.flat(signature.change)
+def whitened(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> Array:
+    """Signatures, whitened, priors below ``(N, k)``."""
+    raw = np.zeros((len(space.residual), len(found)))
+    changes = {i: signature.change for i, signature in enumerate(found) if signature.change is not None}
+    if changes:
+        raw[: space.rows, list(changes)] = fitter.whitening.flat(np.stack(list(changes.values()), axis=-1))
+    for i, signature in enumerate(found):
+        key = release_key(signature.effect)
+        if key is not None and key in space.released:
+            raw[space.released[key], i] = 1.0
     return raw
 
 
 def scores(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> list[Score]:
     """Every effect's score, best first."""
-    groups: dict[str, list[Signature]] = {}
-    for signature in found:
-        groups.setdefault(signature.effect.label, []).append(signature)
+    groups: dict[str, list[int]] = {}
+    for i, signature in enumerate(found):
+        groups.setdefault(signature.effect.label, []).append(i)
+    raw = whitened(fitter, space, found)
+    rest = space.rest(raw)
+    before, after = np.linalg.norm(raw, axis=0), np.linalg.norm(rest, axis=0)
+    # a release's row has length one before it is projected
+    released = np.array([release_key(s.effect) is not None for s in found], dtype=bool)
+    visible = after > np.where(released, 1e-6, np.maximum(1e-3, OWN * before))
     result = []
-    for own in groups.values():
-        raw = np.column_stack([whitened(fitter, space, s) for s in own])
-        columns = space.rest(raw)
-        size = np.linalg.norm(columns, axis=0)
-        # a release's row has length one before it is projected
-        released = release_key(own[0].effect) is not None
-        visible = size > (1e-6 if released else np.maximum(1e-3, OWN * np.linalg.norm(raw, axis=0)))
-        if not visible.any():
+    for group in groups.values():
+        own = [i for i in group if visible[i]]
+        if not own:
             continue
-        size = size[visible]
-        columns, kept = columns[:, visible] / size, [s for s, v in zip(own, visible, strict=True) if v]
+        size = after[own]
+        columns, kept = rest[:, own] / size, [found[i] for i in own]
         z = columns.T @ space.residual
         worth = np.where([s.one_sided for s in kept], np.maximum(z, 0.0), np.abs(z))
         order = np.argsort(-worth)[:STARTS]
@@ -221,9 +227,8 @@ def scores(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> lis
         effect = kept[0].effect
         cone = Cone.of(U.T @ columns, one_sided=all(s.one_sided for s in kept), vector=effect.extent > 1)
         left = U.T @ space.residual
-        mixture = cone.explained(left[:, None])
-        p = float(cone.chance(mixture)[0])
-        result.append(Score(effect, float(left @ left), float(mixture[0]), p, starts, U, cone))
+        mixture = float(cone.explained(left[:, None])[0])
+        result.append(Score(effect, float(left @ left), mixture, starts, U, cone))
     return sorted(result, key=lambda score: -score.explained + 2.0 * score.cone.dimension)
 
 
@@ -267,13 +272,20 @@ def threshold(found: Sequence[Score], rate: float = FALSE_ALARMS) -> float:
 
 def best_pairs(space: Projection, found: Sequence[Score], count: int) -> list[tuple[Score, Score, float]]:
     """Pairs of effects that together explain most, to first order."""
+    if not found:
+        return []
+    directions = np.column_stack([score.directions for score in found])
+    products, z = directions.T @ directions, directions.T @ space.residual
+    ends = np.cumsum([score.cone.dimension for score in found])
+    own = [np.arange(end - score.cone.dimension, end) for score, end in zip(found, ends, strict=True)]
     result = []
-    for a, b in combinations(found, 2):
+    for (i, a), (j, b) in combinations(enumerate(found), 2):
         if a.effect.cause == b.effect.cause:
             continue
-        both = np.column_stack([a.directions, b.directions])
-        U, values, _ = np.linalg.svd(both, full_matrices=False)
-        U = U[:, values > 0.05 * values[0]]
-        total = float(np.sum((U.T @ space.residual) ** 2))
-        result.append((a, b, total - 2.0 * U.shape[1]))
+        both = np.concatenate([own[i], own[j]])
+        # singular values of both together, and what their span explains
+        squares, mix = np.linalg.eigh(products[np.ix_(both, both)])
+        keep = squares > APART**2 * squares[-1]
+        total = float(np.sum((mix[:, keep].T @ z[both]) ** 2 / squares[keep]))
+        result.append((a, b, total - 2.0 * int(keep.sum())))
     return sorted(result, key=lambda pair: -pair[2])[:count]

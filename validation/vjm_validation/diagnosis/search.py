@@ -15,6 +15,7 @@ from vjm.effects.effect import Effect
 from vjm.rotations import Array
 from vjm_validation.diagnosis.criterion import criterion
 from vjm_validation.diagnosis.fitting import Fit, Fitter
+from vjm_validation.diagnosis.misfit import Misfit, misfit
 from vjm_validation.diagnosis.screening import (
     STRONG,
     Score,
@@ -28,13 +29,17 @@ from vjm_validation.diagnosis.screening import (
     threshold,
 )
 from vjm_validation.diagnosis.stopping import (
+    CLOSE,
+    FALLEN,
     HOPEFUL,
     WORTH_A_LOOK,
     WRONG_LAW,
     chance,
+    far_behind,
     hopeless,
     in_one_reading,
-    nothing_left,
+    no_cause_left,
+    no_shape_left,
 )
 from vjm_validation.diagnosis.unknowns import Hypothesis, afar, bent, towards_nothing
 
@@ -62,13 +67,8 @@ CARRIED_ON = 3
 """Times that a fit which has not ended by itself is carried on, at most."""
 POLISHED, ASTRAY = 3, 2
 """Hypotheses of one size whose fits are made exact, and of those further behind that had not come to an end."""
-FALLEN = 0.3
-"""Share of what was explained by which a hypothesis must have fallen behind not to be fitted again where the noise
-is known better, or where its fit had not ended."""
 ALONE = 0.5
 """Share of what a further cause explains that may be of a single reading."""
-CLOSE = 40.0
-"""Criterion within which of the best a rough fit is made exact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +119,7 @@ class Search:
     alarm: float = 0.0
     restarts: int = 0
     first: list[Score] = field(default_factory=list)
+    _rest: tuple[Fit, Misfit] | None = None
 
     def run(self) -> Ranked:
         """The best hypothesis; the null where nothing is significant."""
@@ -128,12 +129,11 @@ class Search:
         for step in range(MOST_CAUSES):
             base = best.fit
             gained = self.null.objective - base.objective
-            if step == 0:
-                found = self._signatures(best)
+            found = found or self._signatures(best)
             ranked = self._scores(best, found)
             if step == 0:
                 self.alarm, self.first = threshold(ranked), ranked
-            elif nothing_left(self.fitter, base, ranked, gained, self.alarm):
+            elif no_cause_left(ranked, gained, self.alarm) and no_shape_left(self.rest(base), gained, self.alarm):
                 if step > 1:
                     break
                 # beside this cause; two others may be better than it
@@ -171,13 +171,18 @@ class Search:
                 break
         return best
 
+    def rest(self, fit: Fit) -> Misfit:
+        """What a fit leaves."""
+        if self._rest is None or self._rest[0] is not fit:
+            self._rest = fit, misfit(self.fitter, fit)
+        return self._rest[1]
+
     def _beaten(self, labels: frozenset[str]) -> bool:
         """Whether an earlier search has left a hypothesis so far behind that no better noise brings it back."""
-        hint = self.hints.get(labels)
-        if hint is None:
+        if labels not in self.hints:
             return False
         least = min(r.criterion for r in self.hints.values() if len(r.labels) == len(labels))
-        return _far_behind(hint, least, self.hints[frozenset()].criterion)
+        return far_behind(self.hints[labels].criterion, least, self.hints[frozenset()].criterion)
 
     def _null_from(self, base: Fit) -> bool:
         """Whether the null fits better from where a hypothesis with hardly any effect has led."""
@@ -221,22 +226,25 @@ class Search:
                 seen.add(score.effect.cause)
                 self._try((*rest, score.effect), base.fit, [[*base.fit.values, v] for v in score.starts[:1]])
                 known = self.tried.get(frozenset(e.label for e in (*rest, score.effect)))
-                if known is None or _far_behind(known, best.criterion, self.null.objective):
+                if known is None or far_behind(known.criterion, best.criterion, self.null.objective):
                     continue
                 if not far_off(self.fitter, known.fit):
                     self.settled(known)
 
     def _pairs(self, best: Ranked, found: Sequence[Signature]) -> None:
         """Pairs that to first order are better than the best cause: together, or one beside a rival of the best."""
-        base, enough = self.null, best.criterion - PAYS
-        for a, b, worth in best_pairs(projection(self.fitter, base), self.first[:14], PAIRS):
-            labels = frozenset([a.effect.label, b.effect.label])
-            if base.objective - worth < best.fit.objective - PAYS and not self._beaten(labels):
-                self._try((a.effect, b.effect), base, [[a.starts[0], b.starts[0]]])
+        null = self.null
+        for a, b, worth in best_pairs(projection(self.fitter, null), self.first[:14], PAIRS):
+            promises = null.objective - worth < best.fit.objective - PAYS
+            if promises and not self._beaten(frozenset([a.effect.label, b.effect.label])):
+                self._try((a.effect, b.effect), null, [[a.starts[0], b.starts[0]]])
         rivals = [r for r in self.tried.values() if len(r.labels) == 1 and r.criterion < best.criterion + CLOSE]
-        rivals.sort(key=lambda r: r.criterion)
-        promised = [(r.criterion - s.mixture, r, s) for r in rivals[:SHORT] for s in self._scores(r, found)]
-        promised = [p for p in promised if p[0] < enough and p[2].effect.cause not in p[1].causes]
+        promised = [
+            (rival.criterion - score.mixture, rival, score)
+            for rival in sorted(rivals, key=lambda r: r.criterion)[:SHORT]
+            for score in self._scores(rival, found)
+            if rival.criterion - score.mixture < best.criterion - PAYS and score.effect.cause not in rival.causes
+        ]
         seen: set[frozenset[str]] = set()
         for _, rival, score in sorted(promised, key=lambda p: p[0]):
             causes = rival.causes | {score.effect.cause}
@@ -386,8 +394,3 @@ class Search:
 def _lower(*fits: Fit | None) -> Fit | None:
     """Of fits the best, where there is one."""
     return min((fit for fit in fits if fit is not None), key=lambda fit: fit.objective, default=None)
-
-
-def _far_behind(ranked: Ranked, least: float, null: float) -> bool:
-    """Whether a hypothesis lies too far behind the least criterion to count, by what that gains on the null's."""
-    return ranked.criterion > least + max(CLOSE, FALLEN * (null - least))

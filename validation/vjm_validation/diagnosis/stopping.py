@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from vjm_validation.diagnosis.fitting import Fit, Fitter
-from vjm_validation.diagnosis.misfit import misfit
+from vjm_validation.diagnosis.misfit import Misfit
 from vjm_validation.diagnosis.screening import Score, projection
 
 HOPEFUL = 30.0
@@ -20,21 +20,32 @@ WORTH_A_LOOK = 60.0
 """Squares explained up to which a hypothesis may owe them to better nuisances alone."""
 HOPE = 0.3
 """Share of what is left that the best causes must explain, to first order, to be worth a fit."""
+FALLEN = 0.3
+"""Share of what was explained by which a hypothesis must have fallen behind not to be fitted again where the noise
+is known better, or where its fit had not ended."""
+CLOSE = 40.0
+"""Criterion within which of the best a rough fit is made exact."""
 
 
-def nothing_left(fitter: Fitter, fit: Fit, ranked: Sequence[Score], gained: float, alarm: float) -> bool:
-    """Whether no effect is near significance, and no shape without a name is left.
+def no_cause_left(ranked: Sequence[Score], gained: float, alarm: float) -> bool:
+    """Whether no effect is near significance.
 
     Args:
-        fitter: of the test.
-        fit: of the causes found.
-        ranked: what every other effect explains beside them.
+        ranked: what every other effect explains beside the causes found.
         gained: squares that they explain.
         alarm: p-value at which the least of all effects is significant.
     """
-    if any(s.p < HOPEFUL * alarm and s.explained > WRONG_LAW * gained for s in ranked):
-        return False
-    rest = misfit(fitter, fit)
+    return not any(s.explained > WRONG_LAW * gained and s.p < HOPEFUL * alarm for s in ranked)
+
+
+def no_shape_left(rest: Misfit, gained: float, alarm: float) -> bool:
+    """Whether no shape without a name is left.
+
+    Args:
+        rest: what the causes found leave.
+        gained: squares that they explain.
+        alarm: p-value at which the least of all effects is significant.
+    """
     return (rest.p > alarm or rest.left < WRONG_LAW * gained) and rest.strained > alarm
 
 
@@ -66,3 +77,8 @@ def in_one_reading(fitter: Fitter, before: Fit, after: Fit) -> float:
     reading = np.nonzero(fitter.whitening.present)[0]
     less, more = (fitter.whitening.flat(fit.at.residual) ** 2 for fit in (after, before))
     return float(np.bincount(reading, weights=more - less).max(initial=0.0))
+
+
+def far_behind(criterion: float, least: float, null: float) -> bool:
+    """Whether a hypothesis lies too far behind the least criterion to count, by what that gains on the null's."""
+    return criterion > least + max(CLOSE, FALLEN * (null - least))

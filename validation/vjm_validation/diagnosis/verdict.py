@@ -10,7 +10,7 @@ from scipy.special import expit
 from vjm_validation.diagnosis.classes import best_verdict
 from vjm_validation.diagnosis.criterion import size_covariance, would_not_show
 from vjm_validation.diagnosis.fitting import Fitter
-from vjm_validation.diagnosis.misfit import Misfit, misfit
+from vjm_validation.diagnosis.misfit import Misfit
 from vjm_validation.diagnosis.search import Ranked, Search
 from vjm_validation.diagnosis.stopping import WRONG_LAW
 
@@ -70,7 +70,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
     """The verdict on a search's best hypothesis."""
     fitter = search.fitter
     best = search.settled(best)
-    rest = misfit(fitter, best.fit)
+    rest = search.rest(best.fit)
     explained = search.null.objective - best.fit.objective
     if best.labels:
         misses = rest.p < DOUBTFUL and rest.left > WRONG_LAW * explained

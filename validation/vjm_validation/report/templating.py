@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any
 
 import jinja2
@@ -14,6 +15,7 @@ SHORT_TABLE = 12
 """Rows up to which a table of the record is unfolded."""
 
 
+@cache
 def environment() -> jinja2.Environment:
     """Where the templates are, and the filters that they use."""
     result = jinja2.Environment(
