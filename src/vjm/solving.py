@@ -251,6 +251,17 @@ def _copy_unit(v: Floats, out: Floats) -> None:
         out[i] = v[i] / size
 
 
+@kernel
+def _aim(R_0: Floats, p_0: Floats, direction: Floats, axis: Floats, angle: float, s: float, to: Floats) -> None:
+    """The packed frame ``to`` (12,) at a displacement s; ``angle`` about ``axis`` (3,) per unit of it."""
+    R_to = to[:9].reshape((3, 3))
+    for a in range(3):
+        to[9 + a] = p_0[a] + s * direction[a]
+        for b in range(3):
+            R_to[a, b] = R_0[a, b]
+    turn_about(R_to, axis, angle * s)
+
+
 @entry
 def march(
     integers: Ints,
@@ -297,14 +308,14 @@ def march(
     """
     model = model_of(integers, numbers)
     work = work_of(integers, work_integers, work_numbers)
-    to, turn = np.zeros(12), np.zeros(3)
-    R_to, p_to = to[:9].reshape((3, 3)), to[9:]
+    to, turn = np.empty(12), np.zeros(3)
     angle = np.sqrt(direction[3] ** 2 + direction[4] ** 2 + direction[5] ** 2)
     if angle > 0.0:
         for a in range(3):
             turn[a] = direction[3 + a] / angle
     n = x.shape[1]
     # of the first point only the factors are wanted
+    _aim(R_0, p_0, direction, turn, angle, s[0], to)
     how, _, _, _ = _newton(model, work, to, x[0], force[0], np.inf, 0)
     if how != CONVERGED:
         return how, 0
@@ -324,11 +335,7 @@ def march(
                 x[i, c] += weight * x[i - 1 - k, c]
             for c in range(6):
                 force[i, c] += weight * force[i - 1 - k, c]
-        for a in range(3):
-            p_to[a] = p_0[a] + s[i] * direction[a]
-            for b in range(3):
-                R_to[a, b] = R_0[a, b]
-        turn_about(R_to, turn, angle * s[i])
+        _aim(R_0, p_0, direction, turn, angle, s[i], to)
         how, iterations[i], error[i], negative[i] = _newton(
             model, work, to, x[i], force[i], tolerance, max_iterations
         )
