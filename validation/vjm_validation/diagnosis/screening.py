@@ -209,7 +209,7 @@ def scores(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> lis
     rest = space.rest(raw)
     before, after = np.linalg.norm(raw, axis=0), np.linalg.norm(rest, axis=0)
     # a release's row has length one before it is projected
-    released = np.array([release_key(s.effect) is not None for s in found], dtype=bool)
+    released = np.array([s.change is None for s in found], dtype=bool)
     visible = after > np.where(released, 1e-6, np.maximum(1e-3, OWN * before))
     result = []
     for group in groups.values():

@@ -125,11 +125,10 @@ class Search:
         """The best hypothesis; the null where nothing is significant."""
         best = self.tried[frozenset()] = Ranked(self.null, self._criterion(self.null))
         self.fitter.differentiate_near(self.null, STRAINED)
-        found: list[Signature] = []
+        found = self._signatures(best)
         for step in range(MOST_CAUSES):
             base = best.fit
             gained = self.null.objective - base.objective
-            found = found or self._signatures(best)
             ranked = self._scores(best, found)
             if step == 0:
                 self.alarm, self.first = threshold(ranked), ranked
