@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,9 +12,11 @@ from vjm.io.model_file import load_chain
 from vjm.paths import EventKind
 from vjm.programme import Programme
 from vjm.vjm_engine import VjmEngine
-from vjm_validation.diagnosis.experiment import SHORT_OF, propose
+from vjm_validation.diagnosis import experiment
+from vjm_validation.diagnosis.experiment import FURTHER, MOST, SHORT_OF, WANTED, Proposal, propose
 from vjm_validation.diagnosis.observed import observe
 from vjm_validation.diagnosis.preparation import prepare
+from vjm_validation.diagnosis.unknowns import Coordinate
 from vjm_validation.measurement import read_measurement
 
 SHEET = """
@@ -90,3 +93,44 @@ def test_it_stays_short_of_critical_points(pulled):
     word, end = re.match(r"(pull and push|pull|push) to (-?[0-9.]+) mm", proposal.path).groups()
     for sign in {"pull and push": (1.0, -1.0), "pull": (1.0,), "push": (-1.0,)}[word]:
         assert abs(float(end)) <= SHORT_OF * critical(proposal.posture, sign) + 1e-3
+
+
+def test_it_goes_no_further_than_the_load_of_the_test_allows(pulled):
+    prepared, found = pulled
+    proposal = propose(prepared.fitter, [found[cause] for cause in CLASS[1:]])
+    end = abs(float(re.search(r"to (-?[0-9.]+) mm", proposal.path).group(1)))
+    drawn = load_chain("orthoglide-chain")
+    load = VjmEngine(8).walk(drawn.with_actuator_compliance(4e-5), Programme("A", PULL)).force[-1]
+    for sign in (1.0, -1.0):
+        # the chain as drawn says how far that is, the likeliest cause how much the load was: they differ by a tenth
+        assert (
+            abs(VjmEngine(8).walk(drawn, Programme(proposal.posture, sign * end)).force[-1]) < 1.1 * FURTHER * load
+        )
+
+
+def test_what_repetitions_tell_decides(pulled, monkeypatch):
+    """Posture B shows three pairs at once and the fourth never, D all of them often enough."""
+    once = {"B": (9.0, 9.0, 9.0, 0.9), "D": (3.0, 3.0, 3.0, 1.0)}
+
+    def told(fitter, fits, posture, name, ends, times=1):
+        strengths = once.get(posture, (0.1,) * 4)
+        grown = [s * times**0.5 if posture != "B" or s > 1.0 else s for s in strengths]
+        return [Proposal(posture, f"{times} times", s, 1.0, "fx_N") for s in grown]
+
+    monkeypatch.setattr(experiment, "_told", told)
+    prepared, found = pulled
+    proposal = propose(prepared.fitter, list(found.values()))
+    assert (proposal.posture, proposal.path) == ("D", f"{min(MOST, round(WANTED**2))} times")
+
+
+@pytest.mark.parametrize("high", [0.5, 3.0])
+def test_what_the_test_at_hand_says_nothing_of_lies_within_its_bounds(high):
+    """One reading, eight of noise off; a coordinate that nothing is known of could make that up at eight."""
+    flat = SimpleNamespace(whitening=SimpleNamespace(flat=lambda raw: raw))
+    tilt = Coordinate("tilt", "effect", "0", 1.0, sigma=np.inf, low=-high, high=high)
+    # an even distribution's variance is a twelfth of its width squared: of reading and tilt together
+    together = 1.0 + (2.0 * high) ** 2 / 12.0
+    found, left = experiment._left(flat, np.array([8.0]), np.array([[1.0]]), np.zeros((1, 1)), [tilt])
+    # 1e-9 keeps what is fixed regular, beside a third at least
+    assert found == pytest.approx(8.0 / together**0.5, rel=1e-8)
+    assert left[0] == pytest.approx(8.0 / together, rel=1e-8)

@@ -55,7 +55,7 @@ AGAIN = 2
 """Searches more at most, each about what the last one found."""
 MANY, HALF = 6.0, 0.5
 """Noise of marks that is found over the sheet's from which on it is spoken of, and how sure a verdict then is."""
-MOST_PAIRS = 3
+MOST_PAIRS = 5
 """Members of a class that the next experiment tells from the most probable one."""
 SHOWN = 12
 """Contrasts that are kept."""

@@ -25,23 +25,26 @@ from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.forward import Forward
 from vjm_validation.diagnosis.observed import Observed
 from vjm_validation.diagnosis.steady import Steady, basis, pieces
+from vjm_validation.diagnosis.unknowns import Coordinate
 from vjm_validation.measurement import Readings
 from vjm_validation.measurement.channels import POSE, WRENCH
 
 PER_RAMP = 12
 """Readings on each way."""
-FURTHER = 2.5
-"""How far beyond the furthest reading a test may be taken."""
+FURTHER, FARTHEST = 2.5, 10.0
+"""Times the load of the test at hand to which another may be taken, and the displacement, mm, at most."""
 HELD = 6
 """Readings while held."""
 WANTED, MOST = 4.0, 20
 """Strength at which two causes are told apart for sure, and how often a test is repeated for that at most."""
 HELPS = 4
 """Times `MOST` repetitions that would be needed, up to which so many still tell half as much as wanted."""
+CONTENDERS, BETTER = 4, 1.05
+"""Postures of which it is found what repetitions tell, and times that a later candidate must be worth more."""
 SMALL = 0.15
 """Share of the usual reach within which scales and moduli count for little: there play and friction show best."""
 SHORT_OF, UNKNOWN = 0.8, 0.1
-"""How near a critical displacement a posture may be taken, and how far where the model does not say."""
+"""How near a critical displacement a posture may be taken, and how far, mm, where the model does not say."""
 
 
 @dataclass(frozen=True)
@@ -76,102 +79,122 @@ def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
         fits: of the members, the most probable first.
     """
     observed = fitter.forward.observed
-    chain = observed.measurement.chain
-    pairs = list(combinations(fits, 2))
-    best: tuple[float, str, str, tuple[float, ...], list[Proposal]] | None = None
-    for posture in chain.postures:
-        reach = _reach(observed, posture)
-        pull, push = (_safe(observed, posture, sign, FURTHER * reach) for sign in (1.0, -1.0))
-        near = min(reach, pull, push)
+    load = float(np.abs(fits[0].at.wrench[:, 0]).max())
+    once: list[tuple[str, str, tuple[float, ...], list[Proposal]]] = []
+    for posture in observed.measurement.chain.postures:
+        (pull, further_pull), (push, further_push) = (_safe(observed, posture, sign, load) for sign in (1.0, -1.0))
+        near, far = min(pull, push), min(further_pull, further_push)
         both = "pull and push"
         programmes = [
             (both, (near, -near)),
             (both, (SMALL * near, -SMALL * near)),
-            ("pull", (min(reach, pull),)),
-            ("push", (-min(reach, push),)),
-            (both, (min(pull, push), -min(pull, push))),
+            ("pull", (pull,)),
+            ("push", (-push,)),
+            (both, (far, -far)),
         ]
+        own: list[Proposal] = []
         for name, ends in programmes:
-            told = _told(fitter, pairs, posture, name, ends, 1)
-            worth = sum(min(t.strength, WANTED) for t in told)
-            if told and (best is None or worth > 1.05 * best[0]):
-                best = worth, posture, name, ends, told
-    if best is None:
-        return None
-    _, posture, name, ends, told = best
-    enough = [ceil((WANTED / max(t.strength, 1e-9)) ** 2) for t in told]
-    times = max((min(n, MOST) for n in enough if n <= HELPS * MOST), default=1)
-    if times > 1:
-        told = _told(fitter, pairs, posture, name, ends, times) or told
-    return min(told, key=lambda t: t.strength)
+            told = _told(fitter, fits, posture, name, ends)
+            if _better(told, own):
+                own, chosen = told, (posture, name, ends, told)
+        if own:
+            once.append(chosen)
+    best: list[Proposal] = []
+    for posture, name, ends, told in sorted(once, key=lambda one: -_worth(one[-1]))[:CONTENDERS]:
+        if best and _worth(best) >= WANTED * len(best):
+            break
+        enough = [ceil((WANTED / max(t.strength, 1e-9)) ** 2) for t in told]
+        times = max((min(n, MOST) for n in enough if n <= HELPS * MOST), default=1)
+        often = _told(fitter, fits, posture, name, ends, times) if times > 1 else told
+        if _better(often, best):
+            best = often
+    return min(best, key=lambda t: t.strength, default=None)
+
+
+def _worth(told: Sequence[Proposal]) -> float:
+    """Of a candidate: what it tells apart for sure counts no more than that."""
+    return sum(min(t.strength, WANTED) for t in told)
+
+
+def _better(told: Sequence[Proposal], best: Sequence[Proposal]) -> bool:
+    """Whether a candidate is worth so much more than one before it."""
+    return bool(told) and (not best or _worth(told) > BETTER * _worth(best))
 
 
 def _told(
-    fitter: Fitter,
-    pairs: Sequence[tuple[Fit, Fit]],
-    posture: str,
-    name: str,
-    ends: tuple[float, ...],
-    times: int,
+    fitter: Fitter, fits: Sequence[Fit], posture: str, name: str, ends: tuple[float, ...], times: int = 1
 ) -> list[Proposal]:
     """How well a candidate tells each pair apart; empty where that cannot be computed for one."""
-    found = [_candidate(fitter, one, other, posture, name, ends, times) for one, other in pairs]
-    return [f for f in found if f is not None] if None not in found else []
-
-
-def _reach(observed: Observed, posture: str) -> float:
-    """As far as the posture was taken, else as far as any."""
-    own = [r for r in observed.rays if r.posture == posture] or list(observed.rays)
-    return max(float(np.abs(observed.pose[r.index, 0]).max()) for r in own) or 1.0
-
-
-def _safe(observed: Observed, posture: str, sign: float, far: float) -> float:
-    """How far a posture may be taken along x: short of where the nominal model turns critical, or as before."""
-    own = [sign * observed.pose[r.index, 0] for r in observed.rays if r.posture == posture]
-    taken = max((float(u.max()) for u in own), default=0.0)
-    try:
-        measurement = observed.measurement
-        path = measurement.engine.walk(measurement.chain, Programme(posture, sign * far))
-    except (NoConvergenceError, ValueError):
-        return max(taken, UNKNOWN * far)
-    sharp = [e.s for e in path.events if e.kind is not EventKind.BEND_OVER]
-    end = min([far, *(SHORT_OF * s for s in sharp), *([] if path.complete else [SHORT_OF * path.points[-1].s])])
-    return max(taken, end)
-
-
-def _candidate(
-    fitter: Fitter, one: Fit, other: Fit, posture: str, name: str, ends: tuple[float, ...], times: int
-) -> Proposal | None:
     made = _observed(fitter.forward.observed, posture, ends * times)
-    forward = Forward(made)
-    own = Fitter(forward, fitter.nuisances, fitter.whitening)
-    first = own.evaluate(one.found, one.at.z, one.hypothesis)
-    second = own.evaluate(other.found, other.at.z, other.hypothesis)
-    if first is None or second is None:
-        return None
-    own.whitening = replace(
-        fitter.whitening,
-        memory=replace(memory_of(made.readings.sequence, made.present), rho=fitter.whitening.memory.rho),
-    )
-    own.weigh(first)
-    # residuals against zero readings: prediction with the sign turned
-    raw = second.residual - first.residual
-    own.anchor = None
-    J = own.slopes(other.found, second, other.hypothesis, fresh=True)
+    memory = replace(memory_of(made.readings.sequence, made.present), rho=fitter.whitening.memory.rho)
+    own = Fitter(Forward(made), fitter.nuisances, replace(fitter.whitening, memory=memory, present=made.present))
+    shown, slopes = [], []
+    for fit in fits:
+        own.anchor = None
+        at = own.evaluate(fit.found, fit.at.z, fit.hypothesis)
+        if at is None:
+            return []
+        shown.append(at)
+        # the first one's readings are what others must make up
+        slopes.append(own.slopes(fit.found, at, fit.hypothesis, fresh=True) if len(shown) > 1 else np.zeros(0))
+    to = max(ends) if max(ends) > 0.0 else min(ends)
+    path = f"{name} to {to:.4g} mm, out, held and back" + (f", {times} times" if times > 1 else "")
+    told = []
+    for i, j in combinations(range(len(fits)), 2):
+        own.weigh(shown[i])
+        # residuals against zero readings: prediction with the sign turned
+        raw = shown[j].residual - shown[i].residual
+        strength, left = _left(own, raw, slopes[j], fitter.normal(fits[j]), fits[j].found)
+        forces = np.where(made.present, np.abs(left), 0.0) * np.repeat([1.0, 1e-2], 3)
+        k = int(np.argmax(forces.max(axis=0)))
+        told.append(Proposal(posture, path, strength, float(np.abs(left[:, k]).max()), WRENCH[k]))
+    return told
+
+
+def _left(own: Fitter, raw: Array, J: Array, known: Array, found: Sequence[Coordinate]) -> tuple[float, Array]:
+    """Strength of a difference ``(n, 6)``, and the rest of it, that a hypothesis cannot make up.
+
+    What the test at hand says nothing of, such as a tilt across what is measured, is spread evenly between its
+    bounds: without them the hypothesis could show anything, and no experiment would tell it from any.
+
+    Args:
+        own: fitter of the test to be.
+        raw: difference of the readings.
+        J: derivatives ``(n, 6, n_z)`` of the hypothesis' residuals.
+        known: inverse covariance ``(n_z, n_z)`` of its coordinates by the test at hand.
+        found: its coordinates.
+    """
+    known = known + np.diag([12.0 / (c.high - c.low) ** 2 for c in found])
     W, r = own.whitening.flat(J), own.whitening.flat(raw)
-    known = fitter.normal(other)
-    fixed = np.array([c.sigma == 0.0 for c in other.found], dtype=bool)
+    fixed = np.array([c.sigma == 0.0 for c in found], dtype=bool)
     A = W.T @ W + known + np.diag(np.where(fixed, 1e12, 1e-9))
     step: Array = np.linalg.solve(A, -(W.T @ r))
     step[fixed] = 0.0
     left = raw + J @ step
     rest = own.whitening.flat(left)
-    strength = max(float(rest @ rest + step @ known @ step), 0.0) ** 0.5
-    forces = np.where(made.present, np.abs(left), 0.0) * np.repeat([1.0, 1e-2], 3)
-    k = int(np.argmax(forces.max(axis=0)))
-    to = max(ends) if max(ends) > 0.0 else min(ends)
-    path = f"{name} to {to:.4g} mm, out, held and back" + (f", {times} times" if times > 1 else "")
-    return Proposal(posture, path, strength, float(np.abs(left[:, k]).max()), WRENCH[k])
+    return max(float(rest @ rest + step @ known @ step), 0.0) ** 0.5, left
+
+
+def _safe(observed: Observed, posture: str, sign: float, load: float) -> tuple[float, float]:
+    """How far a posture may be taken along x: for the load of the test at hand, and for `FURTHER` times that.
+
+    Short of where the nominal model turns critical, or as far as it was taken before.
+    """
+    own = [sign * observed.pose[r.index, 0] for r in observed.rays if r.posture == posture]
+    taken = max((float(u.max()) for u in own), default=0.0)
+    try:
+        measurement = observed.measurement
+        path = measurement.engine.walk(measurement.chain, Programme(posture, sign * FARTHEST))
+    except (NoConvergenceError, ValueError):
+        return (taken or UNKNOWN, taken or UNKNOWN)
+    sharp = [e.s for e in path.events if e.kind is not EventKind.BEND_OVER]
+    end = min(
+        [FARTHEST, *(SHORT_OF * s for s in sharp), *([] if path.complete else [SHORT_OF * path.points[-1].s])]
+    )
+    # the force grows up to where it turns critical
+    growing = np.maximum.accumulate(np.abs(path.force))
+    near, far = (float(np.interp(times * load, growing, path.s)) for times in (1.0, FURTHER))
+    return max(taken, min(near, end)), max(taken, min(far, end))
 
 
 def _way(end: float) -> Array:
