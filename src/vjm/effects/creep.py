@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from vjm.chain import FOOT
 from vjm.effects.effect import Effect, Quantity, Scene
 from vjm.effects.machine import Machine, beam_of, link_of
@@ -38,12 +40,15 @@ class Creep(Effect):
 
     def quantities(self) -> tuple[Quantity, ...]:
         """φ, τ, and how much of φ is late."""
-        middle = (self.duration * self.interval) ** 0.5
+        shortest, longest = 0.1 * self.interval, 10.0 * self.duration
+        # materials relax in all decades of time; a test shows those between a reading's and its own
+        middle, spread = (
+            (self.duration * self.interval) ** 0.5,
+            np.log(max(self.duration / self.interval, 10.0)) / 12.0**0.5,
+        )
         return (
             Quantity("fraction", 0.0, 0.9, 0.01, neutral=0.0),
-            Quantity(
-                "time_s", 0.1 * self.interval, 10.0 * self.duration, middle, usual=middle, spread=2.0, log=True
-            ),
+            Quantity("time_s", shortest, longest, middle, usual=middle, spread=float(spread), log=True),
             Quantity("slow_share", 0.0, 0.95, 0.1, usual=0.25, spread=0.25),
         )
 

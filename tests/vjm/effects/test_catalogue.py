@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vjm.effects.catalogue import catalogue, plug_in
+from vjm.effects.creep import Creep
 from vjm.effects.effect import Scene
 from vjm.effects.machine import Machine, beam_of
 from vjm.io.model_file import load_chain
@@ -54,6 +55,14 @@ def test_one_way_of_an_asymmetry_may_be_as_drawn(part, as_drawn, same):
         factor = 1.0 if pulls is same else (ratio if pulls else 1.0 / ratio)
         # a root and a few products of doubles
         assert made == pytest.approx(drawn * factor, rel=1e-12)
+
+
+def test_times_of_creep_are_any_between_a_readings_and_the_tests():
+    time = Creep(duration=1200.0, interval=2.0).quantities()[1]
+    logarithms = np.linspace(np.log(2.0), np.log(1200.0), 10_001)
+    # the standard deviation of n even steps is √(1 + 2/n) of an even distribution's
+    assert time.spread == pytest.approx(np.std(logarithms), rel=2e-4)
+    assert np.log(time.usual) == pytest.approx(np.mean(logarithms), rel=1e-12)
 
 
 def test_trials_lie_within_the_bounds_and_act():

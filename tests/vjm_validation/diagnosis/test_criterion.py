@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from vjm.effects.link_lumping import LinkLumping
 from vjm_validation.diagnosis.classes import distance
-from vjm_validation.diagnosis.criterion import beyond_bounds
+from vjm_validation.diagnosis.criterion import beyond_bounds, criterion
+from vjm_validation.diagnosis.instrument import InstrumentZero
 from vjm_validation.diagnosis.unknowns import Coordinate
 
 
@@ -34,3 +36,18 @@ def test_a_refit_stays_within_bounds(high, left):
     other = SimpleNamespace(found=[own], at=at, jacobian=np.array([[1.0]]))
     # rounding of a few operations on numbers about three
     assert distance(flat, truth, other) == pytest.approx(left, abs=1e-12)
+
+
+def test_what_either_is_or_is_not_has_no_parameter_to_pay_for():
+    zero = Coordinate("zero fx_N", "zero", "fx_N", 1.0, sigma=np.inf)
+    observed = SimpleNamespace(steered="")
+    fitter = SimpleNamespace(
+        forward=SimpleNamespace(observed=observed), normal=lambda fit: np.eye(1), pressure=lambda fit: np.zeros(1)
+    )
+    causes = LinkLumping(), InstrumentZero(part="fx_N")
+    fits = (
+        SimpleNamespace(hypothesis=(e,), found=[zero], at=SimpleNamespace(z=[0.0]), objective=50.0) for e in causes
+    )
+    lumped, shifted = (criterion(fitter, fit, causes, 200.0) for fit in fits)
+    # rounding of sums of a few tens
+    assert shifted - lumped == pytest.approx(np.log(200.0), rel=1e-12)

@@ -8,6 +8,9 @@ from scipy.integrate import solve_ivp
 
 from vjm_validation.diagnosis.command import diagnose
 from vjm_validation.diagnosis.instrument import ThermalDrift, lagging
+from vjm_validation.diagnosis.observed import observe
+from vjm_validation.diagnosis.preparation import effects_of
+from vjm_validation.measurement import read_measurement
 
 SHIFT = 0.04
 """mm by which the gauge was set differently in the second posture: half of it are ten sigma of its zero, of which
@@ -38,6 +41,22 @@ def test_a_clock_runs_from_before_the_test_and_a_temperature_from_either_side():
     assert by_clock.low == 0.0
     # the temperature at which a gauge read true may be one of those of the test
     assert by_temperature.low < -0.5
+
+
+def test_a_gauge_drifts_by_some_hundredths_of_its_range_in_a_test(make, tmp_path, monkeypatch):
+    files = make.made_up(tmp_path, {}, 3, monkeypatch)
+    observed = observe(read_measurement(files.data, files.sheet))
+    force = np.linalg.norm(np.nan_to_num(observed.wrench[:, :3]), axis=1).max()
+    moment = np.abs(np.nan_to_num(observed.wrench[:, 3:])).max()
+    # a gauge of forces and moments has a range of moments of a tenth of a metre times its forces, at least
+    ranges = {"mm": np.abs(observed.pose[:, :3]).max(), "N": force, "Nmm": max(moment, 100.0 * force)}
+    drifts = [e for e in effects_of(observed) if isinstance(e, ThermalDrift)]
+    assert {d.by for d in drifts} == {"s"}
+    assert {d.part for d in drifts} == {*observed.pose_channels, *observed.wrench_channels}
+    for drift in drifts:
+        own = drift.quantities()[0].spread * np.ptp(observed.clock)
+        # rounding of a product
+        assert own == pytest.approx(0.02 * ranges[drift.part.rpartition("_")[2]], rel=1e-12)
 
 
 @pytest.mark.parametrize("lag", [0.5, 20.0, 300.0])

@@ -12,7 +12,7 @@ from vjm.effects.effect import Effect
 from vjm.rotations import Array
 from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.normal_equations import inverse
-from vjm_validation.diagnosis.unknowns import of_effect
+from vjm_validation.diagnosis.unknowns import of_effect, release_key
 
 DISTINCT, DISGUISED = 2.0, 12.0
 """Standard deviations by which a cause's own parameter must differ from nothing, and what it costs if not."""
@@ -40,7 +40,8 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     own = [i for i, c in enumerate(fit.found) if c.kind == "effect" and np.isfinite(c.sigma)]
     places = Counter(e.cause for e in effects)
     causes = len(places)
-    free = sum(max(len(effect.quantities()), 1) for effect in fit.hypothesis) - len(own)
+    # what frees a nuisance has one parameter; what either is or is not has none
+    free = sum(1 if release_key(e) else len(e.quantities()) for e in fit.hypothesis) - len(own)
     choice = 2.0 * sum(np.log(causes * places[e.cause]) for e in fit.hypothesis)
     again = len(fit.hypothesis) - len({e.cause for e in fit.hypothesis})
     cost = free * float(np.log(samples)) + float(choice) + TWICE * again

@@ -13,13 +13,21 @@ from vjm_validation.measurement.channels import split_point
 
 UNIT = {"mm": 0.01, "rad": 1e-4, "N": 10.0, "Nmm": 1000.0}
 """Sizes that matter by unit."""
+MOST_DRIFT, LEVER = 0.02, 100.0
+"""Standard deviation of a drift over a test as a share of the largest reading, ten times what data sheets say of
+transducers; and the lever, mm, that makes a range of moments of one of forces."""
 USUAL_LAG = 30.0
 """Time constant, s, that a gauge's temperature has behind the room's, in order of magnitude."""
 
 
+def unit_of(channel: str) -> str:
+    """A channel's unit."""
+    return split_point(channel)[1].rpartition("_")[2]
+
+
 def size_of(channel: str) -> float:
     """A zero error that matters."""
-    return UNIT[split_point(channel)[1].rpartition("_")[2]]
+    return UNIT[unit_of(channel)]
 
 
 @dataclass(frozen=True)
@@ -58,6 +66,7 @@ class ThermalDrift(Effect):
         span: of the temperature or the clock during the test.
         since: what the clock shows at the first reading, in spans.
         duration: of the test, s; zero where no clock says how far a reading may lag behind the temperature.
+        largest: reading that the gauge is made for, in the channel's unit.
     """
 
     part: str = "fx_N"
@@ -65,6 +74,7 @@ class ThermalDrift(Effect):
     span: float = 1.0
     since: float = 0.0
     duration: float = 0.0
+    largest: float = float("inf")
     cause = "thermal_drift"
     title = "the reading follows the clock or the temperature, not the load"
 
@@ -85,9 +95,10 @@ class ThermalDrift(Effect):
         and grows as warm as the room only after a time of its own.
         """
         size = size_of(self.part) / self.span
+        usual = MOST_DRIFT * self.largest / self.span
         low, half = 0.0 if self.by == "s" else -4.0, 0.5 * self.since
         found = (
-            Quantity(f"{self.part}.per_{self.by}", -1e4 * size, 1e4 * size, size, neutral=0.0),
+            Quantity(f"{self.part}.per_{self.by}", -1e4 * size, 1e4 * size, size, neutral=0.0, spread=usual),
             # somewhere between the clock's zero and the first reading
             Quantity("before_share", low, 4.0 + self.since, 1.0, usual=half, spread=1.0 + half),
         )

@@ -15,7 +15,7 @@ from vjm.rotations import Array
 from vjm_validation.diagnosis.column import ColumnForward, column_effects, with_noise_found
 from vjm_validation.diagnosis.fitting import Fit, Fitter, prior
 from vjm_validation.diagnosis.forward import Evaluation, Forward, Predictor
-from vjm_validation.diagnosis.instrument import InstrumentScale, InstrumentZero, ThermalDrift
+from vjm_validation.diagnosis.instrument import LEVER, InstrumentScale, InstrumentZero, ThermalDrift, unit_of
 from vjm_validation.diagnosis.noise_model import estimate_memory
 from vjm_validation.diagnosis.observed import Observed
 from vjm_validation.diagnosis.screening import STRONG, Signature, Signed, far_off, signed
@@ -244,14 +244,23 @@ def effects_of(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
         interval=0.0 if clock is None else float(np.median(np.diff(clock))),
         gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
     )
+    largest = _largest(observed, scene)
     found: list[Effect] = list(catalogue(scene, more))
     for channel in (*observed.pose_channels, *observed.wrench_channels):
         found += [InstrumentZero(part=channel), InstrumentScale(part=channel)]
         if observed.warmth is not None:
-            span = float(np.ptp(observed.warmth))
-            found.append(ThermalDrift(part=channel, by="K", span=span, duration=scene.duration))
+            drift = ThermalDrift(channel, by="K", span=float(np.ptp(observed.warmth)), duration=scene.duration)
+            found.append(replace(drift, largest=largest[unit_of(channel)]))
         if clock is not None:
             span, first = float(np.ptp(clock)), float(observed.readings.values[TIME][0])
             since = float(np.clip(first / span, 0.0, LONG_BEFORE))
-            found.append(ThermalDrift(part=channel, by="s", span=span, since=since))
+            drift = ThermalDrift(channel, by="s", span=span, since=since)
+            found.append(replace(drift, largest=largest[unit_of(channel)]))
     return found
+
+
+def _largest(observed: Observed, scene: Scene) -> dict[str, float]:
+    """The largest reading by its unit: what gauges of that kind are made for."""
+    moment = float(np.abs(np.nan_to_num(observed.wrench[:, 3:])).max())
+    turn = float(np.abs(observed.pose[:, 3:]).max())
+    return {"N": scene.force, "Nmm": max(moment, LEVER * scene.force), "mm": scene.reach, "rad": turn or np.inf}
