@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.ticker import NullLocator
 
 from vjm.rotations import Array
 from vjm_validation.diagnosis.document import Diagnosis
@@ -17,6 +18,9 @@ from vjm_validation.report.style import Margins, Picture, figure, png
 INK, BEFORE, BEST, AFTER, BACK = "#1b1f24", "#D55E00", "#E69F00", "#0072B2", "#7a7a7a"
 MOST_POSTURES = 4
 """Postures that are drawn."""
+THRESHOLD = 3.0
+"""Standard errors from which on a contrast is marked; its axis is straight below and logarithmic beyond."""
+TICKS = (1.0, 2.0, THRESHOLD, 10.0, 30.0, 100.0, 300.0, 1e3, 1e4, 1e5)
 LETTER = 0.066
 """Width of a letter, inches."""
 
@@ -135,8 +139,12 @@ def _contrasts(document: Diagnosis) -> Picture:
         ax.barh(range(len(rows)), [abs(row.significance) for row in rows], color=BEFORE, height=0.6)
         ax.set_yticks(range(len(rows)), words)
         ax.set_ylim(-0.8, len(rows) - 0.2)
-        ax.axvline(3.0, color=BACK, lw=0.8, ls="--")
-        ax.set_xscale("symlog", linthresh=3.0)
+        ax.axvline(THRESHOLD, color=BACK, lw=0.8, ls="--")
+        ax.set_xscale("symlog", linthresh=THRESHOLD)
+        most = max(abs(row.significance) for row in rows)
+        ax.set_xticks([0.0, *(t for t in TICKS if t <= max(most, THRESHOLD))])
+        ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set_minor_locator(NullLocator())
         ax.set_xlabel("significance, standard errors")
         content = png(fig)
     caption = "The nominal model's residual taken apart; zero, scale, length and modulus are fitted beside each."
