@@ -42,10 +42,8 @@ class Creep(Effect):
         """φ, τ, and how much of φ is late."""
         shortest, longest = 0.1 * self.interval, 10.0 * self.duration
         # materials relax in all decades of time; a test shows those between a reading's and its own
-        middle, spread = (
-            (self.duration * self.interval) ** 0.5,
-            np.log(max(self.duration / self.interval, 10.0)) / 12.0**0.5,
-        )
+        middle = (self.duration * self.interval) ** 0.5
+        spread = np.log(max(self.duration / self.interval, 10.0)) / 12.0**0.5
         return (
             Quantity("fraction", 0.0, 0.9, 0.01, neutral=0.0),
             Quantity("time_s", shortest, longest, middle, usual=middle, spread=float(spread), log=True),

@@ -60,8 +60,9 @@ def test_one_way_of_an_asymmetry_may_be_as_drawn(part, as_drawn, same):
 def test_times_of_creep_are_any_between_a_readings_and_the_tests():
     time = Creep(duration=1200.0, interval=2.0).quantities()[1]
     logarithms = np.linspace(np.log(2.0), np.log(1200.0), 10_001)
-    # the standard deviation of n even steps is √(1 + 2/n) of an even distribution's
+    # the standard deviation of n even steps is √(1 + 2/n) of an even distribution's: twice what that is more
     assert time.spread == pytest.approx(np.std(logarithms), rel=2e-4)
+    # rounding of a sum of ten thousand logarithms
     assert np.log(time.usual) == pytest.approx(np.mean(logarithms), rel=1e-12)
 
 

@@ -21,6 +21,7 @@ MOST_POSTURES = 4
 THRESHOLD = 3.0
 """Standard errors from which on a contrast is marked; its axis is straight below and logarithmic beyond."""
 TICKS = (1.0, 2.0, THRESHOLD, 10.0, 30.0, 100.0, 300.0, 1e3, 1e4, 1e5)
+"""Marks of that axis: more of them would run into one another."""
 LETTER = 0.066
 """Width of a letter, inches."""
 

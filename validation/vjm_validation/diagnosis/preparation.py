@@ -248,14 +248,14 @@ def effects_of(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
     found: list[Effect] = list(catalogue(scene, more))
     for channel in (*observed.pose_channels, *observed.wrench_channels):
         found += [InstrumentZero(part=channel), InstrumentScale(part=channel)]
+        most = largest[unit_of(channel)]
         if observed.warmth is not None:
-            drift = ThermalDrift(channel, by="K", span=float(np.ptp(observed.warmth)), duration=scene.duration)
-            found.append(replace(drift, largest=largest[unit_of(channel)]))
+            span = float(np.ptp(observed.warmth))
+            found.append(ThermalDrift(channel, "K", span, duration=scene.duration, largest=most))
         if clock is not None:
             span, first = float(np.ptp(clock)), float(observed.readings.values[TIME][0])
             since = float(np.clip(first / span, 0.0, LONG_BEFORE))
-            drift = ThermalDrift(channel, by="s", span=span, since=since)
-            found.append(replace(drift, largest=largest[unit_of(channel)]))
+            found.append(ThermalDrift(channel, "s", span, since=since, largest=most))
     return found
 
 
