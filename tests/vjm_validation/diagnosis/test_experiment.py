@@ -123,6 +123,21 @@ def test_what_repetitions_tell_decides(pulled, monkeypatch):
     assert (proposal.posture, proposal.path) == ("D", f"{min(MOST, round(WANTED**2))} times")
 
 
+@pytest.mark.parametrize(("faint", "words"), [(0.5, f"{MOST} times"), (0.02, "1 times")])
+def test_it_is_repeated_only_where_that_decides_something(pulled, monkeypatch, faint, words):
+    """Of three pairs one shows at once, one nearly, and one hardly ever."""
+
+    def told(fitter, fits, posture, name, ends, times=1):
+        strengths = np.array([9.0, 0.99 * WANTED, faint]) * times**0.5
+        return [Proposal(posture, f"{times} times", s, 1.0, "fx_N") for s in strengths]
+
+    monkeypatch.setattr(experiment, "_told", told)
+    # as often as the one that is faint needs, were it not hopeless
+    monkeypatch.setattr(experiment, "HELPS", 1e6)
+    prepared, found = pulled
+    assert propose(prepared.fitter, list(found.values())).path == words
+
+
 @pytest.mark.parametrize("high", [0.5, 3.0])
 def test_what_the_test_at_hand_says_nothing_of_lies_within_its_bounds(high):
     """One reading, eight of noise off; a coordinate that nothing is known of could make that up at eight."""

@@ -61,12 +61,19 @@ def test_what_was_held_out_counts_where_a_right_model_would_do_better(after, exp
     found = proved(verdict, 2.0, after, expected)
     if not counts:
         assert found is verdict
-    elif len(causes) > 1:
-        assert found.kind == "unknown"
-        assert not found.members
     else:
-        assert found.kind == "named"
-        assert found.confidence < verdict.confidence
+        assert (found.kind, found.members) == ("unknown", ())
+        assert found.others == ((verdict.members[0], 1.0),)
+        assert found.doubt.endswith("predicts what was held out worse than no cause does")
+
+
+@pytest.mark.parametrize(("confidence", "kind"), [(0.51, "named"), (0.49, "unknown")])
+def test_causes_that_are_more_likely_wrong_than_right_are_not_named(confidence, kind):
+    verdict = Verdict("named", (ranked(LINEAR),), (1.0,), confidence, (), Misfit(1.0, 0.0, ""))
+    found = proved(verdict, 2.0, 1.0, 1.0)
+    assert found.kind == kind
+    # either way it is more likely right than wrong
+    assert found.confidence == 0.51
 
 
 def test_nothing_is_less_sure_the_nearer_an_alarm_came():
@@ -97,7 +104,7 @@ def test_a_cause_may_sit_in_another_place():
     [
         (Misfit(0.3, 4.0, "fx_N: shape", unusual=0.002, shape="exponent 3.1 sigma"), "takes exponent 3.1 sigma"),
         # a shape that is usual is not what was wrong, however well the rest fits
-        (Misfit(0.3, 4.0, "what no causes predict", unusual=0.2, shape="exponent 1.3 sigma"), "what no causes"),
+        (Misfit(0.3, 4.0, "fx_N: shape", unusual=0.2, shape="exponent 1.3 sigma"), "fx_N: shape"),
         (Misfit(1e-5, 4.0, "fx_N: shape", unusual=0.002, shape="exponent 3.1 sigma"), "fx_N: shape"),
     ],
 )

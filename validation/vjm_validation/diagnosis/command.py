@@ -228,6 +228,8 @@ def _critical(one: Critical) -> CriticalPointRow:
 def _residual_words(verdict: Verdict) -> str:
     if verdict.kind != "unknown":
         return ""
+    if verdict.doubt:
+        return verdict.doubt
     rest = verdict.rest
     if rest.strained < min(STRAINED, rest.p):
         return f"what fits best takes {rest.farthest}"

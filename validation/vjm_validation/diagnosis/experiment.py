@@ -106,6 +106,9 @@ def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
         enough = [ceil((WANTED / max(t.strength, 1e-9)) ** 2) for t in told]
         times = max((min(n, MOST) for n in enough if n <= HELPS * MOST), default=1)
         often = _told(fitter, fits, posture, name, ends, times) if times > 1 else told
+        if not _better(often, told):
+            # readings that decide nothing only show how a law differs from the machine's
+            often = told
         if _better(often, best):
             best = often
     return min(best, key=lambda t: t.strength, default=None)

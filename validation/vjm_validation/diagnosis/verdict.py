@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import expit
@@ -31,16 +31,18 @@ ANY_CLASS = 0.45
 """How sure a class is beside its own probability, which takes each border for a coin's toss (docs/blind.md)."""
 AS_LIKELY = 0.1
 """Probability over the likeliest's from which on a place counts as possible."""
-UNPROVED, ACCIDENT = 0.5, 0.7
-"""How sure a cause is that predicts what was held out worse than none, and that several such are an accident."""
+ACCIDENT = 0.7
+"""How sure it is that causes which predict what was held out worse than none are an accident."""
+LIKELY = 0.5
+"""Confidence below which causes are not named: they are more likely wrong than right."""
 BY_CHANCE = 2.0
 """Times a right model's expected error that its error may be: readings held out together are wrong together."""
 FAINT_ODDS, FAINT_SLOPE = -0.5, 0.72
 """Logarithm of the odds that there is nothing where an alarm nearly came, and what each power of ten further off
 adds: causes of a strength of 1 or 2 cannot be seen (docs/blind.md)."""
-SUREST, SUREST_CAUSE = 0.99, 0.86
-"""No verdict is surer, and none that names causes: what no catalogue has may look just like one of them
-(docs/blind.md)."""
+SUREST, SUREST_CAUSE = 0.93, 0.86
+"""No verdict is surer, for two causes may leave a shape that neither has; and none that names causes: what no
+catalogue has may look just like one of them (docs/blind.md)."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,7 @@ class Verdict:
         others: less likely ones with their probabilities.
         rest: what the best leaves.
         places: of each member the hypotheses that have its causes elsewhere, and explain about as much.
+        doubt: why causes that fit are not named, in words; empty where that is not so.
     """
 
     kind: str
@@ -64,6 +67,7 @@ class Verdict:
     others: tuple[tuple[Ranked, float], ...]
     rest: Misfit
     places: tuple[tuple[Ranked, ...], ...] = ()
+    doubt: str = ""
 
 
 def judge(search: Search, best: Ranked) -> Verdict:
@@ -126,10 +130,10 @@ def judge(search: Search, best: Ranked) -> Verdict:
 
 
 def proved(verdict: Verdict, before: float, after: float, expected: float) -> Verdict:
-    """What the prediction of readings held out makes of a verdict.
+    """What the prediction of readings held out makes of a verdict, and whether it is then likely enough.
 
-    Several causes that predict them worse than none are an accident of the readings fitted; one such is unsure. But
-    where what was held out lies so far from the rest that a right model could hardly do better, it proves nothing.
+    Causes that predict them worse than none are an accident of the readings fitted. But where what was held out
+    lies so far from the rest that a right model could hardly do better, it proves nothing.
 
     Args:
         verdict: on all readings.
@@ -137,12 +141,18 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
         after: of the likeliest member.
         expected: of a right model.
     """
-    if after <= before or after <= BY_CHANCE * expected:
-        return verdict
-    if len(verdict.members[0].labels) > 1:
-        words = replace(verdict.rest, worst="what no causes predict")
-        return Verdict("unknown", (), (), ACCIDENT, verdict.others, words)
-    return replace(verdict, confidence=verdict.confidence * UNPROVED)
+    if after > before and after > BY_CHANCE * expected:
+        return _unknown(verdict, ACCIDENT, "predicts what was held out worse than no cause does")
+    if verdict.confidence < LIKELY:
+        return _unknown(verdict, 1.0 - verdict.confidence, f"is right with {verdict.confidence:.2f} only")
+    return verdict
+
+
+def _unknown(verdict: Verdict, sure: float, why: str) -> Verdict:
+    """Instead of a verdict that names causes; they stay among what is less likely."""
+    named = tuple(zip(verdict.members, verdict.probabilities, strict=True))
+    doubt = f"{' + '.join(sorted(verdict.members[0].causes))} fits, but {why}"
+    return Verdict("unknown", (), (), sure, (*named, *verdict.others), verdict.rest, doubt=doubt)
 
 
 def needless(fitter: Fitter, best: Ranked, rival: Ranked) -> bool:
