@@ -13,7 +13,8 @@ from vjm.effects.link_lumping import LinkLumping
 from vjm.effects.part_compliance import FootCompliance, LinkCompliance
 from vjm_validation.calibration.noise import memory_of
 from vjm_validation.diagnosis.instrument import InstrumentZero, ThermalDrift
-from vjm_validation.diagnosis.search import SHORT, Ranked, Search
+from vjm_validation.diagnosis.ranked import Ranked
+from vjm_validation.diagnosis.search import SHORT, Search
 from vjm_validation.diagnosis.stopping import CLOSE, FALLEN, WRONG_LAW
 from vjm_validation.diagnosis.unknowns import AFAR, Coordinate
 from vjm_validation.diagnosis.whitening import Whitening
@@ -210,6 +211,42 @@ def test_what_has_no_size_is_fitted_whatever_its_slope_says(monkeypatch, p, fitt
     own.run()
     assert (LinkLumping() in tried) is fitted
     assert [effect for effect in tried if effect != LinkLumping()] == louder[:SHORT]
+
+
+@pytest.mark.parametrize("dragged", [False, True])
+def test_what_dragged_nuisances_can_imitate_is_fitted_all_the_same(monkeypatch, dragged):
+    own, tried = search(dragged=dragged), []
+    own.fitter.differentiate_near = lambda *_: None
+    own.null.values = []
+    # to first order one of the two shows nothing that the nuisances do not
+    shown = [SimpleNamespace(effect=ONE, p=1e-9, starts=[(1.0,)], explained=50.0)]
+    for name, what in (("_signatures", []), ("_scores", shown), ("_null_from", False), ("_better", None)):
+        monkeypatch.setattr(Search, name, lambda *_, what=what: what)
+    monkeypatch.setattr(Search, "_criterion", lambda self, fit: fit.objective)
+    monkeypatch.setattr(Search, "_try", lambda self, hypothesis, *_: tried.append(hypothesis[-1]))
+    monkeypatch.setattr("vjm_validation.diagnosis.search.threshold", lambda ranked: 1e-4)
+    own.run()
+    assert tried == ([ONE, OTHER] if dragged else [ONE])
+
+
+@pytest.mark.parametrize(
+    ("rough", "exact", "taken"), [(975.0, 951.0, 951.0), (975.0, None, 975.0), (955.0, 951.0, 955.0)]
+)
+def test_a_fit_that_others_slopes_have_led_astray_gets_its_own(monkeypatch, rough, exact, taken):
+    def fit(hypothesis, begin, values, *, fresh=False, **_):
+        objective = exact if fresh else rough
+        own.fitter.machine_slopes = "its own" if fresh else own.fitter.machine_slopes
+        return objective and SimpleNamespace(hypothesis=hypothesis, objective=objective)
+
+    own = search()
+    own.fitter.fit, own.fitter.machine_slopes = fit, "of the null"
+    monkeypatch.setattr(Search, "_criterion", lambda self, fit: fit.objective)
+    null = own.tried[frozenset()].fit
+    null.found, null.at.z = [], np.zeros(0)
+    # first order promises 950
+    own._try((LinkLumping(),), null, [[()]], 50.0)
+    assert own.tried[frozenset([LinkLumping().label])].fit.objective == taken
+    assert own.fitter.machine_slopes == "of the null"
 
 
 @pytest.mark.parametrize(

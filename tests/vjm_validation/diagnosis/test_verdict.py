@@ -10,7 +10,7 @@ from vjm.effects.actuator_hardening import RATIO, ActuatorHardening
 from vjm_validation.diagnosis.command import _residual_words
 from vjm_validation.diagnosis.instrument import InstrumentZero, ThermalDrift
 from vjm_validation.diagnosis.misfit import Misfit
-from vjm_validation.diagnosis.search import Ranked
+from vjm_validation.diagnosis.ranked import Ranked
 from vjm_validation.diagnosis.unknowns import coordinates
 from vjm_validation.diagnosis.verdict import PAYS, Verdict, _elsewhere, _quiet, needless, proved
 

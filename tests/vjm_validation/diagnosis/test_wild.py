@@ -103,6 +103,17 @@ def test_samples_at_random_are_accidents(monkeypatch):
     assert np.array_equal(few(observed, found), found)
 
 
+@pytest.mark.parametrize(("many", "accident"), [(22, True), (90, False)])
+def test_samples_that_lie_together_among_many_others_are_accidents(monkeypatch, many, accident):
+    # cycles, the same places over and over: all that are wild lie in one half of them, unlikely as that is
+    place = np.tile(np.linspace(0.0, 1.0, 50), 20)
+    observed = placed(monkeypatch, place)
+    found = np.zeros((1000, 6))
+    at = np.sort(np.random.default_rng(1).choice(np.flatnonzero(place < 0.5), many, replace=False))
+    found[at, 0] = (-1.0) ** np.arange(many)
+    assert few(observed, found).any() == accident
+
+
 @pytest.mark.parametrize(("ways", "accident"), [((1.0, 1.0, 1.0), False), ((1.0, -1.0, 1.0), True)])
 def test_neighbours_that_are_off_the_same_way_are_what_the_machine_does(monkeypatch, ways, accident):
     observed = placed(monkeypatch, np.linspace(-1.0, 1.0, 100))

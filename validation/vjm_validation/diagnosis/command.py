@@ -43,7 +43,8 @@ from vjm_validation.diagnosis.marks import marks_gain, with_one_more
 from vjm_validation.diagnosis.observed import Observed, observe
 from vjm_validation.diagnosis.page import write_page
 from vjm_validation.diagnosis.preparation import Prepared, effects_of, possible, prepare, refresh
-from vjm_validation.diagnosis.search import Ranked, Search
+from vjm_validation.diagnosis.ranked import Ranked
+from vjm_validation.diagnosis.search import Search
 from vjm_validation.diagnosis.transfer import transfer
 from vjm_validation.diagnosis.verdict import DOUBTFUL, STRAINED, Verdict, judge, proved
 from vjm_validation.measurement import Measurement, read_measurement

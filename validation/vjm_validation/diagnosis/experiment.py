@@ -107,7 +107,7 @@ def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
         times = max((min(n, MOST) for n in enough if n <= HELPS * MOST), default=1)
         often = _told(fitter, fits, posture, name, ends, times) if times > 1 else told
         if not _better(often, told):
-            # readings that decide nothing only show how a law differs from the machine's
+            # readings that decide nothing are not worth their time
             often = told
         if _better(often, best):
             best = often

@@ -14,7 +14,8 @@ from vjm.rotations import Array
 from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.folds import Fold
 from vjm_validation.diagnosis.holdout import Gain, Split, refitted_without, unsure
-from vjm_validation.diagnosis.search import MOST_CAUSES, Ranked, Search
+from vjm_validation.diagnosis.ranked import Ranked
+from vjm_validation.diagnosis.search import MOST_CAUSES, Search
 
 THIRD = 3
 """Every so many marks one is held out; in turn each but the first and the last."""

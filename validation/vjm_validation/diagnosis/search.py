@@ -16,6 +16,7 @@ from vjm.rotations import Array
 from vjm_validation.diagnosis.criterion import criterion
 from vjm_validation.diagnosis.fitting import Fit, Fitter
 from vjm_validation.diagnosis.misfit import Misfit, misfit
+from vjm_validation.diagnosis.ranked import Ranked
 from vjm_validation.diagnosis.screening import (
     STRONG,
     Score,
@@ -69,29 +70,6 @@ POLISHED, ASTRAY = 3, 2
 """Hypotheses of one size whose fits are made exact, and of those further behind that had not come to an end."""
 ALONE = 0.5
 """Share of what a further cause explains that may be of a single reading."""
-
-
-@dataclass(frozen=True, eq=False)
-class Ranked:
-    """A hypothesis with its fit and its worth.
-
-    Attributes:
-        fit: at its best.
-        criterion: objective and what its parameters cost; the smaller the better.
-    """
-
-    fit: Fit
-    criterion: float
-
-    @property
-    def labels(self) -> frozenset[str]:
-        """Its effects."""
-        return frozenset(effect.label for effect in self.fit.hypothesis)
-
-    @property
-    def causes(self) -> frozenset[str]:
-        """Its causes."""
-        return frozenset(effect.cause for effect in self.fit.hypothesis)
 
 
 @dataclass
@@ -157,6 +135,12 @@ class Search:
                         [[*base.values, v] for v in score.starts],
                         score.explained,
                     )
+            if dragged:
+                # nor is what they can imitate to first order thereby impossible
+                shown = {score.effect.label for score in ranked}
+                for effect in (e for e in self.effects if e.label not in shown):
+                    if not self._beaten(frozenset([effect.label])):
+                        self._try((effect,), base, [[trial] for trial in effect.trials()])
             if step == 1:
                 self._pairs(best, found)
             if step == 0 and self.restarts < RESTARTS and self._null_from(base):
@@ -292,6 +276,9 @@ class Search:
         if counts and (best is None or best.objective >= hoped + SHORT_OF):
             smaller = [[*values[:-1], towards_nothing(hypothesis[-1], values[-1], SMALLER)] for values in starts]
             best = _lower(best, self._fitted(hypothesis, begin, smaller, target, hoped + SHORT_OF))
+            if best is None or best.objective >= hoped + SHORT_OF:
+                # slopes by the machine's nuisances have led it astray
+                best = _lower(best, self._exact(hypothesis, begin, starts[0]))
         if (
             best is not None
             and key > {e.label for e in base.hypothesis}
@@ -362,12 +349,17 @@ class Search:
 
     def _polish(self, ranked: Ranked) -> None:
         """The exact fit, by how the machine's own nuisances act beside the hypothesis' causes."""
-        fitter, m = self.fitter, len(self.fitter.nuisances)
-        slopes = fitter.machine_slopes
-        fit = fitter.fit(ranked.fit.hypothesis, ranked.fit.at.z[:m], ranked.fit.values, fresh=True)
-        fitter.machine_slopes = slopes
+        m = len(self.fitter.nuisances)
+        fit = self._exact(ranked.fit.hypothesis, ranked.fit.at.z[:m], ranked.fit.values)
         if fit is not None:
             self.tried[ranked.labels] = Ranked(fit, self._criterion(fit))
+
+    def _exact(self, hypothesis: Hypothesis, begin: Array, values: Sequence[Sequence[float]]) -> Fit | None:
+        """A fit with slopes by the machine's nuisances of its own; the others keep theirs."""
+        slopes = self.fitter.machine_slopes
+        fit = self.fitter.fit(hypothesis, begin, values, fresh=True)
+        self.fitter.machine_slopes = slopes
+        return fit
 
     def _pruned(self, best: Ranked) -> Ranked:
         """Without causes that the others have made superfluous."""

@@ -11,7 +11,8 @@ from vjm_validation.diagnosis.classes import best_verdict
 from vjm_validation.diagnosis.criterion import size_covariance, would_not_show
 from vjm_validation.diagnosis.fitting import Fitter
 from vjm_validation.diagnosis.misfit import Misfit
-from vjm_validation.diagnosis.search import Ranked, Search
+from vjm_validation.diagnosis.ranked import Ranked
+from vjm_validation.diagnosis.search import Search
 from vjm_validation.diagnosis.stopping import WRONG_LAW
 
 MISFIT, DOUBTFUL = 0.001, 0.01
