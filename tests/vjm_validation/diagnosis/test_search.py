@@ -194,38 +194,36 @@ def test_a_gauge_drifts_by_one_law(monkeypatch, second, fitted):
     assert (len(own.tried) == 2) is fitted
 
 
-@pytest.mark.parametrize(("p", "fitted"), [(1e-4, True), (0.1, False)])
-def test_what_has_no_size_is_fitted_whatever_its_slope_says(monkeypatch, p, fitted):
-    channels = ("ux_mm", "fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm")
-    louder = [InstrumentZero(part=channel) for channel in channels]
-    scores = [SimpleNamespace(effect=effect, p=1e-9, starts=[()], explained=50.0) for effect in louder]
-    scores.append(SimpleNamespace(effect=LinkLumping(), p=p, starts=[()], explained=30.0))
-    own, tried = search(), []
+def first_tried(monkeypatch, own, shown):
+    """The causes that a search fits alone, by their scores."""
+    tried = []
     own.fitter.differentiate_near = lambda *_: None
     own.null.values = []
-    for name, what in (("_signatures", []), ("_scores", scores), ("_null_from", False), ("_better", None)):
-        monkeypatch.setattr(Search, name, lambda *_, what=what: what)
-    monkeypatch.setattr(Search, "_criterion", lambda self, fit: fit.objective)
-    monkeypatch.setattr(Search, "_try", lambda self, hypothesis, *_: tried.append(hypothesis[-1]))
-    monkeypatch.setattr("vjm_validation.diagnosis.search.threshold", lambda ranked: 1e-4)
-    own.run()
-    assert (LinkLumping() in tried) is fitted
-    assert [effect for effect in tried if effect != LinkLumping()] == louder[:SHORT]
-
-
-@pytest.mark.parametrize("dragged", [False, True])
-def test_what_dragged_nuisances_can_imitate_is_fitted_all_the_same(monkeypatch, dragged):
-    own, tried = search(dragged=dragged), []
-    own.fitter.differentiate_near = lambda *_: None
-    own.null.values = []
-    # to first order one of the two shows nothing that the nuisances do not
-    shown = [SimpleNamespace(effect=ONE, p=1e-9, starts=[(1.0,)], explained=50.0)]
     for name, what in (("_signatures", []), ("_scores", shown), ("_null_from", False), ("_better", None)):
         monkeypatch.setattr(Search, name, lambda *_, what=what: what)
     monkeypatch.setattr(Search, "_criterion", lambda self, fit: fit.objective)
     monkeypatch.setattr(Search, "_try", lambda self, hypothesis, *_: tried.append(hypothesis[-1]))
     monkeypatch.setattr("vjm_validation.diagnosis.search.threshold", lambda ranked: 1e-4)
     own.run()
+    return tried
+
+
+@pytest.mark.parametrize(("p", "fitted"), [(1e-4, True), (0.1, False)])
+def test_what_has_no_size_is_fitted_whatever_its_slope_says(monkeypatch, p, fitted):
+    channels = ("ux_mm", "fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm")
+    louder = [InstrumentZero(part=channel) for channel in channels]
+    scores = [SimpleNamespace(effect=effect, p=1e-9, starts=[()], explained=50.0) for effect in louder]
+    scores.append(SimpleNamespace(effect=LinkLumping(), p=p, starts=[()], explained=30.0))
+    tried = first_tried(monkeypatch, search(), scores)
+    assert (LinkLumping() in tried) is fitted
+    assert [effect for effect in tried if effect != LinkLumping()] == louder[:SHORT]
+
+
+@pytest.mark.parametrize("dragged", [False, True])
+def test_what_dragged_nuisances_can_imitate_is_fitted_all_the_same(monkeypatch, dragged):
+    # to first order one of the two shows nothing that the nuisances do not
+    shown = [SimpleNamespace(effect=ONE, p=1e-9, starts=[(1.0,)], explained=50.0)]
+    tried = first_tried(monkeypatch, search(dragged=dragged), shown)
     assert tried == ([ONE, OTHER] if dragged else [ONE])
 
 
