@@ -55,7 +55,7 @@ bench: $(VENV)/.test $(VENV)/.project
 
 # An interrupted campaign goes on where it was.
 blind: $(VENV)/.project
-	$(BIN)/python -m vjm_validation.blind --readme README.md $(ARGS)
+	$(BIN)/python -m hidden_effects --readme README.md $(ARGS)
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check

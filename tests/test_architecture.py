@@ -142,7 +142,7 @@ def test_model_files_are_installed():
 
 def test_validate_is_a_command():
     (command,) = importlib.metadata.entry_points(group="console_scripts", name="validate")
-    assert command.value == "vjm_validation.cli:main"
+    assert command.value == "vjm_validation.cli.main:main"
 
 
 def test_one_version_everywhere():

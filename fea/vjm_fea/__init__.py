@@ -1,5 +1,5 @@
 """The parts of a chain as geometrically nonlinear beams, solved by finite elements."""
 
-from vjm_fea.exudyn_engine import ExudynEngine
+from vjm_fea.exudyn.engine import ExudynEngine
 
 __all__ = ["ExudynEngine"]

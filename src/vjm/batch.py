@@ -1,6 +1,6 @@
 """Many paths at once over processes, or many of anything else: calibrations, diagnoses, studies.
 
-`walk_all` takes engines, chains and programmes, `map_all` a function and its arguments. Results come in the order
+`trace_all` takes engines, chains and load cases, `map_all` a function and its arguments. Results come in the order
 of the items and do not depend on the number of processes, which share nothing: each item is computed from itself
 alone. Not even lumped models are shared between walks: theirs keep the modes that they found last.
 
@@ -23,11 +23,11 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, Generic, TypeVar
 
-from vjm.chain import Chain
+from vjm.continuation.path import Path
 from vjm.engine import Engine
-from vjm.equilibrium import NoConvergenceError
-from vjm.paths import Path
-from vjm.programme import Programme
+from vjm.model.chain import Chain
+from vjm.model.load_case import LoadCase
+from vjm.statics.equilibrium import NoConvergenceError
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -52,12 +52,12 @@ class Task:
     Attributes:
         engine: any that can be pickled.
         chain: the machine.
-        programme: what is done to it.
+        load_case: what is done to it.
     """
 
     engine: Engine
     chain: Chain
-    programme: Programme
+    load_case: LoadCase
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Failure:
     message: str
 
 
-def walk_all(
+def trace_all(
     tasks: Sequence[Task],
     jobs: int = 1,
     progress: Progress | None = None,
@@ -82,8 +82,8 @@ def walk_all(
 ) -> list[Path | Failure]:
     """Walk many paths.
 
-    A path that ends early says so itself, see `vjm.paths.Path.stopped`. A task that has none at all, because of its
-    chain, its programme or a solver, is a `Failure` in its place and stops no other.
+    A path that ends early says so itself, see `vjm.continuation.path.Path.stopped`. A task that has none at all,
+    because of its chain, its load case or a solver, is a `Failure` in its place and stops no other.
 
     Args:
         tasks: in any order; the longest first use the processes best.
@@ -149,11 +149,11 @@ def map_all(
 def _walk(task: Task) -> Path | Failure:
     """The path of a task, or why there is none."""
     try:
-        task.chain.posture(task.programme.posture)
+        task.chain.posture(task.load_case.posture)
     except KeyError as error:
         return Failure("KeyError", str(error.args[0]))
     try:
-        return task.engine.walk(task.chain, task.programme)
+        return task.engine.trace(task.chain, task.load_case)
     except (NoConvergenceError, ValueError) as error:
         return Failure(type(error).__name__, str(error))
 

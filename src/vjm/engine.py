@@ -1,13 +1,13 @@
-"""What every engine is: something that walks a chain through a programme and returns its path."""
+"""What every engine is: something that walks a chain through a load case and returns its path."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Protocol
 
-from vjm.chain import Chain
-from vjm.paths import Path
-from vjm.programme import Programme
+from vjm.continuation.path import Path
+from vjm.model.chain import Chain
+from vjm.model.load_case import LoadCase
 
 
 class Engine(Protocol):
@@ -20,12 +20,12 @@ class Engine(Protocol):
     @property
     def label(self) -> str: ...  # noqa: D102
 
-    def walk(self, chain: Chain, programme: Programme, progress: Callable[[float], None] | None = None) -> Path:
-        """Take the chain through the programme, staying on the stable path.
+    def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
+        """Take the chain through the load case, staying on the stable path.
 
         Args:
             chain: the machine; the engine splits or meshes its beams as it needs.
-            programme: what is done to it.
+            load_case: what is done to it.
             progress: called with the fraction done.
 
         Raises:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from vjm.arc_length import walk
-from vjm.chain import FOOT, Chain
-from vjm.imperfections import buckling_shape
-from vjm.lumped import LumpedModel
-from vjm.lumped_problem import LumpedProblem
-from vjm.parts import Placement
-from vjm.paths import Path
-from vjm.programme import Programme
+from vjm.continuation.arc_length import trace
+from vjm.continuation.imperfections import buckling_shape
+from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.continuation.path import Path
+from vjm.model.chain import FOOT, Chain
+from vjm.model.load_case import LoadCase
+from vjm.model.lumped import LumpedModel
+from vjm.model.parts import Placement
 
 
 @dataclass(frozen=True)
@@ -56,14 +56,14 @@ class VjmEngine:
             chain = chain.refined({FOOT: self.foot_segments}, self.placement)
         return LumpedModel(chain)
 
-    def problem(self, chain: Chain, programme: Programme) -> LumpedProblem:
-        """The chain with this engine's springs under a programme, ready to be followed."""
-        if programme.imperfection == 0.0:
-            return LumpedProblem(self.model(chain), programme, self.label)
-        bow = programme.imperfection * buckling_shape(self, chain, programme)
-        return LumpedProblem(self.model(chain), programme, self.label, bow)
+    def problem(self, chain: Chain, load_case: LoadCase) -> LumpedProblem:
+        """The chain with this engine's springs under a load case, ready to be followed."""
+        if load_case.imperfection == 0.0:
+            return LumpedProblem(self.model(chain), load_case, self.label)
+        bow = load_case.imperfection * buckling_shape(self, chain, load_case)
+        return LumpedProblem(self.model(chain), load_case, self.label, bow)
 
-    def walk(self, chain: Chain, programme: Programme, progress: Callable[[float], None] | None = None) -> Path:
-        """Take the chain through the programme; see `vjm.following.follow` and `vjm.arc_length.follow_arc`."""
-        path = walk(self.problem(chain, programme), programme, progress=progress)
+    def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
+        """Trace the equilibrium path; see `vjm.continuation.load_stepping` and `vjm.continuation.arc_length`."""
+        path = trace(self.problem(chain, load_case), load_case, progress=progress)
         return replace(path, model=chain.name, model_sha256=chain.sha256)

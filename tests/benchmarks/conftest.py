@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from vjm.chain import Chain
 from vjm.io.files import write_whole
 from vjm.io.model_file import load_chain
+from vjm.model.chain import Chain
 
 PACKAGES = ("numpy", "scipy", "numba", "exudyn")
 ROWS = pytest.StashKey[list[dict]]()

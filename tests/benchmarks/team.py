@@ -12,10 +12,10 @@ import time
 import numpy as np
 
 from vjm.io.manipulator_file import load_manipulator
-from vjm.manipulator.many import packed_machine, platforms
+from vjm.platform.batch_equilibria import packed_machine, platforms
 from vjm.vjm_engine import VjmEngine
-from vjm_validation.maps.evaluate import OK, MapTask, Quantity, evaluate
-from vjm_validation.maps.grid import parsed_grid
+from vjm_updating.maps.evaluate import OK, MapTask, Quantity, evaluate
+from vjm_updating.maps.pose_grid import parsed_grid
 
 ROBOT = "orthoglide"
 POSES = 5_000

@@ -6,18 +6,18 @@ import time
 import numpy as np
 import pytest
 
+from vjm.continuation.load_stepping import Problem
+from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.continuation.path import EventKind, Path
 from vjm.engine import Engine
-from vjm.following import Problem
-from vjm.lumped_problem import LumpedProblem
-from vjm.paths import EventKind, Path
-from vjm.programme import Programme
+from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine
-from vjm_fea.exudyn_engine import ExudynEngine
+from vjm_fea.exudyn.engine import ExudynEngine
 
 ELEMENTS = 16
 """In bar and foot each, of both engines."""
 RUNS = 5
-PROGRAMME = Programme("A", to=-4.0)
+PROGRAMME = LoadCase("A", to=-4.0)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def exudyn() -> ExudynEngine:
 def seconds_of_walk(engine: Engine, chain) -> tuple[float, Path]:
     """One walk, the model's assembly and the location of the bifurcation included."""
     started = time.perf_counter()
-    path = engine.walk(chain, PROGRAMME)
+    path = engine.trace(chain, PROGRAMME)
     return time.perf_counter() - started, path
 
 
@@ -60,7 +60,7 @@ def test_speed_and_error(chain, vjm, exudyn, record):
         vjm: LumpedProblem(vjm.model(chain), PROGRAMME, vjm.label),
         exudyn: exudyn.problem(chain, PROGRAMME),
     }
-    vjm.walk(chain, PROGRAMME)  # compiles
+    vjm.trace(chain, PROGRAMME)  # compiles
     walks, points, paths = {vjm: [], exudyn: []}, {vjm: [], exudyn: []}, {}
     for _ in range(RUNS):
         # side by side, so that other work on the machine meets both
@@ -76,20 +76,20 @@ def test_speed_and_error(chain, vjm, exudyn, record):
     assert len(paths[vjm].points) == pytest.approx(len(paths[exudyn].points), rel=0.1)
     assert paths[vjm].force[-1] == pytest.approx(paths[exudyn].force[-1], rel=1e-4)
 
-    walk = {engine: statistics.median(seconds) for engine, seconds in walks.items()}
+    trace = {engine: statistics.median(seconds) for engine, seconds in walks.items()}
     point = {engine: statistics.median(seconds) for engine, seconds in points.items()}
-    by_walk, by_point = walk[exudyn] / walk[vjm], point[exudyn] / point[vjm]
+    by_walk, by_point = trace[exudyn] / trace[vjm], point[exudyn] / point[vjm]
     value = min(by_walk, by_point)
     record("speedup_vs_exudyn", value, "", ">= 50", value >= 50.0)
     record("speedup_vs_exudyn_walk", by_walk, "", "", True)
     record("speedup_vs_exudyn_equilibrium", by_point, "", "", True)
     for name, engine in (("vjm", vjm), ("exudyn", exudyn)):
-        record(f"walk_{name}_16_s", walk[engine], "s", "", True)
+        record(f"walk_{name}_16_s", trace[engine], "s", "", True)
         record(f"equilibrium_{name}_16_s", point[engine], "s", "", True)
 
     # both against the lumped model with four times the springs, placed best: with 128 it is the same to 5e-11, and
     # finite elements agree with it to 2e-7 where they are 32
-    reference = VjmEngine(64, 64).walk(chain, PROGRAMME).critical.force
+    reference = VjmEngine(64, 64).trace(chain, PROGRAMME).critical.force
     error = {engine: abs(path.critical.force / reference - 1.0) for engine, path in paths.items()}
     assert max(error.values()) < 1e-3
     limit = f"<= {error[exudyn]:.2g}"

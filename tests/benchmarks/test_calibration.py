@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from vjm.grid import walk_grid
-from vjm.programme import Programme
+from vjm.continuation.load_grid import trace_grid
+from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine
-from vjm_validation.calibration.command import calibrate, prepare
+from vjm_updating.calibrate.command import calibrate, prepare
 
 ENGINE = VjmEngine(8, 8)
 RAMPS = {"A": (4.0, -4.0), "B": (4.0, -12.0), "C": (4.0, -3.0)}
@@ -27,7 +27,7 @@ def readings(chain):
     yield ",".join(["posture", "ux_mm", *NOISE])
     for posture, ends in RAMPS.items():
         for to in ends:
-            found = walk_grid(ENGINE.problem(true, Programme(posture, to)), np.linspace(0.0, abs(to), 101))
+            found = trace_grid(ENGINE.problem(true, LoadCase(posture, to)), np.linspace(0.0, abs(to), 101))
             assert not found.stopped
             # without the unloaded one
             for s, wrench in zip(found.s[1:101], found.wrench[1:101], strict=True):

@@ -9,7 +9,7 @@ import time
 RUNS = 5
 """Of the later ones."""
 COMMAND = [
-    sys.executable, "-c", "from vjm_validation.cli import main; main()",
+    sys.executable, "-c", "from vjm_validation.cli.main import main; main()",
     "curve", "orthoglide-chain", "--posture", "A", "--to", "-4",
 ]  # fmt: skip
 

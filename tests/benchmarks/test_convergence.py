@@ -6,11 +6,11 @@ import time
 import numpy as np
 import pytest
 
-from vjm.equilibrium import TOLERANCE
+from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.continuation.path import EventKind
 from vjm.io.model_file import load_chain
-from vjm.lumped_problem import LumpedProblem
-from vjm.paths import EventKind
-from vjm.programme import Programme
+from vjm.model.load_case import LoadCase
+from vjm.statics.equilibrium import TOLERANCE
 from vjm.vjm_engine import VjmEngine
 
 RUNS = 11
@@ -18,10 +18,10 @@ GRID = np.linspace(0.0, 2.0, 101)
 """Of the march whose cost is compared, mm in compression: up to 6.5 kN of 8.8."""
 
 
-def critical_force(chain, programme, n):
+def critical_force(chain, load_case, n):
     """The bifurcation's force with n springs in every beam, the foot too if there is one."""
     foot = n if len(chain.beams) > 1 else None
-    event = VjmEngine(n, foot).walk(chain, programme).critical
+    event = VjmEngine(n, foot).trace(chain, load_case).critical
     assert event.kind is EventKind.BIFURCATION
     return event.force
 
@@ -30,7 +30,7 @@ class March:
     """Equilibrium, factorisation with its inertia, and K^F at every point of the grid, n springs in the bar."""
 
     def __init__(self, chain, n):
-        self.problem = LumpedProblem(VjmEngine(n).model(chain), Programme("A", to=-GRID[-1]), f"vjm-{n}")
+        self.problem = LumpedProblem(VjmEngine(n).model(chain), LoadCase("A", to=-GRID[-1]), f"vjm-{n}")
         self.start = self.problem.unloaded().state
         self.seconds = []
         self.run()  # compiles
@@ -40,7 +40,7 @@ class March:
         model, size = self.problem.model, self.problem.model.size
         started = time.perf_counter()
         good, why, _, force, stiffness, residual, iterations = model.compiled.march(
-            self.problem.target(0.0), self.problem.programme.direction, GRID,
+            self.problem.target(0.0), self.problem.load_case.direction, GRID,
             self.start[:size], self.start[size : size + 6], TOLERANCE, 30,
         )  # fmt: skip
         seconds = time.perf_counter() - started
@@ -65,11 +65,11 @@ def test_cost_grows_with_the_number_of_springs(chain, record):
 
 
 def test_error_of_few_springs(chain, record):
-    programme = Programme("A", to=-4.0)
-    reference = critical_force(chain, programme, 64)
+    load_case = LoadCase("A", to=-4.0)
+    reference = critical_force(chain, load_case, 64)
     assert reference == pytest.approx(8849.117, rel=1e-6)
     for n, limit in ((4, 1e-3), (8, 1e-4)):
-        error = abs(critical_force(chain, programme, n) / reference - 1.0)
+        error = abs(critical_force(chain, load_case, n) / reference - 1.0)
         record(f"critical_load_error_n{n}", error, "", f"<= {limit:.0e}".replace("e-0", "e-"), error <= limit)
 
 
@@ -81,9 +81,9 @@ def test_order_of_convergence(record):
     assert np.isinf(section.GAy)
     euler = np.pi**2 * section.EIz / beam.length**2
     load = 0.5 * section.EA * (1.0 - np.sqrt(1.0 - 4.0 * euler / section.EA))
-    programme = Programme("straight", to=-1.5 * load * beam.length / section.EA)
+    load_case = LoadCase("straight", to=-1.5 * load * beam.length / section.EA)
     n = np.array([2, 4, 8, 16, 32, 64])
-    error = np.abs([critical_force(chain, programme, int(k)) / load - 1.0 for k in n])
+    error = np.abs([critical_force(chain, load_case, int(k)) / load - 1.0 for k in n])
     assert error[-1] < 1e-9
     order = np.log2(error[:-1] / error[1:])
     # from 16 springs on the error is rounding

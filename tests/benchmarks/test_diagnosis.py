@@ -5,13 +5,12 @@ from __future__ import annotations
 import time
 
 import numpy as np
+from hidden_effects.causes import catalogue
+from hidden_effects.noise import with_nuisances
+from hidden_effects.rig import drawn
 
-from vjm_validation.blind.causes import catalogue
-from vjm_validation.blind.designs import WRENCH, Design, Known, Sequence
-from vjm_validation.blind.noise import read, with_nuisances
-from vjm_validation.blind.rig import drawn
-from vjm_validation.blind.sheets import data_text, sheet_text
-from vjm_validation.diagnosis.command import diagnose
+from vjm_updating.diagnose.command import diagnose
+from vjm_validation.virtual_rig import WRENCH, Design, Known, Sequence, data_text, read, sheet_text
 
 INSTRUMENTS = {"ux_mm": Known(0.001, 0.002, 0.001)} | {
     name: Known(2.0, 3.0, 0.003) if name[0] == "f" else Known(150.0, 300.0, 0.003) for name in WRENCH

@@ -10,9 +10,9 @@ import pytest
 
 from vjm.io.manipulator_file import load_manipulator
 from vjm.vjm_engine import VjmEngine
-from vjm_validation.maps.evaluate import OK, Quantity
-from vjm_validation.maps.grid import parsed_grid
-from vjm_validation.maps.run import Map, run_map
+from vjm_updating.maps.evaluate import OK, Quantity
+from vjm_updating.maps.pose_grid import parsed_grid
+from vjm_updating.maps.run import Map, run_map
 
 ROBOT, POSES = "orthoglide", 5_000
 A_MINUTE, EACH_US = 1e6, 120.0

@@ -8,10 +8,10 @@ import time
 import numpy as np
 import pytest
 
-from vjm.chain import Chain
-from vjm.grid import GridPath, walk_grid
-from vjm.lumped_problem import LumpedProblem
-from vjm.programme import Programme
+from vjm.continuation.load_grid import GridPath, trace_grid
+from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.model.chain import Chain
+from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine
 
 RUNS = 7
@@ -32,8 +32,8 @@ print(int(status["VmHWM"].split()[0]) * 1024 / 1e6)
 def experiment(chain: Chain) -> dict[str, GridPath]:
     """Equilibrium, K^F and stability at every displacement, model and problem made anew."""
     return {
-        posture: walk_grid(
-            LumpedProblem(VjmEngine().model(chain), Programme(posture, 4.0), "vjm-paper"), GRID
+        posture: trace_grid(
+            LumpedProblem(VjmEngine().model(chain), LoadCase(posture, 4.0), "vjm-paper"), GRID
         )
         for posture in END_FORCE
     }  # fmt: skip

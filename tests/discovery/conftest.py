@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hidden_effects.finder import diagnosed
+from hidden_effects.generate import make
+from hidden_effects.plan import Group, Plan
+from hidden_effects.signatures import Signatures, signatures
 
-from vjm_validation.blind.designs import WRENCH, Design, Known, Sequence
-from vjm_validation.blind.finder import diagnosed
-from vjm_validation.blind.making import make
-from vjm_validation.blind.plan import Group, Plan
-from vjm_validation.blind.signatures import Signatures, signatures
+from vjm_validation.virtual_rig import WRENCH, Design, Known, Sequence
 
 GOOD = {"ux_mm": Known(0.0005, 0.002, 0.001)} | {
     name: Known(2.0, 3.0, 0.003) if name[0] == "f" else Known(150.0, 300.0, 0.003) for name in WRENCH

@@ -9,11 +9,10 @@ import os
 
 import numpy as np
 import pytest
-
-from vjm_validation.blind.campaign import results, run
-from vjm_validation.blind.judging import right
-from vjm_validation.blind.plan import CAUSES, CONFUSABLE, Group, Plan
-from vjm_validation.blind.score import score
+from hidden_effects.campaign import results, run
+from hidden_effects.judging import right
+from hidden_effects.plan import CAUSES, CONFUSABLE, Group, Plan
+from hidden_effects.score import score
 
 pytestmark = pytest.mark.slow
 

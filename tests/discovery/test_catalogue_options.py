@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-
-from vjm_validation.blind.finder import diagnosed, understands
-from vjm_validation.blind.plan import Group
+from hidden_effects.finder import diagnosed, understands
+from hidden_effects.plan import Group
 
 
 @pytest.fixture(scope="module")

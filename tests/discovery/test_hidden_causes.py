@@ -8,9 +8,8 @@ docs/measured-data.md by `judging.right`.
 from __future__ import annotations
 
 import pytest
-
-from vjm_validation.blind.judging import right
-from vjm_validation.blind.plan import CAUSES, Group
+from hidden_effects.judging import right
+from hidden_effects.plan import CAUSES, Group
 
 QUICK = ("joint_friction", "actuator_backlash", "creep", "plasticity", "load_misalignment")
 """By bristles, soft walls, two terms, a gradual law, a tilt in any direction."""

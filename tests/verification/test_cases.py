@@ -7,9 +7,9 @@ judges; references are closed forms, other programs' or printed figures, never a
 import pytest
 
 from vjm_fea.opensees.backend import MISSING, available
-from vjm_validation.ladder.judging import case_rows
-from vjm_validation.ladder.library import library
-from vjm_validation.ladder.runner import answered
+from vjm_validation.verification.judging import case_rows
+from vjm_validation.verification.library import library
+from vjm_validation.verification.runner import answered
 
 SLOW = {
     # elements on a refined arc, in space, or many of them

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from vjm.io.model_file import load_chain
-from vjm.programme import Programme
+from vjm.model.load_case import LoadCase
 from vjm.rotations import rotation_from_vector
 from vjm.vjm_engine import VjmEngine
-from vjm_validation.ladder.invariance import TOLERANCE, TURN, difference, invariance_rows, turned
-from vjm_validation.ladder.library import case_by_name, library
-from vjm_validation.ladder.schema import BASELINES
+from vjm_validation.verification.invariance import TOLERANCE, TURN, difference, invariance_rows, turned
+from vjm_validation.verification.library import case_by_name, library
+from vjm_validation.verification.schema import BASELINES
 
 FAST = ("column-pinned", "cantilever-tip-force", "linear-l-frame", "toggle", "bend-45", "lumped-dead-follower")
 
@@ -32,20 +32,20 @@ def test_every_case_and_every_engine_is_invariant():
 
 def test_a_preferred_axis_would_show():
     chain = load_chain("orthoglide-chain")
-    programme = Programme("A", -3.0, steps=4)
-    here = VjmEngine(4).walk(chain, programme)
-    other, moved = turned(chain, programme, TURN)
-    # the base turned a little further than the programme: what a mixed-up frame would do
+    load_case = LoadCase("A", -3.0, steps=4)
+    here = VjmEngine(4).trace(chain, load_case)
+    other, moved = turned(chain, load_case, TURN)
+    # the base turned a little further than the load case: what a mixed-up frame would do
     spoilt = turned(other, moved, np.eye(3))[0]
     askew = rotation_from_vector([0.0, 1e-4, 0.0])
-    there = VjmEngine(4).walk(turned(spoilt, moved, askew)[0], moved)
+    there = VjmEngine(4).trace(turned(spoilt, moved, askew)[0], moved)
     assert difference(here, there, TURN) > 1e3 * TOLERANCE
 
 
-def test_partly_free_programmes_are_refused():
+def test_partly_free_load_cases_are_refused():
     chain = load_chain("orthoglide-chain")
     with pytest.raises(ValueError, match="cannot be turned"):
-        turned(chain, Programme("A", -1.0, free=("ry",)), TURN)
+        turned(chain, LoadCase("A", -1.0, free=("ry",)), TURN)
 
 
 def test_linear_families_are_not_turned():

@@ -3,8 +3,8 @@
 import pytest
 
 from vjm_fea.opensees.backend import MISSING, available
-from vjm_validation.ladder import triangulation as module
-from vjm_validation.ladder.triangulation import BEHIND, CRITICAL, CURVE, triangulation
+from vjm_validation.verification.study import triangulation as module
+from vjm_validation.verification.triangulation import BEHIND, CRITICAL, CURVE, triangulation
 
 
 def judged(rows):

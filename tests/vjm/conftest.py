@@ -10,13 +10,13 @@ import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from vjm.chain import Chain
-from vjm.equilibrium import Configuration, solve_newton
-from vjm.lumped import LumpedModel
-from vjm.parts import Actuator, Beam, PassiveJoint, Placement, RigidOffset, Section
-from vjm.paths import Path
-from vjm.programme import Programme
+from vjm.continuation.path import Path
+from vjm.model.chain import Chain
+from vjm.model.load_case import LoadCase
+from vjm.model.lumped import LumpedModel
+from vjm.model.parts import Actuator, Beam, PassiveJoint, Placement, RigidOffset, Section
 from vjm.rotations import AXES, displaced, frame, rotation_from_vector, translation
+from vjm.statics.equilibrium import Configuration, solve_newton
 from vjm.vjm_engine import VjmEngine
 
 # Derandomised: a failure on one machine is a failure on all. No deadline: the machines are shared.
@@ -100,7 +100,7 @@ def column() -> Chain:
 
 
 @pytest.fixture(scope="session")
-def walk(chain: Chain) -> Callable[..., Path]:
+def trace(chain: Chain) -> Callable[..., Path]:
     """Path of the paper's chain, walked once for all tests that ask for the same."""
     known: dict[tuple, Path] = {}
 
@@ -111,18 +111,18 @@ def walk(chain: Chain) -> Callable[..., Path]:
         key = (posture, to, segments, foot, placement, *sorted(ramp.items()))
         if key not in known:
             engine = VjmEngine(segments, foot, Placement(placement))
-            known[key] = engine.walk(chain, Programme(posture, to, **ramp))
+            known[key] = engine.trace(chain, LoadCase(posture, to, **ramp))
         return known[key]
 
     return walked
 
 
 @pytest.fixture(scope="session")
-def state(chain: Chain, walk) -> Callable[..., Configuration]:
+def state(chain: Chain, trace) -> Callable[..., Configuration]:
     """The stable equilibrium of the paper's chain at a displacement, as a configuration."""
 
     def at(posture: str, to: float, segments: int | None = None, placement: str = "best", **ramp) -> Configuration:
-        point = walk(posture, to, segments, placement=placement, **ramp).points[-1]
+        point = trace(posture, to, segments, placement=placement, **ramp).points[-1]
         model = VjmEngine(segments, placement=Placement(placement)).model(chain)
         return Configuration(
             model,

@@ -10,34 +10,34 @@ import numpy as np
 import pytest
 
 from vjm.baselines.linear import LinearEngine
-from vjm.batch import Failure, Task, map_all, walk_all
-from vjm.parts import Beam
-from vjm.paths import Path
-from vjm.programme import Programme
+from vjm.batch import Failure, Task, map_all, trace_all
+from vjm.continuation.path import Path
+from vjm.model.load_case import LoadCase
+from vjm.model.parts import Beam
 from vjm.vjm_engine import VjmEngine
 
 
 @pytest.fixture(scope="module")
 def tasks(chain) -> list[Task]:
-    """Postures, directions, engines, chains and programmes; two that cannot be done, and many that are short."""
+    """Postures, directions, engines, chains and load cases; two that cannot be done, and many that are short."""
     soft = chain.with_actuator_compliance(2e-6)
     bare = replace(chain, parts=tuple(replace(p, section=None) if isinstance(p, Beam) else p for p in chain.parts))
     wide = [
-        Task(engine, machine, Programme(posture, to, steps=5))
+        Task(engine, machine, LoadCase(posture, to, steps=5))
         for engine in (VjmEngine(), VjmEngine(4), LinearEngine())
         for machine in (chain, soft)
         for posture in "AB"
         for to in (-4.0, 4.0)
     ]
-    wide.insert(3, Task(VjmEngine(4), bare, Programme("A", -4.0)))
-    wide.insert(9, Task(VjmEngine(4), chain, Programme("Z", -4.0)))
-    return wide + [Task(VjmEngine(), chain, Programme("C", 1e-3 * (i + 1), steps=1)) for i in range(60)]
+    wide.insert(3, Task(VjmEngine(4), bare, LoadCase("A", -4.0)))
+    wide.insert(9, Task(VjmEngine(4), chain, LoadCase("Z", -4.0)))
+    return wide + [Task(VjmEngine(), chain, LoadCase("C", 1e-3 * (i + 1), steps=1)) for i in range(60)]
 
 
 @pytest.fixture(scope="module")
 def alone(tasks) -> list[Path | Failure]:
     """What one process makes of them."""
-    return walk_all(tasks)
+    return trace_all(tasks)
 
 
 class Log:
@@ -65,15 +65,15 @@ def bits(result: Path | Failure) -> object:
         for p in points
     ])  # fmt: skip
     events = [(event.kind, event.s, event.force, event.stiffness_after) for event in result.events]
-    return result.engine, result.programme, result.stopped, events, numbers.tobytes()
+    return result.engine, result.load_case, result.stopped, events, numbers.tobytes()
 
 
 def test_results_come_in_the_order_of_the_tasks(tasks, alone):
     assert len(alone) == len(tasks)
     for task, result in zip(tasks, alone, strict=True):
         if isinstance(result, Path):
-            assert (result.engine, result.programme) == (task.engine.label, task.programme)
-    own = tasks[0].engine.walk(tasks[0].chain, tasks[0].programme)
+            assert (result.engine, result.load_case) == (task.engine.label, task.load_case)
+    own = tasks[0].engine.trace(tasks[0].chain, tasks[0].load_case)
     assert bits(alone[0]) == bits(own)
 
 
@@ -88,7 +88,7 @@ def test_a_failure_stands_in_its_place(alone):
 
 def test_two_processes_make_the_same_to_the_last_bit(tasks, alone):
     log = Log()
-    together = walk_all(tasks, 2, log.on_progress, log.on_done)
+    together = trace_all(tasks, 2, log.on_progress, log.on_done)
     assert [bits(result) for result in together] == [bits(result) for result in alone]
     assert log.progress == [(i + 1, len(tasks)) for i in range(len(tasks))]
     assert [log.results[i] for i in range(len(tasks))] == together
@@ -104,10 +104,10 @@ def test_an_interrupted_batch_goes_on_with_what_is_left(tasks, alone):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        walk_all(tasks, done=keep)
+        trace_all(tasks, done=keep)
     left = [i for i in range(len(tasks)) if i not in kept]
     assert len(left) == len(tasks) - 12
-    for i, result in zip(left, walk_all([tasks[i] for i in left]), strict=True):
+    for i, result in zip(left, trace_all([tasks[i] for i in left]), strict=True):
         kept[i] = result
     assert [bits(kept[i]) for i in range(len(tasks))] == [bits(result) for result in alone]
 

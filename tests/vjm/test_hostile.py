@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm.chain import Chain
-from vjm.equilibrium import NoConvergenceError
-from vjm.parts import Beam, PassiveJoint, Section
-from vjm.paths import EventKind
-from vjm.programme import Load, Programme
+from vjm.continuation.path import EventKind
+from vjm.model.chain import Chain
+from vjm.model.load_case import Load, LoadCase
+from vjm.model.parts import Beam, PassiveJoint, Section
 from vjm.rotations import AXES
+from vjm.statics.equilibrium import NoConvergenceError
 from vjm.vjm_engine import VjmEngine
 
 Z = AXES["z"]
@@ -40,8 +40,8 @@ def single_spring(chain, compliance):
 
 @pytest.mark.parametrize("to", [-4.0, -100.0])
 def test_a_step_far_too_large_finds_the_first_bifurcation(chain, to):
-    path = VjmEngine(8).walk(chain, Programme("A", to, steps=1))
-    fine = VjmEngine(8).walk(chain, Programme("A", -4.0))
+    path = VjmEngine(8).trace(chain, LoadCase("A", to, steps=1))
+    fine = VjmEngine(8).trace(chain, LoadCase("A", -4.0))
     assert path.complete
     assert path.critical.s == pytest.approx(fine.critical.s, rel=1e-6)
     # the straight column has five unstable modes at 100 mm, but it loses them one after the other
@@ -53,15 +53,15 @@ def test_a_state_that_is_unstable_from_the_start_is_refused():
     beyond = Load((-2000.0, 0.0, 0.0, 0.0, 0.0, 0.0), ramped=False)
     column = pinned(SOFT)
     # half of Euler's load is borne, twice of it is not
-    programme = Programme("p", 0.1, "z", free=("x",), loads=(beyond,))
+    load_case = LoadCase("p", 0.1, "z", free=("x",), loads=(beyond,))
     with pytest.raises(NoConvergenceError, match=r"does not bear its constant loads: stable up to 0\.49"):
-        VjmEngine(8).walk(column, programme)
+        VjmEngine(8).trace(column, load_case)
 
 
 @pytest.mark.parametrize(("unequal", "multiplicity"), [(0.0, 2), (1e-8, 2), (1e-2, 1)])
 def test_columns_that_bend_nearly_alike_in_both_planes(unequal, multiplicity):
     section = Section(1e6, 1e6, 1e6 * (1.0 + unequal), 1e6)
-    path = VjmEngine(8).walk(pinned(section, both=True), Programme("p", -0.5))
+    path = VjmEngine(8).trace(pinned(section, both=True), LoadCase("p", -0.5))
     assert path.complete
     assert path.critical.force == pytest.approx(euler(section, 1e6), rel=1e-7)
     assert path.critical.multiplicity == multiplicity
@@ -75,31 +75,31 @@ def test_columns_that_bend_nearly_alike_in_both_planes(unequal, multiplicity):
 def test_a_singular_posture_is_refused(chain, posture):
     there = replace(chain, postures={"S": np.array(posture)})
     with pytest.raises(ValueError, match="posture S is singular: some of its passive joints move without"):
-        VjmEngine(4).walk(there, Programme("S", -1.0))
+        VjmEngine(4).trace(there, LoadCase("S", -1.0))
 
 
 def test_two_joints_in_one_place_are_a_singular_posture():
     parts = (PassiveJoint("a", Z), PassiveJoint("b", Z), Beam("link", 100.0, section=SOFT))
     with pytest.raises(ValueError, match="singular"):
-        VjmEngine(4).walk(Chain("double", parts, postures={"p": np.zeros(2)}), Programme("p", -1.0))
+        VjmEngine(4).trace(Chain("double", parts, postures={"p": np.zeros(2)}), LoadCase("p", -1.0))
 
 
 def test_a_nearly_singular_posture_is_walked_or_ends_with_its_reason(chain):
     there = replace(chain, postures={"S": np.array([0.0, 1.57, -1.57, 0.0])})
-    path = VjmEngine(4).walk(there, Programme("S", -4.0))
+    path = VjmEngine(4).trace(there, LoadCase("S", -4.0))
     assert path.complete or path.stopped
     assert max(p.residual for p in path.points) < 1e-10
 
 
 def test_directions_that_do_not_give_way_are_rigid(chain):
     """The plane of posture A does not need the bar's other bending: without it the answer is the same."""
-    full = VjmEngine().walk(chain, Programme("A", 3.0))
+    full = VjmEngine().trace(chain, LoadCase("A", 3.0))
     link = next(beam for beam in chain.beams if beam.name == "link")
     compliance = link.compliance / link.count
     rigid = compliance.copy()
     for k in (2, 3, 4):
         rigid[k, :] = rigid[:, k] = 0.0
-    path = VjmEngine().walk(single_spring(chain, rigid), Programme("A", 3.0))
+    path = VjmEngine().trace(single_spring(chain, rigid), LoadCase("A", 3.0))
     assert path.complete
     assert path.critical.force == pytest.approx(full.critical.force, rel=1e-9)
     assert path.tangent[0] == pytest.approx(full.tangent[0], rel=1e-9)
@@ -115,11 +115,11 @@ def rod() -> Chain:
 
 def test_a_chain_that_cannot_move_is_not_held():
     with pytest.raises(ValueError, match="rod, posture p cannot move in every direction"):
-        VjmEngine().walk(rod(), Programme("p", 0.1))
+        VjmEngine().trace(rod(), LoadCase("p", 0.1))
 
 
 def test_a_chain_that_only_stretches_is_a_straight_line():
-    path = VjmEngine().walk(rod(), Programme("p", 0.1, free=("y", "z", "rx", "ry", "rz")))
+    path = VjmEngine().trace(rod(), LoadCase("p", 0.1, free=("y", "z", "rx", "ry", "rz")))
     assert path.complete
     assert path.force[-1] == pytest.approx(1000.0, rel=1e-10)
     assert path.points[-1].wrench[1:] == pytest.approx(np.zeros(5), abs=1e-9)
@@ -137,7 +137,7 @@ def test_a_matrix_that_is_no_compliance_is_refused(chain, spoil):
     else:
         k[1, 1] = np.nan
     with pytest.raises(ValueError, match="part 'link': its compliance is not positive definite"):
-        VjmEngine().walk(single_spring(chain, k), Programme("A", 1.0))
+        VjmEngine().trace(single_spring(chain, k), LoadCase("A", 1.0))
 
 
 @pytest.mark.parametrize("name", ["EA", "GJ", "EIy", "EIz", "GAy", "GAz"])
@@ -157,7 +157,7 @@ def test_stiffnesses_far_apart_leave_the_critical_load_alone(ratio, where):
         stiff = Section(1e6 * ratio, 1e6 * ratio, 2e6 * ratio, 1e6 * ratio)
         parts = (Beam("root", 50.0, section=stiff), *pinned(SOFT).parts, Beam("tip", 30.0, section=stiff))
         column = Chain("column", parts, postures={"p": np.zeros(2)})
-    path = VjmEngine(8).walk(column, Programme("p", -0.5))
+    path = VjmEngine(8).trace(column, LoadCase("p", -0.5))
     assert path.complete
     assert path.critical.kind is EventKind.BIFURCATION
     assert path.critical.force == pytest.approx(euler(SOFT, 1e6), rel=1e-6)

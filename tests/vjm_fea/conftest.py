@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vjm.chain import Chain
-from vjm.parts import Beam, PassiveJoint, Section
+from vjm.model.chain import Chain
+from vjm.model.parts import Beam, PassiveJoint, Section
 from vjm.rotations import AXES, rotation_from_vector
 
 
@@ -76,7 +76,7 @@ def orthoglide():
 @pytest.fixture(scope="session")
 def linear_stiffness():
     """Unloaded stiffness (6, 6) of the lumped model, equation (5): one spring a beam is exact there."""
-    from vjm.lumped import LumpedModel
+    from vjm.model.lumped import LumpedModel
 
     def stiffness(chain, q):
         model = LumpedModel(chain)

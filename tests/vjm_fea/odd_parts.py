@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from vjm.chain import Chain
-from vjm.parts import Beam, RigidOffset, Section
+from vjm.model.chain import Chain
+from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import frame, rotation_from_vector
 
 

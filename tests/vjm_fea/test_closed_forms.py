@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from vjm.chain import Chain
-from vjm.parts import Beam, PassiveJoint, Section
-from vjm.paths import EventKind
-from vjm.programme import Programme
+from vjm.continuation.path import EventKind
+from vjm.model.chain import Chain
+from vjm.model.load_case import LoadCase
+from vjm.model.parts import Beam, PassiveJoint, Section
 from vjm.rotations import AXES, displaced, frame, rotation_from_vector
 from vjm_fea import ExudynEngine
-from vjm_fea.backend import exu, items
+from vjm_fea.exudyn.backend import exu, items
 
 LENGTH = 310.0
 EA, EIY, EIZ, GJ = 6.74e6, 2.07e8, 4.3e7, 1.07e7
@@ -50,7 +50,7 @@ def critical_load(shear):
 def test_tip_compliance_of_a_cantilever_is_beam_theory(shear, elements):
     own, across = rotation_from_vector([0.3, -0.2, 0.9]), rotation_from_vector([-0.5, 0.1, 0.4])
     chain = cantilever(own_frame=own, section_frame=across, end_offset=np.array([20.0, -8.0, 5.0]))
-    problem = ExudynEngine(elements=elements, shear=shear).problem(chain, Programme("-", 1.0))
+    problem = ExudynEngine(elements=elements, shear=shear).problem(chain, LoadCase("-", 1.0))
     found = np.linalg.inv(problem.loaded_stiffness(problem.unloaded()))
     rigid = Section(EA, GJ, EIY, EIZ)
     reference = Beam(
@@ -77,7 +77,7 @@ def test_critical_load_of_the_pinned_column_converges_with_its_order(corrected, 
     errors = []
     for n, known in table.items():
         engine = ExudynEngine(elements=n, shear=shear, corrected=corrected)
-        event = engine.walk(column(), Programme("-", -0.25)).critical
+        event = engine.trace(column(), LoadCase("-", -0.25)).critical
         assert event.kind is EventKind.BIFURCATION
         errors.append(event.force / critical_load(shear) - 1.0)
         # the known errors, of an independent prototype where sheared, have two digits
@@ -89,7 +89,7 @@ def test_critical_load_of_the_pinned_column_converges_with_its_order(corrected, 
 
 
 def test_no_bifurcation_of_the_column_in_tension():
-    path = ExudynEngine(elements=4, shear=True).walk(column(), Programme("-", 1.0))
+    path = ExudynEngine(elements=4, shear=True).trace(column(), LoadCase("-", 1.0))
     assert path.complete
     assert path.critical is None
     # a straight bar: P L/EA, exact for this strain measure
@@ -137,7 +137,7 @@ def test_same_wrench_as_the_static_solver_of_exudyn():
     force = np.array(mbs.GetObjectOutput(joint, exu.OutputVariableType.ForceLocal))
 
     engine = ExudynEngine(elements=n, shear=True, corrected=False)
-    path = engine.walk(chain, Programme("-", shift, axis="y"))
+    path = engine.trace(chain, LoadCase("-", shift, axis="y"))
     assert path.complete
     # the force of a joint acts on its second marker; its solver stops at a relative 1e-9, some N in 1e5
     scale = np.linalg.norm(force)
@@ -150,7 +150,7 @@ def test_displacement_is_imposed_about_world_axes():
     """A lone beam turned rigidly at its tip: the tip's station and the wrench's work say where it went."""
     chain = Chain("bar", cantilever().parts, base=frame(rotation_from_vector([0.2, 0.5, -0.1])),
                   postures={"-": np.zeros(0)})  # fmt: skip
-    problem = ExudynEngine(elements=4).problem(chain, Programme("-", 0.1, axis="rz"))
+    problem = ExudynEngine(elements=4).problem(chain, LoadCase("-", 0.1, axis="rz"))
     here = problem.solve(0.1, problem.unloaded())
     tip = chain.base @ frame(p=[LENGTH, 0.0, 0.0])
     # turning about the end-effector's own point leaves it in place, to rounding of 310 mm

@@ -5,14 +5,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from vjm.arc_length import ArcControl, walk
+from vjm.continuation.arc_length import ArcControl, trace
+from vjm.continuation.path import EventKind
 from vjm.io.manipulator_file import load_manipulator
-from vjm.manipulator.problem import ManipulatorEngine, ManipulatorProblem
-from vjm.paths import EventKind
-from vjm.programme import COMPONENTS, TO_LIMIT, Load, Programme
+from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
+from vjm.platform.problem import ManipulatorEngine, ManipulatorProblem
 from vjm.vjm_engine import VjmEngine
-from vjm_fea.manipulator_engine import ManipulatorExudynEngine, ManipulatorExudynProblem, platform_stiffness
-from vjm_fea.mesh import Mesh
+from vjm_fea.common.mesh import Mesh
+from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine, ManipulatorExudynProblem, platform_stiffness
 
 # six corrected elements are within 1e-4 of the beam, and so are four springs
 EXUDYN = ManipulatorExudynEngine(elements=6)
@@ -30,14 +30,14 @@ def eigenvalues(K, machine):
 
 def pushed(pose, force, axis=0, **control):
     unit = tuple(np.eye(6)[axis])
-    return Programme(pose, force, "load", loads=(Load(unit),), free=COMPONENTS, **control)
+    return LoadCase(pose, force, "load", loads=(Load(unit),), free=COMPONENTS, **control)
 
 
 @pytest.mark.parametrize(("name", "label"), POSES)
 def test_the_unloaded_stiffness_is_exudyns(name, label):
     machine = load_manipulator(name)
-    programme = Programme(label, 1.0)
-    ours = ManipulatorProblem(machine, programme, SPRINGS).unloaded().stiffness
+    load_case = LoadCase(label, 1.0)
+    ours = ManipulatorProblem(machine, load_case, SPRINGS).unloaded().stiffness
     # 0.5 % for the Orthoglide, 1 % for the others are asked; the linear beam theory is the same in both
     assert eigenvalues(ours, machine) == pytest.approx(
         eigenvalues(platform_stiffness(EXUDYN, machine, label, np.zeros(6)), machine), rel=1e-4
@@ -48,10 +48,10 @@ def test_the_unloaded_stiffness_is_exudyns(name, label):
 @pytest.mark.parametrize("label", ["isotropic", "Q1", "Q2"])
 def test_under_a_kilonewton_the_stiffness_is_exudyns(label, axis):
     machine = load_manipulator("orthoglide")
-    programme = pushed(label, -1000.0, axis, steps=2)
-    problem = ManipulatorProblem(machine, programme, SPRINGS)
-    ours = walk(problem, programme).points[-1]
-    theirs = walk(EXUDYN.problem(machine, programme), programme).points[-1]
+    load_case = pushed(label, -1000.0, axis, steps=2)
+    problem = ManipulatorProblem(machine, load_case, SPRINGS)
+    ours = trace(problem, load_case).points[-1]
+    theirs = trace(EXUDYN.problem(machine, load_case), load_case).points[-1]
     assert ours.unstable == theirs.unstable == 0
     assert ours.displacement[:3] == pytest.approx(
         theirs.displacement[:3], abs=1e-3 * np.abs(ours.displacement).max()
@@ -66,9 +66,9 @@ def test_under_a_kilonewton_the_stiffness_is_exudyns(label, axis):
 )
 def test_the_force_displacement_curve_is_exudyns_past_its_critical_point(pose, axis, to):
     # the rest of the pose held, as for the chain
-    machine, programme = load_manipulator("orthoglide"), Programme(pose, to, axis)
-    ours = ManipulatorEngine(VjmEngine(8, 8)).walk(machine, programme)
-    theirs = ManipulatorExudynEngine(8).walk(machine, programme)
+    machine, load_case = load_manipulator("orthoglide"), LoadCase(pose, to, axis)
+    ours = ManipulatorEngine(VjmEngine(8, 8)).trace(machine, load_case)
+    theirs = ManipulatorExudynEngine(8).trace(machine, load_case)
     assert ours.complete
     assert theirs.complete
     assert [event.kind for event in ours.events] == [event.kind for event in theirs.events]
@@ -92,9 +92,9 @@ def test_the_force_displacement_curve_is_exudyns_past_its_critical_point(pose, a
     ],
 )
 def test_a_platform_let_go_in_part_moves_as_in_exudyn(name, axis, to, free):
-    machine, programme = load_manipulator(name), Programme("Q1", to, axis, free=free, steps=4)
-    ours = ManipulatorEngine(SPRINGS).walk(machine, programme).points[-1]
-    theirs = EXUDYN.walk(machine, programme).points[-1]
+    machine, load_case = load_manipulator(name), LoadCase("Q1", to, axis, free=free, steps=4)
+    ours = ManipulatorEngine(SPRINGS).trace(machine, load_case).points[-1]
+    theirs = EXUDYN.trace(machine, load_case).points[-1]
     # six elements and four springs differ by 4e-4 in such bending; moments are compared over those of the forces at
     # 0.1 mm from where they act
     force = np.abs(theirs.wrench[:3]).max()
@@ -107,22 +107,22 @@ def test_a_platform_let_go_in_part_moves_as_in_exudyn(name, axis, to, free):
 
 def test_exudyn_builds_no_bows():
     with pytest.raises(ValueError, match="builds no imperfection"):
-        EXUDYN.problem(load_manipulator("orthoglide"), Programme("Q1", 1.0, imperfection=0.1))
+        EXUDYN.problem(load_manipulator("orthoglide"), LoadCase("Q1", 1.0, imperfection=0.1))
 
 
 def first_bifurcation(problem):
-    path = walk(problem, problem.programme, ArcControl(last=EventKind.BIFURCATION))
+    path = trace(problem, problem.load_case, ArcControl(last=EventKind.BIFURCATION))
     return next((event for event in path.events if event.kind is EventKind.BIFURCATION), None)
 
 
 @pytest.mark.slow
 def test_fine_meshes_and_many_springs_have_the_same_limit_point_of_the_overconstrained_robot():
     # it lies 230 mm away, the bars bent far: both converge with the square of the segments' length, from above
-    machine, programme = load_manipulator("orthoglide-parallelograms"), pushed("Q2", -14_000.0, control=TO_LIMIT)
+    machine, load_case = load_manipulator("orthoglide-parallelograms"), pushed("Q2", -14_000.0, control=TO_LIMIT)
     limits = {}
     for engine in (ManipulatorEngine(VjmEngine(8, 8)), ManipulatorEngine(VjmEngine(16, 16)),
                    ManipulatorExudynEngine(6), ManipulatorExudynEngine(8)):  # fmt: skip
-        (event,) = engine.walk(machine, programme).events
+        (event,) = engine.trace(machine, load_case).events
         assert event.kind is EventKind.LIMIT
         limits[engine] = event.force
     a, b, c, d = limits.values()
@@ -132,8 +132,8 @@ def test_fine_meshes_and_many_springs_have_the_same_limit_point_of_the_overconst
 
 @cache
 def critical(engine, label, sign):
-    programme = pushed(label, sign * 12000.0, control=TO_LIMIT)
-    problem = engine.problem(load_manipulator("orthoglide"), programme)
+    load_case = pushed(label, sign * 12000.0, control=TO_LIMIT)
+    problem = engine.problem(load_manipulator("orthoglide"), load_case)
     return problem, first_bifurcation(problem)
 
 
@@ -161,19 +161,19 @@ def test_pulled_along_x_only_the_papers_springs_buckle(label):
 
 def test_a_chain_too_long_moves_the_platform_as_in_exudyn():
     machine = load_manipulator("orthoglide").with_errors({"x": {"link": 0.2}})
-    programme = pushed("Q1", 1e-3, steps=1)
-    ours = ManipulatorProblem(machine, programme, SPRINGS).unloaded()
-    theirs = ManipulatorExudynProblem(machine, programme, Mesh(6), "exudyn").unloaded()
+    load_case = pushed("Q1", 1e-3, steps=1)
+    ours = ManipulatorProblem(machine, load_case, SPRINGS).unloaded()
+    theirs = ManipulatorExudynProblem(machine, load_case, Mesh(6), "exudyn").unloaded()
     assert np.linalg.norm(ours.displacement[:3]) > 0.2
     assert ours.displacement[:3] == pytest.approx(theirs.displacement[:3], abs=2e-3 * 0.2)
 
 
 def test_a_bar_too_long_strains_the_parallelograms_as_in_exudyn():
     machine = load_manipulator("orthoglide-parallelograms").with_errors({"bar-x1": {"bar": 0.2}})
-    programme = pushed("Q1", 1e-3, steps=1)
-    problem = ManipulatorProblem(machine, programme, SPRINGS)
+    load_case = pushed("Q1", 1e-3, steps=1)
+    problem = ManipulatorProblem(machine, load_case, SPRINGS)
     ours = problem.unloaded()
-    exudyn = ManipulatorExudynProblem(machine, programme, Mesh(6), "exudyn")
+    exudyn = ManipulatorExudynProblem(machine, load_case, Mesh(6), "exudyn")
     theirs = exudyn.unloaded()
     scale = np.abs(theirs.displacement[:3]).max(), np.abs(theirs.displacement[3:]).max()
     assert ours.displacement[:3] == pytest.approx(theirs.displacement[:3], abs=0.01 * scale[0])

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from vjm.io.manipulator_file import load_manipulator
-from vjm.manipulator.rigid import inverse_kinematics
-from vjm_fea.exudyn_engine import ExudynEngine
-from vjm_fea.manipulator_engine import ManipulatorExudynEngine, platform_stiffness
-from vjm_fea.manipulator_sum import SummedPlatform
+from vjm.platform.rigid import inverse_kinematics
+from vjm_fea.common.manipulator_sum import SummedPlatform
+from vjm_fea.exudyn.engine import ExudynEngine
+from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine, platform_stiffness
 from vjm_fea.opensees.engine import OpenSeesEngine
 
 # of vjm-8f8 along the whole robot's path; Exudyn's whole system has 8851.8, 6628.7 and 4647.2 with 8 elements

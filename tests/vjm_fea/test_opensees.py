@@ -7,10 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from vjm.chain import Chain
-from vjm.parts import Beam, PassiveJoint, Section
-from vjm.paths import EventKind
-from vjm.programme import Programme
+from vjm.continuation.path import EventKind
+from vjm.model.chain import Chain
+from vjm.model.load_case import LoadCase
+from vjm.model.parts import Beam, PassiveJoint, Section
 from vjm.rotations import AXES
 from vjm_fea import ExudynEngine
 from vjm_fea.opensees import OpenSeesEngine, available
@@ -36,10 +36,10 @@ def column():
 
 
 @pytest.fixture(scope="module")
-def walk(orthoglide):
+def trace(orthoglide):
     @cache
     def walked(posture, to, steps, branch=1):
-        return OpenSeesEngine().walk(orthoglide, Programme(posture, to, steps=steps, branch=branch))
+        return OpenSeesEngine().trace(orthoglide, LoadCase(posture, to, steps=steps, branch=branch))
 
     return walked
 
@@ -58,7 +58,7 @@ def test_critical_load_of_the_pinned_column_converges_with_its_order(column, ele
     exact = 0.5 * EA * (1.0 - np.sqrt(1.0 - 4.0 * EULER / EA))
     meshes, errors = [4, 8, 16], []
     for n in meshes:
-        event = OpenSeesEngine(n, element).walk(column, Programme("-", -0.25)).critical
+        event = OpenSeesEngine(n, element).trace(column, LoadCase("-", -0.25)).critical
         assert event.kind is EventKind.BIFURCATION
         assert event.switched
         errors.append(event.force / exact - 1.0)
@@ -68,7 +68,7 @@ def test_critical_load_of_the_pinned_column_converges_with_its_order(column, ele
 
 
 def test_a_straight_column_is_pulled_like_a_rod(column):
-    path = OpenSeesEngine(4).walk(column, Programme("-", 1.0))
+    path = OpenSeesEngine(4).trace(column, LoadCase("-", 1.0))
     assert path.complete
     assert path.critical is None
     assert path.force[-1] == pytest.approx(EA / LENGTH, rel=1e-9)
@@ -76,7 +76,7 @@ def test_a_straight_column_is_pulled_like_a_rod(column):
 
 @pytest.mark.parametrize("posture", "ABCD")
 def test_unloaded_stiffness_is_the_lumped_model_s(orthoglide, linear_stiffness, posture):
-    unloaded = OpenSeesEngine().problem(orthoglide, Programme(posture, 1.0)).unloaded()
+    unloaded = OpenSeesEngine().problem(orthoglide, LoadCase(posture, 1.0)).unloaded()
     K = linear_stiffness(orthoglide.refined({"foot": 1, "link": 1}), orthoglide.posture(posture))
     # both are linear beam theory
     assert unloaded.tangent == pytest.approx(K[0, 0], rel=1e-9)
@@ -86,8 +86,8 @@ def test_unloaded_stiffness_is_the_lumped_model_s(orthoglide, linear_stiffness, 
 @pytest.mark.parametrize(
     ("posture", "force", "displacement"), [("A", 8849.111, 2.867774), ("C", 7674.754, 0.524857)]
 )
-def test_compression_buckles_straight_postures(orthoglide, walk, posture, force, displacement):
-    path = walk(posture, -4.0, 8)
+def test_compression_buckles_straight_postures(orthoglide, trace, posture, force, displacement):
+    path = trace(posture, -4.0, 8)
     event = path.critical
     assert path.complete
     assert event.kind is EventKind.BIFURCATION
@@ -99,7 +99,7 @@ def test_compression_buckles_straight_postures(orthoglide, walk, posture, force,
     behind = path.s > event.s
     assert np.all(path.tangent[behind] > 0.0)
     assert np.max(path.tangent[behind]) < 0.01 * path.tangent[0]
-    exudyn = ExudynEngine().walk(orthoglide, Programme(posture, -4.0, steps=8))
+    exudyn = ExudynEngine().trace(orthoglide, LoadCase(posture, -4.0, steps=8))
     grid = np.linspace(0.0, 4.0, 9)
     ours, theirs = (p.force[[int(np.argmin(np.abs(p.s - s))) for s in grid]] for p in (path, exudyn))
     # before buckling 4e-7; in the bow 8e-6, which is Exudyn's distance from its own 32 elements
@@ -112,9 +112,9 @@ def test_compression_buckles_straight_postures(orthoglide, walk, posture, force,
     ("posture", "force", "displacement", "last"),
     [("B", 7339.087, 8.54778, 8030.9), ("D", 6670.963, 8.36447, 7017.95)],
 )
-def test_oblique_postures_bend_over(walk, posture, force, displacement, last):
+def test_oblique_postures_bend_over(trace, posture, force, displacement, last):
     """Against 32 Exudyn elements, extrapolated."""
-    path = walk(posture, -14.0, 14)
+    path = trace(posture, -14.0, 14)
     event = path.critical
     assert path.complete
     assert event.kind is EventKind.BEND_OVER
@@ -125,8 +125,8 @@ def test_oblique_postures_bend_over(walk, posture, force, displacement, last):
 
 
 @pytest.mark.parametrize("posture", "ABCD")
-def test_tension_has_no_critical_point(walk, posture):
-    path = walk(posture, 4.0, 8)
+def test_tension_has_no_critical_point(trace, posture):
+    path = trace(posture, 4.0, 8)
     assert path.complete
     assert path.critical is None
     assert np.all(path.unstable == 0)
@@ -135,15 +135,15 @@ def test_tension_has_no_critical_point(walk, posture):
 
 def test_what_joints_leave_free_has_no_stiffness(orthoglide):
     """Turned about z, which the last joints but one leave free in B: no force, and no event made of rounding."""
-    path = OpenSeesEngine(4).walk(orthoglide, Programme("B", 0.05, axis="rz"))
+    path = OpenSeesEngine(4).trace(orthoglide, LoadCase("B", 0.05, axis="rz"))
     assert path.complete
     assert path.critical is None
     assert path.tangent == pytest.approx(0.0, abs=0.0)
     assert path.force == pytest.approx(0.0, abs=1e-6)
 
 
-def test_the_two_branches_mirror_each_other(walk):
-    up, down = (walk("A", -4.0, 8, *branch) for branch in ((), (-1,)))
+def test_the_two_branches_mirror_each_other(trace):
+    up, down = (trace("A", -4.0, 8, *branch) for branch in ((), (-1,)))
     assert down.force[-1] == pytest.approx(up.force[-1], rel=1e-8)
     for path, sign in ((up, 1.0), (down, -1.0)):
         change = path.points[-1].shape - path.critical.point.shape

@@ -7,13 +7,13 @@ import importlib.util
 import numpy as np
 import pytest
 
-from vjm.chain import Chain
-from vjm.equilibrium import NoConvergenceError
-from vjm.lumped import LumpedModel
-from vjm.parts import Actuator, Beam, PassiveJoint, Section
-from vjm.paths import StationLabel
-from vjm.programme import COMPONENTS, Load, Programme
+from vjm.continuation.path import StationLabel
+from vjm.model.chain import Chain
+from vjm.model.load_case import COMPONENTS, Load, LoadCase
+from vjm.model.lumped import LumpedModel
+from vjm.model.parts import Actuator, Beam, PassiveJoint, Section
 from vjm.rotations import AXES, rotation_from_vector
+from vjm.statics.equilibrium import NoConvergenceError
 from vjm_fea.opensees import OpenSeesEngine, available
 from vjm_fea.opensees.backend import opensees
 from vjm_fea.opensees.beams import Beams, Element
@@ -50,7 +50,7 @@ def cantilever(**of_beam):
 
 @needs_opensees
 def test_any_chain_has_the_lumped_model_s_unloaded_stiffness_and_stations(odd_chain, linear_stiffness):
-    problem = OpenSeesEngine(3).problem(odd_chain, Programme("P", 1.0))
+    problem = OpenSeesEngine(3).problem(odd_chain, LoadCase("P", 1.0))
     unloaded = problem.unloaded()
     names = [beam.name for beam in odd_chain.beams]
     reference = linear_stiffness(odd_chain.refined(dict.fromkeys(names, 1)), odd_chain.posture("P"))
@@ -71,7 +71,7 @@ def test_tip_compliance_of_a_cantilever_is_beam_theory(element, elements):
     own, across = rotation_from_vector([0.3, -0.2, 0.9]), rotation_from_vector([-0.5, 0.1, 0.4])
     arm = np.array([20.0, -8.0, 5.0])
     chain = cantilever(own_frame=own, section_frame=across, end_offset=arm)
-    problem = OpenSeesEngine(elements, element).problem(chain, Programme("-", 1.0))
+    problem = OpenSeesEngine(elements, element).problem(chain, LoadCase("-", 1.0))
     found = np.linalg.inv(problem.loaded_stiffness(problem.unloaded()))
     turned = np.kron(np.eye(2), own)
     reference = turned @ Beam("bar", LENGTH, section_frame=across, end_offset=arm, section=BAR).beam_compliance()
@@ -98,7 +98,7 @@ def test_tangent_is_the_derivative_of_the_residual(odd_chain):
     """Linkages, arms and drives under load; what OpenSees leaves out shows less on the finer mesh."""
     missing = []
     for elements in (2, 8):
-        problem = OpenSeesEngine(elements).problem(odd_chain, Programme("P", 12.0))
+        problem = OpenSeesEngine(elements).problem(odd_chain, LoadCase("P", 12.0))
         statics = problem.statics
         here = problem.solve(12.0, problem.solve(6.0, problem.unloaded()))
         K = statics.tangent(here.state).J
@@ -120,7 +120,7 @@ def test_tangent_is_the_derivative_of_the_residual(odd_chain):
 
 @needs_opensees
 def test_loaded_stiffness_is_the_derivative_of_the_wrench(orthoglide):
-    problem = OpenSeesEngine().problem(orthoglide, Programme("D", -14.0))
+    problem = OpenSeesEngine().problem(orthoglide, LoadCase("D", -14.0))
     here = problem.solve(4.0, problem.solve(2.0, problem.unloaded()))
     K = problem.loaded_stiffness(here)
     differences = np.empty((6, 6))
@@ -136,7 +136,7 @@ def test_loaded_stiffness_is_the_derivative_of_the_wrench(orthoglide):
 
 @needs_opensees
 def test_the_whole_chain_is_in_equilibrium(orthoglide):
-    problem = OpenSeesEngine(8).problem(orthoglide, Programme("D", -14.0))
+    problem = OpenSeesEngine(8).problem(orthoglide, LoadCase("D", -14.0))
     here = problem.solve(6.0, problem.solve(3.0, problem.unloaded()))
     statics = problem.statics
     at = statics.configuration(here.state)
@@ -158,9 +158,9 @@ def test_a_dead_moment_bends_a_free_cantilever_to_half_a_circle():
     """
     R = rotation_from_vector([0.4, -0.3, 0.8])
     load = Load((0.0, 0.0, 0.0, *R[:, 2]))
-    programme = Programme("-", np.pi * BAR.EIz / LENGTH, "load", free=COMPONENTS, loads=(load,), steps=8)
+    load_case = LoadCase("-", np.pi * BAR.EIz / LENGTH, "load", free=COMPONENTS, loads=(load,), steps=8)
     for n in (8, 16):
-        path = OpenSeesEngine(n, Element.LINEAR).walk(cantilever(own_frame=R), programme)
+        path = OpenSeesEngine(n, Element.LINEAR).trace(cantilever(own_frame=R), load_case)
         half = 0.5 * np.pi / n
         deflection = R.T @ path.points[-1].shape[-1]
         assert deflection == pytest.approx([0.0, 2.0 * LENGTH / np.pi * half / np.sin(half), 0.0], abs=1e-6)
@@ -170,7 +170,7 @@ def test_a_dead_moment_bends_a_free_cantilever_to_half_a_circle():
 def test_a_load_on_a_node_is_the_reaction_of_a_held_end():
     """A dead force at mid-span of a clamped bar goes to the ends by halves, deflecting it P L³/192 EI."""
     load = Load((0.0, 1.0, 0.0, 0.0, 0.0, 0.0), "bar", 0.5)
-    end = OpenSeesEngine(4).walk(cantilever(), Programme("-", 1e-3, "load", loads=(load,), steps=1)).points[-1]
+    end = OpenSeesEngine(4).trace(cantilever(), LoadCase("-", 1e-3, "load", loads=(load,), steps=1)).points[-1]
     assert end.shape[2, 1] == pytest.approx(1e-3 * LENGTH**3 / (192.0 * BAR.EIz), rel=1e-6)
     assert end.wrench[1] == pytest.approx(-0.5e-3, rel=1e-6)
 
@@ -178,11 +178,11 @@ def test_a_load_on_a_node_is_the_reaction_of_a_held_end():
 @needs_opensees
 def test_states_do_not_depend_on_what_was_solved_before(orthoglide):
     """Nor on the other problem that uses OpenSees' one domain in between."""
-    problem = OpenSeesEngine(4).problem(orthoglide, Programme("B", -14.0))
+    problem = OpenSeesEngine(4).problem(orthoglide, LoadCase("B", -14.0))
     start = problem.solve(1.0, problem.unloaded())
     first = problem.solve(2.0, start)
     problem.solve(8.0, problem.solve(5.0, first))
-    other = OpenSeesEngine(3, Element.LINEAR).problem(cantilever(), Programme("-", 20.0, axis="y"))
+    other = OpenSeesEngine(3, Element.LINEAR).problem(cantilever(), LoadCase("-", 20.0, axis="y"))
     other.solve(20.0, other.solve(10.0, other.unloaded()))
     again = problem.solve(2.0, start)
     assert np.array_equal(first.state, again.state)
@@ -191,7 +191,7 @@ def test_states_do_not_depend_on_what_was_solved_before(orthoglide):
 
 @needs_opensees
 def test_an_impossible_step_is_refused_and_leaves_no_trace(orthoglide):
-    problem = OpenSeesEngine(4).problem(orthoglide, Programme("B", -14.0))
+    problem = OpenSeesEngine(4).problem(orthoglide, LoadCase("B", -14.0))
     start = problem.solve(1.0, problem.unloaded())
     with pytest.raises(NoConvergenceError):
         problem.solve(1e4, start)
@@ -201,16 +201,16 @@ def test_an_impossible_step_is_refused_and_leaves_no_trace(orthoglide):
 
 
 def test_what_cannot_be_meshed_is_refused(orthoglide):
-    engine, ramp = OpenSeesEngine(), Programme("-", 1.0)
+    engine, ramp = OpenSeesEngine(), LoadCase("-", 1.0)
     bare = Chain("bare", (Beam("foot", 100.0, compliance=np.eye(6)),), postures={"-": np.zeros(0)})
     with pytest.raises(ValueError, match="part 'foot' has no section"):
         engine.problem(bare, ramp)
     with pytest.raises(ValueError, match="no beam to mesh"):
         engine.problem(Chain("stiff", (PassiveJoint("q", AXES["x"]),), postures={"-": np.zeros(1)}), ramp)
     with pytest.raises(ValueError, match="at least one element"):
-        OpenSeesEngine(elements=0).problem(orthoglide, Programme("A", 1.0))
+        OpenSeesEngine(elements=0).problem(orthoglide, LoadCase("A", 1.0))
     with pytest.raises(ValueError, match="opensees meshes straight beams and builds no imperfection"):
-        engine.problem(orthoglide, Programme("A", -4.0, imperfection=0.1))
+        engine.problem(orthoglide, LoadCase("A", -4.0, imperfection=0.1))
 
 
 def test_without_the_extra_one_line_says_what_to_install(orthoglide, monkeypatch):
@@ -222,6 +222,6 @@ def test_without_the_extra_one_line_says_what_to_install(orthoglide, monkeypatch
     try:
         assert not available()
         with pytest.raises(ImportError, match=r"pip install '\.\[opensees\]'"):
-            OpenSeesEngine().walk(orthoglide, Programme("A", -1.0))
+            OpenSeesEngine().trace(orthoglide, LoadCase("A", -1.0))
     finally:
         opensees.cache_clear()

@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from vjm.paths import EventKind
-from vjm.programme import Programme
+from vjm.continuation.path import EventKind
+from vjm.model.load_case import LoadCase
 from vjm_fea import ExudynEngine
 
 BEAM, SPRING = ExudynEngine(), ExudynEngine(foot_spring=True)
@@ -16,10 +16,10 @@ ENGINES = {engine.label: engine for engine in (BEAM, SPRING)}
 
 
 @pytest.fixture(scope="module")
-def walk(orthoglide):
+def trace(orthoglide):
     @cache
     def walked(label, posture, to, branch=1):
-        return ENGINES[label].walk(orthoglide, Programme(posture, to, branch=branch))
+        return ENGINES[label].trace(orthoglide, LoadCase(posture, to, branch=branch))
 
     return walked
 
@@ -27,7 +27,7 @@ def walk(orthoglide):
 @pytest.mark.parametrize("posture", "ABCD")
 @pytest.mark.parametrize("label", ENGINES)
 def test_unloaded_stiffness_is_the_lumped_model_s(orthoglide, linear_stiffness, label, posture):
-    problem = ENGINES[label].problem(orthoglide, Programme(posture, 1.0))
+    problem = ENGINES[label].problem(orthoglide, LoadCase(posture, 1.0))
     K = linear_stiffness(
         orthoglide.refined({"link": 1} if label == SPRING.label else {"foot": 1, "link": 1}),
         orthoglide.posture(posture),
@@ -48,8 +48,8 @@ def test_unloaded_stiffness_is_the_lumped_model_s(orthoglide, linear_stiffness, 
         ("exudyn", "C", 7675.0, 0.5247, 1e-3),
     ],
 )
-def test_compression_buckles_straight_postures(walk, label, posture, force, displacement, precision):
-    path = walk(label, posture, -4.0)
+def test_compression_buckles_straight_postures(trace, label, posture, force, displacement, precision):
+    path = trace(label, posture, -4.0)
     event = path.critical
     assert path.complete
     assert event.kind is EventKind.BIFURCATION
@@ -71,9 +71,9 @@ def test_compression_buckles_straight_postures(walk, label, posture, force, disp
 
 
 @pytest.mark.parametrize(("posture", "stiffness"), [("A", 2890.0), ("C", 14146.0)])
-def test_stiffness_just_before_buckling(walk, posture, stiffness):
+def test_stiffness_just_before_buckling(trace, posture, stiffness):
     # the reference is given to four digits at the critical point, ours is one per cent before it
-    event = walk("exudyn", posture, -4.0).critical
+    event = trace("exudyn", posture, -4.0).critical
     assert event.stiffness_before == pytest.approx(stiffness, rel=2e-3)
 
 
@@ -81,8 +81,8 @@ def test_stiffness_just_before_buckling(walk, posture, stiffness):
 @pytest.mark.parametrize(
     ("posture", "force", "displacement"), [("B", 7332.0, 8.57), ("D", 6668.0, 8.37)]
 )  # fmt: skip
-def test_oblique_postures_bend_over(walk, posture, force, displacement):
-    path = walk("exudyn", posture, -14.0)
+def test_oblique_postures_bend_over(trace, posture, force, displacement):
+    path = trace("exudyn", posture, -14.0)
     event = path.critical
     assert path.complete
     assert event.kind is EventKind.BEND_OVER
@@ -93,7 +93,7 @@ def test_oblique_postures_bend_over(walk, posture, force, displacement):
 
 @pytest.mark.parametrize(("posture", "forces"), [("B", (7095.0, 7942.0)), ("D", (6446.0, 7010.0))])
 def test_oblique_postures_with_the_foot_as_a_spring(orthoglide, posture, forces):
-    problem = SPRING.problem(orthoglide, Programme(posture, -14.0))
+    problem = SPRING.problem(orthoglide, LoadCase(posture, -14.0))
     point, found = problem.unloaded(), []
     for s in (2.1, 4.2, 6.3, 8.4, 10.2, 12.0):
         point = problem.solve(s, point)
@@ -104,9 +104,9 @@ def test_oblique_postures_with_the_foot_as_a_spring(orthoglide, posture, forces)
 
 @pytest.mark.parametrize("posture", "ABCD")
 @pytest.mark.parametrize("label", ENGINES)
-def test_tension_has_no_critical_point(walk, label, posture):
+def test_tension_has_no_critical_point(trace, label, posture):
     """The paper's instability in tension belongs to its one spring a link."""
-    path = walk(label, posture, 4.0)
+    path = trace(label, posture, 4.0)
     assert path.complete
     assert path.critical is None
     assert np.all(path.unstable == 0)
@@ -114,8 +114,8 @@ def test_tension_has_no_critical_point(walk, label, posture):
 
 
 @pytest.mark.parametrize("posture", "AC")
-def test_the_two_branches_mirror_each_other(walk, posture):
-    up, down = (walk("exudyn-footspring", posture, -4.0, *branch) for branch in ((), (-1,)))
+def test_the_two_branches_mirror_each_other(trace, posture):
+    up, down = (trace("exudyn-footspring", posture, -4.0, *branch) for branch in ((), (-1,)))
     # mirror images in the chain's plane of symmetry: equal forces, opposite deflections
     assert down.force[-1] == pytest.approx(up.force[-1], rel=1e-8)
     first = np.searchsorted(up.s, up.critical.s)
@@ -129,7 +129,7 @@ def test_the_two_branches_mirror_each_other(walk, posture):
 
 
 def test_eigenvalue_passes_zero_smoothly_along_the_straight_branch(orthoglide):
-    problem = SPRING.problem(orthoglide, Programme("A", -4.0))
+    problem = SPRING.problem(orthoglide, LoadCase("A", -4.0))
     point, values = problem.unloaded(), []
     places = np.linspace(2.6, 3.2, 7)
     for s in places:
@@ -148,7 +148,7 @@ def test_eigenvalue_passes_zero_smoothly_along_the_straight_branch(orthoglide):
 def test_mesh_is_fine_enough(orthoglide):
     forces = {}
     for n in (8, 16):
-        problem = ExudynEngine(elements=n).problem(orthoglide, Programme("D", -14.0))
+        problem = ExudynEngine(elements=n).problem(orthoglide, LoadCase("D", -14.0))
         point = problem.unloaded()
         for s in (2.0, 4.0, 6.0, 8.0):
             point = problem.solve(s, point)

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vjm.chain import Chain
-from vjm.equilibrium import NoConvergenceError
-from vjm.lumped import LumpedModel
-from vjm.parts import Actuator, Beam, PassiveJoint, Section
-from vjm.paths import StationLabel
-from vjm.programme import Programme
+from vjm.continuation.path import StationLabel
+from vjm.model.chain import Chain
+from vjm.model.load_case import LoadCase
+from vjm.model.lumped import LumpedModel
+from vjm.model.parts import Actuator, Beam, PassiveJoint, Section
 from vjm.rotations import rotation_from_vector
+from vjm.statics.equilibrium import NoConvergenceError
 from vjm_fea import ExudynEngine
-from vjm_fea.quaternions import quaternion, rotation_matrices
+from vjm_fea.common.quaternions import quaternion, rotation_matrices
 
 from .odd_parts import OddParts
 
@@ -40,7 +40,7 @@ def odd_chain():
 
 
 def test_any_chain_has_the_lumped_model_s_unloaded_stiffness_and_stations(odd_chain, linear_stiffness):
-    problem = ExudynEngine(elements=3).problem(odd_chain, Programme("P", 1.0))
+    problem = ExudynEngine(elements=3).problem(odd_chain, LoadCase("P", 1.0))
     unloaded = problem.unloaded()
     names = [beam.name for beam in odd_chain.beams]
     reference = linear_stiffness(odd_chain.refined(dict.fromkeys(names, 1)), odd_chain.posture("P"))
@@ -59,7 +59,7 @@ def test_any_chain_has_the_lumped_model_s_unloaded_stiffness_and_stations(odd_ch
 @pytest.mark.parametrize("foot_spring", [False, True])
 def test_tangent_is_the_derivative_of_the_residual(orthoglide, foot_spring):
     """With the reactions of the joints loaded: Exudyn's own Jacobian lacks their change with the motion."""
-    problem = ExudynEngine(foot_spring=foot_spring, elements=3).problem(orthoglide, Programme("D", -14.0))
+    problem = ExudynEngine(foot_spring=foot_spring, elements=3).problem(orthoglide, LoadCase("D", -14.0))
     here = problem.solve(6.0, problem.solve(3.0, problem.unloaded()))
     statics = problem.statics
     tangent = statics.tangent(here.state)
@@ -80,7 +80,7 @@ def test_tangent_is_the_derivative_of_the_residual(orthoglide, foot_spring):
 
 @pytest.mark.parametrize("foot_spring", [False, True])
 def test_loaded_stiffness_is_the_derivative_of_the_wrench(orthoglide, foot_spring):
-    problem = ExudynEngine(foot_spring=foot_spring).problem(orthoglide, Programme("D", -14.0))
+    problem = ExudynEngine(foot_spring=foot_spring).problem(orthoglide, LoadCase("D", -14.0))
     here = problem.solve(4.0, problem.solve(2.0, problem.unloaded()))
     K = problem.loaded_stiffness(here)
     differences = np.empty((6, 6))
@@ -97,7 +97,7 @@ def test_loaded_stiffness_is_the_derivative_of_the_wrench(orthoglide, foot_sprin
 
 
 def test_the_whole_chain_is_in_equilibrium(orthoglide):
-    problem = ExudynEngine().problem(orthoglide, Programme("D", -14.0))
+    problem = ExudynEngine().problem(orthoglide, LoadCase("D", -14.0))
     here = problem.solve(6.0, problem.solve(3.0, problem.unloaded()))
     statics = problem.statics
     # the root's node goes with the ground, which must give what the beam puts up there
@@ -112,7 +112,7 @@ def test_the_whole_chain_is_in_equilibrium(orthoglide):
 
 
 def test_restart_does_not_depend_on_what_was_solved_before(orthoglide):
-    problem = ExudynEngine(elements=4).problem(orthoglide, Programme("B", -14.0))
+    problem = ExudynEngine(elements=4).problem(orthoglide, LoadCase("B", -14.0))
     start = problem.solve(1.0, problem.unloaded())
     first = problem.solve(2.0, start)
     problem.solve(8.0, problem.solve(5.0, first))
@@ -122,7 +122,7 @@ def test_restart_does_not_depend_on_what_was_solved_before(orthoglide):
 
 
 def test_an_impossible_step_is_refused_and_leaves_no_trace(orthoglide):
-    problem = ExudynEngine(elements=4).problem(orthoglide, Programme("B", -14.0))
+    problem = ExudynEngine(elements=4).problem(orthoglide, LoadCase("B", -14.0))
     start = problem.solve(1.0, problem.unloaded())
     with pytest.raises(NoConvergenceError, match="scaled residual"):
         problem.solve(1e4, start)
@@ -132,16 +132,14 @@ def test_an_impossible_step_is_refused_and_leaves_no_trace(orthoglide):
 def test_what_cannot_be_meshed_is_refused(orthoglide):
     bare = Chain("bare", (Beam("foot", 100.0, compliance=np.eye(6)),), postures={"-": np.zeros(0)})
     with pytest.raises(ValueError, match="part 'foot' has no section"):
-        ExudynEngine().problem(bare, Programme("-", 1.0))
-    assert ExudynEngine(foot_spring=True).problem(bare, Programme("-", 1.0)).unloaded().tangent == pytest.approx(
-        1.0
-    )
+        ExudynEngine().problem(bare, LoadCase("-", 1.0))
+    assert ExudynEngine(foot_spring=True).problem(bare, LoadCase("-", 1.0)).unloaded().tangent == pytest.approx(1.0)
     with pytest.raises(ValueError, match="finite GAy and GAz"):
-        ExudynEngine(shear=True, corrected=False).problem(orthoglide, Programme("A", 1.0))
+        ExudynEngine(shear=True, corrected=False).problem(orthoglide, LoadCase("A", 1.0))
     with pytest.raises(ValueError, match="ask for shear"):
-        ExudynEngine(corrected=False).problem(orthoglide, Programme("A", 1.0))
+        ExudynEngine(corrected=False).problem(orthoglide, LoadCase("A", 1.0))
     with pytest.raises(ValueError, match="at least one element"):
-        ExudynEngine(elements=0).problem(orthoglide, Programme("A", 1.0))
+        ExudynEngine(elements=0).problem(orthoglide, LoadCase("A", 1.0))
 
 
 @pytest.mark.parametrize("vector", [[0.0, 0, 0], [np.pi, 0, 0], [0, np.pi, 0], [0, 0, np.pi], [1.0, 2.0, -1.5]])

@@ -7,11 +7,10 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from .conftest import validate
+from helpers.command import validate
 
 ROOT = Path(__file__).parents[2]
-PAGES = ("README.md", "docs/programmes.md")
+PAGES = ("README.md", "docs/load-cases.md")
 OWN = ("all", "my-robot.toml")
 """Commands that other tests run whole, and those on a reader's own file."""
 

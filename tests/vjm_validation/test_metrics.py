@@ -3,20 +3,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm.paths import EventKind
-from vjm.programme import Programme
+from vjm.continuation.path import EventKind
+from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine
 from vjm_validation.metrics import force_at, path_metrics
 
 
 @pytest.fixture(scope="module")
 def path(chain):
-    return VjmEngine().walk(chain, Programme("A", 2.0))
+    return VjmEngine().trace(chain, LoadCase("A", 2.0))
 
 
 def test_metrics_are_read_where_they_are_defined(chain, path):
     metrics = path_metrics(path)
-    fine = VjmEngine().walk(chain, Programme("A", 2.0, steps=2000))
+    fine = VjmEngine().trace(chain, LoadCase("A", 2.0, steps=2000))
     # differences of forces on a grid of 0.001 mm: truncation 1e-6 of K, rounding 1e-9/1e-3
     before = np.searchsorted(fine.s, 0.99 * metrics.d_cr)
     after = np.searchsorted(fine.s, 1.01 * metrics.d_cr)
@@ -29,7 +29,7 @@ def test_metrics_are_read_where_they_are_defined(chain, path):
 
 
 def test_force_between_points_is_that_of_a_finer_path(chain, path):
-    fine = VjmEngine().walk(chain, Programme("A", 2.0, steps=500))
+    fine = VjmEngine().trace(chain, LoadCase("A", 2.0, steps=500))
     apart = [abs(force_at(path, s) - f) for s, f in zip(fine.s, fine.force, strict=True)]
     # cubic Hermite through points at most 0.04 mm apart, the kink at the critical point being a node
     assert max(apart) < 1e-4 * fine.force.max()
@@ -47,7 +47,7 @@ def test_a_path_without_events_has_no_critical_point(path):
 
 
 def test_bend_over_has_no_stiffness_beside_it(chain):
-    metrics = path_metrics(VjmEngine().walk(chain, Programme("B", 4.0)))
+    metrics = path_metrics(VjmEngine().trace(chain, LoadCase("B", 4.0)))
     assert metrics.critical is EventKind.BEND_OVER
     assert metrics.K1 is None
     assert metrics.K2 is None

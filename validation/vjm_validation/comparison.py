@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vjm.paths import Path
+from vjm.continuation.path import Path
 from vjm.rotations import Array
 from vjm_validation.metrics import force_at
 

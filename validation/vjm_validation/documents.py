@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict
 
+from vjm_output.documents import Matrix
 from vjm_validation.metrics import PathMetrics
-
-Matrix = list[list[float]]
 
 
 class BucklingDocument(BaseModel):

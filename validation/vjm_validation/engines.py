@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 
 from vjm.baselines import LinearEngine, MsaEngine, UnloadedJacobianEngine
-from vjm.chain import Chain
 from vjm.engine import Engine
-from vjm.parts import Placement
+from vjm.model.chain import Chain
+from vjm.model.parts import Placement
 from vjm.vjm_engine import VjmEngine
-from vjm_fea.exudyn_engine import ExudynEngine
+from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_fea.opensees import OpenSeesEngine
 
 DESCRIPTIONS = {

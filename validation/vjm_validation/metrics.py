@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from vjm.paths import Equilibrium, EventKind, Path
+from vjm.continuation.path import Equilibrium, EventKind, Path
 
 
 class PathMetrics(BaseModel):
@@ -57,12 +57,12 @@ def travel(path: Path, point: Equilibrium) -> float:
 
     Nan where loads are driven and none of them acts on the end-effector.
     """
-    programme = path.programme
-    if not programme.load_driven:
+    load_case = path.load_case
+    if not load_case.load_driven:
         return point.ramp
-    force = sum((np.array(load.wrench) for load in programme.loads if load.ramped and not load.part), np.zeros(6))
+    force = sum((np.array(load.wrench) for load in load_case.loads if load.ramped and not load.part), np.zeros(6))
     size = float(np.linalg.norm(force))
-    return programme.sign * float(point.displacement @ force) / size if size else float("nan")
+    return load_case.sign * float(point.displacement @ force) / size if size else float("nan")
 
 
 def force_at(path: Path, s: float) -> float:

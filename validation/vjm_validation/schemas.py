@@ -13,13 +13,14 @@ from typing import Any
 from vjm.io.files import write_whole
 from vjm.io.manipulator_file import manipulator_schema
 from vjm.io.model_file import model_schema
-from vjm_validation.calibration.document import Calibration
-from vjm_validation.diagnosis.document import Diagnosis
+from vjm_output.documents import schema
+from vjm_updating.calibrate.document import Calibration
+from vjm_updating.diagnose.document import Diagnosis
+from vjm_updating.identify.documents import IdentificationDocument
+from vjm_updating.maps.documents import MapDocument, MapTaskDocument
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
-from vjm_validation.identification.documents import IdentificationDocument
-from vjm_validation.identification.table2_document import Table2Document
-from vjm_validation.maps.documents import MapDocument, MapTaskDocument
-from vjm_validation.summary import Summary, schema
+from vjm_validation.report.summary import Summary
+from vjm_validation.studies.table2_document import Table2Document
 
 
 def schemas() -> dict[str, dict[str, Any]]:

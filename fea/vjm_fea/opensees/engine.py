@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from vjm.arc_length import walk
-from vjm.chain import Chain
-from vjm.paths import Path
-from vjm.programme import Programme
+from vjm.continuation.arc_length import trace
+from vjm.continuation.path import Path
+from vjm.model.chain import Chain
+from vjm.model.load_case import LoadCase
 from vjm_fea.opensees.beams import Element
 from vjm_fea.opensees.problem import OpenSeesProblem
 
@@ -34,16 +34,16 @@ class OpenSeesEngine:
         """The name under which results are filed."""
         return "opensees"
 
-    def problem(self, chain: Chain, programme: Programme) -> OpenSeesProblem:
-        """The chain in the programme's posture, meshed.
+    def problem(self, chain: Chain, load_case: LoadCase) -> OpenSeesProblem:
+        """The chain in the load case's posture, meshed.
 
         Raises:
             ImportError: OpenSeesPy, an optional extra, is not installed.
             ValueError: a beam without a section, a load on no point of the chain, or an imperfection.
         """
-        return OpenSeesProblem(chain, programme, self.elements, self.element, self.label)
+        return OpenSeesProblem(chain, load_case, self.elements, self.element, self.label)
 
-    def walk(self, chain: Chain, programme: Programme, progress: Callable[[float], None] | None = None) -> Path:
-        """Take the chain through the programme; see `vjm.following.follow` and `vjm.arc_length.follow_arc`."""
-        path = walk(self.problem(chain, programme), programme, progress=progress)
+    def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
+        """Trace the equilibrium path; see `vjm.continuation.load_stepping` and `vjm.continuation.arc_length`."""
+        path = trace(self.problem(chain, load_case), load_case, progress=progress)
         return replace(path, model=chain.name, model_sha256=chain.sha256)

@@ -12,17 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vjm.equilibrium import NoConvergenceError
-from vjm.programme import Programme
+from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
-from vjm_fea.beam_statics import BeamStatics
-from vjm_fea.loads import loading_of
+from vjm.statics.equilibrium import NoConvergenceError
+from vjm_fea.common.applied_loads import loading_of
+from vjm_fea.common.beam_statics import BeamStatics
+from vjm_fea.common.linearized_statics import Tangent
+from vjm_fea.common.points import Moving, Place, on_body
+from vjm_fea.common.states import States
 from vjm_fea.opensees.beams import Beams
 from vjm_fea.opensees.linkage import Posed
 from vjm_fea.opensees.system import ChainSystem
-from vjm_fea.points import Moving, Place, on_body
-from vjm_fea.states import States
-from vjm_fea.tangent import Tangent
 
 
 @dataclass(frozen=True)
@@ -44,35 +44,35 @@ class Statics(BeamStatics):
     """A chain of beams, evaluated at any state.
 
     A *state* is that of `States`: displacement from the reference in mm and rotation from it as a unit quaternion
-    of each of the b bodies, the hand last; then the k joint coordinates from the posture.
+    of each of the b bodies, the support last; then the k joint coordinates from the posture.
 
     Attributes:
         system: bodies, linkages and stations.
     """
 
-    def __init__(self, system: ChainSystem, beams: Beams, length: float, programme: Programme) -> None:
-        """Evaluate a system under a programme's loads.
+    def __init__(self, system: ChainSystem, beams: Beams, length: float, load_case: LoadCase) -> None:
+        """Evaluate a system under a load case's loads.
 
         Args:
             system: bodies, linkages and stations.
             beams: its rows of elements.
             length: unit of shifts that joints alone hold, mm.
-            programme: what is done.
+            load_case: what is done.
 
         Raises:
             ValueError: a load stands on a point that the chain does not have.
         """
         self.system = system
         self._beams = beams
-        self.loading = loading_of(programme, system.find, system.pieces)
+        self.applied_loads = loading_of(load_case, system.find, system.pieces)
         self.share = 1.0
         bodies, joints = len(system.carriers) + 1, len(system.stiffness)
         self.states = States(bodies, joints)
         self.motions = 6 * bodies + joints
         at_rest = np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], bodies)
         self.initial = np.concatenate([at_rest, np.zeros(joints + 1)])
-        self.hand, self.hand_reference, self.tool = system.hand, np.zeros(3), system.find("", 1.0)
-        self.held = 6 * self.hand + np.arange(6)
+        self.end_condition, self.hand_reference, self.tool = system.end_condition, np.zeros(3), system.find("", 1.0)
+        self.held = 6 * self.end_condition + np.arange(6)
         self.free = np.setdiff1d(np.arange(self.motions), self.held)
         carriers = np.array(system.carriers, dtype=int)
         self._carried_rows = (6 * carriers[:, None] + np.arange(6)).ravel()

@@ -1,9 +1,9 @@
 """A chain in a posture as bodies, linkages and rows of beam elements.
 
-Bodies are the beams' nodes and the hand that holds the end-effector, each with six motions. The nodes at which a
+Bodies are the beams' nodes and the support of the end-effector, each with six motions. The nodes at which a
 rigid piece or a joint begins or ends are no bodies of their own: a linkage carries them. The last beam's tip hangs
-on the hand, over the joints of what is free of the end-effector's pose, so that an imposed pose is one body held,
-and no constraint is left that would need a multiplier.
+on the support, over the joints of what is free of the end-effector's pose, so that an imposed pose is one body
+held, and no constraint is left that would need a multiplier.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vjm.chain import Chain
-from vjm.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
-from vjm.paths import StationLabel
+from vjm.continuation.path import StationLabel
+from vjm.model.chain import Chain
+from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
 from vjm.rotations import Array, translation, turn
-from vjm_fea.mesh import grid, lumped_mass
+from vjm_fea.common.mesh import grid, lumped_mass
+from vjm_fea.common.points import NO_POINTS, Piece, Place, find
 from vjm_fea.opensees.beams import Line
 from vjm_fea.opensees.linkage import Joint, Linkage
-from vjm_fea.points import NO_POINTS, Piece, Place, find
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,9 @@ class ChainSystem:
     Attributes:
         lines: rows of beam elements, from base to tool.
         nodes: reference positions ``(n, 3)`` of their nodes, mm.
-        carriers: node of every body but the last, which is the hand.
-        linkages: from base to tool; the last leads from the hand back over the end-effector to the last beam's tip.
+        carriers: node of every body but the last, which is the support.
+        linkages: from base to tool; the last leads from the support back over the end-effector to the last beam's
+            tip.
         stiffness: of the joints' coordinates ``(k,)``, N/mm; zero for passive ones.
         slides: which of the joints' coordinates ``(k,)`` are shifts.
         stations: in the order along the chain.
@@ -62,7 +63,7 @@ class ChainSystem:
         q: Array,
         elements: int,
         points: Mapping[str, tuple[float, ...]] = NO_POINTS,
-        hand: Sequence[PassiveJoint] = (),
+        end_condition: Sequence[PassiveJoint] = (),
     ) -> None:
         """Set out a chain.
 
@@ -71,7 +72,7 @@ class ChainSystem:
             q: its passive joints' coordinates.
             elements: of each of its beams.
             points: fractions of its beams at which there has to be a node, by name.
-            hand: joints between the end-effector and the hand, see `vjm.hand`.
+            end_condition: joints between the end-effector and the support, see `vjm.model.end_condition`.
 
         Raises:
             ValueError: there is no beam, or one without a section, or another number of joints.
@@ -115,19 +116,19 @@ class ChainSystem:
                     self._frame = self._frame @ move
                 case Beam():
                     self._add_beam(part)
-        for joint in hand:
+        for joint in end_condition:
             # along the world's axes, through the end-effector's reference point
             self._add_joint(self._frame[:3, :3].T @ joint.axis, slides=joint.slides)
-        self._hang_on_hand()
-        self._tool_piece = len(hand)
+        self._hang_on_end_condition()
+        self._tool_piece = len(end_condition)
         self.nodes = np.vstack([line.positions for line in self.lines])
         self.stiffness = np.array(self._stiffness)
         self.slides = np.array(self._slides, dtype=bool)
         self.end = self._frame
 
     @property
-    def hand(self) -> int:
-        """Number of the hand's body, which is the end-effector's where nothing of its pose is free."""
+    def end_condition(self) -> int:
+        """Number of the support's body, which is the end-effector's where nothing of its pose is free."""
         return len(self.carriers)
 
     def _add_joint(self, axis: Array, *, slides: bool, stiffness: float = 0.0) -> None:
@@ -161,12 +162,12 @@ class ChainSystem:
         if np.any(beam.end_offset):
             self._mark(beam.name, 1.0 + float(np.linalg.norm(beam.end_offset)) / beam.length)
 
-    def _hang_on_hand(self) -> None:
-        """Let the hand carry the last beam's tip: its linkage, and the coordinates, turned round."""
+    def _hang_on_end_condition(self) -> None:
+        """Let the support carry the last beam's tip: its linkage, and the coordinates, turned round."""
         position = self._frame[:3, 3]
         joints = tuple(replace(joint, axis=-joint.axis) for joint in reversed(self._open))
         tip = self.carriers.pop()
-        self.linkages.append(Linkage(self.hand, position, tip, self._start[1], joints))
+        self.linkages.append(Linkage(self.end_condition, position, tip, self._start[1], joints))
         last, count = len(self.linkages) - 1, len(joints)
         self.stations = [
             replace(s, linkage=(last, count - s.linkage[1])) if s.node is None and s.linkage[0] == last else s

@@ -8,33 +8,33 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm.chain import Chain
-from vjm.lumped import LumpedModel
-from vjm.paths import Equilibrium, Path
-from vjm.programme import Programme, refuse_unless_pose_only
+from vjm.continuation.path import Equilibrium, Path
+from vjm.model.chain import Chain
+from vjm.model.load_case import LoadCase, refuse_unless_pose_only
+from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
-from vjm.stiffness import unloaded_stiffness
+from vjm.statics.stiffness import unloaded_stiffness
 
 
-def straight_path(label: str, chain: Chain, programme: Programme, stiffness: Array, seconds: float) -> Path:
+def straight_path(label: str, chain: Chain, load_case: LoadCase, stiffness: Array, seconds: float) -> Path:
     """Path of a linear model: a straight line, with no stability to speak of.
 
     Args:
         label: of the engine.
         chain: the machine.
-        programme: the ramp.
+        load_case: the ramp.
         stiffness: unloaded ``(6, 6)``, N, mm, rad.
         seconds: that the stiffness took.
     """
     points = []
-    for s in np.linspace(0.0, programme.length, (programme.steps or 1) + 1):
-        displacement = programme.displacement(s)
+    for s in np.linspace(0.0, load_case.length, (load_case.steps or 1) + 1):
+        displacement = load_case.displacement(s)
         points.append(
             Equilibrium(
                 s=float(s),
                 displacement=displacement,
                 wrench=stiffness @ displacement,
-                tangent=float(programme.direction @ stiffness @ programme.direction),
+                tangent=float(load_case.direction @ stiffness @ load_case.direction),
                 eigenvalue=float("nan"),
                 unstable=-1,
                 iterations=0,
@@ -44,7 +44,7 @@ def straight_path(label: str, chain: Chain, programme: Programme, stiffness: Arr
                 stiffness=stiffness,
             )
         )
-    return Path(label, chain.name, programme, tuple(points), seconds=seconds, model_sha256=chain.sha256)
+    return Path(label, chain.name, load_case, tuple(points), seconds=seconds, model_sha256=chain.sha256)
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,9 @@ class LinearEngine:
 
     label: str = "vjm-linear"
 
-    def walk(self, chain: Chain, programme: Programme, progress: Callable[[float], None] | None = None) -> Path:
+    def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Straight line through the unloaded state; it knows no critical points."""
-        refuse_unless_pose_only(self.label, programme)
+        refuse_unless_pose_only(self.label, load_case)
         started = time.perf_counter()
-        K = unloaded_stiffness(LumpedModel(chain), chain.posture(programme.posture))
-        return straight_path(self.label, chain, programme, K, time.perf_counter() - started)
+        K = unloaded_stiffness(LumpedModel(chain), chain.posture(load_case.posture))
+        return straight_path(self.label, chain, load_case, K, time.perf_counter() - started)

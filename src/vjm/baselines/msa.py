@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vjm.baselines.linear import straight_path
-from vjm.chain import FOOT, Chain
-from vjm.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset, Section
-from vjm.paths import Path
-from vjm.programme import Programme, refuse_unless_pose_only
+from vjm.continuation.path import Path
+from vjm.model.chain import FOOT, Chain
+from vjm.model.load_case import LoadCase, refuse_unless_pose_only
+from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset, Section
 from vjm.rotations import Array, frame, rotate_matrix6, skew, translation, turn
 
 
@@ -160,9 +160,9 @@ class MsaEngine:
 
     label: str = "msa"
 
-    def walk(self, chain: Chain, programme: Programme, progress: Callable[[float], None] | None = None) -> Path:
+    def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Straight line with the stiffness of `msa_stiffness`."""
-        refuse_unless_pose_only(self.label, programme)
+        refuse_unless_pose_only(self.label, load_case)
         started = time.perf_counter()
-        K = msa_stiffness(chain, chain.posture(programme.posture))
-        return straight_path(self.label, chain, programme, K, time.perf_counter() - started)
+        K = msa_stiffness(chain, chain.posture(load_case.posture))
+        return straight_path(self.label, chain, load_case, K, time.perf_counter() - started)

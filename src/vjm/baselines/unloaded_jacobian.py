@@ -19,14 +19,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from vjm.chain import Chain
-from vjm.equilibrium import Configuration, NoConvergenceError
-from vjm.lumped import LumpedModel
-from vjm.paths import Equilibrium, Event, EventKind, Path
-from vjm.programme import Programme, refuse_unless_pose_only
+from vjm.continuation.path import Equilibrium, Event, EventKind, Path
+from vjm.model.chain import Chain
+from vjm.model.load_case import LoadCase, refuse_unless_pose_only
+from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
-from vjm.stability import stability
-from vjm.stiffness import loaded_stiffness
+from vjm.statics.equilibrium import Configuration, NoConvergenceError
+from vjm.statics.stability import stability
+from vjm.statics.stiffness import loaded_stiffness
 
 RELATIVE_TOLERANCE = 1e-8
 """Of the integration, four orders below the 1e-4 to which events are promised."""
@@ -39,17 +39,17 @@ class UnloadedJacobianEngine:
     label: str = "vjm-unloaded-jacobian"
     points: int = 60
 
-    def walk(self, chain: Chain, programme: Programme, progress: Callable[[float], None] | None = None) -> Path:
+    def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Integrate the wrench along the ramp; the path stops at the first event.
 
         Raises:
             NoConvergenceError: the integration failed.
         """
-        refuse_unless_pose_only(self.label, programme)
+        refuse_unless_pose_only(self.label, load_case)
         started = time.perf_counter()
         model = LumpedModel(chain)
-        x0 = model.configuration(chain.posture(programme.posture))
-        direction = programme.direction
+        x0 = model.configuration(chain.posture(load_case.posture))
+        direction = load_case.direction
 
         def at(wrench: Array) -> Configuration:
             return Configuration(model, x0, wrench, 0.0, 0)
@@ -67,13 +67,13 @@ class UnloadedJacobianEngine:
             event.direction = -1  # type: ignore[attr-defined]
         solution = solve_ivp(
             lambda _, wrench: loaded_stiffness(at(wrench)) @ direction,
-            (0.0, programme.length),
+            (0.0, load_case.length),
             np.zeros(6),
             rtol=RELATIVE_TOLERANCE,
             atol=RELATIVE_TOLERANCE * model.wrench_scale,
             events=(eigenvalue, excess_stiffness),
             dense_output=True,
-            max_step=programme.length / 50.0,
+            max_step=load_case.length / 50.0,
         )
         wrench_at = solution.sol
         if not solution.success or wrench_at is None or solution.y_events is None:
@@ -85,7 +85,7 @@ class UnloadedJacobianEngine:
             verdict = stability(frozen)
             return Equilibrium(
                 s=s,
-                displacement=programme.displacement(s),
+                displacement=load_case.displacement(s),
                 wrench=wrench,
                 tangent=float(direction @ K @ direction),
                 eigenvalue=verdict.eigenvalue,
@@ -113,6 +113,6 @@ class UnloadedJacobianEngine:
         last = end * (1.0 - 1e-6) if events else end
         points = tuple(point(float(s), wrench_at(s)) for s in np.linspace(0.0, last, self.points))
         return Path(
-            self.label, chain.name, programme, points, events, stopped=stopped,
+            self.label, chain.name, load_case, points, events, stopped=stopped,
             seconds=time.perf_counter() - started, model_sha256=chain.sha256,
         )  # fmt: skip

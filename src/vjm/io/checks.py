@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from vjm.chain import Chain
 from vjm.io.errors import printed
-from vjm.lumped import LumpedModel
-from vjm.parts import Beam, Section
+from vjm.model.chain import Chain
+from vjm.model.lumped import LumpedModel
+from vjm.model.parts import Beam, Section
 from vjm.rotations import Array
 
 SYMMETRY = 1e-6

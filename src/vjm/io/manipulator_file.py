@@ -17,12 +17,12 @@ import numpy as np
 import pydantic
 from pydantic import Field, StringConstraints
 
-from vjm.chain import Chain
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
 from vjm.io.model_file import Entry, ModelDocument, _parse, build_chain, library, read_document
 from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM, rotation
 from vjm.io.sections import Table
-from vjm.manipulator.manipulator import BASE, PLATFORM, Coupling, Drive, Leg, Manipulator, drive_of
+from vjm.model.chain import Chain
+from vjm.platform.manipulator import BASE, PLATFORM, Coupling, Drive, Leg, Manipulator, drive_of
 from vjm.rotations import Array, frame
 
 KIND = "manipulator"

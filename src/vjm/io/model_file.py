@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 
 import pydantic
 
-from vjm.chain import Chain
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
 from vjm.io.schema import ModelFile, known_keys
+from vjm.model.chain import Chain
 
 __all__ = [
     "Entry",

@@ -13,10 +13,10 @@ from zipfile import BadZipFile
 import numpy as np
 
 from vjm import __version__
+from vjm.continuation.path import Equilibrium, Event, EventKind, Path, StationLabel
 from vjm.io.files import write_whole
-from vjm.io.programmes import from_plain, from_words, plain, words
-from vjm.paths import Equilibrium, Event, EventKind, Path, StationLabel
-from vjm.programme import Programme
+from vjm.io.load_cases import from_plain, from_words, plain, words
+from vjm.model.load_case import LoadCase
 
 DISPLACEMENT_COLUMNS = ("ux_mm", "uy_mm", "uz_mm", "rx_rad", "ry_rad", "rz_rad")
 """Columns of the end-effector's displacement, world axes."""
@@ -38,9 +38,9 @@ def curve_csv(path: Path) -> str:
         "engine": path.engine,
         "version": __version__,
         "model_sha256": path.model_sha256,
-        **words(path.programme),
+        **words(path.load_case),
     }
-    columns = (*COLUMNS, LOAD_FACTOR) if path.programme.load_driven else COLUMNS
+    columns = (*COLUMNS, LOAD_FACTOR) if path.load_case.load_driven else COLUMNS
     out = io.StringIO()
     out.write("# " + " ".join(f"{key}={value}" for key, value in head.items()) + "\n")
     writer = csv.writer(out, lineterminator="\n")
@@ -51,7 +51,7 @@ def curve_csv(path: Path) -> str:
         row += [f"{v:.12g}" for v in (*p.displacement, *p.wrench, p.tangent)]
         row += ["" if p.unstable < 0 else p.unstable]
         row += ["" if np.isnan(relative[step]) else f"{relative[step]:.9g}", p.iterations]
-        row += [f"{p.ramp:.12g}"] if path.programme.load_driven else []
+        row += [f"{p.ramp:.12g}"] if path.load_case.load_driven else []
         writer.writerow(row)
     return out.getvalue()
 
@@ -76,17 +76,17 @@ def read_curve(file: FilePath) -> Path:
     if missing:
         raise ValueError(f"{file}: no curve file: missing column {missing[0]}")
     try:
-        programme = from_words(head)
-        points = tuple(_point(row, programme) for row in rows)
-        return Path(head["engine"], head["model"], programme, points, model_sha256=head["model_sha256"])
+        load_case = from_words(head)
+        points = tuple(_point(row, load_case) for row in rows)
+        return Path(head["engine"], head["model"], load_case, points, model_sha256=head["model_sha256"])
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{file}: no curve file: {error}") from error
 
 
-def _point(row: dict[str, str], programme: Programme) -> Equilibrium:
+def _point(row: dict[str, str], load_case: LoadCase) -> Equilibrium:
     displacement = np.array([float(row[c]) for c in DISPLACEMENT_COLUMNS])
-    along = programme.direction
-    ramp = float(row[LOAD_FACTOR]) if programme.load_driven else float(displacement @ along / (along @ along))
+    along = load_case.direction
+    ramp = float(row[LOAD_FACTOR]) if load_case.load_driven else float(displacement @ along / (along @ along))
     return Equilibrium(
         s=ramp,
         displacement=displacement,
@@ -116,7 +116,7 @@ def save_path(path: Path, file: FilePath) -> None:
         "engine": path.engine,
         "model": path.model,
         "model_sha256": path.model_sha256,
-        "programme": plain(path.programme),
+        "load_case": plain(path.load_case),
         "points": len(path.points),
         "events": [
             {f.name: getattr(e, f.name) for f in fields(e) if f.name != "point"}
@@ -163,7 +163,7 @@ def load_path(file: FilePath) -> Path:
             for has_point in [e.pop("has_point")]
         ]
         return Path(
-            meta["engine"], meta["model"], from_plain(meta["programme"]), tuple(everything[:n]), tuple(events),
+            meta["engine"], meta["model"], from_plain(meta["load_case"]), tuple(everything[:n]), tuple(events),
             tuple(StationLabel(**s) for s in meta["stations"]), meta["stopped"], meta["seconds"],
             meta["model_sha256"],
         )  # fmt: skip

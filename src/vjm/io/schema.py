@@ -24,8 +24,6 @@ from pydantic import (
     model_validator,
 )
 
-from vjm import parts
-from vjm.chain import FOOT, Chain
 from vjm.io import checks
 from vjm.io.errors import printed
 from vjm.io.sections import (
@@ -37,6 +35,8 @@ from vjm.io.sections import (
     StiffnessSection,
     Table,
 )
+from vjm.model import parts
+from vjm.model.chain import FOOT, Chain
 from vjm.rotations import AXES, Array, frame, rotation_from_vector
 
 Label = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]

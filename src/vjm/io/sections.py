@@ -12,8 +12,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
-from vjm import parts
 from vjm.io.errors import printed
+from vjm.model import parts
 
 SHORTEST_MM, LONGEST_MM = 0.1, 1e5
 """Lengths outside are taken for another unit: a link of 0.1 mm or of 100 m is no robot's."""

@@ -11,11 +11,11 @@ import jsonschema
 import numpy as np
 import pytest
 
-from vjm.chain import Chain
 from vjm.io.model_file import library, load_chain, model_schema, read_document
 from vjm.io.sections import Rectangle, SquareTube, rectangle_torsion, square_tube_torsion
-from vjm.lumped import LumpedModel
-from vjm.parts import Actuator, Beam, PassiveJoint
+from vjm.model.chain import Chain
+from vjm.model.lumped import LumpedModel
+from vjm.model.parts import Actuator, Beam, PassiveJoint
 from vjm.rotations import AXES
 
 

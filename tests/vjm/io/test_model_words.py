@@ -6,18 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm.arc_length import walk
-from vjm.effects.base_compliance import BaseCompliance
-from vjm.effects.machine import Machine, bowed
-from vjm.effects.series import History, balance
-from vjm.effects.tables import HalfRay, tabulate
+from vjm.continuation.arc_length import trace
+from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.io.model_file import ModelFileError, build_chain, load_chain, read_document
-from vjm.lumped_problem import LumpedProblem
-from vjm.parameters import beam_length
-from vjm.programme import Programme
-from vjm.sensitivity import wrench_sensitivity
+from vjm.model.load_case import LoadCase
+from vjm.model.parameters import beam_length
+from vjm.sensitivity.gradients import wrench_sensitivity
 from vjm.vjm_engine import VjmEngine
-from vjm_fea.exudyn_engine import ExudynEngine
+from vjm_fea.exudyn.engine import ExudynEngine
+from vjm_updating.mechanisms.base_compliance import BaseCompliance
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, bowed
+from vjm_updating.mechanisms.path_table import HalfRay, tabulate
+from vjm_updating.mechanisms.series_elements import History, balance
 
 ORTHOGLIDE = read_document("orthoglide-chain").content
 COLUMN = read_document("pinned-column").content
@@ -47,12 +47,12 @@ def last(path):
 )
 def test_a_bow_in_the_file_is_the_bow_that_springs_are_free_of_stress_in(posture, to, near):
     bow = (0.3, -0.8)
-    engine, programme = VjmEngine(12), Programme(posture, to)
-    drawn = engine.walk(build_chain(changed(ORTHOGLIDE, LINK, bow_mm=list(bow)), "m.toml"), programme)
+    engine, load_case = VjmEngine(12), LoadCase(posture, to)
+    drawn = engine.trace(build_chain(changed(ORTHOGLIDE, LINK, bow_mm=list(bow)), "m.toml"), load_case)
     model = engine.model(load_chain("orthoglide-chain"))
-    strained = walk(LumpedProblem(model, programme, "bowed", bowed(model, posture, bow)), programme)
+    strained = trace(LumpedProblem(model, load_case, "bowed", bowed(model, posture, bow)), load_case)
     assert np.abs(last(drawn) - last(strained))[:3].max() < near * np.abs(last(strained)[:3]).max()
-    straight = engine.walk(load_chain("orthoglide-chain"), programme)
+    straight = engine.trace(load_chain("orthoglide-chain"), load_case)
     if posture == "A":
         assert np.abs(last(straight) - last(strained))[0] > 0.005 * abs(last(strained)[0])
 
@@ -71,11 +71,11 @@ def test_a_bow_has_its_amplitude():
 
 def test_derivatives_know_the_bow():
     chain = build_chain(changed(ORTHOGLIDE, LINK, bow_mm=[0.4, -0.9]), "m.toml")
-    engine, programme = VjmEngine(12), Programme("B", -1.5, steps=4)
+    engine, load_case = VjmEngine(12), LoadCase("B", -1.5, steps=4)
     length = beam_length(chain, "link")
-    found = wrench_sensitivity(engine, chain, engine.walk(chain, programme), [length])[-1, :, 0]
+    found = wrench_sensitivity(engine, chain, engine.trace(chain, load_case), [length])[-1, :, 0]
     h = 1e-4 * length.scale
-    above, below = (last(engine.walk(length.apply(chain, length.value + d), programme)) for d in (h, -h))
+    above, below = (last(engine.trace(length.apply(chain, length.value + d), load_case)) for d in (h, -h))
     # differences of whole solutions over 1e-4 of the length
     assert np.abs(found - (above - below) / (2.0 * h)).max() < 1e-6 * np.abs(found).max()
 
@@ -83,9 +83,9 @@ def test_derivatives_know_the_bow():
 def test_one_spring_has_no_shape():
     chain = build_chain(changed(ORTHOGLIDE, LINK, bow_mm=[0.5, 0.0]), "m.toml")
     with pytest.raises(ValueError, match="part 'link' has a bow, which one spring"):
-        VjmEngine().walk(chain, Programme("A", -1.0))
+        VjmEngine().trace(chain, LoadCase("A", -1.0))
     with pytest.raises(ValueError, match="part 'link' has a bow, which exudyn does not know"):
-        ExudynEngine().walk(chain, Programme("A", -1.0))
+        ExudynEngine().trace(chain, LoadCase("A", -1.0))
     document = changed(ORTHOGLIDE, LINK, bow_mm=[0.5, 0.0]) | {"springs": {"link_segments": 1}}
     with pytest.raises(ModelFileError, match=r"m\.toml: part 'link' has a bow, and \[springs\] one spring"):
         build_chain(document, "m.toml")
@@ -105,8 +105,8 @@ def with_mounts(c, shares=(1.0, 1.0, 1.0)):
 def test_mounts_before_the_drive_are_a_base_that_gives_way(posture):
     c, shares = 3e-5, (1.0, 2.0, 0.5)
     engine = VjmEngine(12)
-    path = engine.walk(with_mounts(c, shares), Programme(posture, 1.5))
-    machine = Machine(load_chain("orthoglide-chain"), engine)
+    path = engine.trace(with_mounts(c, shares), LoadCase(posture, 1.5))
+    machine = ModifiedChain(load_chain("orthoglide-chain"), engine)
     table = tabulate(machine, HalfRay(posture, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 2.0, 1), pulls=True)
 
     def look(u):
@@ -118,15 +118,15 @@ def test_mounts_before_the_drive_are_a_base_that_gives_way(posture):
     found = balance(look, np.array([[1.5, 0, 0, 0, 0, 0]]), elements, history)
     # tables are linear across their ray
     assert np.abs(found.wrench[0] - last(path))[:3].max() < 1e-3 * np.abs(last(path)[:3]).max()
-    rigid = engine.walk(load_chain("orthoglide-chain"), Programme(posture, 1.5))
+    rigid = engine.trace(load_chain("orthoglide-chain"), LoadCase(posture, 1.5))
     assert np.abs(last(rigid) - last(path))[0] > 0.05 * abs(last(path)[0])
 
 
 def test_finite_elements_have_the_mounts_too():
     # so small that it does not matter in which order the foot's spring turns
-    chain, programme = with_mounts(3e-5), Programme("A", 0.01)
-    elements = ExudynEngine(foot_spring=True).walk(chain, programme)
-    assert last(elements)[0] == pytest.approx(last(VjmEngine(16).walk(chain, programme))[0], rel=1e-3)
+    chain, load_case = with_mounts(3e-5), LoadCase("A", 0.01)
+    elements = ExudynEngine(foot_spring=True).trace(chain, load_case)
+    assert last(elements)[0] == pytest.approx(last(VjmEngine(16).trace(chain, load_case))[0], rel=1e-3)
 
 
 @pytest.mark.parametrize("by", ["mass", "density"])
@@ -140,7 +140,7 @@ def test_weight_hangs_on_a_beam_with_a_mass(by):
         content["parts"][1]["section"]["density_kg_per_m3"] = 2700.0
     chain = build_chain(content, "m.toml")
     assert chain.beams[0].mass == pytest.approx(mass, rel=1e-12)
-    path = VjmEngine(16).walk(chain, Programme("straight", 0.01, gravity=(0.0, -9.81, 0.0)))
+    path = VjmEngine(16).trace(chain, LoadCase("straight", 0.01, gravity=(0.0, -9.81, 0.0)))
     assert path.points[0].wrench[1] == pytest.approx(0.5 * 9.81 * mass, rel=1e-12)
 
 

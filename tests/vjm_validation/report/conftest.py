@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm.chain import Chain
-from vjm.parts import Beam, PassiveJoint, Section
-from vjm.programme import Programme
+from vjm.continuation.direction import Direction
+from vjm.model.chain import Chain
+from vjm.model.load_case import LoadCase
+from vjm.model.parts import Beam, PassiveJoint, Section
 from vjm.rotations import rotation_from_vector
 from vjm.vjm_engine import VjmEngine
-from vjm_validation.iterations import iteration_study
-from vjm_validation.run import Direction, Key, LumpingStudy, Run
+from vjm_validation.studies.iterations import iteration_study
+from vjm_validation.studies.study_results import Key, LumpingStudy, Run
 
 ENGINES = {
     "vjm-paper": VjmEngine(),
@@ -69,7 +70,7 @@ def computed():
     chain = {"A": {}}
     for direction in Direction:
         for label, engine in ENGINES.items():
-            path = replace(engine.walk(run.chain, Programme("A", 4.0 * direction.sign)), engine=label)
+            path = replace(engine.trace(run.chain, LoadCase("A", 4.0 * direction.sign)), engine=label)
             run.paths[Key("A", direction, label)] = path
             chain["A"].setdefault(str(direction), {})[label] = metrics(path)
     fe = chain["A"]["compression"]["exudyn"]["F_cr"]

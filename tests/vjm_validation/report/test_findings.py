@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import pytest
 
+from vjm.continuation.direction import Direction
+from vjm_output.plot_style import listed, number, percent
 from vjm_validation.report.findings import findings
 from vjm_validation.report.iteration_words import iterations
 from vjm_validation.report.lumping_figures import PLACES
 from vjm_validation.report.lumping_words import tip_rotation
-from vjm_validation.report.style import listed, number, percent
-from vjm_validation.run import Direction, IterationPoint, Key
+from vjm_validation.studies.study_results import IterationPoint, Key
 
 
 def words(run, **kwargs):

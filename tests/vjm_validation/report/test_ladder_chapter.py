@@ -2,13 +2,13 @@
 
 import pytest
 
-from vjm_validation.ladder.judging import case_rows
-from vjm_validation.ladder.library import case_by_name
-from vjm_validation.ladder.rows import TriangulationRow
-from vjm_validation.ladder.runner import answered
 from vjm_validation.report import write_report
 from vjm_validation.report.ladder_figures import digits_table, ladder_picture, verified
 from vjm_validation.report.words import Tone
+from vjm_validation.verification.judging import case_rows
+from vjm_validation.verification.library import case_by_name
+from vjm_validation.verification.rows import TriangulationRow
+from vjm_validation.verification.runner import answered
 
 CASES = [case_by_name("column-pinned"), case_by_name("cantilever-tip-force")]
 

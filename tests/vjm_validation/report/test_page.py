@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from vjm_output.off_screen import why_not_rendered
 from vjm_validation.report import page, write_report
 from vjm_validation.report.findings import findings
-from vjm_validation.report.renders import impossible
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
@@ -97,7 +97,7 @@ def test_every_image_decodes_and_shows_something(text, folder):
 
 
 def test_renders_show_compression_and_the_artefact(folder):
-    if reason := impossible():
+    if reason := why_not_rendered():
         pytest.skip(f"no off-screen rendering: {reason}")
     assert {file.name for file in (folder / "renders").iterdir()} == {"A_compression.png", "A_tension.png"}
 

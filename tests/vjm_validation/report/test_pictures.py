@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vjm.parts import Placement
+from vjm.continuation.direction import Direction
+from vjm.model.parts import Placement
+from vjm_output.plot_style import PAGE_WIDTH, Margins, figure, number
 from vjm_validation.report import renders
 from vjm_validation.report.figures import (
     Window,
@@ -19,8 +21,7 @@ from vjm_validation.report.figures import (
 from vjm_validation.report.iteration_figures import iteration_picture
 from vjm_validation.report.lumping_figures import MARKS, PLACES, converged, lumping_pictures
 from vjm_validation.report.skeleton import Camera, Skeleton, magnification, picture_axes, skeleton
-from vjm_validation.report.style import PAGE_WIDTH, Margins, figure, number
-from vjm_validation.run import Direction, Key
+from vjm_validation.studies.study_results import Key
 
 PULLED, PUSHED = Direction.TENSION, Direction.COMPRESSION
 
@@ -124,7 +125,7 @@ def test_camera_faces_the_sideways_motion_with_the_tool_on_the_right(run):
 def test_a_machine_that_cannot_render_is_found_out_in_another_process(monkeypatch, program, reason):
     monkeypatch.setattr(renders, "PROBE", program)
     monkeypatch.setattr(renders, "PROBE_SECONDS", 1.0)
-    assert reason in renders.impossible()
+    assert reason in renders.why_not_rendered()
 
 
 def pictures(run):

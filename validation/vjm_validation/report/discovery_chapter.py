@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from vjm.paths import Path
-from vjm_validation.discovered import CAUSE, Discovery, DiscoveryStudy
-from vjm_validation.report.parallelogram_chapter import Table
-from vjm_validation.report.style import (
+from vjm.continuation.path import Path
+from vjm_output.plot_style import (
     EVENT_MARKERS,
     FE,
     PAPER,
@@ -20,8 +18,10 @@ from vjm_validation.report.style import (
     percent,
     png,
 )
+from vjm_validation.report.parallelogram_chapter import Table
 from vjm_validation.report.words import Finding, Tone
-from vjm_validation.run import Run
+from vjm_validation.studies.discovery_results import CAUSE, Discovery, DiscoveryStudy
+from vjm_validation.studies.study_results import Run
 
 SHEET, EXTENDED = "the sheet's model, one spring a link", "extended model"
 

@@ -1,4 +1,4 @@
-"""The figure and the words of the end conditions: what the hand decides, and what imperfections cost."""
+"""The figure and the words of the end conditions: what the support decides, and what imperfections cost."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from vjm.imperfections import ImperfectionCurve
-from vjm.paths import EventKind, Path
-from vjm_validation.end_conditions import END_CONDITIONS, HINGED_LOAD
+from vjm.continuation.imperfections import ImperfectionCurve
+from vjm.continuation.path import EventKind, Path
+from vjm_output.plot_style import EVENT_MARKERS, FE, REFINED, Picture, figure, listed, number, percent, png
 from vjm_validation.metrics import path_metrics, travel
-from vjm_validation.report.style import EVENT_MARKERS, FE, REFINED, Picture, figure, listed, number, percent, png
 from vjm_validation.report.words import SHARP, Finding, Tone
-from vjm_validation.run import EndConditionStudy, Run
+from vjm_validation.studies.end_conditions import END_CONDITIONS, HINGED_LOAD
+from vjm_validation.studies.study_results import EndConditionStudy, Run
 
 LOOKS: dict[str, tuple[str, Any, float]] = {
     "pose imposed": ("#000000", "-", 3.2),
@@ -106,7 +106,7 @@ def _sensitivity(ax: Axes, study: EndConditionStudy) -> None:
 
 
 def end_conditions(run: Run) -> Finding | None:
-    """What other hands than the paper's find."""
+    """What other supports than the paper's find."""
     study = run.end_conditions
     if study is None:
         return None
@@ -144,7 +144,7 @@ def _critical(path: Path) -> str:
         return f"no critical point up to {number(m.F_end)} N"
     text = f"{m.critical} at {number(m.F_cr)} N, {number(abs(m.d_cr or 0.0), 3)} mm"
     turns = [event for event in path.events[1:] if event.kind is EventKind.LIMIT and event.point is not None]
-    if turns and path.programme.load_driven:
+    if turns and path.load_case.load_driven:
         at = abs(travel(path, turns[0].point))  # type: ignore[arg-type]
         text += f", then the load turns at {number(turns[0].force)} N, {number(at, 3)} mm"
     return text

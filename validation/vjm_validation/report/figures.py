@@ -11,9 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from vjm.paths import Path
+from vjm.continuation.direction import Direction
+from vjm.continuation.path import Path
 from vjm.rotations import Array
-from vjm_validation.report.style import (
+from vjm_output.plot_style import (
     EVENT_MARKERS,
     FE,
     FE_FOOT_SPRING,
@@ -30,7 +31,7 @@ from vjm_validation.report.style import (
     number,
     png,
 )
-from vjm_validation.run import Direction, Run
+from vjm_validation.studies.study_results import Run
 
 DRAWN = (PAPER, REFINED, FE, FE_FOOT_SPRING, FOOT_SPRING, FROZEN, "opensees")
 """Engines whose force is worth a line of its own.

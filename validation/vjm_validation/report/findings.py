@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from vjm.continuation.direction import Direction
+from vjm_output.plot_style import FE, FROZEN, LINEAR, MSA, PAPER, REFINED, listed, number, percent
 from vjm_validation.report.discovery_chapter import discovery
 from vjm_validation.report.end_condition_figures import end_conditions
 from vjm_validation.report.figures import worst_difference
@@ -14,7 +16,6 @@ from vjm_validation.report.lumping_words import foot_law, lumping_evidence
 from vjm_validation.report.matrix_words import matrices_as_beams, table_fit
 from vjm_validation.report.parallelogram_chapter import parallelogram
 from vjm_validation.report.robots_chapter import robots
-from vjm_validation.report.style import FE, FROZEN, LINEAR, MSA, PAPER, REFINED, listed, number, percent
 from vjm_validation.report.words import (
     SHARP,
     Finding,
@@ -26,7 +27,7 @@ from vjm_validation.report.words import (
     short,
     within,
 )
-from vjm_validation.run import Direction, Key, Run
+from vjm_validation.studies.study_results import Key, Run
 
 AGREEMENT = 0.02
 """Up to this relative difference two engines are said to agree."""
@@ -296,4 +297,4 @@ def stopped_paths(run: Run) -> Finding | None:
     ]
     if not stopped:
         return None
-    return Finding(Tone.NOTE, f"{len(stopped)} paths end before their programme does", tuple(stopped))
+    return Finding(Tone.NOTE, f"{len(stopped)} paths end before their load case does", tuple(stopped))

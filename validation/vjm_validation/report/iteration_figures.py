@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from vjm.equilibrium import TOLERANCE
-from vjm_validation.iterations import LIMIT, LOOSE, NOISE, STEP_MM
+from vjm.statics.equilibrium import TOLERANCE
+from vjm_output.plot_style import Picture, figure, number, png
 from vjm_validation.report.iteration_words import USUAL
-from vjm_validation.report.style import Picture, figure, number, png
-from vjm_validation.run import IterationPoint, IterationStudy, Run
+from vjm_validation.studies.iterations import LIMIT, LOOSE, NOISE, STEP_MM
+from vjm_validation.studies.study_results import IterationPoint, IterationStudy, Run
 
 LINES = {
     "paper": ("#D55E00", "-", 1.8),

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from math import inf, isfinite
 from statistics import median
 
-from vjm.equilibrium import TOLERANCE
-from vjm_validation.iterations import LIMIT, LOOSE, NOISE, STEP_MM
-from vjm_validation.report.style import listed, number, percent
+from vjm.statics.equilibrium import TOLERANCE
+from vjm_output.plot_style import listed, number, percent
 from vjm_validation.report.words import Finding, Tone
-from vjm_validation.run import IterationPoint, IterationStudy, Run
+from vjm_validation.studies.iterations import LIMIT, LOOSE, NOISE, STEP_MM
+from vjm_validation.studies.study_results import IterationPoint, IterationStudy, Run
 
 USUAL = (3, 5)
 """Iterations that the paper says are usually enough."""

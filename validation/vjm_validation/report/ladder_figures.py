@@ -9,12 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from vjm_validation.ladder.families import MESHED, TITLES
-from vjm_validation.ladder.invariance import GROUP as INVARIANCE
-from vjm_validation.ladder.schema import GROUPS
-from vjm_validation.report.style import Picture, figure, listed, number, png
+from vjm_output.plot_style import Picture, figure, listed, number, png
 from vjm_validation.report.words import Finding, Tone
-from vjm_validation.run import Run
+from vjm_validation.studies.study_results import Run
+from vjm_validation.verification.families import MESHED, TITLES
+from vjm_validation.verification.invariance import GROUP as INVARIANCE
+from vjm_validation.verification.schema import GROUPS
 
 COLOURS = {
     "linear": "#999999", "lumped": "#999999", "bending": "#0072B2", "columns": "#D55E00",

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from vjm.parts import Placement
-from vjm.paths import Path
-from vjm_validation.report.figures import draw_force
-from vjm_validation.report.style import (
+from vjm.continuation.direction import Direction
+from vjm.continuation.path import Path
+from vjm.model.parts import Placement
+from vjm_output.plot_style import (
     FE,
     PAPER,
     REFINED,
@@ -20,7 +20,8 @@ from vjm_validation.report.style import (
     number,
     png,
 )
-from vjm_validation.run import Direction, Key, LumpingStudy, Run
+from vjm_validation.report.figures import draw_force
+from vjm_validation.studies.study_results import Key, LumpingStudy, Run
 
 PLACES = {
     Placement.END: "at the far end (the paper)",

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from vjm.chain import FOOT
-from vjm.paths import Path
+from vjm.continuation.direction import Direction
+from vjm.continuation.path import Path
+from vjm.model.chain import FOOT
+from vjm_output.plot_style import FE, FE_FOOT_SPRING, FOOT_SPRING, REFINED, listed, number, percent
 from vjm_validation.report.lumping_figures import converged, forces, lumping_pair, place_name, places
 from vjm_validation.report.proofs import FOOT_ENGINES
-from vjm_validation.report.style import FE, FE_FOOT_SPRING, FOOT_SPRING, REFINED, listed, number, percent
 from vjm_validation.report.words import SHARP, engine_metrics
-from vjm_validation.run import Direction, Key, LumpingStudy, Run
+from vjm_validation.studies.study_results import Key, LumpingStudy, Run
 
 SAME_FOOT = 0.01
 """Up to this relative difference in displacement two feet are said to be the same."""

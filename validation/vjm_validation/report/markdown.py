@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from vjm_validation.report.style import Picture
+from vjm_output.plot_style import Picture
 from vjm_validation.report.words import Finding
-from vjm_validation.run import Run
+from vjm_validation.studies.study_results import Run
 
 
 def findings_markdown(run: Run, found: Sequence[Finding], pictures: Sequence[Picture]) -> str:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from vjm_validation.printed_matrices import PrintedMatrices
-from vjm_validation.report.style import percent
+from vjm_output.plot_style import percent
 from vjm_validation.report.words import Finding, Tone
-from vjm_validation.run import Run
+from vjm_validation.studies.printed_matrices import PrintedMatrices
+from vjm_validation.studies.study_results import Run
 
 CLOSE = 0.02
 """Relative miss beyond its own rounding up to which a figure of Table II is said to be met."""

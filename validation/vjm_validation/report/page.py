@@ -10,8 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from vjm.continuation.direction import Direction
 from vjm.io.files import write_whole
-from vjm_validation.ladder.families import TITLES
+from vjm_output.off_screen import why_not_rendered
+from vjm_output.plot_style import Picture, engine_order, engine_style
+from vjm_output.templating import environment
 from vjm_validation.report.discovery_chapter import discovery_picture, discovery_tables
 from vjm_validation.report.end_condition_figures import end_condition_picture
 from vjm_validation.report.figures import posture_pictures, postures
@@ -22,16 +25,15 @@ from vjm_validation.report.lumping_figures import lumping_pictures
 from vjm_validation.report.markdown import findings_markdown
 from vjm_validation.report.parallelogram_chapter import distance_picture, parallelogram_tables
 from vjm_validation.report.proofs import foot_picture, published_picture
-from vjm_validation.report.renders import impossible, render_pictures
+from vjm_validation.report.renders import render_pictures
 from vjm_validation.report.robots_chapter import robot_pictures, robot_tables
-from vjm_validation.report.style import Picture, engine_order, engine_style
-from vjm_validation.report.templating import environment
-from vjm_validation.run import Direction, Run
+from vjm_validation.studies.study_results import Run
+from vjm_validation.verification.families import TITLES
 
 METRICS = ("K0", "K1", "critical", "F_cr", "d_cr", "K2", "F_end", "d_end", "K3")
 """Columns of the tables of ``summary.json``'s ``chain``."""
 CAMPAIGN = pathlib.PurePosixPath("../blind/blind.html")
-"""Page of a blind campaign (docs/blind.md), where one was made beside the report."""
+"""Page of a blind campaign (docs/hidden-effects.md), where one was made beside the report."""
 
 
 @dataclass(frozen=True)
@@ -66,14 +68,16 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     """
     proofs = lumping_pictures(run)
     foot, table2, counts = foot_picture(run), published_picture(run), iteration_picture(run)
-    hands = end_condition_picture(run)
+    supports = end_condition_picture(run)
     bars = distance_picture(run.parallelogram) if run.parallelogram is not None else None
     machines = robot_pictures(run.robots) if run.robots is not None else []
     own = discovery_picture(run.discovery) if run.discovery is not None else None
     ladder = ladder_picture(run)
     curves = {posture: posture_pictures(run, posture) for posture in postures(run)}
     renders, no_renders = _renders(run)
-    proof = [picture for picture in (*proofs, foot, hands, table2, bars, *machines, own, counts, ladder) if picture]
+    proof = [
+        picture for picture in (*proofs, foot, supports, table2, bars, *machines, own, counts, ladder) if picture
+    ]
     figures = [*proof, *chain.from_iterable(curves.values())]
     for folder, pictures in (("figures", figures), ("renders", renders)):
         for picture in pictures:
@@ -89,7 +93,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     ]
     found = findings(run, no_renders)
     write_whole(out / "findings.md", findings_markdown(run, found, proof))
-    page = environment().get_template("index.html.j2").render(
+    page = environment("vjm_validation.report").get_template("index.html.j2").render(
         chain=run.chain,
         published=run.summary.get("published", ()),
         acceptance=run.summary.get("acceptance", ()),
@@ -106,7 +110,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         findings=found,
         proofs=proofs,
         foot=foot,
-        hands=hands,
+        supports=supports,
         bars=bars,
         bar_tables=parallelogram_tables(run.parallelogram) if run.parallelogram is not None else (),
         machines=machines,
@@ -129,7 +133,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
 
 def _renders(run: Run) -> tuple[list[Picture], str]:
     """The renders, or why there are none."""
-    reason = impossible()
+    reason = why_not_rendered()
     if reason:
         return [], reason
     try:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm_validation.parallelogram import Element, Robot, Study
-from vjm_validation.report.style import DASH, Picture, figure, number, percent, png
+from vjm_output.plot_style import DASH, Picture, figure, number, percent, png
 from vjm_validation.report.words import Finding, Tone
-from vjm_validation.run import Run
+from vjm_validation.studies.parallelogram import Element, Robot, Study
+from vjm_validation.studies.study_results import Run
 
 TITLE = "A parallelogram is not one bar of double stiffness"
 DIRECTIONS = ("along the bars, N/mm", "across, in its plane, N/mm", "across, out of its plane, N/mm",

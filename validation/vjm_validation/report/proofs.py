@@ -8,8 +8,8 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from vjm_validation.report.figures import Window, draw_force, legend, posture_paths, postures
-from vjm_validation.report.style import (
+from vjm.continuation.direction import Direction
+from vjm_output.plot_style import (
     FE,
     FE_FOOT_SPRING,
     FOOT_SPRING,
@@ -19,7 +19,8 @@ from vjm_validation.report.style import (
     number,
     png,
 )
-from vjm_validation.run import Direction, Run
+from vjm_validation.report.figures import Window, draw_force, legend, posture_paths, postures
+from vjm_validation.studies.study_results import Run
 
 FOOT_ENGINES = (FOOT_SPRING, FE_FOOT_SPRING, REFINED, FE)
 """Two lumped feet and two beams."""

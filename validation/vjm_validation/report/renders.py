@@ -2,27 +2,17 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from matplotlib.lines import Line2D
 
-from vjm.chain import Chain
-from vjm.paths import Equilibrium, Event, Path
+from vjm.continuation.direction import Direction
+from vjm.continuation.path import Equilibrium, Event, Path
+from vjm.model.chain import Chain
 from vjm.rotations import Array
-from vjm_validation.report.figures import postures
-from vjm_validation.report.skeleton import (
-    Camera,
-    Skeleton,
-    magnification,
-    picture_axes,
-    ruler_length,
-    skeleton,
-)
-from vjm_validation.report.style import (
+from vjm_output.plot_style import (
     FE,
     PAGE_WIDTH,
     PAPER,
@@ -34,36 +24,20 @@ from vjm_validation.report.style import (
     number,
     png,
 )
-from vjm_validation.run import Direction, Key, Run
-
-PROBE = """
-import pyvista
-plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
-plotter.add_mesh(pyvista.Sphere(), color="red")
-assert plotter.screenshot(return_img=True).std() > 1.0
-"""
-PROBE_SECONDS = 60.0
+from vjm_validation.report.figures import postures
+from vjm_validation.report.skeleton import (
+    Camera,
+    Skeleton,
+    magnification,
+    picture_axes,
+    ruler_length,
+    skeleton,
+)
+from vjm_validation.studies.study_results import Key, Run
 
 GHOST, BASE, JOINT, TOOL = "#a8a8a8", "#222222", "#CC79A7", "#009E73"
 WIDTH = 1000
 """Of one rendered panel, pixels; drawn smaller, so that edges come out smooth."""
-
-
-def impossible() -> str:
-    """Why this machine cannot render off the screen, empty where it can.
-
-    Asked of a process of its own: a missing graphics library may end a process without an exception.
-    """
-    try:
-        done = subprocess.run(
-            [sys.executable, "-c", PROBE], capture_output=True, text=True, timeout=PROBE_SECONDS, check=False
-        )
-    except (OSError, subprocess.TimeoutExpired) as failure:
-        return f"{type(failure).__name__} after at most {PROBE_SECONDS:g} s"
-    if done.returncode == 0:
-        return ""
-    last = done.stderr.strip().splitlines()[-1:] or ["no message"]
-    return f"exit status {done.returncode}, {last[0][:200]}"
 
 
 def render_pictures(run: Run) -> list[Picture]:

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vjm_validation.comparison import force_difference
-from vjm_validation.report.figures import draw_force, legend
-from vjm_validation.report.parallelogram_chapter import Table
-from vjm_validation.report.style import (
+from vjm_output.plot_style import (
     DASH,
     FE,
     FOOT_SPRING,
@@ -21,8 +18,11 @@ from vjm_validation.report.style import (
     percent,
     png,
 )
+from vjm_validation.comparison import force_difference
+from vjm_validation.report.figures import draw_force, legend
+from vjm_validation.report.parallelogram_chapter import Table
 from vjm_validation.report.words import Finding, Tone
-from vjm_validation.robots import (
+from vjm_validation.studies.robots import (
     COMPARED,
     LARGEST,
     LOAD,
@@ -36,7 +36,7 @@ from vjm_validation.robots import (
     RobotStudy,
     StiffnessRow,
 )
-from vjm_validation.run import Run
+from vjm_validation.studies.study_results import Run
 
 AGREEMENT = 0.005
 """Relative difference up to which the robot's stiffness and critical forces are said to agree."""

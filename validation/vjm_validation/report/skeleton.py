@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm.chain import Chain
-from vjm.parts import Beam, PassiveJoint
-from vjm.paths import Equilibrium, Path
+from vjm.continuation.path import Equilibrium, Path
+from vjm.model.chain import Chain
+from vjm.model.parts import Beam, PassiveJoint
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
-from vjm_validation.report.style import FE, PAPER
+from vjm_output.plot_style import FE, PAPER
 
 MAGNIFICATIONS = (1, 2, 3, 5, 10, 20, 30, 50, 100, 200, 500, 1000)
 SHARE = 0.2

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from vjm.paths import EventKind
-from vjm_validation.report.style import listed, number
-from vjm_validation.run import Direction, Run
+from vjm.continuation.direction import Direction
+from vjm.continuation.path import EventKind
+from vjm_output.plot_style import listed, number
+from vjm_validation.studies.study_results import Run
 
 Metrics = Mapping[str, Any]
 """One engine's row: K0, K1, critical, F_cr, d_cr, K2, F_end, d_end, K3, each perhaps None."""

@@ -1,0 +1,1 @@
+"""What every finite element engine shares: equilibrium paths, points, loads, statics of beams."""

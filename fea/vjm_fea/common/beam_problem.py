@@ -1,0 +1,390 @@
+"""Equilibria of a meshed chain under a load case, as a problem that can be followed by its ramp or its arc."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+
+from vjm.continuation.lumped_problem import STEPS_OF_CONSTANT_LOADS
+from vjm.continuation.path import Equilibrium, StationLabel
+from vjm.model.chain import Chain
+from vjm.model.end_condition import displacement_from
+from vjm.model.load_case import LoadCase, PointControl
+from vjm.rotations import Array, frame
+from vjm.statics.equilibrium import NoConvergenceError
+from vjm_fea.common import branches
+from vjm_fea.common.beam_statics import BeamStatics
+from vjm_fea.common.linearized_statics import Border, Tangent
+from vjm_fea.common.points import Place
+
+MAX_ITERATIONS = 25
+DIVERGED = 1e6
+"""Scaled residual from which Newton's method does not come back."""
+NEUTRAL = 1e-6
+"""Eigenvalue over the smallest unloaded one up to which a motion costs nothing."""
+SURE = 1e-2
+"""Share of the tolerance below which a state needs no further step: elsewhere one more is taken, since near
+critical points, where the stiffness is small, a state within the tolerance may still be far off."""
+ROUNDINGS = 64.0
+"""Units in the last place of a position that a residual may be wrong by."""
+ON_PATH = 1e-11
+"""Error of the condition beside equilibrium, in units of turns and of the chain's length."""
+
+
+def refuse_imperfection(label: str, load_case: LoadCase) -> None:
+    """Refuse what elements cannot do.
+
+    Raises:
+        ValueError: the load case has an imperfection.
+    """
+    if load_case.imperfection:
+        raise ValueError(
+            f"{label} meshes straight beams and builds no imperfection into them: leave it out, or use vjm"
+        )
+
+
+class BeamProblem:
+    """A meshed chain under a load case: `vjm.continuation.arc_length.ArcProblem` for finite elements.
+
+    Newton's method on the residual with the exact tangent; it follows unstable equilibria as readily as stable
+    ones, and each says by its eigenvalues which it is.
+
+    Attributes:
+        label: of the engine.
+        load_case: what is done.
+        stations: labels of the rows of the shapes.
+        statics: residual and tangent.
+        length: extent of the chain, mm.
+        tolerance: scaled residual at which an equilibrium counts as found.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        load_case: LoadCase,
+        statics: BeamStatics,
+        stations: tuple[StationLabel, ...],
+        watched: Place | None,
+        label: str,
+        tolerance: float,
+    ) -> None:
+        """Set up the unloaded state.
+
+        Args:
+            chain: the machine.
+            load_case: what is done.
+            statics: of the meshed chain.
+            stations: labels of the rows of the shapes.
+            watched: the point that a `PointControl` steers.
+            label: of the engine.
+            tolerance: scaled residual at which an equilibrium counts as found.
+
+        Raises:
+            ValueError: a point that steers stands on the ground.
+        """
+        self.label, self.load_case, self.stations = label, load_case, stations
+        self.statics = statics
+        extent = float(np.ptp(statics.shape(statics.initial), axis=0).max(initial=0.0))
+        self.length = max(chain.characteristic_length, extent)
+        # positions are known to some units in the last place, and forces no better than the stiffest motion has it
+        stiffest = float(statics.unit[: statics.motions].min())
+        self.tolerance = max(tolerance, ROUNDINGS * np.finfo(float).eps * self.length / stiffest)
+        self._watched = watched
+        self._known: tuple[Array, Tangent] | None = None
+        if watched is not None and watched.body is None:
+            assert isinstance(load_case.control, PointControl)
+            raise ValueError(f"part '{load_case.control.part}' is fixed to the base: it cannot steer a path")
+        self.drive = load_case.direction / statics.unit[statics.held]
+        """Scaled motion ``(6,)`` of the support per unit of the ramp."""
+
+    # --- what a path needs --------------------------------------------------------------------------------
+
+    def unloaded(self) -> Equilibrium:
+        """The reference configuration, under the loads that act all along.
+
+        Raises:
+            NoConvergenceError: they are more than the chain bears.
+        """
+        state = self.statics.initial
+        if self.statics.applied_loads.constant.any():
+            state = self._settled()
+        return self._equilibrium(0.0, *self._newton(state))
+
+    def solve(self, s: float, start: Equilibrium, slope: Array | None = None) -> Equilibrium:
+        """Equilibrium at ``s`` from the state of ``start``, along ``slope`` or else along the tangent.
+
+        Raises:
+            NoConvergenceError: Newton's method did not converge.
+        """
+        if self.load_case.by_arc:
+            return self._on_arc(s, start, self.tangent(start) if slope is None else slope)
+        if slope is not None:
+            state = self.statics.states.normalised(start.state + slope * (s - start.s))
+        elif isinstance(self.load_case.control, PointControl):
+            state = start.state
+        else:
+            state = self._advanced(start.state, s - start.s)
+        if isinstance(self.load_case.control, PointControl):
+            return self._equilibrium(s, *self._newton(state, lambda at: self._point_border(at, s)))
+        return self._equilibrium(s, *self._newton(self._ramped_to(state, s)))
+
+    def solve_pose(self, displacement: Array, start: Equilibrium) -> Equilibrium:
+        """Equilibrium near ``start`` at any displacement ``(6,)`` of the support from its unloaded pose.
+
+        Raises:
+            NoConvergenceError: Newton's method did not converge.
+        """
+        d = np.asarray(displacement, dtype=float)
+        along = self.load_case.direction
+        found, iterations, error = self._newton(self.statics.with_hand(start.state, d))
+        return self._equilibrium(float(d @ along / (along @ along)), found, iterations, error, end_condition=d)
+
+    def switch(self, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
+        """A stable state at ``s`` on the crossing branch, see `vjm_fea.common.branches.switch`."""
+        return branches.switch(self, critical, s, sign)
+
+    def enter(self, critical: Equilibrium, sign: int) -> Equilibrium:
+        """A state a little way along the crossing branch, see `vjm_fea.common.branches.enter`."""
+        return branches.enter(self, critical, sign)
+
+    def tangent(self, point: Equilibrium, along: Array | None = None) -> Array:
+        """Derivative of the state by the arc's length.
+
+        Args:
+            point: an equilibrium.
+            along: a change of state that tells forwards from backwards; else the ramp grows.
+
+        Raises:
+            NoConvergenceError: the point is critical.
+        """
+        state = point.state
+        tangent = self.exact(state)
+        try:
+            free = tangent.solve(-self.by_ramp(state, tangent))
+        except np.linalg.LinAlgError:
+            raise NoConvergenceError("the path has no one direction at a critical point") from None
+        rate = self.statics.change(state, free, self.drive, 1.0)
+        rate /= self.distance(rate)
+        if along is not None and (rate / self._arc_unit) @ (along / self._arc_unit) < 0.0:
+            rate = -rate
+        return rate
+
+    def distance(self, change: Array) -> float:
+        """Length of a change of state along an arc: mean of the bodies' turns, and of shifts over the length."""
+        return float(np.linalg.norm(change / self._arc_unit))
+
+    def loaded_stiffness(self, equilibrium: Equilibrium) -> Array:
+        """Loaded stiffness ``(6, 6)`` of the support, see `BeamStatics.end_stiffness`; N/mm, N, N mm."""
+        return self.statics.end_stiffness(self.statics.tangent(equilibrium.state))
+
+    # --- what branches need -------------------------------------------------------------------------------
+
+    def parameter(self, state: Array) -> float:
+        """The path's parameter of a state: the ramp, or the displacement of the point that steers."""
+        return self._gone(state) if isinstance(self.load_case.control, PointControl) else float(state[-1])
+
+    def exact(self, state: Array) -> Tangent:
+        """The exact tangent at an equilibrium, kept for whoever asks next: a path asks several times."""
+        if self._known is None or not np.array_equal(self._known[0], state):
+            self._known = state, self.statics.tangent(state)
+        return self._known[1]
+
+    def by_ramp(self, state: Array, tangent: Tangent) -> Array:
+        """Derivative ``(f,)`` of the free coordinates' residual by the ramp."""
+        return tangent.by_ramp(self.drive, self.statics.ramped(state))
+
+    def bordered(self, state: Array, border: Callable[[Array], Border]) -> tuple[Array, int, float]:
+        """Equilibrium with one condition more, and the ramp that it takes: regular at critical points.
+
+        Raises:
+            NoConvergenceError: none was found.
+        """
+        return self._newton(state, border)
+
+    def equilibrium(self, s: float, state: Array, iterations: int = 0, error: float = 0.0) -> Equilibrium:
+        """What the path keeps of a state."""
+        return self._equilibrium(s, state, iterations, error)
+
+    def device(self, state: Array) -> Array | None:
+        """Derivative ``(m + c,)`` of the displacement that a device holds, see `LoadCase.held_by_device`."""
+        return self._point_row(state) if self.load_case.held_by_device else None
+
+    # --- Newton -------------------------------------------------------------------------------------------
+
+    def _newton(self, state: Array, border: Callable[[Array], Border] | None = None) -> tuple[Array, int, float]:
+        """Equilibrium with what is held as in ``state``, or with one condition more and the ramp free."""
+        statics = self.statics
+        tangent: Tangent | None = None
+        error, polished = np.inf, False
+        for iteration in range(MAX_ITERATIONS + 1):
+            r = statics.residual(state)[statics.free]
+            error = float(np.max(np.abs(r), initial=0.0))
+            condition = border(state) if border is not None else None
+            if error < self.tolerance and (condition is None or abs(condition.missing) < ON_PATH):
+                if polished or error < SURE * self.tolerance:
+                    return state, iteration, error
+                polished = True
+            if not error < DIVERGED:
+                break
+            tangent = statics.tangent(state, like=tangent)
+            try:
+                if condition is None:
+                    state = statics.moved_freely(state, tangent.solve(-r))
+                    continue
+                row = condition.row
+                at_ramp = condition.at_ramp + float(row[statics.held] @ self.drive)
+                by_ramp = self.by_ramp(state, tangent)
+                step = tangent.bordered(by_ramp, row[statics.free], at_ramp, -r, condition.missing)
+            except np.linalg.LinAlgError:
+                break
+            state = statics.moved_freely(state, step[:-1], ramp=float(step[-1]))
+            state = self._ramped_to(state, float(state[-1]))
+        raise NoConvergenceError(f"Newton stopped after {iteration} iterations at a scaled residual of {error:.1e}")
+
+    def _ramped_to(self, state: Array, ramp: float) -> Array:
+        """The state with the support where the ramp has it."""
+        result = state.copy()
+        result[-1] = ramp
+        return self.statics.with_hand(result, self.load_case.displacement(ramp))
+
+    def _advanced(self, state: Array, ramp: float) -> Array:
+        """The state moved along the tangent by a change of the ramp."""
+        tangent = self.exact(state)
+        try:
+            free = tangent.solve(-self.by_ramp(state, tangent) * ramp)
+        except np.linalg.LinAlgError as failure:
+            raise NoConvergenceError("the tangent is singular") from failure
+        return self.statics.moved_freely(state, free, self.drive * ramp, ramp)
+
+    @cached_property
+    def _arc_unit(self) -> Array:
+        """Units of the state in which an arc is measured; no multipliers, whose unit is infinite."""
+        states, root = self.statics.states, np.sqrt(self.statics.states.bodies)
+        # a turn is twice the change of its quaternion
+        body = np.concatenate([np.full(3, self.length), np.full(4, 0.5)]) * root
+        numbers = self.statics.number_unit(self.length) * root
+        return np.concatenate([np.tile(body, states.bodies), numbers, [self.load_case.length]])
+
+    def _on_arc(self, s: float, start: Equilibrium, slope: Array) -> Equilibrium:
+        """Equilibrium on the plane across ``slope`` at the distance ``s − start.s`` from a point."""
+        along = slope / self._arc_unit
+        row = along / self._arc_unit / (along @ along)
+
+        def border(state: Array) -> Border:
+            missing = s - start.s - float(row @ (state - start.state))
+            return Border(missing, *self.statics.gradient(state, row))
+
+        state = self.statics.states.normalised(start.state + slope * (s - start.s))
+        return self._equilibrium(s, *self._newton(self._ramped_to(state, float(state[-1])), border))
+
+    # --- a point that steers ------------------------------------------------------------------------------
+
+    @cached_property
+    def _steering(self) -> tuple[Place, Array]:
+        """The point, and the direction ``(3,)`` along which it is to go."""
+        assert self._watched is not None
+        assert isinstance(self.load_case.control, PointControl)
+        return self._watched, self.load_case.sign * np.array(self.load_case.control.direction)
+
+    def _gone(self, state: Array) -> float:
+        """Displacement of the point that steers the path, mm."""
+        place, along = self._steering
+        return float(along @ (self.statics.points(state, [place])[0].position - place.position))
+
+    def _point_row(self, state: Array) -> Array:
+        """Derivative ``(m + c,)`` of that displacement by scaled motions."""
+        place, along = self._steering
+        point = self.statics.points(state, [place])[0]
+        row = np.zeros(len(self.statics.unit))
+        row[point.motions] = along @ point.jacobian[:3]
+        return row * self.statics.unit
+
+    def _point_border(self, state: Array, s: float) -> Border:
+        return Border((s - self._gone(state)) / self.length, self._point_row(state) / self.length, 0.0)
+
+    # --- what is kept of a state --------------------------------------------------------------------------
+
+    def _settled(self) -> Array:
+        """The reference configuration under the constant loads, which are put on step by step."""
+        state, share, step = self.statics.initial, 0.0, 1.0
+        try:
+            while share < 1.0:
+                self.statics.share = min(share + step, 1.0)
+                try:
+                    there = self._newton(state)[0]
+                    lost = self._verdict(there, self.statics.tangent(there))[1] > 0
+                except NoConvergenceError:
+                    lost = True
+                if not lost:
+                    state, share = there, self.statics.share
+                    continue
+                step = 0.5 * (self.statics.share - share)
+                if step < STEPS_OF_CONSTANT_LOADS:
+                    raise NoConvergenceError(
+                        f"the posture does not bear its constant loads: stable up to {share:.3g} of them"
+                    )
+        finally:
+            self.statics.share = 1.0
+        return state
+
+    @cached_property
+    def _softest(self) -> float:
+        """Smallest eigenvalue of the chain at rest."""
+        share, self.statics.share = self.statics.share, 0.0
+        values = self.statics.tangent(self.statics.initial).stability()
+        self.statics.share = share
+        return float(values[0]) if len(values) else 0.0
+
+    def _verdict(self, state: Array, tangent: Tangent) -> tuple[float, int]:
+        """Smallest eigenvalue of the stiffness that the constraints leave, and how many are negative.
+
+        Where they leave no motion at all, as in a cantilever of one element, nan and none.
+        """
+        values = tangent.stability(self.device(state))
+        if not len(values):
+            return float("nan"), 0
+        return float(values[0]), int(np.count_nonzero(values < -NEUTRAL * abs(self._softest)))
+
+    def _equilibrium(
+        self, s: float, state: Array, iterations: int, error: float, end_condition: Array | None = None
+    ) -> Equilibrium:
+        tangent = self.exact(state)
+        eigenvalue, unstable = self._verdict(state, tangent)
+        try:
+            K = self.statics.end_stiffness(tangent)
+        except np.linalg.LinAlgError:
+            K = np.full((6, 6), np.nan)
+        ramp = float(state[-1])
+        displacement = self.load_case.displacement(ramp) if end_condition is None else end_condition
+        if self.load_case.free:
+            tool = self.statics.at_tool(state)
+            displacement = displacement_from(
+                frame(p=self.statics.tool.position), frame(tool.rotation, tool.position)
+            )
+        return Equilibrium(
+            s=s,
+            displacement=displacement,
+            wrench=self.statics.wrench(state),
+            tangent=self._tangent_stiffness(state, tangent, K),
+            eigenvalue=eigenvalue,
+            unstable=unstable,
+            iterations=iterations,
+            residual=error,
+            shape=self.statics.shape(state),
+            state=state,
+            stiffness=K,
+            ramp=ramp if end_condition is None else s,
+        )
+
+    def _tangent_stiffness(self, state: Array, tangent: Tangent, K: Array) -> float:
+        along = self.load_case.direction
+        if not self.load_case.load_driven:
+            return float(along @ K @ along)
+        load = self.statics.ramped(state)[self.statics.free]
+        try:
+            work = self.statics.energy * float(load @ tangent.solve(load))
+        except np.linalg.LinAlgError:
+            return 0.0
+        return 1.0 / work if work != 0.0 else float("inf")

@@ -1,0 +1,186 @@
+"""Residual and tangent of a chain meshed by whatever engine: scaled, with loads, its end held by a support."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+
+from vjm.rotations import Array, rotation_from_vector
+from vjm_fea.common.applied_loads import AppliedLoads
+from vjm_fea.common.linearized_statics import Tangent
+from vjm_fea.common.points import Moving, Place
+from vjm_fea.common.quaternions import quaternion
+from vjm_fea.common.states import States
+
+NEGLIGIBLE = 1e-6
+"""Share of the typical stiffness below which a motion gets a unit by its kind instead of by its stiffness."""
+
+
+class BeamStatics(ABC):
+    """A meshed chain, evaluated at any state, see `States`.
+
+    The support holds the end-effector; its pose is imposed. Where components of the pose are free, joints lie
+    between the two, else they are one body.
+
+    Attributes:
+        states: how states are laid out.
+        motions: number of motions that are not multipliers.
+        initial: the reference configuration, without load.
+        unit: ``(m + c,)`` of motions and multipliers: mm, rad, N, N mm.
+        energy: N mm, by which forces times lengths are scaled.
+        held: indices ``(6,)`` of the support's motions.
+        free: indices of all other motions and of the multipliers.
+        loading: what acts on the chain's bodies.
+        share: of the constant loads that acts; all of them, but while they are put on.
+        end_condition: its number among the bodies.
+        hand_reference: what its state ``(3,)`` is in the reference configuration.
+        tool: the end-effector's reference point.
+    """
+
+    states: States
+    motions: int
+    initial: Array
+    unit: Array
+    energy: float
+    held: np.ndarray
+    free: np.ndarray
+    applied_loads: AppliedLoads
+    share: float
+    end_condition: int
+    hand_reference: Array
+    tool: Place
+
+    def _scale(self, stiffness: Array, turns: np.ndarray, length: float) -> tuple[Array, float]:
+        """Units ``(m,)`` of the motions in which every one's own stiffness is one, and the energy.
+
+        Rounding leaves some thousand times more of the stability eigenvalue than in plain lengths and radians.
+
+        Args:
+            stiffness: of the motions alone ``(m,)``.
+            turns: which of them are turns.
+            length: unit of shifts that nothing but joints holds, mm.
+        """
+        turning = stiffness[turns]
+        energy = float(np.exp(np.mean(np.log(turning[turning > NEGLIGIBLE * np.max(turning)]))))
+        plain = energy / np.where(turns, 1.0, length**2)
+        return np.sqrt(energy / np.where(stiffness > NEGLIGIBLE * plain, stiffness, plain)), energy
+
+    # --- an engine's own ----------------------------------------------------------------------------------
+
+    @abstractmethod
+    def _inner(self, state: Array) -> Array:
+        """Forces and moments ``(m,)`` that the chain puts up, world axes, and joint errors ``(c,)``."""
+
+    @abstractmethod
+    def _stiffness(self, state: Array, like: Tangent | None) -> tuple[Array, Array | None]:
+        """Derivative ``(m + c, m + c)`` of `_inner`, and what the tangent keeps as ``added``."""
+
+    @abstractmethod
+    def points(self, state: Array, places: Sequence[Place]) -> list[Moving]:
+        """Points at a state."""
+
+    @abstractmethod
+    def shape(self, state: Array) -> Array:
+        """Positions ``(k, 3)`` of the stations, mm, world."""
+
+    def number_unit(self, length: float) -> Array:
+        """Units ``(k,)`` in which an arc measures the state's further numbers; infinite where it does not.
+
+        Args:
+            length: unit of shifts, mm.
+        """
+        return np.full(self.states.others, np.inf)
+
+    # --- states -------------------------------------------------------------------------------------------
+
+    def moved(self, state: Array, motion: Array, ramp: float = 0.0) -> Array:
+        """The state after a scaled motion ``(m + c,)`` and a change of the ramp."""
+        return self.states.moved(state, motion * self.unit, ramp)
+
+    def moved_freely(self, state: Array, free: Array, held: Array | float = 0.0, ramp: float = 0.0) -> Array:
+        """The state after scaled motions ``(f,)`` of what is free and ``(6,)`` of the support."""
+        motion = np.zeros(len(self.unit))
+        motion[self.free], motion[self.held] = free, held
+        return self.moved(state, motion, ramp)
+
+    def change(self, state: Array, free: Array, held: Array | float, ramp: float) -> Array:
+        """Derivative of the state along such a motion."""
+        motion = np.zeros(len(self.unit))
+        motion[self.free], motion[self.held] = free, held
+        return self.states.change(state, motion * self.unit, ramp)
+
+    def gradient(self, state: Array, row: Array) -> tuple[Array, float]:
+        """Derivative ``(m + c,)`` by scaled motions, and by the ramp, of a function with that by the state."""
+        by_motion, by_ramp = self.states.gradient(state, row)
+        return by_motion * self.unit, by_ramp
+
+    def with_hand(self, state: Array, displacement: Array) -> Array:
+        """The state with the support displaced ``(6,)`` from its reference: shift in mm, rotation vector in rad."""
+        position = self.hand_reference + displacement[:3]
+        return self.states.put(
+            state, self.end_condition, position, quaternion(rotation_from_vector(displacement[3:]))
+        )
+
+    # --- forces -------------------------------------------------------------------------------------------
+
+    def residual(self, state: Array) -> Array:
+        """Scaled forces and moments ``(m,)`` in world axes that nothing balances, and joint errors ``(c,)``.
+
+        Zero in equilibrium but for the support's six, the wrench with which it holds the chain.
+        """
+        r = self._inner(state)
+        points, wrenches = self._loads(state)
+        for point, wrench in zip(points, wrenches, strict=True):
+            r[point.motions] -= point.jacobian.T @ wrench
+        return r * self.unit / self.energy
+
+    def tangent(self, state: Array, like: Tangent | None = None) -> Tangent:
+        """Exact derivative of `residual` by the scaled motions and multipliers.
+
+        Args:
+            state: where.
+            like: tangent at a state nearby, of which the engine may use again what is dear: for Newton's method.
+        """
+        K, added = self._stiffness(state, like)
+        for i, (point, wrench) in enumerate(zip(*self._loads(state), strict=True)):
+            K[np.ix_(point.motions, point.motions)] -= self.applied_loads.stiffness(i, point, wrench)
+        K *= self.unit[:, None] * self.unit / self.energy
+        return Tangent(K, self.free, self.held, self.motions, self.applied_loads.conservative, added)
+
+    def ramped(self, state: Array) -> Array:
+        """Scaled generalised forces ``(m + c,)`` of the ramped loads, per unit of the load factor."""
+        result = np.zeros(len(self.unit))
+        if self.applied_loads.ramped.any():
+            points = self.points(state, self.applied_loads.places)
+            for point, wrench in zip(points, self.applied_loads.acting(points, 0.0, 1.0), strict=True):
+                result[point.motions] += point.jacobian.T @ wrench
+        return result * self.unit / self.energy
+
+    def _loads(self, state: Array) -> tuple[list[Moving], Array]:
+        points = self.points(state, self.applied_loads.places)
+        return points, self.applied_loads.acting(points, self.share, float(state[-1]))
+
+    def at_tool(self, state: Array) -> Moving:
+        """The end-effector's reference point."""
+        return self.points(state, [self.tool])[0]
+
+    def wrench(self, state: Array) -> Array:
+        """Wrench ``(6,)`` on the end-effector: of the support, and of the loads there; N and N mm, world axes."""
+        end_condition = self.residual(state)[self.held] * self.energy / self.unit[self.held]
+        shift = self.states.places(state)[self.end_condition, :3] - self.hand_reference
+        lever = self.tool.position + shift - self.at_tool(state).position
+        result: Array = np.concatenate([end_condition[:3], end_condition[3:] + np.cross(lever, end_condition[:3])])
+        if self.applied_loads.on_tool.any():
+            result = result + self._loads(state)[1][self.applied_loads.on_tool].sum(axis=0)
+        return result
+
+    def end_stiffness(self, tangent: Tangent) -> Array:
+        """Loaded stiffness ``(6, 6)``: wrench (f, m) of the support in world axes by its shift and small turn.
+
+        Not symmetric where a moment acts.
+        """
+        unit = self.unit[self.held]
+        result: Array = tangent.end_stiffness() * self.energy / (unit[:, None] * unit)
+        return result

@@ -1,0 +1,52 @@
+"""The support of the end-effector, as one joint of a finite element program."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vjm.model.chain import Chain
+from vjm.model.end_condition import held
+from vjm.model.load_case import LoadCase
+from vjm.model.lumped import LumpedModel
+from vjm.model.parts import PassiveJoint
+from vjm.rotations import Array
+
+
+def hand_joints(chain: Chain, load_case: LoadCase) -> tuple[PassiveJoint, ...]:
+    """Joints between the end-effector and the support, from the end-effector; see `vjm.model.end_condition`.
+
+    Raises:
+        ValueError: what is free makes the chain a mechanism.
+    """
+    return held(LumpedModel(chain), load_case).joints if load_case.free else ()
+
+
+def joint_axes(joints: Sequence[PassiveJoint]) -> tuple[Array, tuple[int, ...]]:
+    """One joint for the support's hinges and slides in a row.
+
+    Hinges in a row leave as many conditions as there are turns less: none is all three turns; one hinge keeps the
+    two other turns; two keep the hinge in the tool at right angles to the one in the support; three keep nothing.
+
+    Args:
+        joints: from the end-effector to the support, along the world's axes: hinges first, see
+            `vjm.model.end_condition`.
+
+    Returns:
+        Axes ``(3, 3)`` of both sides of the joint as columns, and which of the three shifts along them, in the
+        support, and of the three turns it constrains ``(6,)``. One turn left is about z; of two the support's hinge
+        is y and the tool's z.
+    """
+    hinges = [joint.axis for joint in joints if not joint.slides]
+    slides = [joint.axis for joint in joints if joint.slides]
+    if len(hinges) == 1:
+        side = np.roll(hinges[0], 1)
+        R, turns = np.column_stack([side, np.cross(hinges[0], side), hinges[0]]), (1, 1, 0)
+    elif len(hinges) == 2:
+        tool, end_condition = hinges
+        R, turns = np.column_stack([np.cross(end_condition, tool), end_condition, tool]), (1, 0, 0)
+    else:
+        R, turns = np.eye(3), (0, 0, 0) if hinges else (1, 1, 1)
+    free = [any(abs(R[:, i] @ slide) > 0.5 for slide in slides) for i in range(3)]
+    return R, (*(0 if slide else 1 for slide in free), *turns)

@@ -1,0 +1,154 @@
+"""Linearised statics of a meshed chain: response, stiffness of what is held, stability."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import eig, eigh, eigvals, eigvalsh, qr
+
+from vjm.rotations import Array
+
+ROUNDING = 1e-11
+"""Scaled stiffness of what is held below which it is zero but for rounding."""
+REAL = 1e-7
+"""Imaginary part of an eigenvalue, over its magnitude, up to which it is real: two that nearly meet split
+by the root of rounding."""
+COINCIDENT = 1e-3
+"""Two eigenvalues vanish together where the second is below this fraction of the third."""
+
+
+class Border(NamedTuple):
+    """A condition beside equilibrium, linearised in scaled motions: ``row · δx + at_ramp δramp = missing``."""
+
+    missing: float
+    row: Array
+    at_ramp: float
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """Derivative of the residual at one state, scaled.
+
+    Attributes:
+        J: ``(m + c, m + c)`` stiffness of m motions and Jacobian of c constraints, ``[K, Cᵀ; C, 0]``.
+        free: indices of the motions and multipliers that are solved for.
+        held: indices ``(6,)`` of the support's motions.
+        motions: m.
+        symmetric: whether loads and forces are conservative, so that the stiffness is symmetric in equilibrium.
+        added: what an engine wants to keep for the next tangent nearby.
+    """
+
+    J: Array
+    free: np.ndarray
+    held: np.ndarray
+    motions: int
+    symmetric: bool = True
+    added: Array | None = None
+
+    @cached_property
+    def _free(self) -> Array:
+        result: Array = self.J[np.ix_(self.free, self.free)]
+        return result
+
+    def solve(self, right: Array) -> Array:
+        """Motion of the free coordinates ``(f, …)`` that makes their residual change by ``right``.
+
+        Raises:
+            numpy.linalg.LinAlgError: the tangent is singular.
+        """
+        result: Array = np.asarray(np.linalg.solve(self._free, right), dtype=float)
+        return result
+
+    def by_ramp(self, drive: Array, load: Array) -> Array:
+        """Derivative ``(f,)`` of the free coordinates' residual by the ramp.
+
+        Args:
+            drive: the support's motion ``(6,)`` per unit of it.
+            load: the loads' generalised forces ``(m + c,)`` per unit of it.
+        """
+        result: Array = self.J[np.ix_(self.free, self.held)] @ drive - load[self.free]
+        return result
+
+    def bordered(self, by_ramp: Array, row: Array, at_ramp: float, right: Array, missing: float) -> Array:
+        """Solution ``(f + 1,)`` for the free coordinates and the ramp with one condition more.
+
+        Args:
+            by_ramp: see `by_ramp`.
+            row: derivative ``(f,)`` of the condition by the free coordinates.
+            at_ramp: and by the ramp.
+            right: change of the residual that is wanted ``(f,)``.
+            missing: and of the condition.
+
+        Raises:
+            numpy.linalg.LinAlgError: it is singular.
+        """
+        f = len(self.free)
+        A = np.empty((f + 1, f + 1))
+        A[:f, :f], A[:f, f], A[f, :f], A[f, f] = self._free, by_ramp, row, at_ramp
+        result: Array = np.linalg.solve(A, np.append(right, missing))
+        return result
+
+    def response(self, held: Array) -> Array:
+        """Motion of the free coordinates ``(f, …)`` that goes with one of the support ``(6, …)``."""
+        return self.solve(-self.J[np.ix_(self.free, self.held)] @ held)
+
+    def end_stiffness(self) -> Array:
+        """Derivative ``(6, 6)`` of the support's wrench by its motion, the chain in equilibrium."""
+        response = self.response(np.eye(len(self.held)))
+        result: Array = self.J[np.ix_(self.held, self.held)] + self.J[np.ix_(self.held, self.free)] @ response
+        result[np.abs(result) < ROUNDING] = 0.0
+        return result
+
+    def _modal(self, device: Array | None) -> tuple[Array, Array]:
+        """Stiffness ``(k, k)`` on the motions that the constraints leave, and their basis ``(f, k)``."""
+        moving = self.free[self.free < self.motions]
+        C = self.J[np.ix_(moving, np.arange(self.motions, len(self.J)))]
+        # a joint's free axis is a multiplier without a constraint
+        C = C[:, np.any(C != 0.0, axis=0)]
+        if device is not None:
+            C = np.column_stack([C, device[moving]])
+        K = self.J[np.ix_(moving, moving)]
+        if not C.shape[1]:
+            return K, np.eye(len(moving))
+        N = qr(C, check_finite=False)[0][:, C.shape[1] :]
+        return N.T @ K @ N, N
+
+    def stability(self, device: Array | None = None) -> Array:
+        """Real eigenvalues ``(k,)`` of the stiffness that the constraints leave, increasing.
+
+        Where loads are not conservative there may be complex ones besides: they pass no zero, and what they do in
+        time (flutter) is not a matter of statics.
+
+        Args:
+            device: derivative ``(m + c,)`` of the displacement that a device holds, one constraint more.
+        """
+        K, _ = self._modal(device)
+        if not len(K):
+            return np.zeros(0)
+        if self.symmetric:
+            return np.asarray(eigvalsh(0.5 * (K + K.T), check_finite=False), dtype=float)
+        values = eigvals(K, check_finite=False)
+        real = np.abs(values.imag) <= REAL * np.abs(values)
+        return np.asarray(np.sort(values[real].real), dtype=float)
+
+    def critical_modes(self, device: Array | None = None) -> list[Array]:
+        """Unit vectors ``(f,)`` of the motions whose eigenvalue is nearest zero: one, or two together."""
+        K, N = self._modal(device)
+        if self.symmetric:
+            values, V = eigh(0.5 * (K + K.T), check_finite=False)
+        else:
+            values, V = eig(K, check_finite=False)
+            real = np.abs(values.imag) <= REAL * np.abs(values)
+            values, V = values[real].real, V[:, real].real
+        order = np.argsort(np.abs(values))[:3]
+        together = 2 if len(order) == 3 and abs(values[order[1]]) < COINCIDENT * abs(values[order[2]]) else 1
+        modes = []
+        for k in order[:together]:
+            mode = N @ V[:, k]
+            result = np.zeros(len(self.free))
+            result[: len(mode)] = mode / np.linalg.norm(mode)
+            modes.append(result)
+        return modes

@@ -1,0 +1,1 @@
+"""The parts of a chain as geometrically exact beams, solved with Exudyn."""

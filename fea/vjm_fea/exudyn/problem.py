@@ -1,0 +1,48 @@
+"""A chain meshed with Exudyn under a load case, as a problem that can be followed."""
+
+from __future__ import annotations
+
+from vjm.model.chain import Chain
+from vjm.model.load_case import LoadCase, PointControl
+from vjm_fea.common.beam_problem import BeamProblem, refuse_imperfection
+from vjm_fea.common.end_condition import hand_joints
+from vjm_fea.common.mesh import Mesh
+from vjm_fea.common.points import wanted
+from vjm_fea.exudyn.statics import Statics
+from vjm_fea.exudyn.system import ExudynSystem
+
+TOLERANCE = 1e-11
+"""Scaled residual at which an equilibrium counts as found: a thousand times what rounding leaves of it."""
+
+
+class ExudynProblem(BeamProblem):
+    """The `BeamProblem` of Exudyn.
+
+    Attributes:
+        statics: the system's residual and tangent.
+    """
+
+    statics: Statics
+
+    def __init__(self, chain: Chain, load_case: LoadCase, mesh: Mesh, label: str) -> None:
+        """Mesh a chain in a posture.
+
+        Raises:
+            ValueError: a beam without a section, or without shear stiffness where the element needs one; a load on
+                no point of the chain; a load case that the engine cannot walk.
+        """
+        refuse_imperfection(label, load_case)
+        system = ExudynSystem(
+            chain, chain.posture(load_case.posture), mesh, wanted(load_case), hand_joints(chain, load_case)
+        )
+        control = load_case.control
+        watched = system.find(control.part, control.at) if isinstance(control, PointControl) else None
+        super().__init__(
+            chain,
+            load_case,
+            Statics(system, chain.characteristic_length, load_case),
+            tuple(s.label for s in system.stations),
+            watched,
+            label,
+            TOLERANCE,
+        )

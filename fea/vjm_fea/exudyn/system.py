@@ -1,0 +1,379 @@
+"""A chain in a posture as a system of Exudyn: nodes, geometrically exact beams, joints, springs.
+
+A joint acts between markers on two nodes, at the joint's place. Where beams meet at an angle or end on an arm
+several nodes belong to one rigid piece: one of them leads, and the others go with it. The coordinates are those of
+the reference configuration plus displacements; the reference configuration is the given posture, unloaded and free
+of stress.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from vjm.continuation.path import StationLabel
+from vjm.model.chain import FOOT, Chain
+from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
+from vjm.rotations import Array, frame, inverse_frame, translation, turn
+from vjm_fea.common.end_condition import joint_axes
+from vjm_fea.common.mesh import Mesh, lumped_mass
+from vjm_fea.common.points import NO_POINTS, Piece, Place, find
+from vjm_fea.common.quaternions import quaternion
+from vjm_fea.exudyn.backend import Item, exu, items
+
+REVOLUTE = (1, 1, 1, 1, 1, 0)
+"""Turns about z of the markers."""
+UNIVERSAL = (1, 1, 1, 1, 0, 0)
+"""Keeps y of the first marker at right angles to z of the second: two revolute joints that cross."""
+PRISMATIC = (0, 1, 1, 1, 1, 1)
+"""Slides along x of the markers."""
+
+PERPENDICULAR = 1e-9
+"""Cosine below which two revolute axes in a row make a universal joint."""
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """A rigid piece.
+
+    Attributes:
+        node: index of its node, −1 for the ground.
+        item: number of the object that carries markers.
+        reference: frame ``(4, 4)`` of the node in the reference configuration.
+    """
+
+    node: int
+    item: Item
+    reference: Array
+
+
+@dataclass(frozen=True)
+class Station:
+    """A material point of which the shape is made: ``offset`` ``(3,)`` mm in the axes of the node."""
+
+    label: StationLabel
+    node: int
+    offset: Array
+
+
+Connect = Callable[[Item], None]
+"""Closes a joint that is open at its far side, given the marker there."""
+
+
+class ExudynSystem:
+    """The assembled system and where things are in it.
+
+    Attributes:
+        mbs: Exudyn's main system.
+        reference: coordinates ``(n, 7)`` of the nodes in the reference configuration: position in mm, unit
+            quaternion.
+        connected: nodes on which joints or springs act, increasing.
+        leaders: ``(n,)`` for every node the one that leads its rigid piece, −1 on the ground.
+        stations: in the order along the chain.
+        pieces: where points and masses are.
+        tool: node of the end-effector, in the world's axes in the reference configuration.
+        end_condition: node of the support of the end-effector; the same where nothing of its pose is free.
+        end: frame ``(4, 4)`` of the end-effector in the reference configuration.
+    """
+
+    def _begin(self, mesh: Mesh) -> None:
+        """An empty system, to be filled with bodies."""
+        exu.config.printToConsole = False
+        # the container owns the system: without it the system dies
+        self._container = exu.SystemContainer()
+        self.mbs = self._container.AddSystem()
+        self.mesh = mesh
+        self._frames: list[Array] = []
+        self._connected: set[int] = set()
+        self._locked: list[tuple[int, int]] = []
+        self.stations: list[Station] = []
+        self.pieces: list[Piece] = []
+        self._waiting: list[Callable[[], None]] = []
+
+    def __init__(
+        self,
+        chain: Chain,
+        q: Array,
+        mesh: Mesh,
+        points: Mapping[str, tuple[float, ...]] = NO_POINTS,
+        end_condition: Sequence[PassiveJoint] = (),
+    ) -> None:
+        """Assemble a chain.
+
+        Args:
+            chain: the machine.
+            q: its passive joints' coordinates.
+            mesh: of its beams.
+            points: fractions of its beams at which there has to be a node, by name.
+            end_condition: joints between the end-effector and the support, see `vjm.model.end_condition`.
+
+        Raises:
+            ValueError: a beam without a section, or another number of joints.
+        """
+        if len(q) != len(chain.joints):
+            raise ValueError(
+                f"{chain.name}: {len(chain.joints)} passive joints but {len(q)} coordinates in the posture"
+            )
+        self._begin(mesh)
+        self._chain, self._points = chain, points
+        self._frame = chain.base
+        self._rigid = Rigid(-1, self.mbs.AddObject(items.ObjectGround()), np.eye(4))
+        self._open: Connect | None = None
+        angles = iter(np.asarray(q, dtype=float))
+        parts = list(chain.parts)
+        while parts:
+            part = parts.pop(0)
+            behind = parts[0] if parts else None
+            if not isinstance(part, PassiveJoint):
+                self._add(part)
+            elif isinstance(behind, PassiveJoint) and _crossing(part, behind):
+                parts.pop(0)
+                self._add_universal(part, next(angles), behind, next(angles))
+            else:
+                self._add_joint(part, next(angles))
+        # an end-effector on a piece whose node lies elsewhere gets a node of its own, locked to it
+        self.tool = self._at(frame(p=self._frame[:3, 3])).node
+        self.end = self._frame
+        self.end_condition = self._add_hand(end_condition) if end_condition else self.tool
+        self.reference = np.array([np.concatenate([T[:3, 3], quaternion(T[:3, :3])]) for T in self._frames])
+        self.connected = sorted(self._connected)
+        self.leaders = self._groups()
+        self.pieces = [replace(p, body=self._leader(p.body)) for p in self.pieces]
+        self.mbs.Assemble()
+
+    # --- parts --------------------------------------------------------------------------------------------
+
+    def _add(self, part: Part) -> None:
+        match part:
+            case RigidOffset():
+                self._mark(part.name, 0.0)
+                along = self._frame[:3, :3] @ part.transform[:3, 3]
+                self._piece(part.name, self._frame[:3, 3], along, part.mass)
+                self._frame = self._frame @ part.transform
+            case Actuator() | Mount():
+                if part.compliance > 0.0:
+                    self._add_drive(part)
+            case Beam() if self.mesh.foot_spring and part.name == FOOT:
+                self._add_spring(part)
+            case Beam():
+                self._add_beam(part)
+
+    def _add_beam(self, beam: Beam) -> None:
+        beam.refuse_bow("exudyn")
+        grid = self.mesh.grid(self._points.get(beam.name, ()))
+        section = beam.effective_section()
+        root = self._frame @ beam.section_in_chain
+        node = self._at(root).node
+        self._mark(beam.name, 0.0, root)
+        self._node_piece(beam, 0, grid, root)
+        for i, (start, stop) in enumerate(pairwise(grid.tolist()), start=1):
+            h = (stop - start) * beam.length
+            data = exu.BeamSection()
+            data.stiffnessMatrix = self.mesh.section_stiffness(section, h, beam.name)
+            T = root @ translation([stop * beam.length, 0.0, 0.0])
+            following = self._node(T)
+            self.mbs.AddObject(
+                items.ObjectBeamGeometricallyExact(nodeNumbers=[node, following], length=h, sectionData=data)
+            )
+            node = following
+            self._rigid = self._carrier(node, T) if stop == 1.0 else Rigid(node, None, T)
+            self._mark(beam.name, stop, T)
+            self._node_piece(beam, i, grid, T)
+        self._frame = self._frame @ translation(beam.tip)
+        if np.any(beam.end_offset):
+            self._mark(beam.name, 1.0 + float(np.linalg.norm(beam.end_offset)) / beam.length)
+
+    def _node_piece(self, beam: Beam, i: int, grid: Array, T: Array) -> None:
+        """The node with its share of the beam's weight."""
+        mass, offset = lumped_mass(beam, grid, i)
+        centre = T[:3, 3] + offset * T[:3, 0]
+        fraction = float(grid[i])
+        self.pieces.append(
+            Piece(beam.name, fraction, fraction, self._rigid.node, T[:3, 3], np.zeros(3), mass, centre)
+        )
+
+    def _add_spring(self, beam: Beam) -> None:
+        self._mark(beam.name, 0.0)
+        along = beam.length * (self._frame @ beam.section_in_chain)[:3, 0]
+        self._piece(beam.name, self._frame[:3, 3], along, beam.mass)
+        self._frame = self._frame @ translation(beam.tip)
+        at = self._frame @ frame(beam.own_frame)
+        before = self._marker(self._at(), at)
+        stiffness = np.linalg.inv(beam.tip_compliance())
+
+        def connect(behind: Item) -> None:
+            self.mbs.AddObject(
+                items.RigidBodySpringDamper(
+                    markerNumbers=[before, behind], stiffness=stiffness, useIntrinsicFormulation=True
+                )
+            )  # fmt: skip
+
+        self._leave_open(at, connect)
+        self._piece(beam.name, self._frame[:3, 3], np.zeros(3), start=1.0)
+        self._mark(beam.name, 1.0)
+
+    def _add_drive(self, drive: Actuator | Mount) -> None:
+        at = self._frame @ frame(_axes_with(drive.axis, 0))
+        before = self._marker(self._at(), at)
+
+        def connect(behind: Item) -> None:
+            self._joint(before, behind, PRISMATIC)
+            self.mbs.AddObject(
+                items.RigidBodySpringDamper(
+                    markerNumbers=[before, behind], stiffness=np.diag([1.0 / drive.compliance] + [0.0] * 5)
+                )
+            )  # fmt: skip
+
+        self._leave_open(at, connect)
+
+    def _add_joint(self, joint: PassiveJoint, value: float) -> None:
+        axes = frame(_axes_with(joint.axis, 0 if joint.slides else 2))
+        before = self._marker(self._at(), self._frame @ axes)
+        move = translation(joint.axis * value) if joint.slides else turn(joint.axis, value)
+        behind = self._frame @ move @ axes
+        self._frame = self._frame @ move
+        kind = PRISMATIC if joint.slides else REVOLUTE
+        self._leave_open(behind, lambda marker: self._joint(before, marker, kind))
+
+    def _add_universal(self, first: PassiveJoint, angle: float, second: PassiveJoint, angle2: float) -> None:
+        # the first axis stays in the piece before as its marker's y, the second in the piece behind as z
+        axes = frame(np.column_stack([np.cross(first.axis, second.axis), first.axis, second.axis]))
+        before = self._marker(self._at(), self._frame @ axes)
+        self._frame = self._frame @ turn(first.axis, angle) @ turn(second.axis, angle2)
+        self._leave_open(self._frame @ axes, lambda behind: self._joint(before, behind, UNIVERSAL))
+
+    def _add_hand(self, joints: Sequence[PassiveJoint]) -> int:
+        """The support's node, and one joint to the end-effector that leaves free what the support's joints do."""
+        at = frame(p=self._frame[:3, 3])
+        R, constrained = joint_axes(joints)
+        tool = self._marker(self._at(at), at @ frame(R))
+        end_condition = self._carrier(self._node(at), at)
+        if any(constrained):
+            # the first marker's axes are those of the slides
+            self._joint(self._marker(end_condition, at @ frame(R)), tool, constrained)
+        return end_condition.node
+
+    # --- rigid pieces -------------------------------------------------------------------------------------
+
+    def _leave_open(self, at: Array, connect: Connect) -> None:
+        """A joint ends at the frame ``at``; the next part makes the piece behind it, its node where it likes."""
+        self._open_at = at
+        self._open = connect
+
+    def _at(self, T: Array | None = None) -> Rigid:
+        """The rigid piece at the present place; where ``T`` is given, one whose node lies there."""
+        if self._open is not None:
+            connect, self._open = self._open, None
+            T = self._open_at if T is None else T
+            self._rigid = self._carrier(self._node(T), T)
+            connect(self._marker(self._rigid, self._open_at))
+            waiting, self._waiting = self._waiting, []
+            for place in waiting:
+                place()
+        elif T is not None and (self._rigid.node < 0 or not np.allclose(T, self._rigid.reference, atol=1e-12)):
+            before = self._rigid.node
+            self._rigid = self._carrier(self._node(T), T)
+            self._locked.append((before, self._rigid.node))
+        return self._rigid
+
+    def _groups(self) -> list[int]:
+        """Leader ``(n,)`` of every node's rigid piece: −1 on the ground, the support or the tool."""
+        leaders = list(range(len(self._frames)))
+        for a, b in self._locked:
+            old, new = leaders[b], leaders[a] if a >= 0 else -1
+            leaders = [new if leader == old else leader for leader in leaders]
+        for first in {self.tool, self.end_condition}:
+            old = leaders[first]
+            if old >= 0:
+                leaders = [first if leader == old else leader for leader in leaders]
+        return leaders
+
+    def _leader(self, node: int) -> int | None:
+        """Leader of a node's rigid piece; None on the ground."""
+        leader = self.leaders[node] if node >= 0 else -1
+        return leader if leader >= 0 else None
+
+    def _node(self, T: Array) -> int:
+        self.mbs.AddNode(
+            items.NodeRigidBodyEP(
+                referenceCoordinates=[*T[:3, 3], *quaternion(T[:3, :3])],
+                # unit quaternions are kept by the solver, which turns them by rotation vectors
+                addConstraintEquation=False,
+            )
+        )
+        self._frames.append(T)
+        return len(self._frames) - 1
+
+    def _carrier(self, node: int, T: Array) -> Rigid:
+        # statics: the mass means nothing, but Exudyn wants one
+        item = self.mbs.AddObject(items.ObjectRigidBody(mass=1.0, inertia=[1, 1, 1, 0, 0, 0], nodeNumber=node))
+        return Rigid(node, item, T)
+
+    def _marker(self, rigid: Rigid, T: Array) -> Item:
+        """A marker on a rigid piece, at the world frame ``T`` in the reference configuration."""
+        local = inverse_frame(rigid.reference) @ T
+        if rigid.node >= 0:
+            self._connected.add(rigid.node)
+        return self.mbs.AddMarker(
+            items.MarkerBodyRigid(
+                bodyNumber=rigid.item, localHT=exu.HT(rotation=local[:3, :3], translation=local[:3, 3])
+            )
+        )
+
+    def _joint(self, before: Item, behind: Item, constrained: tuple[int, ...]) -> None:
+        self.mbs.AddObject(
+            items.GenericJoint(
+                markerNumbers=[before, behind], constrainedAxes=list(constrained)
+            )
+        )  # fmt: skip
+
+    # --- points -------------------------------------------------------------------------------------------
+
+    def find(self, part: str, at: float) -> Place:
+        """The point of a part at a fraction of its elastic length; of the end-effector where it has no name.
+
+        Raises:
+            ValueError: the part has no such point.
+        """
+        if not part:
+            return Place(self._leader(self.tool), self.end[:3, 3])
+        return find(self._chain.name, self.pieces, part, at)
+
+    def _mark(self, part: str, fraction: float, T: Array | None = None) -> None:
+        label = StationLabel(part, fraction)
+        position = (self._frame if T is None else T)[:3, 3]
+
+        def place() -> None:
+            R, p = self._rigid.reference[:3, :3], self._rigid.reference[:3, 3]
+            self.stations.append(Station(label, self._rigid.node, R.T @ (position - p)))
+
+        self._when_closed(place)
+
+    def _piece(self, part: str, root: Array, along: Array, mass: float = 0.0, start: float = 0.0) -> None:
+        def place() -> None:
+            centre = root + 0.5 * along
+            self.pieces.append(Piece(part, start, 1.0, self._rigid.node, root, along, mass, centre))
+
+        self._when_closed(place)
+
+    def _when_closed(self, place: Callable[[], None]) -> None:
+        """Do it at once, or where a joint is open as soon as the piece behind it is there."""
+        if self._open is not None:
+            self._waiting.append(place)
+        else:
+            place()
+
+
+def _crossing(a: PassiveJoint, b: PassiveJoint) -> bool:
+    return not (a.slides or b.slides) and abs(float(np.dot(a.axis, b.axis))) < PERPENDICULAR
+
+
+def _axes_with(axis: Array, column: int) -> Array:
+    """A rotation ``(3, 3)`` with the unit vector ``axis`` as one of its columns."""
+    side = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    side /= np.linalg.norm(side)
+    cyclic = [np.asarray(axis, dtype=float), side, np.cross(axis, side)]
+    return np.column_stack([cyclic[(i - column) % 3] for i in range(3)])

@@ -1,0 +1,1 @@
+"""Equilibrium paths: load stepping, arc length, branch switching, imperfections."""

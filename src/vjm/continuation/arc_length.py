@@ -1,0 +1,278 @@
+"""Following a path by the length of its arc: through limit points, folds, unstable stretches and back.
+
+Each point lies on the plane across the tangent at the one before it, at the step's distance; the ramp is one more
+unknown (Riks 1979, Crisfield 1981). The arc is measured in turns, in lengths over the chain's own, and in the ramp
+over its end; forces do not count.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from vjm.continuation.load_stepping import Problem, bifurcation, follow, locate, walked
+from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
+from vjm.model.load_case import TO_LIMIT, LoadCase
+from vjm.rotations import Array
+from vjm.statics.equilibrium import NoConvergenceError
+
+EVENT_TOLERANCE = 1e-9
+"""Events are located to this length of the arc."""
+
+
+class ArcProblem(Problem, Protocol):
+    """What an engine must be able to do beside a `Problem` for its path to be followed by its arc.
+
+    Where a load case is followed by its arc, the slope given to ``solve`` is the direction across which the plane
+    lies.
+    """
+
+    def tangent(self, point: Equilibrium, along: Array | None = None) -> Array:
+        """Derivative of the state by the arc's length; its last component is the ramp's.
+
+        Args:
+            point: an equilibrium.
+            along: a change of state that tells forwards from backwards; else the ramp grows.
+
+        Raises:
+            NoConvergenceError: the point is critical.
+        """
+
+    def distance(self, change: Array) -> float:
+        """Length of a change of state."""
+
+    def enter(self, critical: Equilibrium, sign: int) -> Equilibrium:
+        """A state a little way along the branch that crosses at a bifurcation, wherever it leads.
+
+        Raises:
+            NoConvergenceError: the branch was not found.
+        """
+
+
+@dataclass(frozen=True)
+class ArcControl:
+    """How far apart an arc's points lie.
+
+    Attributes:
+        first: first step.
+        largest: largest step.
+        smallest: step at which the path is given up.
+        bend: distance of a point from the tangent at the one before it, over the step.
+        points: number at which the path is given up.
+        last: end at the first event of this kind.
+        closed: distance between two turning points of the ramp that are one: of the shapes over their extent, and
+            of the ramps over its end. Joints may have turned full circles in between.
+    """
+
+    first: float = 0.01
+    largest: float = 0.05
+    smallest: float = 1e-7
+    bend: float = 0.05
+    points: int = 5000
+    last: EventKind | None = None
+    closed: float = 1e-5
+
+
+def trace(
+    problem: ArcProblem,
+    load_case: LoadCase,
+    control: ArcControl = ArcControl(),
+    progress: Callable[[float], None] | None = None,
+) -> Path:
+    """Follow a path by its ramp or, under step control, by its arc, as the load case says."""
+    if load_case.by_arc:
+        return follow_arc(problem, load_case, control, progress)
+    return follow(problem, load_case, progress=progress)
+
+
+def follow_arc(
+    problem: ArcProblem,
+    load_case: LoadCase,
+    control: ArcControl = ArcControl(),
+    progress: Callable[[float], None] | None = None,
+) -> Path:
+    """Walk along a path by its arc until the ramp reaches its end.
+
+    Folds of the ramp are limit points where loads are driven. Behind them the path goes on, unstable where it is,
+    and each point says so. At a bifurcation of a stable path it goes on along the branch that the load case asks
+    for, also where that leads backwards; other bifurcations are recorded and passed. A path that comes back to
+    where it has been ends there and says so.
+
+    Args:
+        problem: the engine at work on a chain in a posture.
+        load_case: the ramp.
+        control: step control.
+        progress: called with the fraction of the ramp that was reached.
+    """
+    return _ArcWalk(problem, load_case, control, progress).run()
+
+
+class _ArcWalk:
+    """The state of one walk."""
+
+    def __init__(
+        self,
+        problem: ArcProblem,
+        load_case: LoadCase,
+        control: ArcControl,
+        progress: Callable[[float], None] | None,
+    ) -> None:
+        self.problem, self.load_case, self.control, self.progress = problem, load_case, control, progress
+        self.points: list[Equilibrium] = [problem.unloaded()]
+        self.events: list[Event] = []
+        self.forwards: Array | None = None
+        """A change of state along the path, up to the last point."""
+        self.turn = EventKind.LIMIT if load_case.load_driven else EventKind.FOLD
+        """What the ramp does where it turns back."""
+
+    def run(self) -> Path:
+        started = time.perf_counter()
+        stopped = self._walk()
+        return walked(self.problem, self.load_case, self.points, self.events, stopped, started)
+
+    def _walk(self) -> str:
+        step, end = self.control.first, self.load_case.length
+        why, seen = "", 0
+        while len(self.points) < self.control.points:
+            here = self.points[-1]
+            if step < self.control.smallest:
+                return f"the path cannot be followed beyond the ramp {here.ramp:.6g}: {why}"
+            try:
+                slope = self.problem.tangent(here, self.forwards)
+                there = self.problem.solve(here.s + step, here, slope)
+                bend = self.problem.distance(there.state - here.state - step * slope) / step
+                if bend > self.control.bend:
+                    why, step = "it bends too sharply", 0.5 * step
+                    continue
+                ended = abs(there.ramp) > end
+                if ended:
+                    there = self._at_end(here, there, end)
+                rate = float(self.problem.tangent(there, there.state - here.state)[-1])
+                entered = self._pass(here, there, slope[-1] > 0.0, rate > 0.0)
+            except NoConvergenceError as failure:
+                why, step = str(failure), 0.5 * step
+                continue
+            if self.control.last is not None and any(e.kind is self.control.last for e in self.events):
+                return ""
+            if (turned := self._turned(seen)) is not None:
+                again = self._been_at(turned)
+                if again is not None:
+                    self.events.pop()
+                    return f"the path is closed: it comes back to the {again.kind} at the ramp {turned.ramp:.6g}"
+                if self.load_case.control == TO_LIMIT:
+                    self.points.append(turned)
+                    return ""
+            seen = len(self.events)
+            if entered is not None:
+                self.forwards = entered.state - self.events[-1].point.state  # type: ignore[union-attr]
+                self.points.append(entered)
+                step = min(self.control.first, 10.0 * (entered.s - self.events[-1].s))
+                continue
+            self.forwards = there.state - here.state
+            self.points.append(there)
+            if self.progress is not None:
+                self.progress(min(1.0, abs(there.ramp) / end))
+            if ended:
+                back = f"the path leads back to {there.ramp:.6g}, beyond the ramp's beginning"
+                return "" if there.ramp > 0.0 else back
+            step = min(self.control.largest, step * (1.5 if bend < 0.3 * self.control.bend else 1.0))
+        return (
+            f"the ramp had not reached its end after {len(self.points)} points: it is at {self.points[-1].ramp:.6g}"
+        )
+
+    def _turned(self, seen: int) -> Equilibrium | None:
+        """Where the ramp turned back in the last step, which added to so many events."""
+        new = self.events[seen:]
+        return new[-1].point if new and new[-1].kind is self.turn else None
+
+    def _been_at(self, point: Equilibrium) -> Event | None:
+        """An earlier turning point or bifurcation that is the path's last one."""
+        extent = float(np.ptp(point.shape, axis=0).max())
+        for event in self.events[:-1]:
+            if event.kind in (self.turn, EventKind.BIFURCATION) and event.point is not None:
+                apart = float(np.abs(point.shape - event.point.shape).max()) / extent
+                risen = abs(point.ramp - event.point.ramp) / self.load_case.length
+                if max(apart, risen) < self.control.closed:
+                    return event
+        return None
+
+    def _at_end(self, here: Equilibrium, there: Equilibrium, end: float) -> Equilibrium:
+        side = 1.0 if there.ramp > 0.0 else -1.0
+        return locate(self.problem, here, there, lambda p: p.ramp - side * end, EVENT_TOLERANCE)
+
+    def _pass(self, here: Equilibrium, there: Equilibrium, grew: bool, grows: bool) -> Equilibrium | None:
+        """Locate what happens between two points; a state on another branch where the path changes to it.
+
+        Raises:
+            NoConvergenceError: two things happen at once, or one of them was not located.
+        """
+        folds, change = grew != grows, there.unstable - here.unstable
+        if folds and abs(change) > 1:
+            raise NoConvergenceError("a fold and a bifurcation are too close to be told apart")
+        if folds:
+            self._record(self.turn, self._fold(here, there))
+            return None
+        if change:
+            return self._bifurcate(here, there)
+        self._smooth(here, there)
+        return None
+
+    def _fold(self, here: Equilibrium, there: Equilibrium) -> Equilibrium:
+        chord = there.state - here.state
+
+        def growth(point: Equilibrium) -> float:
+            try:
+                return float(self.problem.tangent(point, chord)[-1])
+            except NoConvergenceError:
+                # singular to the last digit: the fold itself
+                return 0.0
+
+        return locate(self.problem, here, there, growth, EVENT_TOLERANCE)
+
+    def _bifurcate(self, here: Equilibrium, there: Equilibrium) -> Equilibrium | None:
+        first = here.unstable == 0
+        if first:
+            critical = bifurcation(self.problem, here, there, EVENT_TOLERANCE)
+        else:
+            critical = self._change_of_count(here, there)
+        self._smooth(here, there, before=critical.s)
+        entered = self.problem.enter(critical, self.load_case.branch) if first and self.load_case.branch else None
+        self._record(
+            EventKind.BIFURCATION, critical, abs(there.unstable - here.unstable), switched=entered is not None
+        )
+        return entered
+
+    def _change_of_count(self, a: Equilibrium, b: Equilibrium) -> Equilibrium:
+        """The point between two where the number of unstable modes changes, by bisection."""
+        slope = (b.state - a.state) / (b.s - a.s)
+        while b.s - a.s > EVENT_TOLERANCE * max(1.0, b.s):
+            middle = self.problem.solve(0.5 * (a.s + b.s), a, slope)
+            a, b = (middle, b) if middle.unstable == a.unstable else (a, middle)
+        return b
+
+    def _smooth(self, here: Equilibrium, there: Equilibrium, before: float = float("inf")) -> None:
+        """Limit points and the bend-over of a driven displacement's force."""
+        if self.load_case.load_driven:
+            return
+        half = 0.5 * self.points[0].tangent
+        levels = [(EventKind.LIMIT, 0.0)] + ([] if self.events else [(EventKind.BEND_OVER, half)])
+        for kind, level in levels:
+            if here.tangent > level >= there.tangent:
+                value = _tangent_above(level)
+                point = locate(self.problem, here, there, value, EVENT_TOLERANCE)
+                if point.s < before:
+                    self._record(kind, point)
+
+    def _record(
+        self, kind: EventKind, point: Equilibrium, multiplicity: int = 1, *, switched: bool = False
+    ) -> None:
+        force = driven_force(self.load_case, point)
+        self.events.append(Event(kind, point.s, force, multiplicity=multiplicity, point=point, switched=switched))
+
+
+def _tangent_above(level: float) -> Callable[[Equilibrium], float]:
+    return lambda point: point.tangent - level

@@ -1,0 +1,96 @@
+"""Load paths on a given grid, as arrays: equilibrium, stiffness and stability at thousands of displacements.
+
+The paper's own experiment is of this kind. `vjm.continuation.load_stepping.follow` chooses its points itself and
+keeps an object a point; here the compiled march does all points between two bifurcations in one call.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.continuation.load_stepping import EVENT_TOLERANCE, StepControl, bifurcation
+from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.continuation.path import Equilibrium
+from vjm.kernels.compiled_model import March
+from vjm.rotations import Array
+from vjm.statics.equilibrium import TOLERANCE, NoConvergenceError
+
+MAX_ITERATIONS = 30
+
+
+@dataclass(frozen=True)
+class GridPath:
+    """The stable equilibria on a grid; g points.
+
+    Attributes:
+        s: path parameter ``(g,)``, as far as the path goes.
+        wrench: ``(g, 6)`` N, N mm.
+        stiffness: loaded stiffness K^F ``(g, 6, 6)``.
+        x: coordinates ``(g, n)``.
+        residual: scaled ``(g,)``.
+        iterations: of Newton's method ``(g,)``.
+        bifurcations: path parameters at which the path changed its branch.
+        stopped: why the path ends before its grid does; empty where it does not.
+    """
+
+    s: Array
+    wrench: Array
+    stiffness: Array
+    x: Array
+    residual: Array
+    iterations: np.ndarray
+    bifurcations: tuple[float, ...]
+    stopped: str
+
+
+def trace_grid(problem: LumpedProblem, grid: Array) -> GridPath:
+    """Walk along the stable path through a grid of displacements.
+
+    Args:
+        problem: a lumped model in a posture under a ramp.
+        grid: path parameters ``(g,)``, increasing from zero, in steps that Newton's method can take.
+    """
+    grid = np.asarray(grid, dtype=float)
+    compiled, n = problem.model.compiled, problem.model.size
+    pieces: list[tuple[Array, ...]] = []
+    bifurcations: list[float] = []
+    rest = problem.at_rest()
+    begin, x, wrench, at, stopped = 0.0, rest.x, rest.wrench, 0, ""
+    while True:
+        # behind a bifurcation the march begins beside the grid, and that point is left out
+        own = len(bifurcations) > 0
+        s = np.concatenate([[begin], grid[at + (0 if own else 1) :]])
+        found = compiled.march(
+            problem.target(0.0), problem.load_case.direction, s, x, wrench, TOLERANCE, MAX_ITERATIONS
+        )
+        columns = (s, found.x, found.wrench, found.stiffness, found.residual, found.iterations)
+        pieces.append(tuple(column[own : found.good] for column in columns))
+        if not found.why:
+            break
+        last = s[found.good - 1]
+        if found.why != "unstable":
+            stopped = f"no equilibrium found beyond {last:.6g}: {found.why}"
+            break
+        try:
+            behind, critical = _next_branch(problem, s, found, float(grid[-1]))
+        except NoConvergenceError as failure:
+            stopped = f"no stable branch leads on beyond {last:.6g}: {failure}"
+            break
+        bifurcations.append(critical)
+        begin, x, wrench = behind.s, behind.state[:n], behind.state[n : n + 6]
+        at = int(np.searchsorted(grid, begin, side="right"))
+    s, X, F, K, error, iterations = (np.concatenate(column) for column in zip(*pieces, strict=True))
+    return GridPath(s, F, K, X, error, iterations, tuple(bifurcations), stopped)
+
+
+def _next_branch(problem: LumpedProblem, s: Array, found: March, length: float) -> tuple[Equilibrium, float]:
+    """A stable state just behind the bifurcation between two points of the march, and where that was."""
+    a, b = (problem.point(float(s[i]), found.x[i], found.wrench[i]) for i in (found.good - 1, found.good))
+    critical = bifurcation(problem, a, b, EVENT_TOLERANCE * length)
+    behind = critical.s * (1.0 + StepControl.behind)
+    there = problem.switch(critical, behind, problem.load_case.branch)
+    if there.unstable:
+        raise NoConvergenceError("the branch that crosses is unstable")
+    return there, critical.s

@@ -1,0 +1,181 @@
+"""Load paths: equilibria in a row, with what is known of each, and the events between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from vjm.model.load_case import LoadCase
+from vjm.rotations import Array
+
+
+class EventKind(StrEnum):
+    """What can happen along a path of imposed displacement, in the order of precedence at a tie."""
+
+    BIFURCATION = "bifurcation"
+    """The smallest stability eigenvalue passes zero."""
+    LIMIT = "limit"
+    """The force has a maximum."""
+    FOLD = "fold"
+    """The ramp of a displacement turns back: beyond it no equilibrium is near, and an imposed one snaps."""
+    BEND_OVER = "bend-over"
+    """Neither, but the tangent stiffness falls through half of its unloaded value."""
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """One converged state, whoever solved it.
+
+    Attributes:
+        s: path parameter: the ramp, a point's displacement, or the arc's length, as the load case says.
+        displacement: ``(6,)`` of the end-effector from its unloaded pose, mm, rad, world axes.
+        wrench: ``(6,)`` that the chain needs at the end-effector, N, N mm, world axes.
+        tangent: derivative of the driven force by the ramp, the rest of the pose held; of a load factor by the
+            displacement on which the ramped loads work.
+        stiffness: the whole ``(6, 6)`` loaded stiffness K^F, where computed; of the support, where components of
+            the pose are free.
+        eigenvalue: smallest eigenvalue of the tangent on the constraints' null space, in the engine's own
+            units; nan where not computed.
+        unstable: number of negative eigenvalues, −1 where not computed.
+        iterations: of the solver.
+        residual: relative, in the engine's own scaling.
+        shape: positions ``(k, 3)`` of the stations, mm, world.
+        state: the engine's own coordinates ``(n,)``.
+        ramp: the driven displacement's magnitude or the load factor; the path parameter itself where not given.
+    """
+
+    s: float
+    displacement: Array
+    wrench: Array
+    tangent: float
+    eigenvalue: float
+    unstable: int
+    iterations: int
+    residual: float
+    shape: Array
+    state: Array
+    stiffness: Array | None = None
+    ramp: float = float("nan")
+
+    def __post_init__(self) -> None:
+        if np.isnan(self.ramp):
+            object.__setattr__(self, "ramp", self.s)
+
+
+@dataclass(frozen=True)
+class Event:
+    """A critical point, located.
+
+    Attributes:
+        kind: what happens.
+        s: path parameter there.
+        force: magnitude of the driven wrench component there.
+        stiffness_before: tangent at 0.99 s on the stable path; None for a bend-over or off the path.
+        stiffness_after: tangent at 1.01 s on the stable path; likewise.
+        multiplicity: number of eigenvalues that pass zero together.
+        point: the state at the event, for its shape.
+        switched: for a bifurcation: whether a stable branch was found and taken.
+    """
+
+    kind: EventKind
+    s: float
+    force: float
+    stiffness_before: float | None = None
+    stiffness_after: float | None = None
+    multiplicity: int = 1
+    point: Equilibrium | None = None
+    switched: bool = False
+
+
+@dataclass(frozen=True)
+class StationLabel:
+    """Which material point a row of a shape is: part name and fraction of its elastic length."""
+
+    part: str
+    fraction: float
+
+
+def driven_force(load_case: LoadCase, point: Equilibrium) -> float:
+    """The wrench along the ramp, positive where the chain resists it; the load factor where loads are driven."""
+    return point.ramp if load_case.load_driven else float(load_case.direction @ point.wrench)
+
+
+@dataclass(frozen=True)
+class Path:
+    """The equilibria that a chain passes through: stable ones, and where the arc is followed unstable ones too.
+
+    Attributes:
+        engine: label of the engine.
+        model: name of the model.
+        model_sha256: hash of its file.
+        load_case: what was done.
+        points: the equilibria in the order of the path, the unloaded one first. All are converged; each says
+            whether it is stable.
+        events: located critical points in the order of the path.
+        stations: labels of the rows of the shapes.
+        stopped: why the path ends before its load case does; empty where it does not.
+        seconds: wall time.
+    """
+
+    engine: str
+    model: str
+    load_case: LoadCase
+    points: tuple[Equilibrium, ...]
+    events: tuple[Event, ...] = ()
+    stations: tuple[StationLabel, ...] = ()
+    stopped: str = ""
+    seconds: float = 0.0
+    model_sha256: str = ""
+
+    @property
+    def s(self) -> Array:
+        """Path parameter of every point ``(n,)``."""
+        return np.array([p.s for p in self.points])
+
+    @property
+    def force(self) -> Array:
+        """Driven force ``(n,)``, see `driven_force`."""
+        return np.array([driven_force(self.load_case, p) for p in self.points])
+
+    @property
+    def ramp(self) -> Array:
+        """Driven displacement's magnitude or load factor of every point ``(n,)``."""
+        return np.array([p.ramp for p in self.points])
+
+    @property
+    def tangent(self) -> Array:
+        """Tangent stiffness ``(n,)`` along the driven component."""
+        return np.array([p.tangent for p in self.points])
+
+    @property
+    def displacement(self) -> Array:
+        """Displacements ``(n, 6)``, mm, rad."""
+        return np.array([p.displacement for p in self.points])
+
+    @property
+    def wrench(self) -> Array:
+        """Wrenches ``(n, 6)``, N, N mm."""
+        return np.array([p.wrench for p in self.points])
+
+    @property
+    def unstable(self) -> np.ndarray:
+        """Number of unstable modes ``(n,)``, −1 where not computed."""
+        return np.array([p.unstable for p in self.points], dtype=int)
+
+    @property
+    def eigenvalue_relative(self) -> Array:
+        """Smallest stability eigenvalue over its unloaded value ``(n,)``; nan where not computed."""
+        values = np.array([p.eigenvalue for p in self.points])
+        return values / values[0]
+
+    @property
+    def critical(self) -> Event | None:
+        """The first event, by precedence at a tie."""
+        return self.events[0] if self.events else None
+
+    @property
+    def complete(self) -> bool:
+        """Whether the path reached the end of its load case."""
+        return not self.stopped

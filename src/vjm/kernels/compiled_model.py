@@ -1,0 +1,409 @@
+"""A lumped model in compiled form: equilibria, stiffness, stability and modes at a cost linear in its springs."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from vjm.kernels.entry_points import (
+    CONVERGED,
+    SINGULAR,
+    UNSTABLE,
+    end_stiffness,
+    load_forces,
+    march,
+    nearest,
+    newton,
+    place_loads,
+    respond,
+)
+from vjm.kernels.packed_model import buffers, work_of
+from vjm.kernels.recursion import positions
+from vjm.rotations import Array
+
+if TYPE_CHECKING:
+    from vjm.model.lumped import LumpedModel
+
+EIGENVALUE_TOLERANCE = 1e-9
+"""Relative error of an eigenvalue at which its iteration ends."""
+EIGENVALUE_ITERATIONS = 200
+EIGENVALUE_RESTARTS = 20
+BASIS = 16
+"""Vectors of Lanczos's method: from a neighbour's mode it takes five."""
+SHARE = 0.01
+"""Of all modes in the vector that it starts from."""
+
+
+class March(NamedTuple):
+    """What a march along a grid found.
+
+    Attributes:
+        good: number of points that are stable equilibria.
+        why: it ended there: ``unstable`` where the next point, which is given too, is an unstable equilibrium;
+            empty at the grid's end.
+        x: coordinates ``(g, n)``.
+        wrench: ``(g, 6)``.
+        stiffness: K^F ``(g, 6, 6)``.
+        residual: scaled ``(g,)``.
+        iterations: ``(g,)``.
+    """
+
+    good: int
+    why: str
+    x: Array
+    wrench: Array
+    stiffness: Array
+    residual: Array
+    iterations: np.ndarray
+
+
+class CompiledModel:
+    """The kernels at work on one lumped model; takes and returns N, mm, rad.
+
+    It keeps the factors of the last state that it saw, so that all that is asked about one state costs one
+    factorisation.
+    """
+
+    def __init__(self, model: LumpedModel) -> None:
+        self.coordinate_unit = model.coordinate_scale
+        self.wrench_unit = model.wrench_scale
+        self.energy = float(model.wrench_scale[3])
+        self._length = model.chain.characteristic_length
+        self._gap_unit = np.repeat([self._length, 1.0], 3)
+        self.arrays = model.arrays
+        self.buffers = buffers(self.arrays)
+        self._work = work_of(self.buffers.integers[:5], self.buffers.work_integers, self.buffers.work_numbers)
+        self._constant = model.applied_loads.constant / self.wrench_unit
+        self._ramped = model.applied_loads.ramped / self.wrench_unit
+        self._turning = model.applied_loads.turning
+        self._zero_gap = np.zeros(6)
+        self._negative = -1
+        self._forget()
+        self._anywhere = self._packed(np.eye(4))
+        self._station_joint = np.array([s.joint for s in model.stations], dtype=np.int64)
+        self._station_position = np.array([s.position for s in model.stations]).reshape(-1, 3) / self._length
+        self._start = _some_vectors(1, model.size)[0]
+        self._mode = self._start.copy()
+        self._basis = np.empty((max(min(BASIS, model.size - 6), 1), model.size))
+
+    def newton(
+        self, target: Array, x: Array, wrench: Array, load: float, tolerance: float, max_iterations: int
+    ) -> tuple[Array, Array, float, int, str]:
+        """Equilibrium with the end-effector at the frame ``target`` (4, 4) under the load factor ``load``.
+
+        Returns:
+            Coordinates ``(n,)``, wrench ``(6,)``, scaled residual, iterations, and why it failed or nothing.
+        """
+        if len(self._turning):
+            return self._newton_bordered(target, x, wrench, load, tolerance, max_iterations)
+        x, force = x / self.coordinate_unit, wrench / self.wrench_unit
+        to = self._packed(target)
+        self._apply_loads(load)
+        how, iterations, error, self._negative = newton(*self.buffers, to, x, force, tolerance, max_iterations)
+        x, wrench = x * self.coordinate_unit, force * self.wrench_unit
+        self._remember(x, wrench, load)
+        why = {CONVERGED: "", SINGULAR: "at a singular state"}.get(how, f"after {iterations} iterations")
+        if why and not np.isfinite(error):
+            why = "outside the neighbourhood of the target pose"
+        return x, wrench, float(error), int(iterations), why
+
+    def _newton_bordered(
+        self, target: Array, x: Array, wrench: Array, load: float, tolerance: float, max_iterations: int
+    ) -> tuple[Array, Array, float, int, str]:
+        """`newton` where loads turn: the compiled one has the symmetric part of their tangent only."""
+        for iteration in range(max_iterations + 1):
+            statics, gap, error = self.residual(x, wrench, target, load)
+            if error < tolerance:
+                return x, wrench, error, iteration, ""
+            if not error < 1e6 or self._negative < 0 or iteration == max_iterations:
+                break
+            dx, dF = self.response(x, wrench, statics, gap, load)
+            x, wrench = x + dx, wrench + dF
+        return x, wrench, error, iteration, f"after {iteration} iterations"
+
+    def march(
+        self, pose: Array, direction: Array, s: Array, x: Array, wrench: Array, tolerance: float, most: int
+    ) -> March:
+        """Equilibria along a grid of displacements from its first point, which is given; constant loads act.
+
+        Args:
+            pose: unloaded frame ``(4, 4)`` of the end-effector.
+            direction: displacement ``(6,)`` per unit of s.
+            s: ``(g,)``.
+            x: coordinates ``(n,)`` at the first point.
+            wrench: ``(6,)`` there.
+            tolerance: scaled residual.
+            most: Newton iterations at a point.
+
+        Raises:
+            ValueError: loads of the model grow with the ramp, turn with its bodies, or are moments.
+            numpy.linalg.LinAlgError: the first point is a critical one.
+        """
+        if len(self._turning) or self._ramped.any():
+            raise ValueError("a grid is marched under constant forces that keep their direction")
+        self._apply_loads(0.0)
+        g, n = len(s), len(x)
+        X, F, K = np.empty((g, n)), np.empty((g, 6)), np.empty((g, 6, 6))
+        error, iterations, negative = np.zeros(g), np.zeros(g, dtype=np.int64), np.zeros(g, dtype=np.int64)
+        stiffness_unit = self.wrench_unit[:, None] * self.wrench_unit / self.energy
+        X[0], F[0] = x / self.coordinate_unit, wrench / self.wrench_unit
+        how, good = march(
+            *self.buffers, np.ascontiguousarray(pose[:3, :3]), pose[:3, 3] / self._length,
+            np.concatenate([direction[:3] / self._length, direction[3:]]), np.ascontiguousarray(s, dtype=float), 1,
+            tolerance, most, X, F, K, error, iterations, negative,
+        )  # fmt: skip
+        self._forget()  # the factors are those of another state now
+        if not good:
+            raise np.linalg.LinAlgError("the first equilibrium is singular")
+        done = min(good + (how == UNSTABLE), g)
+        K[:done] *= stiffness_unit
+        why = {CONVERGED: "", UNSTABLE: "unstable"}.get(how, f"Newton did not converge in {most} steps")
+        return March(
+            good, why, X[:done] * self.coordinate_unit, F[:done] * self.wrench_unit, K[:done], error[:done],
+            iterations[:done],
+        )  # fmt: skip
+
+    def _remember(self, x: Array, wrench: Array, load: float) -> None:
+        """Which state the factors belong to."""
+        # bytes: the caller may write to its own arrays, and these are compared fastest
+        self._state, self._load = (x.tobytes(), wrench.tobytes()), load
+        self._force = wrench / self.wrench_unit
+        self._border: tuple[Array, Array] | None = None
+
+    def _forget(self) -> None:
+        self._remember(np.full(len(self.coordinate_unit), np.nan), np.full(6, np.nan), np.nan)
+
+    def _apply_loads(self, load: float) -> None:
+        if len(self._constant):
+            self._work.load[:] = self._constant + load * self._ramped
+
+    def _packed(self, target: Array) -> Array:
+        """A frame ``(4, 4)`` as the kernels take it: ``(12,)`` rotation row by row, then scaled position."""
+        return np.concatenate([target[:3, :3].ravel(), target[:3, 3] / self._length])
+
+    def _factor(self, x: Array, wrench: Array, load: float, to: Array) -> float:
+        """Factor at a state as it is; its scaled residual against the packed frame ``to``."""
+        self._remember(x, wrench, load)
+        self._apply_loads(load)
+        _, _, error, self._negative = newton(*self.buffers, to, x / self.coordinate_unit, self._force, np.inf, 0)
+        return float(error)
+
+    def visit(self, x: Array, wrench: Array, load: float = 0.0) -> int:
+        """Factor at a state unless it is the last one; number of negative eigenvalues, −1 where singular."""
+        if not (load == self._load and (x.tobytes(), wrench.tobytes()) == self._state):
+            self._factor(x, wrench, load, self._anywhere)
+        return self._negative
+
+    def _must_visit(self, x: Array, wrench: Array, load: float) -> None:
+        if self.visit(x, wrench, load) < 0:
+            raise np.linalg.LinAlgError("the equilibrium is singular")
+
+    def residual(self, x: Array, wrench: Array, target: Array, load: float = 0.0) -> tuple[Array, Array, float]:
+        """What statics and geometry lack at a state, which is factored on the way.
+
+        Returns:
+            ``K (θ(Jᵀ F) − θ)`` ``(n,)`` and the missing displacement ``(6,)``, see
+            `vjm.statics.equilibrium.residual`, and the largest of them, scaled.
+        """
+        error = self._factor(x, wrench, load, self._packed(target))
+        statics = self._work.residual * self.energy / self.coordinate_unit
+        return statics, self._work.gap * self._gap_unit, error
+
+    def load_forces(self, x: Array, wrench: Array, load: float, wrenches: Array) -> Array:
+        """Generalised forces ``(n,)`` of ``wrenches`` (l, 6) on the loaded points; world axes, at a state."""
+        self._must_visit(x, wrench, load)
+        return self._load_forces(wrenches / self.wrench_unit) * self.energy / self.coordinate_unit
+
+    def ramped(self, x: Array, wrench: Array, load: float) -> Array:
+        """Generalised forces ``(n,)`` of the ramped loads, per unit of the load factor, at a state."""
+        self._must_visit(x, wrench, load)
+        wrenches = self._ramped
+        if self.arrays.follows.any():
+            # known in their bodies' axes: turned as the kernel turns what acts, which is then put back
+            self._work.load[:] = wrenches
+            place_loads(*self.buffers, x / self.coordinate_unit)
+            wrenches = self._work.acting.copy()
+            self._apply_loads(load)
+            place_loads(*self.buffers, x / self.coordinate_unit)
+        return self._load_forces(wrenches) * self.energy / self.coordinate_unit
+
+    def _load_forces(self, wrenches: Array) -> Array:
+        forces = np.empty(len(self.coordinate_unit))
+        load_forces(*self.buffers, np.ascontiguousarray(wrenches), forces)
+        return forces
+
+    def acting(self, x: Array, wrench: Array, load: float) -> Array:
+        """Wrenches ``(l, 6)`` on the loaded points, N, N mm, world axes, at a state."""
+        self.visit(x, wrench, load)
+        return self._work.acting * self.wrench_unit
+
+    def points(self, x: Array, wrench: Array, load: float) -> Array:
+        """Positions ``(l, 3)`` of the loaded points, mm, world, at a state."""
+        self.visit(x, wrench, load)
+        return self._work.point * self._length
+
+    def inverse(self, x: Array, wrench: Array, load: float = 0.0) -> Array:
+        """The inverse second variation on the null space of J ``(n, n)``, dense and scaled, at a state.
+
+        With loads that turn it is that of the whole tangent, which is not symmetric.
+        """
+        self._must_visit(x, wrench, load)
+        return np.array([self._respond(row, self._zero_gap)[0] for row in np.eye(len(x))]).T
+
+    def end_stiffness(self, x: Array, wrench: Array, load: float = 0.0) -> Array:
+        """``K^F`` (18) ``(6, 6)``.
+
+        Raises:
+            numpy.linalg.LinAlgError: the state is a critical point.
+        """
+        self._must_visit(x, wrench, load)
+        if len(self._turning):
+            zero = np.zeros(len(x))
+            return np.array([self.response(x, wrench, zero, gap, load)[1] for gap in np.eye(6)]).T
+        K = np.empty((6, 6))
+        end_stiffness(*self.buffers, self._force, K)
+        return K * self.wrench_unit[:, None] * self.wrench_unit / self.energy
+
+    def smallest(self, x: Array, wrench: Array, load: float = 0.0) -> float:
+        """Eigenvalue nearest zero of the second variation on the null space of J, units of the model's energy.
+
+        Raises:
+            numpy.linalg.LinAlgError: the state is a critical point to the last digit.
+        """
+        self._must_visit(x, wrench, load)
+        if not np.all(np.isfinite(self._mode)):
+            self._mode[:] = self._start
+        # the last mode is near, and a share of the others keeps it from missing one that has come nearer
+        self._mode += SHARE * np.linalg.norm(self._mode) * self._start
+        value = float(nearest(*self.buffers, self._mode, self._basis, EIGENVALUE_TOLERANCE, EIGENVALUE_RESTARTS))
+        if np.isnan(value):
+            raise np.linalg.LinAlgError("the equilibrium is singular to the last digit")
+        return value
+
+    def response(
+        self, x: Array, wrench: Array, statics: Array, gap: Array, load: float = 0.0
+    ) -> tuple[Array, Array]:
+        """Solve ``(K − H) δx − Jᵀ δF = statics`` (n,), ``J δx = gap`` (6,) at a state.
+
+        Returns:
+            ``δx`` ``(n,)`` and ``δF`` ``(6,)``.
+
+        Raises:
+            numpy.linalg.LinAlgError: the state is a critical point.
+        """
+        self._must_visit(x, wrench, load)
+        gap = gap / self._gap_unit
+        step, force = self._respond(statics * self.coordinate_unit / self.energy, gap)
+        m, r = self._force[3:], gap[3:]
+        # the moment turns with nothing, see `vjm.kernels.entry_points`; np.cross would take as long as the solution
+        force[3] -= 0.5 * (m[1] * r[2] - m[2] * r[1])
+        force[4] -= 0.5 * (m[2] * r[0] - m[0] * r[2])
+        force[5] -= 0.5 * (m[0] * r[1] - m[1] * r[0])
+        return step * self.coordinate_unit, force * self.wrench_unit
+
+    def _respond(self, statics: Array, gap: Array) -> tuple[Array, Array]:
+        """`response`, scaled and before the end moment's correction."""
+        respond(*self.buffers, np.ascontiguousarray(statics), gap)
+        step, force = self._work.step.copy(), self._work.right[:6].copy()
+        if not len(self._turning):
+            return step, force
+        # by Woodbury's formula: the turns of the loaded bodies y = W δx load the chain by Cᵀ y
+        turns, loads = self._bordering()
+        columns = [self._plain(column) for column in loads]
+        S = np.array([column for column, _ in columns])
+        y = np.linalg.solve(np.eye(len(turns)) - turns @ S.T, turns @ step)
+        return step + y @ S, force + y @ np.array([reaction for _, reaction in columns])
+
+    def _plain(self, statics: Array) -> tuple[Array, Array]:
+        respond(*self.buffers, statics, self._zero_gap)
+        return self._work.step.copy(), self._work.right[:6].copy()
+
+    def _bordering(self) -> tuple[Array, Array]:
+        """Turns ``(3k, n)`` of k bodies by the coordinates, and the loads ``(3k, n)`` that a unit of each brings.
+
+        It is the part of the loads' tangent that is not in ``H``, which has the symmetric half of a moment's. A
+        follower's force gains ``Ω × f``, its moment ``½ Ω × m``; a moment that keeps its direction ``½ m × Ω``.
+        """
+        if self._border is None:
+            turns, loads = [], []
+            for k in self._turning:
+                f, m = self._work.acting[k, :3], self._work.acting[k, 3:]
+                follows = bool(self.arrays.follows[k])
+                for axis in np.eye(3):
+                    one = np.zeros_like(self._constant)
+                    one[k, 3:] = axis
+                    turns.append(self._load_forces(one))
+                    one[k, :3] = np.cross(axis, f) if follows else 0.0
+                    one[k, 3:] = 0.5 * np.cross(axis, m) * (1.0 if follows else -1.0)
+                    loads.append(self._load_forces(one))
+            self._border = np.array(turns), np.array(loads)
+        return self._border
+
+    def modes(
+        self, x: Array, wrench: Array, count: int, load: float = 0.0, tolerance: float = EIGENVALUE_TOLERANCE
+    ) -> tuple[Array, Array]:
+        """Eigenvalues nearest zero of the second variation on the null space of J, by inverse iteration.
+
+        Args:
+            x: coordinates ``(n,)``.
+            wrench: ``(6,)``.
+            count: how many; fewer are returned where the null space is smaller.
+            load: factor on the ramped loads.
+            tolerance: change of the eigenvalues, over the largest of them, at which the iteration ends.
+
+        Returns:
+            Eigenvalues ``(count,)``, nearest zero first, in units of the model's energy, and motions
+            ``(n, count)`` of unit length in the model's coordinate units.
+        """
+        free = len(x) - 6
+        count = min(count, free)
+        if count < 1:
+            return np.empty(0), np.empty((len(x), 0))
+        self._must_visit(x, wrench, load)
+        # more vectors than eigenvalues are wanted: the error falls with the ratio to the first one left out
+        width = min(count + 2, free)
+        V = _some_vectors(width, len(self.coordinate_unit)).T
+        old = np.full(count, np.inf)
+        for _ in range(EIGENVALUE_ITERATIONS):
+            V, _ = np.linalg.qr(self._inverse(V))
+            image = self._inverse(V)
+            if not np.all(np.isfinite(image)):
+                raise np.linalg.LinAlgError("the equilibrium is singular to the last digit")
+            inverse, turn = np.linalg.eigh(0.5 * (V.T @ image + image.T @ V))
+            nearest = np.argsort(-np.abs(inverse))
+            values = 1.0 / inverse[nearest[:count]]
+            V = image @ turn[:, nearest]
+            # of one that is zero there are no digits
+            if np.abs(values - old).max() <= tolerance * np.abs(values).max():
+                break
+            old = values
+        V = V[:, :count] / np.linalg.norm(V[:, :count], axis=0)
+        return values, V * self.coordinate_unit[:, None]
+
+    def shape(self, x: Array) -> Array:
+        """Positions ``(k, 3)`` of the stations, mm, world."""
+        points = np.empty((len(self._station_joint), 3))
+        positions(
+            self.buffers.integers, self.buffers.numbers, x / self.coordinate_unit, self._station_joint,
+            self._station_position, points,
+        )  # fmt: skip
+        return points * self._length
+
+    def _inverse(self, vectors: Array) -> Array:
+        """The inverse second variation on the null space of J, times vectors ``(n, k)``, scaled."""
+        result = np.empty_like(vectors)
+        for k, vector in enumerate(vectors.T):
+            respond(*self.buffers, np.ascontiguousarray(vector), self._zero_gap)
+            result[:, k] = self._work.step
+        return result
+
+
+@lru_cache(maxsize=16)
+def _some_vectors(count: int, size: int) -> Array:
+    """Unit vectors ``(count, size)`` with a share of every mode, always the same, so that results repeat."""
+    vectors = np.random.default_rng(0).standard_normal((count, size))
+    vectors /= np.linalg.norm(vectors, axis=1)[:, None]
+    vectors.flags.writeable = False
+    return vectors

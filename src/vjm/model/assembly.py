@@ -1,0 +1,230 @@
+"""How a chain becomes one-degree joints between rigid links.
+
+A six-dimensional spring is six joints in the order of (22), Tx Ty Tz Rx Ry Rz, or, symmetric about its middle,
+nine: Rx Ry Rz Tx Ty Tz Rz Ry Rx, where each turn is half of the spring's coordinate. So a coordinate drives one
+joint or two, with a factor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.model.chain import Chain
+from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, Placement, RigidOffset
+from vjm.model.springs import BeamColumnSpring, LinearSpring, Spring
+from vjm.rotations import AXES, Array, frame, rotation_from_vector, translation
+
+
+@dataclass(frozen=True)
+class Station:
+    """A point of the machine that moves with the rigid link behind a joint.
+
+    Attributes:
+        part: name of the part that the point belongs to.
+        fraction: where along the part's elastic length, 0 at the root; above 1 on its end offset.
+        joint: index of the last joint before the point, −1 for the base.
+        position: ``(3,)`` mm in the frame behind that joint.
+    """
+
+    part: str
+    fraction: float
+    joint: int
+    position: Array
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A straight stretch of a part on one rigid body, where points can be found by part and fraction.
+
+    Attributes:
+        part: name of the part.
+        start: fraction of the part's elastic length at which it begins.
+        stop: and ends.
+        joint: index of the last joint before it, −1 for the base.
+        root: ``(3,)`` mm where it begins, in the frame behind that joint.
+        along: ``(3,)`` mm per unit of the fraction.
+        mass: kg.
+        centre: fraction at which its weight acts.
+    """
+
+    part: str
+    start: float
+    stop: float
+    joint: int
+    root: Array
+    along: Array
+    mass: float = 0.0
+    centre: float = 0.5
+
+    def at(self, fraction: float) -> Array:
+        """Position ``(3,)`` mm of a fraction of the part, in the frame behind the joint."""
+        result: Array = self.root + (fraction - self.start) * self.along
+        return result
+
+
+DEFINITE = 1e-12
+"""Smallest eigenvalue of a compliance scaled to a unit diagonal; less is rounding."""
+NOWHERE = np.eye(4)
+"""The transform between joints that meet in a point; shared, never written to."""
+
+
+class Assembly:
+    """The joints and bodies of a chain, base to tool, as lists.
+
+    Attributes:
+        rotary: whether each joint turns.
+        axis: of each joint, in its own frame.
+        before: rigid transform ``(4, 4)`` before each joint.
+        coordinate: which coordinate drives it.
+        factor: and how much of it.
+        rigid: transform behind the last joint.
+        size: number of coordinates.
+        passive: indices of the passive joints' coordinates.
+        elastic: indices of the virtual springs' coordinates.
+        springs: the springs' laws.
+        stations: points that show the chain's shape.
+        pieces: straight stretches of the rigid bodies.
+    """
+
+    def __init__(self, chain: Chain) -> None:
+        self.rotary: list[bool] = []
+        self.axis: list[Array] = []
+        self.before: list[Array] = []
+        self.coordinate: list[int] = []
+        self.factor: list[float] = []
+        self.rigid = chain.base.copy()
+        self.size = 0
+        self.passive: list[int] = []
+        self.elastic: list[int] = []
+        self.springs: list[Spring] = []
+        self.stations: list[Station] = []
+        self.pieces: list[Piece] = []
+        for part in chain.parts:
+            first = self.size
+            self._add(part)
+            (self.passive if isinstance(part, PassiveJoint) else self.elastic).extend(range(first, self.size))
+
+    def _add(self, part: Part) -> None:
+        match part:
+            case RigidOffset():
+                self._mark(part.name, 0.0)
+                self._piece(part.name, 0.0, 1.0, part.transform[:3, 3], part.mass)
+                self._move(part.transform)
+            case PassiveJoint():
+                self._coordinate_joint(part.axis, rotary=not part.slides)
+            case Actuator() | Mount():
+                if part.compliance > 0.0:
+                    self._coordinate_joint(part.axis, rotary=False)
+                    self.springs.append(LinearSpring(np.array([[part.compliance]])))
+            case Beam():
+                self._add_beam(part)
+
+    def _add_beam(self, beam: Beam) -> None:
+        own = frame(beam.own_frame)
+        if beam.segments is None or beam.segments < 2:
+            beam.refuse_bow("one spring, which has no shape,")
+        if beam.segments is None:
+            self._mark(beam.name, 0.0)
+            along = beam.section_in_chain[:3, 0] * beam.length
+            self._piece(beam.name, 0.0, 1.0, along, beam.mass)
+            self._move(translation(beam.tip) @ own)
+            self._spring_of_22(beam.tip_compliance(), beam.name)
+            self._piece(beam.name, 1.0, 1.0, np.zeros(3))
+            self._mark(beam.name, 1.0)
+            self._move(own.T)
+            return
+        h = beam.length / beam.segments
+        at = beam.placement.fraction
+        section = beam.effective_section()
+        self._move(beam.section_in_chain)
+        self._mark(beam.name, 0.0)
+        n, along = beam.segments, np.array([beam.length, 0.0, 0.0])
+        slope = beam.end_slope
+        self._turn(slope)
+        # a spring in the middle turns as the segment under its own weight does where the halves' weights act at a
+        # third of their length from its ends: q h/2 · h/3 = q h²/6, the moment's mean
+        lever = 1.0 / 3.0 if at == 0.5 else 0.5
+        law = BeamColumnSpring(section, h)
+        for i in range(n):
+            self._piece(beam.name, i / n, (i + at) / n, along, beam.mass * at / n, lever)
+            self._move(translation([at * h, 0.0, 0.0]))
+            # what the slope changes by over the segment, half of it on either side of the spring
+            kink = 0.5 * slope * (np.cos(np.pi * (i + 1) / n) - np.cos(np.pi * i / n))
+            self._turn(kink)
+            if beam.placement is Placement.BEST:
+                self._symmetric_spring(law)
+            else:
+                self._spring_of_22(section.compliance(h, at), beam.name)
+            self._turn(kink)
+            self._piece(beam.name, (i + at) / n, (i + 1) / n, along, beam.mass * (1.0 - at) / n, 1.0 - lever)
+            self._move(translation([(1.0 - at) * h, 0.0, 0.0]))
+            self._mark(beam.name, (i + 1) / beam.segments)
+        self._turn(slope)
+        self._move(frame(beam.section_frame.T) @ translation(beam.end_offset))
+        if np.any(beam.end_offset):
+            self._mark(beam.name, 1.0 + float(np.linalg.norm(beam.end_offset)) / beam.length)
+        self._move(own.T)
+
+    def _move(self, transform: Array) -> None:
+        self.rigid = self.rigid @ transform
+
+    def _turn(self, vector: Array) -> None:
+        if vector.any():
+            self._move(frame(rotation_from_vector(vector)))
+
+    def _coordinate_joint(self, axis: Array, *, rotary: bool) -> None:
+        """A joint with a coordinate of its own."""
+        self._joint(axis, self.size, 1.0, rotary=rotary)
+        self.size += 1
+
+    def _joint(self, axis: Array, coordinate: int, factor: float, *, rotary: bool) -> None:
+        self.before.append(self.rigid)
+        self.axis.append(np.asarray(axis, dtype=float))
+        self.rotary.append(rotary)
+        self.coordinate.append(coordinate)
+        self.factor.append(factor)
+        self.rigid = NOWHERE
+
+    def _spring_of_22(self, compliance: Array, part: str) -> None:
+        """Shifts, then turns, as (22) has them; those that do not give way are left out.
+
+        Raises:
+            ValueError: the compliance is not that of a spring.
+        """
+        gives = compliance.any(axis=0) | compliance.any(axis=1)
+        felt = compliance[np.ix_(gives, gives)]
+        size = np.sqrt(np.abs(np.diag(felt)))
+        definite = bool(np.all(size > 0.0)) and np.linalg.eigvalsh(felt / np.outer(size, size)).min() > DEFINITE
+        if not definite:
+            raise ValueError(
+                f"part '{part}': its compliance is not positive definite in the directions in which it gives way; "
+                f"a direction that is rigid has zeros in its row and column"
+            )
+        for k in np.flatnonzero(gives):
+            self._coordinate_joint(AXES["xyz"[k % 3]], rotary=bool(k >= 3))
+        if len(felt):
+            self.springs.append(LinearSpring(felt))
+
+    def _symmetric_spring(self, law: Spring) -> None:
+        """Half of the turns, the shifts, and the other half in reverse: the same seen from either end."""
+        first = self.size
+        for k, name in enumerate("xyz"):
+            self._joint(AXES[name], first + 3 + k, 0.5, rotary=True)
+        for k, name in enumerate("xyz"):
+            self._joint(AXES[name], first + k, 1.0, rotary=False)
+        for k, name in reversed(list(enumerate("xyz"))):
+            self._joint(AXES[name], first + 3 + k, 0.5, rotary=True)
+        self.size += 6
+        self.springs.append(law)
+
+    def _piece(
+        self, part: str, start: float, stop: float, along: Array, mass: float = 0.0, lever: float = 0.5
+    ) -> None:
+        root, R = self.rigid[:3, 3].copy(), self.rigid[:3, :3]
+        centre = start + lever * (stop - start)
+        self.pieces.append(Piece(part, start, stop, len(self.rotary) - 1, root, R @ along, mass, centre))
+
+    def _mark(self, part: str, fraction: float) -> None:
+        self.stations.append(Station(part, fraction, len(self.rotary) - 1, self.rigid[:3, 3].copy()))

@@ -1,0 +1,191 @@
+"""How the end-effector is held: hinges and slides between it and a support whose pose is imposed.
+
+A component of the pose that is free has a perfect joint there, in the order: the end-effector, turned into the
+world's axes; hinges through its reference point; slides; the support. So whatever is free is one more passive
+joint, and equation (18), stability and the following of paths need not know of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from vjm.model.chain import Chain
+from vjm.model.load_case import COMPONENTS, LoadCase
+from vjm.model.lumped import Kinematics, LumpedModel
+from vjm.model.parts import PassiveJoint, RigidOffset
+from vjm.rotations import AXES, Array, displacement_between, frame, inverse_frame, translation, turn
+
+DEPENDENT = 1e-9
+"""Singular value of the joints' Jacobian, over the largest, below which their motions depend on one another."""
+KEPT = 64
+"""Postures of models whose geometry is kept."""
+STILL = 1e-9
+"""Motion of the chain's points, over its length and per unit of a joint's motion, that is none."""
+
+
+@dataclass(frozen=True)
+class EndCondition:
+    """What lies between the end-effector and the support.
+
+    Attributes:
+        model: the chain with the support's joints at its end.
+        tool: pose ``(4, 4)`` of the end-effector in the unloaded posture.
+        joints: the support's joints, from the end-effector.
+    """
+
+    model: LumpedModel
+    tool: Array
+    joints: tuple[PassiveJoint, ...]
+
+    def tool_pose(self, end_condition: Array, x: Array) -> Array:
+        """Pose ``(4, 4)`` of the end-effector with the support at a frame ``(4, 4)`` and coordinates ``x`` (n,)."""
+        if not self.joints:
+            return end_condition
+        T = frame(self.tool[:3, :3].T)
+        for joint, value in zip(self.joints, x[-len(self.joints) :], strict=True):
+            T = T @ (translation(joint.axis * value) if joint.slides else turn(joint.axis, value))
+        return end_condition @ inverse_frame(T)
+
+    def displacement(self, end_condition: Array, x: Array) -> Array:
+        """Displacement ``(6,)`` of the end-effector from its unloaded pose."""
+        return displacement_from(self.tool, self.tool_pose(end_condition, x))
+
+    def wrench(self, end_condition: Array, x: Array, wrench: Array) -> Array:
+        """The support's wrench ``(6,)`` about the end-effector's reference point."""
+        if not self.joints:
+            return wrench
+        lever = end_condition[:3, 3] - self.tool_pose(end_condition, x)[:3, 3]
+        return np.concatenate([wrench[:3], wrench[3:] + np.cross(lever, wrench[:3])])
+
+
+def displacement_from(tool: Array, there: Array) -> Array:
+    """Displacement ``(6,)`` from one pose ``(4, 4)`` to another, of half a turn about one of its two axes."""
+    try:
+        return displacement_between(tool, there)
+    except ValueError:
+        # R + 1 = 2 a aᵀ
+        dyad = there[:3, :3] @ tool[:3, :3].T + np.eye(3)
+        axis = dyad[:, np.argmax(np.diag(dyad))]
+        return np.concatenate([there[:3, 3] - tool[:3, 3], np.pi * axis / np.linalg.norm(axis)])
+
+
+def held(model: LumpedModel, load_case: LoadCase) -> EndCondition:
+    """The model with the joints of what the load case leaves free.
+
+    Hinges that the chain's own last joints make superfluous (a tool that turns about its own joint) are left out.
+
+    Raises:
+        ValueError: the posture is singular, or what is free makes the chain a mechanism, which moves without
+            straining a spring.
+    """
+    chain = model.chain
+    q = chain.posture(load_case.posture)
+    tool, rank, movable = _drawn(model, load_case.posture)
+    if rank < len(model.passive):
+        raise ValueError(
+            f"{chain.name}, posture {load_case.posture} is singular: some of its passive joints move without "
+            f"moving the tool; choose another posture"
+        )
+    free = _in_order(load_case)
+    while free:
+        joints = tuple(PassiveJoint(f"support-{name}", AXES[name[-1]], slides=len(name) == 1) for name in free)
+        there = LumpedModel(_extended(chain, load_case.posture, tool, joints))
+        loose = _loose(there, len(joints), np.concatenate([q, np.zeros(len(joints))]))
+        if loose is None:
+            x = there.configuration(there.chain.posture(load_case.posture))
+            return _checked(EndCondition(there, tool, joints), _movable(there, there.kinematics(x)), load_case)
+        hinge = next((name for name in free if len(name) == 2 and abs(loose[free.index(name)]) > DEPENDENT), None)
+        if hinge is None:
+            raise ValueError(
+                f"{chain.name}, posture {load_case.posture}: with {', '.join(load_case.free)} free the chain is a "
+                f"mechanism: it moves without straining a spring; hold one of them"
+            )
+        free.remove(hinge)
+    return _checked(EndCondition(model, tool, ()), movable, load_case)
+
+
+@lru_cache(maxsize=KEPT)
+def _drawn(model: LumpedModel, posture: str) -> tuple[Array, int, bool]:
+    """A model in a posture as drawn.
+
+    Returns:
+        Pose ``(4, 4)`` of the end-effector, how many independent motions the passive joints give it, and whether it
+        gives way in every direction.
+    """
+    here = model.kinematics(model.configuration(model.chain.posture(posture)))
+    return here.end, _rank(model, here), _movable(model, here)
+
+
+def _movable(model: LumpedModel, k: Kinematics) -> bool:
+    """Whether a chain gives way in every direction in which it is held: else its wrench is not determined."""
+    J = k.jacobian * model.coordinate_scale / np.repeat([model.chain.characteristic_length, 1.0], 3)[:, None]
+    values = np.linalg.eigvalsh(J @ J.T)
+    return bool(values[0] > DEPENDENT**2 * values[-1])
+
+
+def _checked(end_condition: EndCondition, movable: bool, load_case: LoadCase) -> EndCondition:
+    if movable:
+        return end_condition
+    raise ValueError(
+        f"{end_condition.model.chain.name}, posture {load_case.posture} cannot move in every direction in which "
+        f"it is held, so that the wrench there is not determined: leave rigid directions free"
+    )
+
+
+def _in_order(load_case: LoadCase) -> list[str]:
+    """The free components: hinges first. Of three hinges the one along the ramp is in the middle.
+
+    Three hinges lock where the middle one turns by a right angle, and a chain twists less than it bends.
+    """
+    turns: list[str] = [name for name in ("ry", "rx", "rz") if name in load_case.free]
+    if len(turns) == 3 and isinstance(load_case.axis, str) and load_case.axis in COMPONENTS:
+        middle = "r" + load_case.axis[-1]
+        turns.remove(middle)
+        turns.insert(1, middle)
+    return turns + [name for name in "xyz" if name in load_case.free]
+
+
+def _extended(chain: Chain, posture: str, tool: Array, joints: Sequence[PassiveJoint]) -> Chain:
+    axes = RigidOffset("support-axes", frame(tool[:3, :3].T))
+    q = np.concatenate([chain.posture(posture), np.zeros(len(joints))])
+    return replace(chain, parts=(*chain.parts, axes, *joints), postures={posture: q})
+
+
+def _loose(model: LumpedModel, joints: int, q: Array) -> Array | None:
+    """A motion ``(joints,)`` of the support's joints that strains no spring; None where there is none.
+
+    It is zero where such a motion moves the chain's points: no hinge is to blame for a mechanism.
+    """
+    k = model.kinematics(model.configuration(q))
+    own = model.passive
+    length = model.chain.characteristic_length
+    rank, V = _rank(model, k), np.linalg.svd(_scaled(model, k))[2]
+    if rank == len(own):
+        return None
+    for motion in V[rank:]:
+        velocity = np.zeros(model.size)
+        velocity[own] = motion * model.coordinate_scale[own]
+        if np.abs(model.shape_rate(k, velocity)).max() > STILL * length:
+            return np.zeros(joints)
+    loose: Array = V[rank][-joints:]
+    return loose
+
+
+def _scaled(model: LumpedModel, k: Kinematics) -> Array:
+    """Jacobian ``(6, n_q)`` of the passive joints, dimensionless."""
+    own = model.passive
+    unit = np.repeat([model.chain.characteristic_length, 1.0], 3)
+    J: Array = k.jacobian[:, own] * model.coordinate_scale[own] / unit[:, None]
+    return J
+
+
+def _rank(model: LumpedModel, k: Kinematics) -> int:
+    """Number of independent motions that the passive joints give the end-effector."""
+    if not len(model.passive):
+        return 0
+    values = np.linalg.svd(_scaled(model, k), compute_uv=False)
+    return int(np.count_nonzero(values > DEPENDENT * values[0]))

@@ -1,0 +1,227 @@
+"""What is done to a chain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from vjm.rotations import Array
+
+COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
+"""Components of the end-effector's displacement from its unloaded pose, world axes; mm and rad."""
+LOAD = "load"
+"""The axis of a load case whose ramp is the factor on its loads."""
+RAMP, ARC, TO_LIMIT = "ramp", "arc", "limit"
+"""A path's parameter may be the ramp itself or the length of the path's arc: to the ramp's end, or to where the
+ramp first turns back if that comes before."""
+
+
+@dataclass(frozen=True)
+class Load:
+    """A wrench on a body of the chain.
+
+    Attributes:
+        wrench: force in N and moment in N mm, ``(6,)``, world axes at the unloaded posture.
+        part: name of the part that carries it; empty for the end-effector.
+        at: fraction of the part's elastic length.
+        follower: it turns with the body; else it keeps its direction. A moment that keeps its direction is not
+            conservative in space.
+        ramped: multiplied by the load factor; else it acts in full all along.
+    """
+
+    wrench: tuple[float, ...]
+    part: str = ""
+    at: float = 1.0
+    follower: bool = False
+    ramped: bool = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "wrench", tuple(float(v) for v in self.wrench))
+        if len(self.wrench) != 6 or not np.all(np.isfinite(self.wrench)) or not any(self.wrench):
+            raise ValueError(f"a load is six finite numbers, not all zero, got {self.wrench}")
+
+
+@dataclass(frozen=True)
+class PointControl:
+    """A path is steered by the displacement of a point of the chain; its ramp becomes what that takes.
+
+    Attributes:
+        part: name of the part; empty for the end-effector.
+        at: fraction of the part's elastic length.
+        direction: ``(3,)`` along which the point's displacement from the unloaded posture is taken, world axes.
+    """
+
+    part: str
+    at: float
+    direction: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        d = np.asarray(self.direction, dtype=float)
+        if d.shape != (3,) or not np.all(np.isfinite(d)) or not np.any(d):
+            raise ValueError(f"a direction is three finite numbers, not all zero, got {self.direction}")
+        object.__setattr__(self, "direction", tuple((d / np.linalg.norm(d)).tolist()))
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """A ramp: of the end-effector's displacement or of loads, the rest of the pose held or free.
+
+    Attributes:
+        posture: label of the posture to start from, unloaded.
+        to: end of the ramp, signed, in mm or rad, or a load factor; under a `PointControl` the end of the point's
+            displacement in mm.
+        axis: the driven component, one of `COMPONENTS`, a displacement ``(6,)`` per unit of ``to``, or `LOAD`.
+        steps: number of equal steps; None where the engine chooses, finer around critical points. Behind a
+            bifurcation there is a point besides, where the new branch begins, and more where a step fails.
+        branch: +1 or −1: which of two mirrored branches to take at a bifurcation. On +1 the largest component
+            of the buckling mode's deflection is positive. 0 stays on the path that loses its stability, which
+            needs an arc as its parameter.
+        free: components of the pose in which the end-effector is let go: hinges at its reference point and
+            slides in the world's axes lie between it and the support of the end-effector. A support that turns
+            takes its slides with it.
+        loads: wrenches on bodies of the chain.
+        gravity: acceleration ``(3,)`` in m/s², world axes, which gives the parts their weight. It acts in full all
+            along, but where loads are driven and none of them is ramped it is what the load factor multiplies.
+        control: what the path's parameter is: the ramp, the length of the arc, whole or as far as the first point
+            where the ramp turns back (`TO_LIMIT`), or a point's displacement.
+        imperfection: mm; the chain is built with a deflection of that size, free of stress, in the shape of the
+            mode in which the perfect one buckles under this load case, towards ``branch``.
+    """
+
+    posture: str
+    to: float
+    axis: str | tuple[float, ...] = "x"
+    steps: int | None = None
+    branch: int = 1
+    free: tuple[str, ...] = ()
+    loads: tuple[Load, ...] = ()
+    gravity: tuple[float, float, float] | None = None
+    control: str | PointControl = RAMP
+    imperfection: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("free", "loads"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        if not isinstance(self.axis, str):
+            object.__setattr__(self, "axis", tuple(self.axis))
+        if self.gravity is not None:
+            object.__setattr__(self, "gravity", tuple(self.gravity))
+        self._check_ramp()
+        self._check_end()
+
+    def _check_ramp(self) -> None:
+        if isinstance(self.axis, str):
+            if self.axis not in (*COMPONENTS, LOAD):
+                raise ValueError(f"axis '{self.axis}' is none of {', '.join(COMPONENTS)}, {LOAD}")
+        elif len(self.axis) != 6 or not np.all(np.isfinite(self.axis)) or not any(self.axis):
+            raise ValueError("a ramp's direction is six finite numbers, not all zero")
+        if not np.isfinite(self.to) or self.to == 0.0:
+            raise ValueError(f"the ramp must end at a finite displacement other than zero, not {self.to}")
+        if self.steps is not None and self.steps < 1:
+            raise ValueError(f"a ramp needs at least one step, not {self.steps}")
+        if self.branch not in (1, -1, 0):
+            raise ValueError(f"branch is +1, -1 or 0, not {self.branch}")
+        if self.branch == 0 and not self.by_arc:
+            raise ValueError("branch 0, the path that loses its stability, needs the arc as the path's parameter")
+        if isinstance(self.control, str) and self.control not in (RAMP, ARC, TO_LIMIT):
+            raise ValueError(f"control '{self.control}' is none of {RAMP}, {ARC}, {TO_LIMIT}")
+        if self.by_arc and self.steps is not None:
+            raise ValueError("steps divide a ramp, not an arc: leave them out")
+        if self.imperfection < 0.0 or not np.isfinite(self.imperfection):
+            raise ValueError(f"an imperfection has a size of zero or more, not {self.imperfection}")
+
+    def _check_end(self) -> None:
+        unknown = [name for name in self.free if name not in COMPONENTS]
+        if unknown:
+            raise ValueError(f"free component '{unknown[0]}' is none of {', '.join(COMPONENTS)}")
+        if len(set(self.free)) < len(self.free):
+            raise ValueError("a component can be set free only once")
+        driven = [name for name in self.free if self.direction[COMPONENTS.index(name)] != 0.0]
+        if driven:
+            raise ValueError(f"component '{driven[0]}' cannot be free and driven at once")
+        if self.load_driven and self.gravity is None and not any(load.ramped for load in self.loads):
+            raise ValueError("a ramp of the load factor needs a load that it multiplies")
+        if not self.load_driven and any(load.ramped for load in self.loads):
+            raise ValueError("a ramped load needs the axis 'load'; beside a driven pose loads act in full")
+        if self.gravity is not None and (len(self.gravity) != 3 or not np.all(np.isfinite(self.gravity))):
+            raise ValueError(f"gravity is three finite numbers in m/s², got {self.gravity}")
+
+    @property
+    def by_arc(self) -> bool:
+        """Whether the path's parameter is the length of its arc."""
+        return self.control in (ARC, TO_LIMIT)
+
+    @property
+    def load_driven(self) -> bool:
+        """Whether the ramp is a load factor."""
+        return self.axis == LOAD
+
+    @property
+    def weight_ramped(self) -> bool:
+        """Whether the load factor multiplies the weight."""
+        return self.load_driven and not any(load.ramped for load in self.loads)
+
+    @property
+    def pose_only(self) -> bool:
+        """Whether it is a ramp of the whole imposed pose and nothing else, which every engine can walk."""
+        return not (self.load_driven or self.free or self.loads or self.gravity or self.imperfection) and (
+            self.control == RAMP
+        )
+
+    @property
+    def held_by_device(self) -> bool:
+        """Whether a device imposes the displacement of the point that steers the path.
+
+        It does where the only ramped load is a force on that point along that displacement. Else whoever steers
+        watches a gauge, and stability is that under the ramp.
+        """
+        control = self.control
+        if not isinstance(control, PointControl) or not self.load_driven:
+            return False
+        ramped = [load for load in self.loads if load.ramped]
+        if len(ramped) != 1:
+            return False
+        wrench = np.array(ramped[0].wrench)
+        same = (ramped[0].part, ramped[0].at, ramped[0].follower) == (control.part, control.at, False)
+        parallel = np.linalg.norm(np.cross(wrench[:3], control.direction)) <= 1e-12 * np.linalg.norm(wrench[:3])
+        return bool(same and parallel and not wrench[3:].any())
+
+    @property
+    def sign(self) -> float:
+        """Of ``to``."""
+        return float(np.sign(self.to))
+
+    @cached_property
+    def direction(self) -> Array:
+        """Displacement ``(6,)`` per unit of the ramp, which runs from 0 to ``abs(to)``; zero for loads.
+
+        Its product with the wrench is the driven force, positive where the chain resists the ramp.
+        """
+        if self.load_driven:
+            return np.zeros(6)
+        d = np.eye(6)[COMPONENTS.index(self.axis)] if isinstance(self.axis, str) else np.array(self.axis)
+        return self.sign * d
+
+    def displacement(self, ramp: float) -> Array:
+        """Displacement ``(6,)`` that is imposed at a ramp, mm, rad, world axes; zero in what is free."""
+        return ramp * self.direction + 0.0  # no negative zeros
+
+    @property
+    def length(self) -> float:
+        """End of the ramp, positive."""
+        return abs(self.to)
+
+
+def refuse_unless_pose_only(engine: str, load_case: LoadCase) -> None:
+    """For engines that know ramps of the whole imposed pose only.
+
+    Raises:
+        ValueError: the load case asks for more.
+    """
+    if not load_case.pose_only:
+        raise ValueError(
+            f"{engine} walks ramps of the whole imposed pose only: no loads, free components, imperfections or "
+            f"other control than the ramp; vjm and vjm-paper do, exudyn and opensees all but imperfections"
+        )

@@ -1,0 +1,199 @@
+"""The parameters of a chain that its behaviour can be differentiated by: compliances, stiffnesses, lengths, angles.
+
+A `Parameter` knows its present value and how to make the same chain with another one. The functions here make the
+common ones from a chain; any other is a `Parameter` with an ``apply`` of one's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.model.chain import Chain
+from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
+from vjm.rotations import AXES, frame, rotation_from_vector
+
+SECTION_VALUES = ("EA", "GJ", "EIy", "EIz", "GAy", "GAz")
+"""Stiffnesses of a `vjm.model.parts.Section`."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of a chain.
+
+    Attributes:
+        name: for people.
+        unit: of the value; derivatives are per this unit.
+        value: at present.
+        scale: change that matters, in the same unit and positive: the value itself for most, a radian for an
+            angle. Differences are taken over a small fraction of it.
+        apply: makes the chain with another value; ``apply(chain, value)`` is the chain itself.
+    """
+
+    name: str
+    unit: str
+    value: float
+    scale: float
+    apply: Callable[[Chain, float], Chain]
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.value) or not np.isfinite(self.scale) or self.scale <= 0.0:
+            raise ValueError(
+                f"parameter '{self.name}': value must be finite and scale positive, "
+                f"not {self.value} and {self.scale}"
+            )
+
+
+def compliance_entry(chain: Chain, part: str, i: int, j: int) -> Parameter:
+    """Entry (i, j) of the 6×6 compliance of one member of a beam, counted from one as printed, and (j, i) with it.
+
+    It counts only where an engine uses the matrix: a beam that is split into springs has its section.
+    """
+    beam = _beam(chain, part)
+    if beam.compliance is None:
+        raise ValueError(f"part '{part}' has no compliance matrix of which ({i},{j}) could change")
+    if not (1 <= i <= 6 and 1 <= j <= 6):
+        raise ValueError(f"part '{part}': a compliance has the entries (1,1) to (6,6), not ({i},{j})")
+    given, row, column = beam.compliance, i - 1, j - 1
+
+    def apply(chain: Chain, value: float) -> Chain:
+        now = _beam(chain, part)
+        matrix = (given if now.compliance is None else now.compliance).copy()
+        matrix[row, column] = matrix[column, row] = value
+        return _with(chain, replace(now, compliance=matrix))
+
+    unit = "mm/N" if i <= 3 and j <= 3 else "rad/(N mm)" if i > 3 and j > 3 else "rad/N"
+    # an entry that is zero has no size of its own: that of its diagonal entries
+    scale = float(np.sqrt(given[row, row] * given[column, column]))
+    return Parameter(f"{part} compliance ({i},{j})", unit, float(given[row, column]), scale, apply)
+
+
+def compliance_factor(chain: Chain, part: str) -> Parameter:
+    """Factor on all that gives way in a part: its compliance matrix, and one over its section's stiffnesses."""
+    given = _beam(chain, part)
+
+    def apply(chain: Chain, value: float) -> Chain:
+        section = given.section
+        if section is not None:
+            section = replace(section, **{name: getattr(section, name) / value for name in SECTION_VALUES})
+        compliance = None if given.compliance is None else given.compliance * value
+        return _with(chain, replace(_beam(chain, part), compliance=compliance, section=section))
+
+    return Parameter(f"{part} compliance factor", "1", 1.0, 1.0, apply)
+
+
+def section_value(chain: Chain, part: str, name: str) -> Parameter:
+    """A stiffness of the section of one member of a beam, one of `SECTION_VALUES`.
+
+    It counts only where an engine uses the section: a beam that is one spring has its matrix, if it has any.
+    """
+    section = _beam(chain, part).section
+    if section is None:
+        raise ValueError(f"part '{part}' has no section of which {name} could change")
+    if name not in SECTION_VALUES:
+        raise ValueError(f"part '{part}': a section has {', '.join(SECTION_VALUES)}, not {name}")
+    value = float(getattr(section, name))
+    if not np.isfinite(value):
+        raise ValueError(f"part '{part}': {name} is infinite: shear is neglected")
+
+    def apply(chain: Chain, value: float) -> Chain:
+        now = _beam(chain, part)
+        return _with(chain, replace(now, section=replace(now.section or section, **{name: value})))
+
+    return Parameter(f"{part} {name}", "N" if name in ("EA", "GAy", "GAz") else "N mm²", value, value, apply)
+
+
+def beam_length(chain: Chain, part: str) -> Parameter:
+    """Length of a beam in mm. What follows it moves along, the unloaded pose of every posture with it."""
+    value = float(_beam(chain, part).length)
+
+    def apply(chain: Chain, value: float) -> Chain:
+        return _with(chain, replace(_beam(chain, part), length=value))
+
+    return Parameter(f"{part} length", "mm", value, value, apply)
+
+
+def actuator_compliance(chain: Chain, part: str) -> Parameter:
+    """Compliance of a drive in mm/N.
+
+    Raises:
+        ValueError: it is rigid. From zero upwards a compliance adds a coordinate.
+    """
+    actuator = _part(chain, part)
+    if not isinstance(actuator, Actuator):
+        raise ValueError(f"part '{part}' is no actuator")
+    if actuator.compliance <= 0.0:
+        raise ValueError(f"part '{part}' is rigid: give it a compliance above zero to differentiate by it")
+
+    def apply(chain: Chain, value: float) -> Chain:
+        now = _part(chain, part)
+        if not isinstance(now, Actuator) or value <= 0.0:
+            raise ValueError(f"part '{part}': an actuator's compliance must stay above zero, not {value}")
+        return _with(chain, replace(now, compliance=value))
+
+    value = float(actuator.compliance)
+    return Parameter(f"{part} compliance", "mm/N", value, value, apply)
+
+
+def joint_angle(chain: Chain, posture: str, joint: str) -> Parameter:
+    """Passive joint coordinate of a posture in rad: where the chain stands when it is unloaded."""
+    names = [part.name for part in chain.joints]
+    if joint not in names:
+        raise ValueError(f"{chain.name}: no passive joint '{joint}'; it has {', '.join(names) or 'none'}")
+    index = names.index(joint)
+
+    def apply(chain: Chain, value: float) -> Chain:
+        angles = chain.posture(posture).copy()
+        angles[index] = value
+        return replace(chain, postures={**chain.postures, posture: angles})
+
+    return Parameter(f"{posture} {joint}", "rad", float(chain.posture(posture)[index]), 1.0, apply)
+
+
+def orientation(chain: Chain, part: str, axis: str) -> Parameter:
+    """Turn of a part about an axis x, y or z of the chain frame at its root, in rad from how it stands.
+
+    A beam turns with its tip, an offset with all behind it, an actuator or a joint with its axis.
+    """
+    given = _part(chain, part)
+    if axis not in AXES:
+        raise ValueError(f"part '{part}': the axis is one of {', '.join(AXES)}, not {axis}")
+
+    def apply(chain: Chain, value: float) -> Chain:
+        R = rotation_from_vector(AXES[axis] * value)
+        now = _part(chain, part)
+        match now, given:
+            case Beam(), Beam():
+                return _with(chain, replace(now, own_frame=R @ given.own_frame))
+            case RigidOffset(), RigidOffset():
+                return _with(chain, replace(now, transform=frame(R) @ given.transform))
+            case Actuator(), Actuator():
+                return _with(chain, replace(now, axis=R @ given.axis))
+            case Mount(), Mount():
+                return _with(chain, replace(now, axis=R @ given.axis))
+            case PassiveJoint(), PassiveJoint():
+                return _with(chain, replace(now, axis=R @ given.axis))
+        raise ValueError(f"part '{part}' is no longer the {type(given).__name__} that it was")
+
+    return Parameter(f"{part} turn about {axis}", "rad", 0.0, 1.0, apply)
+
+
+def _part(chain: Chain, name: str) -> Part:
+    for part in chain.parts:
+        if part.name == name:
+            return part
+    raise ValueError(f"{chain.name}: no part '{name}'; it has {', '.join(part.name for part in chain.parts)}")
+
+
+def _beam(chain: Chain, name: str) -> Beam:
+    part = _part(chain, name)
+    if not isinstance(part, Beam):
+        raise ValueError(f"part '{name}' is no beam")
+    return part
+
+
+def _with(chain: Chain, changed: Part) -> Chain:
+    """The chain with the part of this name replaced."""
+    return replace(chain, parts=tuple(changed if part.name == changed.name else part for part in chain.parts))

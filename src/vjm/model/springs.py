@@ -1,0 +1,186 @@
+"""Laws of the virtual springs, each by its complementary energy.
+
+A spring's law is its complementary energy Ψ(τ) as a function of the reactions τ: its coordinates are
+``θ = ∂Ψ/∂τ``, its tangent compliance is ``∂²Ψ/∂τ²``. In this form an equilibrium needs no iteration inside a
+spring, because the wrench on the end-effector and the Jacobian give the reactions, ``τ = J_θᵀ F`` (9).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from vjm.model.parts import Section
+from vjm.rotations import Array
+
+# Coefficients (a, b, c, e) from the Taylor series of φ and ψ about z = 0, with 1 + e z + f₂ z² + f₃ z³ + f₄ z⁴:
+# a = 2 f₂, b = 2 f₃, c = 2 f₄ + a²/4. √z cot √z = 1 − z/3 − z²/45 − 2z³/945 − z⁴/4725 − 2z⁵/93555.
+ROTATION = (14 / 15, -68 / 105, 9467 / 14175, -2 / 3)
+SHIFT = (34 / 105, 124 / 945, 5777 / 72765, 2 / 5)
+
+
+NEARLY_UNLOADED = 0.02
+"""−z up to which the root form of ψ is used in tension too: it is as near as 1e-10, and free of 0/0."""
+
+Number = Any
+"""A number, or an array of them."""
+
+
+class Spring(Protocol):
+    """A law between the reactions and the coordinates of one virtual spring with k coordinates."""
+
+    @property
+    def unloaded(self) -> Array:
+        """Compliance ``(k, k)`` without load, mm, N, rad."""
+
+    @property
+    def stiffness(self) -> Array:
+        """Its inverse ``(k, k)``."""
+
+    def strain(self, reaction: Array) -> Array:
+        """Coordinates ``(k,)`` under reactions ``(k,)``."""
+
+    def compliance(self, reaction: Array) -> Array:
+        """Tangent compliance ``(k, k)`` under reactions ``(k,)``."""
+
+
+@dataclass(frozen=True)
+class LinearSpring:
+    """``θ = k_θ τ`` (3), the paper's spring.
+
+    Attributes:
+        unloaded: compliance ``(k, k)``, mm, N, rad.
+    """
+
+    unloaded: Array
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """``k_θ⁻¹`` ``(k, k)``."""
+        return np.asarray(np.linalg.inv(self.unloaded), dtype=float)
+
+    def strain(self, reaction: Array) -> Array:
+        """``k_θ τ``."""
+        return self.unloaded @ reaction
+
+    def compliance(self, reaction: Array) -> Array:
+        """``k_θ``, whatever the load."""
+        return self.unloaded
+
+
+@dataclass(frozen=True)
+class BeamColumnSpring:
+    """A segment of a beam, lumped at its middle so that a column buckles where the beam does.
+
+    The segment is two rigid halves with this spring between them, its shifts counted in the axes half-way
+    between the two. Under an axial force N (tension positive) the exact segment of the extensible, shearable beam
+    bends like this spring does with a rotational compliance c and a transverse one d:
+
+        1/c = EI/h (1/φ(z) + η),         φ = 1/(z + G),  G = √z cot √z
+        d = h³/12EI ψ(z) λ² + h/GA,      ψ = 3 (1 − G)/(z G)
+
+    with ``λ = 1 + N/EA − N/GA``, ``z = −N λ h²/4EI`` and ``η = N² h²/4EI (1/EA − 1/GA)``. Both factors have poles,
+    far out (from 0.6 n² times Euler's load). So ``√(1 + a z² + b z³ + c z⁴) + e z`` stands for φ, and for ψ in
+    compression: the same to order z⁴, and positive for all loads. In tension ψ has no pole and is used as it is;
+    there a root would bring back a bifurcation in tension. The complementary energy
+
+        Ψ = h N²/2EA + h T²/2GJ + Σ ½ c(N) M² + ½ d(N) Q²
+
+    over both planes makes the law conservative: its derivative by N is the shortening of the bowed segment.
+    The derivation is in ``docs/virtual-springs.md``.
+
+    Attributes:
+        section: of the beam.
+        length: h of the segment, mm.
+    """
+
+    section: Section
+    length: float
+
+    @cached_property
+    def unloaded(self) -> Array:
+        """Compliance ``(6, 6)`` without load: that of the segment at its middle."""
+        return self.section.compliance_at_middle(self.length)
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """Stiffness ``(6, 6)`` without load."""
+        return np.asarray(np.linalg.inv(self.unloaded), dtype=float)
+
+    def strain(self, reaction: Array) -> Array:
+        """Coordinates ``(6,)``: shifts along x, y, z and turns about x, y, z."""
+        N, Qy, Qz, T, My, Mz = reaction
+        s, h = self.section, self.length
+        (cz, cz1, _), (dy, dy1, _) = self._plane(N, s.EIz, s.GAy)
+        (cy, cy1, _), (dz, dz1, _) = self._plane(N, s.EIy, s.GAz)
+        bow = 0.5 * (cz1 * Mz**2 + dy1 * Qy**2 + cy1 * My**2 + dz1 * Qz**2)
+        return np.array([h * N / s.EA + bow, dy * Qy, dz * Qz, h * T / s.GJ, cy * My, cz * Mz])
+
+    def compliance(self, reaction: Array) -> Array:
+        """Tangent compliance ``(6, 6)``; symmetric, as the law is conservative."""
+        N, Qy, Qz, _, My, Mz = reaction
+        s, h = self.section, self.length
+        (cz, cz1, cz2), (dy, dy1, dy2) = self._plane(N, s.EIz, s.GAy)
+        (cy, cy1, cy2), (dz, dz1, dz2) = self._plane(N, s.EIy, s.GAz)
+        k = np.diag([h / s.EA, dy, dz, h / s.GJ, cy, cz])
+        k[0, 0] += 0.5 * (cz2 * Mz**2 + dy2 * Qy**2 + cy2 * My**2 + dz2 * Qz**2)
+        k[0, 1] = k[1, 0] = dy1 * Qy
+        k[0, 2] = k[2, 0] = dz1 * Qz
+        k[0, 4] = k[4, 0] = cy1 * My
+        k[0, 5] = k[5, 0] = cz1 * Mz
+        return k
+
+    def _plane(self, N: float, EI: float, GA: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Rotational and transverse compliance of one plane, each with its two derivatives by N."""
+        h = self.length
+        kappa, nu = h**2 / (4.0 * EI), 1.0 / self.section.EA - 1.0 / GA
+        stretch = 1.0 + nu * N
+        z, z1, z2 = -kappa * N * stretch, -kappa * (1.0 + 2.0 * nu * N), -2.0 * kappa * nu
+        f, f1, f2 = rotation(z, z1, z2)
+        g, g1, g2 = shift(z, z1, z2)
+        # 1/c = EI/h (1/φ + η)
+        k = 1.0 / f + kappa * nu * N**2
+        k1 = -f1 / f**2 + 2.0 * kappa * nu * N
+        k2 = -f2 / f**2 + 2.0 * f1**2 / f**3 + 2.0 * kappa * nu
+        p, p1, p2 = stretch**2, 2.0 * nu * stretch, 2.0 * nu**2
+        c0, d0 = h / EI, h**3 / (12.0 * EI)
+        c = (c0 / k, -c0 * k1 / k**2, c0 * (2.0 * k1**2 / k**3 - k2 / k**2))
+        d = (d0 * g * p + h / GA, d0 * (g1 * p + g * p1), d0 * (g2 * p + 2.0 * g1 * p1 + g * p2))
+        return c, d
+
+
+def rotation(z: Number, z1: Number, z2: Number) -> tuple[Number, Number, Number]:
+    """φ and its two derivatives by a variable by which z has the derivatives z1 and z2."""
+    return _rooted(z, z1, z2, ROTATION)
+
+
+def shift(z: Number, z1: Number, z2: Number) -> tuple[Number, Number, Number]:
+    """ψ and its two derivatives by a variable by which z has the derivatives z1 and z2."""
+    value, slope, curvature = _rooted(z, z1, z2, SHIFT)
+    pulled = np.minimum(z, -NEARLY_UNLOADED)
+    root = np.sqrt(-pulled)
+    G = root / np.tanh(root)
+    G1 = (G - pulled - G * G) / (2.0 * pulled)
+    G2 = -(G1 + 1.0 + 2.0 * G * G1) / (2.0 * pulled)
+    f = 3.0 * (1.0 / G - 1.0) / pulled
+    f1 = (-3.0 * G1 / G**2 - f) / pulled
+    f2 = (3.0 * (2.0 * G1**2 / G**3 - G2 / G**2) - 2.0 * f1) / pulled
+    exact = z < -NEARLY_UNLOADED
+    return (
+        np.where(exact, f, value)[()],
+        np.where(exact, f1 * z1, slope)[()],
+        np.where(exact, f2 * z1 * z1 + f1 * z2, curvature)[()],
+    )
+
+
+def _rooted(z: Number, z1: Number, z2: Number, form: tuple[float, ...]) -> tuple[Number, Number, Number]:
+    """``√(1 + a z² + b z³ + c z⁴) + e z`` and its derivatives by a variable by which z has z1 and z2."""
+    a, b, c, e = form
+    root = np.sqrt(1.0 + z * z * (a + z * (b + z * c)))
+    half = 0.5 * z * (2.0 * a + z * (3.0 * b + 4.0 * c * z)) / root
+    curvature = (a + z * (3.0 * b + 6.0 * c * z) - half * half) / root
+    slope = half + e
+    return root + e * z, slope * z1, curvature * z1 * z1 + slope * z2

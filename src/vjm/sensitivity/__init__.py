@@ -1,0 +1,1 @@
+"""Derivatives of wrenches and critical points by the parameters of a chain."""

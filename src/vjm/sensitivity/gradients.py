@@ -1,0 +1,327 @@
+"""Derivatives of wrenches and of critical points with respect to a chain's parameters.
+
+With ``y = (x, F)`` the joint coordinates and the wrench, an equilibrium at the imposed pose of path parameter s is
+
+    R(y, s, p) = ( Jᵀ F − K θ ;  target(s, p) − g(x, p) ) = 0,    A = [H − K, Jᵀ; J, 0],
+
+with A the tangent of Newton's method, and its derivative by a parameter p follows from the implicit function
+theorem. The unloaded pose, from which the imposed displacement is counted, changes with the geometry. A parameter
+moves the rigid pieces by twists and the springs, whose laws ``θ(τ)`` it changes, by ``∂θ/∂p`` at constant reactions
+(`vjm.sensitivity.derivatives`). Counted from there the springs' own stiffness does not enter the right side,
+
+    A (∂x/∂p − ∂θ/∂p ; ∂F/∂p) = ( −∂(Jᵀ F)/∂p ; ∂target/∂p − ∂g/∂p ) = r,
+
+both on the right under these motions at constant F. Of ``∂F/∂p`` alone each component is one product: with the
+adjoint states ``Aᵀ z_k = (0 ; e_k)`` it is ``z_kᵀ r``, six solutions a point for any number of parameters.
+
+A critical point is where a number ``c(y, s, p)`` vanishes along the path. For each kind its change is ``aᵀ dA b``
+(see `Sensitivity.critical`), so that
+
+    ds/dp = −(aᵀ A_p b) / (aᵀ A_s b),    dF/dp = ∂F/∂p + ∂F/∂s ds/dp,
+
+where A_p and A_s are the derivatives of A along the path's own motion: y changes with it.
+
+Twists, laws, and A along a motion are differentiated by central differences over `STEP` of the parameter's scale,
+of the explicit functions and not of the solver. Wrenches agree with differences of whole solutions to 1e-6, mostly
+to 1e-9, and critical points to 1e-6. All is linear in the number of springs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.continuation.path import Equilibrium, Event, EventKind, Path
+from vjm.model.chain import Chain
+from vjm.model.lumped import LumpedModel
+from vjm.model.parameters import Parameter
+from vjm.rotations import Array, displacement_between, rotation_from_vector
+from vjm.sensitivity.adjoint import Mode, State
+from vjm.sensitivity.derivatives import Laws, Links, changes, links_of, place, reactions, twists_between
+from vjm.statics.equilibrium import Configuration, newton_scale
+from vjm.vjm_engine import VjmEngine
+
+STEP = 1e-5
+"""Half the width of a difference over the parameter's scale: near the cube root of rounding, the best of it."""
+SYMMETRIC = 1e-7
+"""A parameter keeps the symmetry if its scale loads the critical mode by less than this fraction of the ramp."""
+DRIFT = 0.03
+"""Nor does it break the symmetry if this amplitude of the mode, or less, in an inexact state accounts for its load.
+
+Near a bifurcation a solver leaves up to 3e-4 of the mode, which has length one in scaled units; a parameter that
+breaks the symmetry acts on the mode by hardly more than its load, and would need an amplitude far above one.
+"""
+KINK = "two modes become unstable together: which of them is first has a kink here"
+
+
+@dataclass(frozen=True)
+class CriticalSensitivity:
+    """How a critical point moves with the parameters.
+
+    Attributes:
+        event: the critical point.
+        force: derivative ``(n_p,)`` of its driven force, N (N mm for a driven rotation) per unit of the parameter.
+        s: derivative ``(n_p,)`` of its displacement, mm (rad) per unit of the parameter.
+        reasons: for each parameter why there is no derivative, which then is nan; empty where there is one.
+    """
+
+    event: Event
+    force: Array
+    s: Array
+    reasons: tuple[str, ...]
+
+
+def wrench_sensitivity(engine: VjmEngine, chain: Chain, path: Path, parameters: Sequence[Parameter]) -> Array:
+    """`Sensitivity.wrench` of one path ``(points, 6, n_p)``."""
+    return Sensitivity(engine, chain, parameters).wrench(path)
+
+
+def critical_sensitivity(
+    engine: VjmEngine, chain: Chain, path: Path, parameters: Sequence[Parameter]
+) -> list[CriticalSensitivity]:
+    """`Sensitivity.critical` of one path."""
+    return Sensitivity(engine, chain, parameters).critical(path)
+
+
+@dataclass(frozen=True)
+class _Neighbour:
+    """The chain with another value of a parameter, and its model."""
+
+    chain: Chain
+    model: LumpedModel
+    links: Links
+
+
+class Sensitivity:
+    """A chain and its neighbours: each parameter a little less and a little more than it is.
+
+    Making them costs as much as the derivatives of a path do; they serve every path of the chain.
+
+    Args:
+        engine: that walks the paths.
+        chain: that it walks.
+        parameters: of this chain.
+
+    Raises:
+        ValueError: a parameter changes the number of coordinates.
+    """
+
+    def __init__(self, engine: VjmEngine, chain: Chain, parameters: Sequence[Parameter]) -> None:
+        self.parameters = tuple(parameters)
+        model = engine.model(chain)
+        self._here = _Neighbour(chain, model, links_of(model))
+        self._neighbours: list[tuple[_Neighbour, _Neighbour]] = []
+        self._laws: list[Laws] = []
+        self._width = np.array([2.0 * STEP * parameter.scale for parameter in parameters])
+        self._twists = np.empty((len(self.parameters), len(self._here.links.p), 6))
+        for i, parameter in enumerate(parameters):
+            less, more = (
+                self._neighbour(engine, parameter, parameter.value + sign * STEP * parameter.scale)
+                for sign in (-1.0, 1.0)
+            )
+            self._neighbours.append((less, more))
+            self._laws.append(Laws(less.model, more.model, self._width[i]))
+            self._twists[i] = twists_between(less.links, more.links, self._here.links, self._width[i])
+
+    def _neighbour(self, engine: VjmEngine, parameter: Parameter, value: float) -> _Neighbour:
+        here = self._here
+        chain = parameter.apply(here.chain, value)
+        unmoved = chain.base is here.chain.base and len(chain.parts) == len(here.chain.parts)
+        if unmoved and all(a is b for a, b in zip(chain.parts, here.chain.parts, strict=True)):
+            return _Neighbour(chain, here.model, here.links)  # only its postures differ
+        model = engine.model(chain)
+        if model.size != here.model.size or not np.array_equal(model.passive, here.model.passive):
+            raise ValueError(f"parameter '{parameter.name}' changes the chain's coordinates")
+        return _Neighbour(chain, model, links_of(model))
+
+    def wrench(self, path: Path) -> Array:
+        """Derivatives of the wrench at every point of a path, at the same displacement from the unloaded pose.
+
+        On the branch that the path is on: behind a bifurcation the branch's own change, which grows beyond all
+        bounds towards the bifurcation.
+
+        Returns:
+            ``(points, 6, n_p)``, N and N mm per unit of the parameter.
+
+        Raises:
+            ValueError: the path is not of this engine and chain, or its load case is more than a ramp of the pose.
+            numpy.linalg.LinAlgError: a point is a critical point.
+        """
+        ramp = self._ramp(path)
+        states = [ramp.state(point) for point in path.points]
+        strains = self._strains(np.array([state.reactions for state in states]))
+        result = np.empty((len(states), 6, len(self.parameters)))
+        for i, state in enumerate(states):
+            load, gap = self._right(ramp, state, strains[i])
+            u, v = state.adjoint()
+            result[i] = v @ gap.T - u @ load.T
+        return result
+
+    def critical(self, path: Path) -> list[CriticalSensitivity]:
+        """Derivatives of the force and the displacement of every event of a path.
+
+        - Bifurcation: A has the null vector ``A b = 0``, and ``bᵀ A = 0`` too, since what is unsymmetric in A does
+          no work on motions that leave the end-effector where it is. The eigenvalue that vanishes changes as
+          ``bᵀ dA b``. The singular system has the path's derivative for its solution, which has no part in b, if
+          the parameter does not load the mode, ``bᵀ ∂R/∂p = 0``: it keeps the symmetry that lets two branches
+          cross. Any other one breaks the bifurcation up, and the load at which the path turns aside then changes
+          by its power 2/3: there is no derivative.
+        - Limit: the stiffness ``t = dF/ds`` vanishes. With d the ramp's direction, ``A b = (0; d)`` and
+          ``aᵀ A = (0; d)ᵀ``, it changes as ``−aᵀ dA b``.
+        - Bend-over: t falls through half of the unloaded stiffness, which changes with the parameters likewise.
+
+        At a bifurcation the state must be symmetric but for a small amplitude of the mode, as located ones are: its
+        square is the relative error (1e-7 where the solver left 3e-4).
+
+        Raises:
+            ValueError: as for `wrench`, or an event has no state.
+        """
+        ramp = self._ramp(path)
+        return [self._at_event(ramp, event) for event in path.events]
+
+    def _ramp(self, path: Path) -> _Ramp:
+        """What the parameters do to the unloaded pose of a path."""
+        here, load_case = self._here, path.load_case
+        if not load_case.pose_only:
+            raise ValueError(
+                "derivatives are of ramps of the whole imposed pose only: no loads, free components, imperfections "
+                "or other control than the ramp"
+            )
+        start = np.empty((len(self.parameters), 6))
+        for i, pair in enumerate(self._neighbours):
+            less, more = (
+                place(n.links, n.model.configuration(n.chain.posture(load_case.posture))).end for n in pair
+            )
+            start[i] = displacement_between(less, more) / self._width[i]
+        return _Ramp(path, here.model, here.links, start)
+
+    def _strains(self, reactions: Array) -> Array:
+        """``∂θ/∂p`` ``(k, n_p, n)`` of the springs at constant reactions ``(k, n)``, in k states at once."""
+        result = np.empty((len(reactions), len(self.parameters), reactions.shape[1]))
+        for i, laws in enumerate(self._laws):
+            result[:, i] = laws.strains(reactions)
+        return result
+
+    def _right(self, ramp: _Ramp, state: State, strain: Array) -> tuple[Array, Array]:
+        """``∂(Jᵀ F)/∂p`` ``(n_p, n)`` and ``∂(target − g)/∂p`` ``(n_p, 6)``, the springs moved by ``strain``."""
+        load, end = changes(state.links, state.placed, state.at.wrench, self._twists, strain)
+        turned = rotation_from_vector(ramp.path.load_case.displacement(state.s)[3:])
+        start = np.hstack([ramp.start[:, :3], ramp.start[:, 3:] @ turned.T])
+        return load, start - end
+
+    def _at_event(self, ramp: _Ramp, event: Event) -> CriticalSensitivity:
+        """Derivatives of one event."""
+        if event.point is None:
+            raise ValueError(f"the {event.kind} at {event.s:.6g} has no state to be differentiated at")
+        state = ramp.state(event.point)
+        reasons = [""] * len(self.parameters)
+        right, strain = self._system(ramp, state)
+        if event.kind is EventKind.BIFURCATION:
+            mode = Mode(state)
+            a = b = mode.vector
+            along = mode.without(mode.solve(right) + strain)
+        else:
+            a, along = state.solve(ramp.load[None], transposed=True)[0], state.solve(right) + strain
+            b = along[-1]
+        y_p, y_s = along[:-1], along[-1]
+        c_p = self._bilinear_by_parameters(state, a, b, y_p)
+        h = STEP * event.s
+        above, below = (_bilinear(self._here, state, change, a, b) for change in (h * y_s, -h * y_s))
+        c_s = (above - below) / (2.0 * h)
+        if event.kind is EventKind.BIFURCATION:
+            twofold = event.multiplicity > 1 or mode.twofold
+            reasons = [KINK] * len(reasons) if twofold else self._broken_symmetry(right[:-1] @ a, c_p, ramp, state)
+        if event.kind is EventKind.BEND_OVER:
+            c_p = c_p - 0.5 * self._unloaded_by_parameters(ramp)
+        s_p = -c_p / c_s
+        force = along[:, state.at.model.size :] @ ramp.path.load_case.direction
+        force_p = force[:-1] + force[-1] * s_p
+        exists = np.array([not reason for reason in reasons], dtype=bool)
+        return CriticalSensitivity(
+            event, np.where(exists, force_p, np.nan), np.where(exists, s_p, np.nan), tuple(reasons)
+        )
+
+    def _system(self, ramp: _Ramp, state: State) -> tuple[Array, Array]:
+        """Right sides ``(n_p + 1, n + 6)`` of the parameters and, last, of s; and alike what the springs move."""
+        n = state.at.model.size
+        strain = np.zeros((len(self.parameters) + 1, n + 6))
+        strain[:-1, :n] = self._strains(state.reactions[None])[0]
+        load, gap = self._right(ramp, state, np.ascontiguousarray(strain[:-1, :n]))
+        return np.vstack([np.hstack([-load, gap]), ramp.load]), strain
+
+    def _broken_symmetry(self, mode_load: Array, c_p: Array, ramp: _Ramp, state: State) -> list[str]:
+        """Why a bifurcation has no derivative by a parameter that loads its mode, empty where it does not.
+
+        Args:
+            mode_load: load of the parameters on the mode ``bᵀ ∂R/∂p`` ``(n_p,)``.
+            c_p: ``bᵀ A_p b`` ``(n_p,)``: what ``mode_load`` would gain with an amplitude of the mode.
+            ramp: the path's.
+            state: at the bifurcation.
+        """
+        share = np.abs(mode_load) * [p.scale for p in self.parameters]
+        share /= state.s * float(np.linalg.norm(newton_scale(state.at.model) * ramp.load))
+        broken = (share > SYMMETRIC) & (np.abs(mode_load) > DRIFT * np.abs(c_p))
+        return [
+            f"breaks the symmetry: by its scale it loads the mode with {part:.1e} of the ramp's load" if no else ""
+            for part, no in zip(share, broken, strict=True)
+        ]
+
+    def _unloaded_by_parameters(self, ramp: _Ramp) -> Array:
+        """``aᵀ A_p b`` ``(n_p,)`` without load, where the stiffness t changes as ``−aᵀ dA b``."""
+        state = ramp.state(ramp.path.points[0])
+        right, strain = self._system(ramp, state)
+        along = state.solve(right) + strain
+        a = state.solve(ramp.load[None], transposed=True)[0]
+        return self._bilinear_by_parameters(state, a, along[-1], along[:-1])
+
+    def _bilinear_by_parameters(self, state: State, a: Array, b: Array, y_p: Array) -> Array:
+        """``aᵀ A_p b`` ``(n_p,)``, where the state changes by ``y_p`` ``(n_p, n + 6)``."""
+        result = np.empty(len(self.parameters))
+        for i, (less, more) in enumerate(self._neighbours):
+            change = 0.5 * self._width[i] * y_p[i]
+            above, below = _bilinear(more, state, change, a, b), _bilinear(less, state, -change, a, b)
+            result[i] = (above - below) / self._width[i]
+        return result
+
+
+def _bilinear(neighbour: _Neighbour, state: State, change: Array, a: Array, b: Array) -> float:
+    """``aᵀ A b`` of a model at a state changed by ``(n + 6,)``."""
+    model, links, n = neighbour.model, neighbour.links, neighbour.model.size
+    x, wrench = state.at.x + change[:n], state.at.wrench + change[n:]
+    placed = place(links, x)
+    still = np.zeros((1, len(links.p), 6))
+    load, end = changes(links, placed, wrench, still, np.ascontiguousarray(b[None, :n]))
+    tau = reactions(links, placed, wrench, n)
+    value = a[:n] @ (load[0] + reactions(links, placed, b[n:], n)) + a[n:] @ end[0]
+    for spring, where in model.blocks:
+        value -= a[where] @ np.linalg.solve(spring.compliance(tau[where]), b[where])
+    return float(value)
+
+
+@dataclass(frozen=True)
+class _Ramp:
+    """A path, its model, and the twists ``start`` ``(n_p, 6)`` of its unloaded pose by the parameters; world."""
+
+    path: Path
+    model: LumpedModel
+    links: Links
+    start: Array
+
+    @property
+    def load(self) -> Array:
+        """``(0 ; d)`` ``(n + 6,)``: the change of the imposed pose with s."""
+        return np.concatenate([np.zeros(self.model.size), self.path.load_case.direction])
+
+    def state(self, point: Equilibrium) -> State:
+        """The state of a point of the path."""
+        n = self.model.size
+        if len(point.state) != n + 7:
+            raise ValueError(
+                f"the path of {self.path.engine} is not of this engine and chain: its states have "
+                f"{len(point.state)} components, not {n + 7}"
+            )
+        x, wrench = point.state[:n], point.state[n : n + 6]
+        at = Configuration(self.model, x, wrench, point.residual, point.iterations)
+        return State(at, point.s, self.links, place(self.links, at.x))

@@ -1,0 +1,1 @@
+"""How results are written: JSON, versions, figures, pages and terminal tables."""

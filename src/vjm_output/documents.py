@@ -1,0 +1,38 @@
+"""JSON documents: a pydantic model as text, its schema, and the versions that made it."""
+
+from __future__ import annotations
+
+import json
+import platform
+from importlib.metadata import version
+from typing import Any
+
+from pydantic import BaseModel
+
+from vjm import __version__
+
+Matrix = list[list[float]]
+"""A matrix as a document has it, row by row."""
+
+PACKAGES = ("numpy", "scipy", "exudyn", "matplotlib", "pyvista")
+"""Whose versions can change a number or a picture."""
+
+
+def versions() -> dict[str, str]:
+    """Versions of this suite, of Python and of what computes for it."""
+    found = {
+        "vjm-stiffness": __version__,
+        "python": platform.python_version(),
+        "machine": platform.platform(),
+    }
+    return found | {name: version(name) for name in PACKAGES}
+
+
+def as_json(document: BaseModel) -> str:
+    """A JSON document as text; what is not a number becomes null."""
+    return json.dumps(document.model_dump(mode="json"), indent=1, allow_nan=False) + "\n"
+
+
+def schema(document: type[BaseModel]) -> dict[str, Any]:
+    """JSON Schema of a document."""
+    return document.model_json_schema(mode="serialization")

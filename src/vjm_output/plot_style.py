@@ -1,0 +1,218 @@
+"""How the report draws and writes: colours and marks of engines and events, numbers, figures."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vjm.continuation.path import EventKind
+
+PAPER = "vjm-paper"
+FOOT_SPRING = "vjm-16"
+REFINED = "vjm-16f16"
+FE = "exudyn"
+FE_FOOT_SPRING = "exudyn-footspring"
+FROZEN = "vjm-unloaded-jacobian"
+LINEAR = "vjm-linear"
+MSA = "msa"
+
+DASH = "\u2013"
+"""What stands where there is no value."""
+
+PAGE_WIDTH = 7.4
+"""Width of a figure, inches: the text width of a journal page."""
+DPI = 180
+
+
+@dataclass(frozen=True)
+class EngineStyle:
+    """How one engine looks in every figure.
+
+    Attributes:
+        colour: of Okabe and Ito's palette, which the colour-blind can tell apart.
+        line: matplotlib line style, different for every engine so that print without colour still reads.
+        width: of the line, points.
+        order: drawing order; the reference lies below so that a line that agrees with it shows.
+        title: what the engine is, in a few words.
+    """
+
+    colour: str
+    line: Any
+    width: float
+    order: float
+    title: str
+
+
+ENGINES: dict[str, EngineStyle] = {
+    FE: EngineStyle("#000000", "-", 3.2, 2.0, "finite elements, foot and bar as beams"),
+    FE_FOOT_SPRING: EngineStyle("#009E73", (0, (1, 1.2)), 2.2, 2.6, "finite elements, foot as a 6×6 spring"),
+    "opensees": EngineStyle("#7A5C00", (0, (6, 2)), 1.6, 2.3, "second finite element code"),
+    REFINED: EngineStyle("#56B4E9", (0, (4, 2)), 1.8, 2.8, "lumped, 16 springs in bar and in foot"),
+    FOOT_SPRING: EngineStyle("#0072B2", (0, (5, 1.5, 1, 1.5)), 1.5, 2.7, "lumped, 16 springs in bar, one in foot"),
+    PAPER: EngineStyle("#D55E00", "-", 1.8, 3.0, "the paper's model, one spring a link"),
+    FROZEN: EngineStyle("#CC79A7", (0, (3, 1, 1, 1, 1, 1)), 1.4, 2.2, "Jacobians of the unloaded posture"),
+    LINEAR: EngineStyle("#8C8C8C", (0, (8, 3)), 1.1, 2.1, "linear, eq. (5)"),
+    MSA: EngineStyle("#E69F00", (0, (2, 3)), 1.6, 2.1, "linear matrix structural analysis"),
+}
+"""In the order of legends and tables."""
+
+EVENT_MARKERS = {EventKind.BIFURCATION: "o", EventKind.LIMIT: "^", EventKind.BEND_OVER: "s"}
+
+RC: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "axes.titlesize": 9.5,
+    # at the top; matplotlib measures all ticks to find that out
+    "axes.titley": 1.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "axes.grid": True,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.5,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "xtick.direction": "out",
+    "figure.facecolor": "white",
+}
+
+
+def engine_style(label: str) -> EngineStyle:
+    """Style of an engine, a plain grey line for one that the report does not know."""
+    return ENGINES.get(label, EngineStyle("#666666", "-", 1.2, 2.0, label))
+
+
+def engine_order(label: str) -> tuple[int, str]:
+    """Sorting key: the order of `ENGINES`, strangers last by name."""
+    known = list(ENGINES)
+    return (known.index(label) if label in ENGINES else len(known), label)
+
+
+def missing(value: object) -> bool:
+    """Whether a value is absent: None or not a finite number."""
+    return value is None or (isinstance(value, float) and not math.isfinite(value))
+
+
+def number(value: object, digits: int = 4) -> str:
+    """A number with significant digits as people write it: 8849, 0.1544, 3.0×10⁻¹²; a dash for none.
+
+    Booleans become words, texts and whole numbers stay as they are.
+    """
+    if missing(value):
+        return DASH
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return _real(float(value), digits)
+    return str(value).replace("-", "−") if isinstance(value, int) else str(value)
+
+
+def _real(value: float, digits: int) -> str:
+    if value == 0.0:
+        return "0"
+    # the exponent of the rounded value: 9.9996 has the exponent of 10.00
+    exponent = int(f"{value:.{digits - 1}e}".partition("e")[2])
+    if -4 <= exponent < 7:
+        return f"{value:.{max(0, digits - 1 - exponent)}f}".replace("-", "−")
+    mantissa, _, power = f"{value:.{min(digits, 3) - 1}e}".partition("e")
+    raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{mantissa}×10{raised}".replace("-", "−")
+
+
+def percent(fraction: float, digits: int = 2) -> str:
+    """A fraction as a percentage, without sign: 0.13 %; below 0.001 % said so."""
+    return "less than 0.001 %" if abs(fraction) < 1e-5 else f"{number(100.0 * abs(fraction), digits)} %"
+
+
+def listed(words: list[str]) -> str:
+    """Words as a sentence lists them: A, B and C."""
+    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Room around the axes of a figure, inches, where it is known beforehand what stands there.
+
+    Attributes:
+        left: for the first column's labels.
+        across: between columns.
+        between: between rows.
+        right: beside the last column.
+        bottom: below the last row.
+        top: above the first row.
+    """
+
+    left: float = 0.8
+    across: float = 0.8
+    between: float = 0.35
+    right: float = 0.12
+    bottom: float = 0.42
+    top: float = 0.26
+
+    def apply(self, fig: Figure, rows: int, columns: int) -> None:
+        """Place the axes."""
+        width, height = fig.get_size_inches()
+        wide = (width - self.left - self.right - (columns - 1) * self.across) / columns
+        high = (height - self.bottom - self.top - (rows - 1) * self.between) / rows
+        fig.subplots_adjust(
+            self.left / width, self.bottom / height, 1.0 - self.right / width, 1.0 - self.top / height,
+            self.across / wide, self.between / high,
+        )  # fmt: skip
+
+
+@contextmanager
+def figure(
+    height: float,
+    columns: int = 2,
+    *,
+    rows: int = 1,
+    sharey: bool = False,
+    widths: list[float] | None = None,
+    margins: Margins | None = None,
+) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A figure of the page's width with its axes row by row, in the report's style, without pyplot's state.
+
+    Without ``margins`` the labels are measured, which takes as long as to draw them.
+    """
+    with mpl.rc_context(RC):
+        fig = Figure(figsize=(PAGE_WIDTH, height), layout="constrained" if margins is None else None)
+        axes = fig.subplots(
+            rows, columns, squeeze=False, sharex="col", sharey="row" if sharey else False, width_ratios=widths
+        )
+        if margins is not None:
+            margins.apply(fig, rows, columns)
+        yield fig, list(axes.flat)
+
+
+def png(fig: Figure) -> bytes:
+    """The figure as the bytes of a PNG file."""
+    stream = io.BytesIO()
+    with mpl.rc_context(RC):
+        fig.savefig(stream, format="png", dpi=DPI)
+    return stream.getvalue()
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One image of the report.
+
+    Attributes:
+        name: of its file, without ending.
+        content: the bytes of a PNG file.
+        title: what it shows.
+        caption: what to see in it.
+    """
+
+    name: str
+    content: bytes
+    title: str
+    caption: str

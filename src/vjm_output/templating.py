@@ -1,0 +1,55 @@
+"""The templates of the pages, and how they write numbers and pictures."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping
+from functools import cache
+from typing import Any
+
+import jinja2
+
+from vjm_output.plot_style import Picture, number
+
+SHORT_TABLE = 12
+"""Rows up to which a table of the record is unfolded."""
+
+
+@cache
+def environment(package: str) -> jinja2.Environment:
+    """Where the templates are, and the filters that they use.
+
+    Args:
+        package: whose folder ``templates`` has the pages; what all pages share comes from `vjm_output`.
+    """
+    result = jinja2.Environment(
+        loader=jinja2.ChoiceLoader([jinja2.PackageLoader(package), jinja2.PackageLoader("vjm_output")]),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    result.filters["number"] = number
+    result.filters["given"] = lambda value: number(None) if value is None else f"{value:g}"
+    result.filters["data_uri"] = _data_uri
+    result.filters["flat"] = lambda tree: list(_flat(tree))
+    result.globals["symbols"] = {
+        "K0": ("K", "0"), "K1": ("K", "1"), "K2": ("K", "2"), "K3": ("K", "3"), "F1": ("F", "1"),
+        "F_cr": ("F", "cr"), "d_cr": ("Δ", "cr"), "F_end": ("F", "end"), "d_end": ("Δ", "end"),
+    }  # fmt: skip
+    result.globals["short_table"] = SHORT_TABLE
+    result.globals["units"] = {"K": "N/mm", "F": "N", "d": "mm"}
+    return result
+
+
+def _data_uri(picture: Picture) -> str:
+    return f"data:image/png;base64,{base64.b64encode(picture.content).decode()}"
+
+
+def _flat(tree: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:  # noqa: ANN401
+    """Leaves of nested mappings with their keys joined: ('paths / A / tension', 0.2)."""
+    if isinstance(tree, Mapping):
+        for key, value in tree.items():
+            yield from _flat(value, f"{prefix} / {key}" if prefix else str(key))
+    else:
+        yield prefix, tree

@@ -1,0 +1,85 @@
+"""The terminal: console, progress, one-line errors."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from types import FrameType
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+
+def console() -> Console:
+    """Standard output, wide enough for the tables also where it is no terminal."""
+    plain = Console()
+    return plain if plain.is_terminal else Console(width=120)
+
+
+def error(message: str) -> None:
+    """One line on standard error."""
+    Console(stderr=True, highlight=False, markup=False).print(f"validate: {message}", soft_wrap=True)
+
+
+def one_line(failure: Exception) -> str:
+    """An exception's message as one line."""
+    if isinstance(failure, OSError) and failure.strerror:
+        where = f"{failure.filename}: " if failure.filename else ""
+        return f"{where}{failure.strerror[:1].lower()}{failure.strerror[1:]}"
+    return " ".join(str(failure).split())
+
+
+@contextmanager
+def progress(*, quiet: bool = False) -> Iterator[Callable[[str, int, int], None]]:
+    """A progress display on standard error, called with a stage's name, how much is done, and of how much.
+
+    Of zero means that nobody knows of how much. An interrupt that meets a callback of a foreign library, which
+    swallows what is raised in it, is raised again with the next call, or at the end.
+    """
+    asked = False
+
+    def interrupt(_signal: int, _frame: FrameType | None) -> None:
+        nonlocal asked
+        asked = True
+        raise KeyboardInterrupt
+
+    def check() -> None:
+        if asked:
+            raise KeyboardInterrupt
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with _on_interrupt(interrupt), Progress(*columns, console=Console(stderr=True), disable=quiet) as display:
+        tasks = {}
+
+        def update(stage: str, done: int, total: int) -> None:
+            check()
+            if stage not in tasks:
+                tasks[stage] = display.add_task(stage, total=total or None)
+            display.update(tasks[stage], completed=done, total=total or None)
+
+        yield update
+        check()
+
+
+@contextmanager
+def _on_interrupt(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Handle Ctrl-C so; only the main thread can."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def two_columns(title: str, rows: Mapping[str, str]) -> Table:
+    """Names and what they are."""
+    table = Table(title=title, title_justify="left", show_header=False, box=None, padding=(0, 2))
+    for name, text in rows.items():
+        table.add_row(name, text)
+    return table

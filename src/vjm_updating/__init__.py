@@ -1,0 +1,1 @@
+"""What measured data say of a model: calibration, diagnosis, identification of parts, maps."""

@@ -1,0 +1,1 @@
+"""Calibration: spring compliances from measured readings, with their uncertainty."""

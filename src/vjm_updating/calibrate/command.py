@@ -1,0 +1,81 @@
+"""``validate calibrate``: from a test's two files to the calibration's three."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from vjm.io.files import check_writable, write_whole
+from vjm.model.load_case import LoadCase
+from vjm_output.documents import as_json
+from vjm_updating.calibrate.design import parsed_ramps
+from vjm_updating.calibrate.document import Calibration
+from vjm_updating.calibrate.fit import fit
+from vjm_updating.calibrate.page import write_page
+from vjm_updating.calibrate.problem import Problem, problem_of
+from vjm_updating.calibrate.results import results
+from vjm_updating.experiment import Measurement, read_measurement
+
+DOCUMENT, MODEL, PAGE = "calibration.json", "calibrated-model.toml", "calibration.html"
+STAGES = 3
+"""Fitting, judging, drawing."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A calibration whose files and options make sense.
+
+    Attributes:
+        measurement: sheet, readings and nominal machine.
+        problem: what is looked for.
+        ramps: feasible next experiments; empty: the usual ones.
+    """
+
+    measurement: Measurement
+    problem: Problem
+    ramps: tuple[LoadCase, ...]
+
+
+def prepare(data: Path, sheet: Path, names: Sequence[str] = (), ramps: Sequence[str] = ()) -> Task:
+    """Read and check all that a calibration needs.
+
+    Args:
+        data: readings, CSV.
+        sheet: test sheet, TOML.
+        names: parameters, see `vjm_updating.calibrate.parameters.unknowns`.
+        ramps: feasible next experiments, see `vjm_updating.calibrate.design.parsed_ramps`.
+
+    Raises:
+        ValueError: a file or an option cannot be used; one line.
+    """
+    measurement = read_measurement(data, sheet)
+    return Task(measurement, problem_of(measurement, names), tuple(parsed_ramps(ramps, measurement.chain)))
+
+
+def calibrate(
+    task: Task, out: Path, *, figure: str = "", progress: Callable[[int], None] = lambda done: None
+) -> Calibration:
+    """Calibrate a machine and write what was found.
+
+    Args:
+        task: see `prepare`.
+        out: folder for `DOCUMENT`, `MODEL` and `PAGE`; all are written at the end or none.
+        figure: that the next experiment is to make certain, see `vjm_updating.calibrate.design.in_view`.
+        progress: called with how many of `STAGES` are done.
+
+    Raises:
+        ValueError: the figure is none, or the calibrated machine is none that a model file admits.
+        vjm.statics.equilibrium.NoConvergenceError: the nominal model does not reach the readings.
+        OSError: the folder cannot be written to.
+    """
+    check_writable(out)
+    found = fit(task.problem)
+    progress(1)
+    document, model = results(task.measurement, found, ramps=task.ramps, figure=figure, model_file=MODEL)
+    progress(2)
+    page = write_page(task.measurement, found, document)
+    for name, content in ((DOCUMENT, as_json(document)), (MODEL, model), (PAGE, page)):
+        write_whole(out / name, content)
+    progress(STAGES)
+    return document

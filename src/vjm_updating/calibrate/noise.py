@@ -1,0 +1,174 @@
+"""The noise of readings: each channel's own, the displacement's share in the force, and its memory.
+
+To first order a reading of the pose that is off by e and one of the wrench that is off by f miss the model by
+``f − K^F e``: the covariance of a reading's six channels is ``D_f + K^F D_u K^Fᵀ``, whichever of the two was
+imposed and whichever measured. So force control needs no model of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.experiment import Measurement
+from vjm_updating.experiment.channels import POSE, WRENCH
+
+STATIONARY = 0.98
+"""Largest autocorrelation of neighbouring readings; at 1 a sequence would have no mean."""
+LEAST_SAMPLES = 8
+"""Neighbours from which an autocorrelation is estimated."""
+SET = 10.0
+"""Steps of a displacement over its noise from which on they are set, not rounded to."""
+FEW_LEVELS = 0.5
+"""Share of different values in a channel from which on its steps are looked for."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """1-sigma errors of one reading, quantisation included.
+
+    Attributes:
+        pose: ``(6,)`` mm, rad.
+        wrench: ``(6,)`` N, N mm; 1 where there is no channel.
+        quantum: step of each channel whose readings are rounded to one.
+    """
+
+    pose: Array
+    wrench: Array
+    quantum: dict[str, float]
+
+
+def noise_of(measurement: Measurement) -> Noise:
+    """Noise of a measurement's channels.
+
+    Raises:
+        ValueError: a wrench channel has none at all.
+    """
+    sheet, readings = measurement.sheet, measurement.readings
+    sigma, quantum = {}, {}
+    for name in (*POSE, *WRENCH):
+        if name not in readings.values:
+            continue
+        noise = sheet.instrument[name].noise if name in sheet.instrument else 0.0
+        step = rounding_step(readings.values[name]) if noise > 0.0 or name in WRENCH else 0.0
+        if name in POSE and step > SET * noise:
+            # so far apart they are the test's own steps, read to the last digit
+            step = 0.0
+        if step > 0.1 * noise:
+            quantum[name] = step
+        # a rounded reading is off by up to half a step, evenly
+        sigma[name] = float(np.hypot(noise, step / np.sqrt(12.0)))
+        if name in WRENCH and sigma[name] == 0.0:
+            raise ValueError(f"{sheet.file}: [instrument.{name}] noise is zero: give the spread of one reading")
+    return Noise(
+        np.array([sigma.get(name, 0.0) for name in POSE]),
+        np.array([sigma.get(name, 1.0) for name in WRENCH]),
+        quantum,
+    )
+
+
+def rounding_step(values: Array) -> float:
+    """Step to which readings ``(n,)`` are rounded; 0 where there are too many different ones to tell."""
+    known = values[~np.isnan(values)]
+    levels = np.unique(known)
+    if len(levels) < 3 or len(levels) > FEW_LEVELS * len(known):
+        return 0.0
+    gaps = np.diff(levels)
+    step = float(gaps.min())
+    # files round too: a multiple may be off by a few of the last digits
+    return step if float(np.max(np.abs(gaps / step - np.round(gaps / step)))) < 0.05 else 0.0
+
+
+def whiten(noise: Noise, stiffness: Array, gain: Array, present: np.ndarray) -> Array:
+    """Inverse Cholesky factors ``(n, 6, 6)`` of the readings' covariances.
+
+    Args:
+        noise: of one reading.
+        stiffness: K^F ``(n, 6, 6)``.
+        gain: ``(6,)`` one plus the scale error of each wrench channel.
+        present: ``(n, 6)`` which channels were read; the others become independent of all.
+    """
+    K = np.nan_to_num(stiffness) * gain[:, None]
+    C = np.einsum("kij,j,klj->kil", K, noise.pose**2, K) + np.diag(noise.wrench**2)
+    C = np.where(present[:, :, None] & present[:, None, :], C, 0.0)
+    C[:, range(6), range(6)] = np.where(present, C[:, range(6), range(6)], 1.0)
+    size = np.sqrt(C[:, range(6), range(6)])
+    L = np.linalg.cholesky(C / size[:, :, None] / size[:, None, :] + 1e-12 * np.eye(6))
+    result: Array = np.linalg.inv(L) / size[:, None, :]
+    return result
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Autocorrelation of first order within each sequence of readings.
+
+    Attributes:
+        rho: ``(6,)`` of the whitened channels' neighbours.
+        before: ``(n, 6)`` index of the channel's previous sample in its sequence, −1 where there is none.
+        gap: ``(n, 6)`` readings that it lies back.
+    """
+
+    rho: Array
+    before: np.ndarray
+    gap: np.ndarray
+
+    def remove(self, whitened: Array) -> Array:
+        """Quasi-differences of ``(n, 6, …)``, of unit variance and without memory."""
+        power = self.rho ** np.maximum(self.gap, 1)
+        linked = self.before >= 0
+        power = np.where(linked, power, 0.0)
+        past = np.take_along_axis(
+            whitened.reshape(*self.before.shape, -1), np.maximum(self.before, 0)[:, :, None], axis=0
+        ).reshape(whitened.shape)
+        shape = (*self.before.shape, *[1] * (whitened.ndim - 2))
+        p = power.reshape(shape)
+        result: Array = (whitened - p * past) / np.sqrt(1.0 - p**2)
+        return result
+
+    def estimated(self, whitened: Array, present: np.ndarray) -> Memory:
+        """The same with the autocorrelation of whitened residuals ``(n, 6)``.
+
+        What is not told apart from none counts as none. Wild residuals, beyond 4 standard deviations, are left out.
+        """
+        rho = np.zeros(6)
+        for c in range(6):
+            if not present[:, c].any():
+                continue
+            size = np.abs(whitened[:, c])
+            good = present[:, c] & (size < 4.0 * max(1.4826 * float(np.median(size[present[:, c]])), 1.0))
+            linked = (self.before[:, c] >= 0) & (self.gap[:, c] == 1)
+            near = np.flatnonzero(linked & good & good[np.maximum(self.before[:, c], 0)])
+            if len(near) < LEAST_SAMPLES:
+                continue
+            a, b = whitened[near, c], whitened[self.before[near, c], c]
+            spread = float(np.mean(whitened[good, c] ** 2))
+            if spread == 0.0:
+                continue
+            r = float(np.mean(a * b)) / spread
+            if r < 2.0 / np.sqrt(len(near)):
+                continue
+            # residuals remember less than errors do (Marriott and Pope 1954)
+            rho[c] = min(r + (1.0 + 3.0 * r) / len(near), STATIONARY)
+        return Memory(rho, self.before, self.gap)
+
+
+def memory_of(sequence: np.ndarray, present: np.ndarray) -> Memory:
+    """No autocorrelation yet, but who precedes whom.
+
+    Args:
+        sequence: number ``(n,)`` of each reading's sequence.
+        present: ``(n, 6)`` which channels were read.
+    """
+    n = len(sequence)
+    before, gap = np.full((n, 6), -1), np.zeros((n, 6), dtype=int)
+    for c in range(6):
+        last = -1
+        for k in range(n):
+            if not present[k, c]:
+                continue
+            if last >= 0 and sequence[last] == sequence[k]:
+                before[k, c], gap[k, c] = last, k - last
+            last = k
+    return Memory(np.zeros(6), before, gap)

@@ -1,0 +1,352 @@
+"""What a calibration looks for: parameters of the machine, and the nuisances of the test beside them.
+
+All are coordinates z that are zero at nominal. A stiffness or a compliance is its nominal value times exp(z), so
+that it stays positive; a 6×6 compliance is ``L R Rᵀ Lᵀ`` with L the Cholesky factor of the nominal one and R lower
+triangular with ``exp(z_ii)`` on its diagonal, so that it stays positive definite. A drive that is nominally rigid
+has ``value = unit · z``, bounded below.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.io.errors import did_you_mean
+from vjm.model.chain import FOOT, Chain
+from vjm.model.parameters import SECTION_VALUES, Parameter
+from vjm.model.parts import Actuator, Beam, Part
+from vjm.rotations import Array
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.experiment import Kind, Nuisance, Nuisances
+
+WEAK = 1.0
+"""Standard deviation of the prior on a parameter's z: a factor of e. It only holds what the data do not see."""
+SOFT_DRIVE = 1e-5
+"""Unit of a nominally rigid drive's compliance, mm/N: a thirtieth of the paper's foot."""
+RIGID = 1e-4
+"""Smallest z of such a drive: its coordinate must not vanish."""
+MATRIX = tuple((i, j) for i in range(6) for j in range(i + 1))
+"""Entries of the triangular factor, row by row."""
+SECTION = ("EA", "GJ", "EIy", "EIz")
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One coordinate of a calibration.
+
+    Attributes:
+        name: ``link.EIz``, ``foot.factor``, ``actuator.compliance``, ``foot.R21``, or a nuisance's.
+        sigma: of its Gaussian prior, mean zero, in z.
+        unit: of its value.
+        nominal: value at z = 0.
+        step: change of the value with z where it is linear; 0 where the value is ``nominal · exp(z)``.
+        lowest: bound of z.
+        nuisance: what it is of the sheet; None for a parameter.
+    """
+
+    name: str
+    sigma: float
+    unit: str
+    nominal: float
+    step: float = 0.0
+    lowest: float = -np.inf
+    nuisance: Nuisance | None = None
+
+    @property
+    def of_chain(self) -> bool:
+        """Whether it changes the chain."""
+        return self.nuisance is None or self.nuisance.of_machine
+
+    def value(self, z: float) -> float:
+        """The quantity itself, in its unit."""
+        return self.nominal + self.step * z if self.step else self.nominal * float(np.exp(z))
+
+    def slope(self, z: float) -> float:
+        """Derivative of the value by z."""
+        return self.step or self.value(z)
+
+
+Change = Callable[[Chain, Array], Chain]
+"""Makes a chain from another and the coordinates of one block."""
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """All coordinates of a calibration, parameters first, and the chain that each value of them means.
+
+    Attributes:
+        chain: the nominal one.
+        all: the coordinates.
+        changes: what blocks of them, each ``(first, last + 1)``, do to a chain.
+    """
+
+    chain: Chain
+    all: tuple[Unknown, ...]
+    changes: tuple[tuple[int, int, Change], ...]
+
+    def __len__(self) -> int:
+        return len(self.all)
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters."""
+        return sum(unknown.nuisance is None for unknown in self.all)
+
+    @property
+    def on_chain(self) -> np.ndarray:
+        """Indices of those that change the chain."""
+        return np.flatnonzero([unknown.of_chain for unknown in self.all])
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviations of the priors ``(n,)``."""
+        return np.array([unknown.sigma for unknown in self.all])
+
+    @property
+    def lowest(self) -> Array:
+        """Bounds ``(n,)``."""
+        return np.array([unknown.lowest for unknown in self.all])
+
+    @property
+    def start(self) -> Array:
+        """Where a fit begins ``(n,)``: nominal, and a drive a little off its bound."""
+        return np.maximum(0.0, self.lowest * 10.0)
+
+    def build(self, z: Array) -> Chain:
+        """The chain at the coordinates ``(n,)``."""
+        chain = self.chain
+        for first, last, change in self.changes:
+            chain = change(chain, z[first:last])
+        return chain
+
+    def sensitivity_parameters(self, z: Array) -> list[Parameter]:
+        """The coordinates that change the chain, at ``z`` (n,), as `vjm.sensitivity.gradients` takes them."""
+
+        def parameter(i: int) -> Parameter:
+            def apply(_: Chain, value: float) -> Chain:
+                moved = z.copy()
+                moved[i] = value
+                return self.build(moved)
+
+            return Parameter(self.all[i].name, "1", float(z[i]), 1.0, apply)
+
+        return [parameter(i) for i in self.on_chain]
+
+
+def split_parts(engine: VjmEngine, chain: Chain) -> set[str]:
+    """Names of the beams whose section counts, because the engine splits them; of the others the 6×6 does."""
+    names = {beam.name for beam in chain.beams if beam.compliance is None}
+    if engine.segments is not None:
+        names |= {beam.name for beam in chain.beams if beam.name != FOOT}
+    if engine.foot_segments is not None and engine.foot_segments > 1:
+        names.add(FOOT)
+    return names & {beam.name for beam in chain.beams}
+
+
+def default_parameters(engine: VjmEngine, chain: Chain) -> list[str]:
+    """One factor for every elastic part."""
+    return [f"{beam.name}.factor" for beam in chain.beams]
+
+
+def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Nuisances) -> Unknowns:
+    """The coordinates of a calibration.
+
+    Args:
+        chain: the nominal machine.
+        engine: whose springs decide whether a part's section or its 6×6 counts.
+        names: parameters as ``part.what``: ``factor``; ``EA``, ``GJ``, ``EIy``, ``EIz``, ``GAy``, ``GAz`` or all of
+            the first four as ``section``; ``C11`` to ``C66`` (a row and column of the 6×6 scaled, which scales its
+            diagonal entry) or ``diagonal``; the full 6×6 as ``matrix``; a drive's ``compliance``.
+        extra: the sheet's nuisances. A modulus acts on what of its part is not looked for itself, and drops out
+            where nothing is left.
+
+    Raises:
+        ValueError: a name means nothing, or two mean the same.
+    """
+    split = split_parts(engine, chain)
+    found: list[Unknown] = []
+    changes: list[tuple[int, int, Change]] = []
+    taken: dict[str, set[str]] = {}
+
+    def add(block: Sequence[Unknown], change: Change | None) -> None:
+        if change is not None:
+            changes.append((len(found), len(found) + len(block), change))
+        found.extend(block)
+
+    for name in _spelt_out(names):
+        part_name, _, what = name.partition(".")
+        part = _part(chain, part_name)
+        mine = taken.setdefault(part_name, set())
+        for one in _meant(what, part, split):
+            if one in mine:
+                raise ValueError(f"parameter '{name}': {part_name}'s {one} is looked for twice: name it once")
+            mine.add(one)
+        add(*_block(name, part, what, split))
+    for nuisance in extra:
+        own = Unknown(nuisance.name, 1.0, _unit(nuisance), 0.0, step=nuisance.sigma, nuisance=nuisance)
+        if nuisance.kind is Kind.MODULUS:
+            part = _part(chain, nuisance.subject)
+            left = _counting(part, split) - taken.get(nuisance.subject, set())
+            if left and isinstance(part, Beam):
+                add([own], _modulus(part, left, nuisance.sigma, whole=left == _counting(part, split)))
+        elif nuisance.kind is Kind.LENGTH:
+            add([own], _length(nuisance.subject, nuisance.sigma))
+        else:
+            add([own], None)
+    return Unknowns(chain, tuple(found), tuple(changes))
+
+
+def _unit(nuisance: Nuisance) -> str:
+    if nuisance.kind is Kind.ZERO:
+        return nuisance.subject.rpartition("_")[2].replace("Nmm", "N mm")
+    return "mm" if nuisance.kind is Kind.LENGTH else "1"
+
+
+def _spelt_out(names: Sequence[str]) -> list[str]:
+    groups = {"section": SECTION, "diagonal": tuple(f"C{i}{i}" for i in range(1, 7))}
+    result = []
+    for name in names:
+        part, _, what = name.partition(".")
+        result += [f"{part}.{one}" for one in groups.get(what, (what,))]
+    return result
+
+
+def _part(chain: Chain, name: str) -> Part:
+    parts = {part.name: part for part in chain.parts if isinstance(part, Beam | Actuator)}
+    if name not in parts:
+        raise ValueError(
+            f"parameter of '{name}': {chain.name} has no such elastic part{did_you_mean(name, parts)}; "
+            f"it has {', '.join(parts)}"
+        )
+    return parts[name]
+
+
+def _meant(what: str, part: Part, split: set[str]) -> set[str]:
+    """The single values that a name stands for."""
+    if isinstance(part, Actuator):
+        return {what}
+    if what in ("factor", "matrix"):
+        return set(SECTION_VALUES) if part.name in split else {f"C{i}{i}" for i in range(1, 7)}
+    return {what}
+
+
+def _counting(part: Part, split: set[str]) -> set[str]:
+    """The values of a beam that count: an infinite stiffness has no factor."""
+    section = part.section if isinstance(part, Beam) else None
+    return {
+        one
+        for one in _meant("factor", part, split)
+        if one not in SECTION_VALUES or (section is not None and np.isfinite(getattr(section, one)))
+    }
+
+
+def _block(name: str, part: Part, what: str, split: set[str]) -> tuple[list[Unknown], Change]:
+    """The coordinates of one name and what they do."""
+    if isinstance(part, Actuator):
+        if what != "compliance":
+            raise ValueError(f"parameter '{name}': a drive has the parameter '{part.name}.compliance'")
+        nominal = part.compliance
+        step, lowest = (0.0, -np.inf) if nominal > 0.0 else (SOFT_DRIVE, RIGID)
+        return [Unknown(name, WEAK, "mm/N", nominal, step, lowest)], _drive(part, nominal, step)
+    assert isinstance(part, Beam)
+    if what == "factor":
+        scaled = _meant("factor", part, split)
+        return [Unknown(name, WEAK, "1", 1.0)], lambda chain, z: _with(
+            chain, _softened(_beam(chain, part.name), scaled, float(np.exp(z[0])), both=True)
+        )
+    if part.name in split:
+        if what not in SECTION_VALUES:
+            raise ValueError(
+                f"parameter '{name}': {part.name} is split into springs with its section: "
+                f"look for factor, section, {', '.join(SECTION_VALUES)}"
+            )
+        section = part.section
+        value = float("inf") if section is None else float(getattr(section, what))
+        if not np.isfinite(value):
+            raise ValueError(
+                f"parameter '{name}': shear is neglected in {part.name}: give the model file its {what}"
+            )
+        unit = "N mm²" if what in ("GJ", "EIy", "EIz") else "N"
+        return [Unknown(name, WEAK, unit, value)], lambda chain, z: _with(
+            chain, _softened(_beam(chain, part.name), {what}, float(np.exp(-z[0])))
+        )
+    if what == "matrix":
+        block = [Unknown(f"{part.name}.R{i + 1}{j + 1}", WEAK, "1", float(i == j), 0.0 if i == j else 1.0)
+                 for i, j in MATRIX]  # fmt: skip
+        return block, _matrix(part)
+    if not re.fullmatch(r"C([1-6])\1", what):
+        raise ValueError(
+            f"parameter '{name}': {part.name} is one spring with a 6×6: it has factor, diagonal, C11 to C66, matrix"
+        )
+    i = int(what[1]) - 1
+    assert part.compliance is not None
+    unit = "mm/N" if i < 3 else "rad/(N mm)"
+    return [Unknown(name, WEAK, unit, float(part.compliance[i, i]))], lambda chain, z: _with(
+        chain, _softened(_beam(chain, part.name), {what}, float(np.exp(z[0])))
+    )
+
+
+def _softened(beam: Beam, names: set[str], factor: float, *, both: bool = False) -> Beam:
+    """A beam with some of its section's stiffnesses over a factor, and rows of its 6×6 times it.
+
+    ``both`` scales the section and the whole 6×6, whichever counts, so that they go on describing one part.
+    """
+    section, compliance = beam.section, beam.compliance
+    if section is not None:
+        kept = SECTION_VALUES if both else [name for name in names if name in SECTION_VALUES]
+        section = replace(section, **{name: getattr(section, name) / factor for name in kept})
+    if compliance is not None:
+        rows = [both or f"C{i}{i}" in names for i in range(1, 7)]
+        root = np.where(rows, np.sqrt(factor), 1.0)
+        compliance = root[:, None] * compliance * root
+    return replace(beam, section=section, compliance=compliance)
+
+
+def _modulus(part: Beam, names: set[str], sigma: float, *, whole: bool) -> Change:
+    def change(chain: Chain, z: Array) -> Chain:
+        factor = 1.0 / max(1.0 + sigma * float(z[0]), 0.05)
+        return _with(chain, _softened(_beam(chain, part.name), names, factor, both=whole))
+
+    return change
+
+
+def _matrix(part: Beam) -> Change:
+    assert part.compliance is not None
+    L = np.linalg.cholesky(part.compliance)
+
+    def change(chain: Chain, z: Array) -> Chain:
+        R = np.zeros((6, 6))
+        for (i, j), value in zip(MATRIX, z, strict=True):
+            R[i, j] = np.exp(value) if i == j else value
+        root = L @ R
+        return _with(chain, replace(_beam(chain, part.name), compliance=root @ root.T))
+
+    return change
+
+
+def _length(name: str, sigma: float) -> Change:
+    def change(chain: Chain, z: Array) -> Chain:
+        beam = _beam(chain, name)
+        return _with(chain, replace(beam, length=beam.length + sigma * float(z[0])))
+
+    return change
+
+
+def _drive(part: Actuator, nominal: float, step: float) -> Change:
+    def change(chain: Chain, z: Array) -> Chain:
+        value = step * float(z[0]) if step else nominal * float(np.exp(z[0]))
+        return _with(chain, replace(part, compliance=value))
+
+    return change
+
+
+def _beam(chain: Chain, name: str) -> Beam:
+    return next(beam for beam in chain.beams if beam.name == name)
+
+
+def _with(chain: Chain, changed: Part) -> Chain:
+    """The chain with the part of this name replaced."""
+    return replace(chain, parts=tuple(changed if part.name == changed.name else part for part in chain.parts))

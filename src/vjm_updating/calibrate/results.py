@@ -1,0 +1,331 @@
+"""A solved calibration as the rows of ``calibration.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vjm.model.load_case import LoadCase
+from vjm.rotations import Array
+from vjm_output.documents import versions
+from vjm_updating.calibrate import carried, design
+from vjm_updating.calibrate.calibrated_model import calibrated_text
+from vjm_updating.calibrate.carried import Predicted
+from vjm_updating.calibrate.document import (
+    Calibration,
+    CandidateRow,
+    ChannelRow,
+    CombinationRow,
+    ComplianceRow,
+    DesignRow,
+    DirectionRow,
+    FigureRow,
+    FitRow,
+    IdentifiabilityRow,
+    MatrixRow,
+    NuisanceRow,
+    ParameterRow,
+    PredictionsRow,
+    WildRow,
+)
+from vjm_updating.calibrate.fit import WILD, Fit
+from vjm_updating.calibrate.identifiability import Identifiability, identifiability, in_words
+from vjm_updating.calibrate.parameters import MATRIX, Unknown
+from vjm_updating.calibrate.profile import NORMAL_95, profile_interval
+from vjm_updating.experiment import Measurement
+from vjm_updating.experiment.channels import WRENCH
+
+AT_BOUND = 1.5
+"""Over the lowest z of a rigid drive: below, it is as rigid as can be told."""
+SOURCES = 6
+"""Most sources of a figure's uncertainty that are worth naming."""
+STEP = 1e-5
+"""Of the differences of a 6×6 by its factor's entries."""
+
+
+def results(
+    measurement: Measurement,
+    fit: Fit,
+    *,
+    ramps: Sequence[LoadCase] = (),
+    figure: str = "",
+    model_file: str = "",
+) -> tuple[Calibration, str]:
+    """What a fit says, and the text of the calibrated model file.
+
+    Args:
+        measurement: that was fitted.
+        fit: solved.
+        ramps: feasible next ones; every posture along x where empty.
+        figure: that the next experiment is to make certain, see `vjm_updating.calibrate.design.in_view`.
+        model_file: name under which the calibrated model is kept.
+
+    Raises:
+        ValueError: the figure is unknown, or the calibrated machine is none that a model file admits.
+    """
+    found, unknowns = identifiability(fit), fit.problem.unknowns
+    text = calibrated_text(measurement, unknowns.build(fit.z))
+    calibrated = carried.after_calibration(fit)
+    document = Calibration(
+        title=measurement.sheet.test.title,
+        model=measurement.chain.name,
+        engine=measurement.engine.label,
+        data=measurement.readings.file,
+        sheet=measurement.sheet.file,
+        fit=_fit(fit),
+        parameters=_parameters(fit, found),
+        combinations=_combinations(fit, found),
+        compliances=_compliances(fit, found),
+        nuisances=_nuisances(fit, found),
+        joint=_joint(fit, found),
+        identifiability=_identifiability(fit, found),
+        predictions=PredictionsRow(
+            calibrated=_figures(*calibrated),
+            tolerances=_figures(*carried.within_tolerances(measurement)),
+            rounding=_figures(*carried.within_rounding(measurement)),
+        ),
+        next_experiment=_design(fit, calibrated, ramps, figure),
+        calibrated_model=model_file,
+        versions=versions(),
+        hashes={"model": measurement.model_sha256, "data": measurement.data_sha256},
+    )
+    return document, text
+
+
+def _names(fit: Fit) -> list[str]:
+    return [unknown.name for unknown in fit.problem.unknowns.all[: fit.problem.unknowns.parameters]]
+
+
+def _parameters(fit: Fit, found: Identifiability) -> list[ParameterRow]:
+    rows = []
+    for i in np.flatnonzero(found.separable):
+        unknown, z = fit.problem.unknowns.all[i], float(fit.z[i])
+        low, high = profile_interval(fit, int(i))
+        value = unknown.value(z)
+        rows.append(
+            ParameterRow(
+                name=unknown.name,
+                unit=unknown.unit,
+                nominal=unknown.nominal,
+                value=value,
+                std=abs(unknown.slope(z)) * float(np.sqrt(fit.covariance[i, i])),
+                interval95=[unknown.value(low), unknown.value(high)],
+                over_nominal=value / unknown.nominal if unknown.nominal else None,
+                at_bound=bool(np.isfinite(unknown.lowest) and z <= AT_BOUND * unknown.lowest),
+            )
+        )
+    return rows
+
+
+def _combinations(fit: Fit, found: Identifiability) -> list[CombinationRow]:
+    names, rows = _names(fit), []
+    for one in found.combinations:
+        half = NORMAL_95 * one.std
+        rows.append(
+            CombinationRow(
+                name=in_words(one, names),
+                coefficients={n: float(c) for n, c in zip(names, one.coefficients, strict=True) if c},
+                seen=one.seen,
+                singular_value=one.singular_value,
+                value=one.value if one.seen else None,
+                std=one.std if one.seen else None,
+                interval95=[one.value - half, one.value + half] if one.seen else None,
+            )
+        )
+    return rows
+
+
+def _compliances(fit: Fit, found: Identifiability) -> list[ComplianceRow]:
+    """The entries of every 6×6 that was looked for as a whole, with what is known of each."""
+    names, p = _names(fit), fit.problem.unknowns.parameters
+    rows = []
+    for part in dict.fromkeys(name.partition(".")[0] for name in names if name.endswith(".R11")):
+        at = [names.index(f"{part}.R{i + 1}{j + 1}") for i, j in MATRIX]
+
+        def matrix(z: Array, part: str = part) -> Array:
+            beam = next(beam for beam in fit.problem.unknowns.build(z).beams if beam.name == part)
+            assert beam.compliance is not None
+            return beam.compliance
+
+        gradient = np.zeros((6, 6, p))
+        for k in at:
+            step = STEP * np.eye(len(fit.z))[k]
+            gradient[:, :, k] = (matrix(fit.z + step) - matrix(fit.z - step)) / (2.0 * STEP)
+        variance = np.einsum("ijk,kl,ijl->ij", gradient, fit.covariance[:p, :p], gradient)
+        std = [
+            [float(np.sqrt(v)) if found.determined(g, float(v)) else None for g, v in zip(*line, strict=True)]
+            for line in zip(gradient, variance, strict=True)
+        ]
+        nominal = matrix(np.zeros(len(fit.z))).tolist()
+        rows.append(ComplianceRow(part=part, value=matrix(fit.z).tolist(), std=std, nominal=nominal))
+    return rows
+
+
+def _nuisances(fit: Fit, found: Identifiability) -> list[NuisanceRow]:
+    rows = []
+    for i, unknown in enumerate(fit.problem.unknowns.all):
+        if unknown.nuisance is None:
+            continue
+        rows.append(
+            NuisanceRow(
+                name=unknown.name,
+                unit=unknown.unit,
+                value=unknown.value(float(fit.z[i])),
+                std=unknown.step * float(np.sqrt(fit.covariance[i, i])),
+                sheet_std=unknown.nuisance.sigma,
+                from_data=float(np.clip(found.from_data[i], 0.0, 1.0)),
+            )
+        )
+    return rows
+
+
+def _joint(fit: Fit, found: Identifiability) -> MatrixRow:
+    """Covariance of what has a number of its own: separable parameters, seen combinations, nuisances."""
+    unknowns = fit.problem.unknowns
+    p, n = unknowns.parameters, len(unknowns)
+    names, rows = [], []
+
+    def add(name: str, row: Array) -> None:
+        names.append(name)
+        rows.append(row)
+
+    def own(i: int, unknown: Unknown) -> None:
+        add(unknown.name, unknown.slope(float(fit.z[i])) * np.eye(n)[i])
+
+    for k in np.flatnonzero(found.separable):
+        own(int(k), unknowns.all[k])
+    for one in found.combinations:
+        if one.seen:
+            add(in_words(one, _names(fit)), np.concatenate([one.coefficients, np.zeros(n - p)]))
+    for i in range(p, n):
+        own(i, unknowns.all[i])
+    G = np.array(rows).reshape(-1, n)
+    C = G @ fit.covariance @ G.T
+    size = np.sqrt(np.diag(C))
+    return MatrixRow(names=names, covariance=C.tolist(), correlation=(C / np.outer(size, size)).tolist())
+
+
+def _identifiability(fit: Fit, found: Identifiability) -> IdentifiabilityRow:
+    names = _names(fit)
+    lost = [name for name, separable in zip(names, found.separable, strict=True) if not separable]
+    postures = ", ".join(dict.fromkeys(ray.posture for ray in fit.problem.rays))
+    seen = sum(one.seen for one in found.directions)
+    words = [f"Postures {postures} see {seen} of {len(names)} directions in the space of the parameters."]
+    if not lost:
+        words.append("Every parameter has a number of its own.")
+    else:
+        words.append(f"No number of its own has {', '.join(lost)}.")
+        visible = [in_words(one, names) for one in found.combinations if one.seen]
+        if visible:
+            words.append(f"Of these the readings determine only {'; '.join(visible)}, in terms of z.")
+        hidden = [in_words(one, names) for one in found.combinations if not one.seen]
+        if hidden:
+            words.append(f"They do not see {'; '.join(hidden)}.")
+    rows = [
+        DirectionRow(name=in_words(one, names), singular_value=one.singular_value, seen=one.seen)
+        for one in found.directions
+    ]
+    return IdentifiabilityRow(statement=words, directions=rows, not_separable=lost)
+
+
+def _fit(fit: Fit) -> FitRow:
+    problem = fit.problem
+    present = problem.present
+    nominal = problem.evaluate(problem.unknowns.start, fit.at.branches, derivatives=False).residual
+    channels = []
+    for c in np.flatnonzero(present.any(axis=0)):
+        at = present[:, c]
+        good = at & (fit.weight[:, c] > 0.0)
+        channels.append(
+            ChannelRow(
+                channel=WRENCH[c],
+                readings=int(at.sum()),
+                rmse_nominal=float(np.sqrt(np.mean(nominal[at, c] ** 2))),
+                rmse=float(np.sqrt(np.mean(fit.at.residual[at, c] ** 2))),
+                unit="N" if c < 3 else "N mm",
+                in_sigma=float(fit.spread[c] * np.sqrt(np.mean(fit.residual[good, c] ** 2))),
+                spread=float(fit.spread[c]),
+                autocorrelation=float(fit.memory.rho[c]),
+                quantum=problem.noise.quantum.get(WRENCH[c], 0.0),
+            )
+        )
+    wild = [_wild(fit, int(k)) for k in np.flatnonzero(fit.wild)]
+    worst = max(channels, key=lambda row: row.spread)
+    fits = worst.spread == 1.0 and fit.loss.name != "Huber"
+    if fits:
+        statement = "The residuals are what the sheet's noise allows."
+    else:
+        statement = (
+            f"The model misses the readings by more than the sheet's noise: {worst.channel} by {worst.spread:.3g} "
+            "sigma. The uncertainties are widened by that, but what the model lacks can bias every number: "
+            "`validate diagnose` says what it may be."
+        )
+    return FitRow(
+        readings=int(present.sum()),
+        steps=fit.steps,
+        loss=fit.loss.name,
+        efficiency=fit.loss.efficiency,
+        fits=fits,
+        statement=statement,
+        channels=channels,
+        wild=wild,
+        behind_bifurcation=int(fit.at.prediction.branched.sum()),
+    )
+
+
+def _wild(fit: Fit, k: int) -> WildRow:
+    posture = next(ray.posture for ray in fit.problem.rays if k in ray.index)
+    bad = [WRENCH[c] for c in range(6) if fit.problem.present[k, c] and fit.weight[k, c] < WILD]
+    least = float(np.min(fit.weight[k, fit.problem.present[k]]))
+    return WildRow(row=int(fit.problem.row[k]), posture=posture, channels=bad, weight=least)
+
+
+def _figures(figures: Sequence[Predicted], covariance: Array, names: Sequence[str]) -> list[FigureRow]:
+    rows = []
+    for one in figures:
+        std = one.std(covariance)
+        known = bool(np.isfinite(std))
+        alone = one.gradient * np.sqrt(np.diag(covariance))
+        largest = [int(i) for i in np.argsort(-np.nan_to_num(np.abs(alone), nan=np.inf))[:SOURCES]]
+        rows.append(
+            FigureRow(
+                posture=one.posture,
+                direction=str(one.direction),
+                quantity=one.quantity,
+                unit=carried.QUANTITIES[one.quantity],
+                kind=one.kind,
+                value=one.value,
+                std=std if known else None,
+                interval95=[one.value - NORMAL_95 * std, one.value + NORMAL_95 * std] if known else None,
+                sensitivities={names[i]: float(alone[i]) if np.isfinite(alone[i]) else None for i in largest},
+                reasons=sorted({reason for reason in one.reasons if reason}),
+            )
+        )
+    return rows
+
+
+def _design(
+    fit: Fit, calibrated: tuple[list[Predicted], Array, list[str]], ramps: Sequence[LoadCase], wanted: str
+) -> DesignRow:
+    figures, covariance, _ = calibrated
+    target = design.in_view(figures, covariance, wanted)
+    found, left_out = design.candidates(fit, target, ramps or design.usual_ramps(fit))
+    rows = [
+        CandidateRow(
+            posture=one.ramp.posture,
+            ramp=f"{one.ramp.axis}:{one.ramp.to:.4g}",
+            parameters_shrink_to=one.shrinks,
+            figure_std=one.std_after if target is not None else None,
+        )
+        for one in found
+    ]
+    by_figure = sorted((row for row in rows if row.figure_std is not None), key=lambda row: row.figure_std or 0.0)
+    return DesignRow(
+        d_optimal=rows[0] if rows else None,
+        i_optimal=by_figure[0] if by_figure else None,
+        figure="" if target is None else design.label(target),
+        figure_std=None if target is None else target.std(covariance),
+        candidates=rows,
+        left_out=left_out,
+    )

@@ -1,0 +1,342 @@
+"""Tests of a pinned column that is steered by the deflection of its middle, with the load read at each mark.
+
+The deflection takes the place of the imposed displacement; see `vjm_updating.mechanisms.column` for the mechanics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from vjm.model.chain import Chain
+from vjm.model.parts import Beam, PassiveJoint
+from vjm.rotations import Array
+from vjm_updating.calibrate.noise import memory_of, noise_of
+from vjm_updating.calibrate.rays import Ray
+from vjm_updating.diagnose.fitting import Fit
+from vjm_updating.diagnose.forward import Evaluation, channel_errors, machine_of, values_of
+from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero
+from vjm_updating.diagnose.parameters import Coordinate, Hypothesis
+from vjm_updating.diagnose.stress import fibre_of
+from vjm_updating.diagnose.test_data import Observed
+from vjm_updating.experiment import Measurement
+from vjm_updating.experiment.channels import WRENCH, split_point
+from vjm_updating.mechanisms.column import Fibres, column_force
+from vjm_updating.mechanisms.effect import Effect, Quantity
+from vjm_updating.mechanisms.link_bow import LinkBow
+from vjm_updating.mechanisms.link_length import LinkLength
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
+from vjm_updating.mechanisms.part_compliance import LinkCompliance
+from vjm_updating.mechanisms.series_elements import History
+
+LEAST = 5
+"""Half of the marks from which noise is estimated."""
+FIRST_YIELD, DEPARTS = "plasticity.yield_N", "plasticity.departs_mm"
+HANDBOOK = "plasticity.handbook"
+SET = 0.002
+"""Permanent strain at the proof stress."""
+GONE = 0.01
+"""Share of the load that yield takes where the curve is said to depart from the elastic one."""
+
+
+@dataclass(frozen=True)
+class ColumnBow(LinkBow):
+    """A bow in the plane in which the column gives way."""
+
+    sizes: tuple[float, ...] = (0.5, 1.5, 4.0)
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Towards the positive deflection. Behind a bifurcation micrometres show: differences must be as small."""
+        return (Quantity("amplitude_mm", -20.0, 20.0, 0.1, neutral=0.0),)
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Small and large."""
+        return [(size,) for size in self.sizes]
+
+    def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
+        """Built with the bow."""
+        return replace(machine, bow=(values[0], 0.0))
+
+    def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
+        """Amplitude, and the side."""
+        return {
+            "link_bow.amplitude_mm": abs(float(values[0])),
+            "link_bow.direction_rad": 0.0 if values[0] >= 0.0 else float(np.pi),
+        }
+
+
+@dataclass(frozen=True)
+class ColumnYield(Effect):
+    """Bending beyond yield, fibre by fibre, by Ramberg and Osgood's law.
+
+    Attributes:
+        stress: the handbook's yield stress, MPa, from which a search begins.
+    """
+
+    part: str = "link"
+    stress: float = 250.0
+    cause = "plasticity"
+    title = "a permanent set after a yield load"
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Stress at 0.2 % of permanent strain, and the exponent: the larger the sharper the knee."""
+        return (
+            Quantity("yield_stress_MPa", 0.3 * self.stress, 4.0 * self.stress, 0.1 * self.stress),
+            Quantity("exponent", 3.0, 400.0, 20.0, usual=40.0, spread=1.5, log=True),
+        )
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """About the handbook's value, rounded and sharp."""
+        return [(share * self.stress, n) for n in (40.0, 8.0) for share in (0.8, 1.0, 1.25)]
+
+
+def is_column(measurement: Measurement) -> bool:
+    """Whether a test steered a pinned beam by the deflection of its middle, the end displacement not being read."""
+    point, channel = split_point(measurement.sheet.test.control)
+    return bool(point) and channel == "uy_mm" and not measurement.imposed
+
+
+def observe_column(measurement: Measurement) -> Observed:
+    """What there is to be explained: the last reading at each mark, as long as the deflection grows.
+
+    Raises:
+        ValueError: the machine is no pinned beam, or the load was not read along it.
+    """
+    chain, sheet, control = measurement.chain, measurement.sheet, measurement.sheet.test.control
+    where = sheet.points[split_point(control)[0]]
+    kinds = [type(part) for part in chain.parts]
+    if kinds != [PassiveJoint, Beam, PassiveJoint] or where.at != 0.5 or where.body != link_of(chain):
+        raise ValueError(
+            f"{sheet.file}: control {control}: a test steered by a point is diagnosed for a beam between two pins, "
+            "by its middle; give the displacement of the end-effector instead"
+        )
+    readings = measurement.readings
+    if WRENCH[0] not in readings.values:
+        raise ValueError(f"{readings.file}: column {WRENCH[0]} is missing: the load along the column is needed")
+    if sheet.sigma(control).held:
+        readings = readings.settled(control)
+    mark, force = readings.values[control], readings.wrench
+    known = np.flatnonzero(~np.isnan(mark) & ~np.isnan(force[:, 0]))
+    readings = readings.only(known)
+    mark = readings.values[control]
+    # what comes back has another law; the last block of a file may be stale
+    growing = np.concatenate([[True], mark[1:] > np.maximum.accumulate(mark)[:-1]])
+    end = int(np.argmin(growing)) if not growing.all() else len(growing)
+    readings = readings.only(np.arange(end))
+    n = len(readings)
+    pose = np.zeros((n, 6))
+    pose[:, 0] = readings.values[control]
+    wrench = np.full((n, 6), np.nan)
+    wrench[:, 0] = readings.wrench[:, 0]
+    noise = noise_of(measurement)
+    own = np.zeros(6)
+    own[0] = sheet.sigma(control).noise
+    x = np.eye(6)[0]
+    begins = np.arange(n) == 0
+    line = ModifiedChain(chain, measurement.engine).line(str(readings.posture[0]))
+    return Observed(
+        measurement,
+        readings,
+        pose,
+        wrench,
+        replace(noise, pose=own),
+        (Ray(str(readings.posture[0]), x, x, np.arange(n)),),
+        memory_of(readings.sequence, ~np.isnan(wrench)),
+        History(np.zeros(n), begins, np.tile(line, (n, 1))),
+        None,
+        None,
+        steered=control,
+    )
+
+
+def with_noise_found(observed: Observed, fit: Fit) -> Observed:
+    """Readings with the noise of mark and load as a fit's residuals have it, by maximum likelihood.
+
+    Who steers to a ruler's marks by hand does better or worse than the sheet's guess. The mark's noise shows where
+    the curve is steep, the load's where it is level.
+    """
+    on = observed.present[:, 0]
+    r, slope = fit.at.residual[on, 0], fit.at.stiffness[on, 0, 0]
+    if len(r) < 2 * LEAST:
+        return observed
+    mark, load = observed.noise.pose[0], observed.noise.wrench[0]
+    best, chosen = np.inf, (1.0, 1.0)
+    for a in np.geomspace(0.05, 2.0, 16):
+        for b in np.geomspace(1.0, 20.0, 12):
+            variance = (b * load) ** 2 + (a * mark * slope) ** 2
+            cost = float(np.sum(np.log(variance) + r**2 / variance))
+            if cost < best:
+                best, chosen = cost, (float(a), float(b))
+    # parameters that were fitted have taken their share
+    share = (len(r) / max(len(r) - fit.free - 2, 1)) ** 0.5
+    pose, wrench = observed.noise.pose.copy(), observed.noise.wrench.copy()
+    pose[0], wrench[0] = mark * chosen[0] * share, load * max(chosen[1] * share, 1.0)
+    return replace(observed, noise=replace(observed.noise, pose=pose, wrench=wrench))
+
+
+def column_effects(observed: Observed) -> list[Effect]:
+    """The catalogue of such a test."""
+    link = link_of(observed.measurement.chain)
+    found: list[Effect] = [ColumnBow(), LinkCompliance(beam=link), LinkLength(beam=link)]
+    section = _section(observed.measurement)
+    if section is not None:
+        stress = _table(observed.measurement).get("yield_stress_MPa")
+        found.append(ColumnYield(stress=float(str(stress)) if stress else 250.0))
+    for channel in (observed.steered, WRENCH[0]):
+        found += [InstrumentZero(part=channel), InstrumentScale(part=channel)]
+    return found
+
+
+def _part_table(measurement: Measurement) -> dict[str, object]:
+    link = link_of(measurement.chain)
+    found: dict[str, object] = next(part for part in measurement.document["parts"] if part.get("name") == link)
+    return found
+
+
+def _table(measurement: Measurement) -> Mapping[str, object]:
+    section = _part_table(measurement).get("section", {})
+    assert isinstance(section, Mapping)
+    return section
+
+
+def _section(measurement: Measurement) -> Fibres | None:
+    """Fibres of the link's section in the plane of bending, where its shape is known."""
+    table = _table(measurement)
+
+    def number(key: str) -> float:
+        return float(str(table[key]))
+
+    if table.get("shape") == "rectangle":
+        return Fibres(number("thickness_mm"), 0.0, number("width_mm") * number("thickness_mm"))
+    if table.get("shape") == "square_tube":
+        width, core = number("width_mm"), number("width_mm") - 2.0 * number("wall_mm")
+        return Fibres(width, core, width**2 - core**2)
+    return None
+
+
+@dataclass
+class ColumnForward:
+    """Predicts the loads at the marks; see `vjm_updating.diagnose.forward.Forward`."""
+
+    observed: Observed
+    branches: dict[tuple[int, int], int] = field(default_factory=dict)
+
+    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+        """The machine of a hypothesis."""
+        return machine_of(self.observed, found, z, hypothesis)
+
+    def reading(self, observed: Observed) -> ColumnForward:
+        """The same for other readings of the same test."""
+        return ColumnForward(observed)
+
+    def branched(self, ray: Ray, sign: int, reach: float) -> bool:
+        """Both sides are alike."""
+        return False
+
+    def evaluate(
+        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+    ) -> Evaluation:
+        """Readings against a hypothesis; no tables are needed for it."""
+        observed = self.observed
+        zero_u, gain_u = channel_errors(found, z, [observed.steered])
+        zero_f, gain_f = channel_errors(found, z, WRENCH)
+        w = (observed.pose[:, 0] - zero_u[0]) / gain_u[0]
+        wrench = np.zeros((len(w), 6))
+        wrench[:, 0] = -self._force(found, z, hypothesis, w)
+        stiffness = np.zeros((len(w), 6, 6))
+        stiffness[:, 0, 0] = np.gradient(wrench[:, 0], w)
+        place = np.zeros((len(w), 6))
+        place[:, 0] = w
+        residual = np.where(observed.present, observed.wrench - gain_f * wrench - zero_f, 0.0)
+        return Evaluation(z, residual, wrench, stiffness, place, gain_f, gain_u)
+
+    def evaluate_nominal(self, deflection: Array) -> Array:
+        """Loads ``(n,)`` of the sheet's own column, straight and elastic, at deflections ``(n,)`` of its middle."""
+        beam = beam_of(self.observed.measurement.chain, link_of(self.observed.measurement.chain))
+        return column_force(deflection, beam.length, beam.effective_section().EIz)
+
+    def yield_unknown(self) -> str:
+        """Why there is no first yield."""
+        fibre = fibre_of(_part_table(self.observed.measurement))
+        return fibre if isinstance(fibre, str) else "not on the way to the last reading"
+
+    def first_yield(
+        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, *, handbook: bool = False
+    ) -> tuple[float, float] | None:
+        """Load in N and deflection in mm at which the middle's outer fibre reaches the proof stress on the way.
+
+        Args:
+            found: coordinates.
+            z: their values.
+            hypothesis: the causes.
+            handbook: take the model's own yield stress where no cause has one.
+        """
+        stress = self._stress(found, z, hypothesis)
+        if stress is None and handbook:
+            stress = self._handbook()
+        machine = self.machine(found, z, hypothesis)
+        return self._reached(
+            stress, machine.chain(), machine.bow[0], lambda w: self._force(found, z, hypothesis, w)
+        )
+
+    def handbook_yield(self) -> str:
+        """Where the sheet's own column, straight and elastic, would reach the model's yield stress: no fit."""
+        stress = self._handbook()
+        here = self._reached(stress, self.observed.measurement.chain, 0.0, self.evaluate_nominal)
+        if stress is None or here is None:
+            return self.yield_unknown()
+        where = f"{here[1]:.3g} mm and {here[0]:.4g} N"
+        return f"{stress:.4g} MPa in the model file: without any fit, yield from {where} on"
+
+    def _handbook(self) -> float | None:
+        limit = _table(self.observed.measurement).get("yield_stress_MPa")
+        return None if limit is None else float(str(limit))
+
+    def _reached(
+        self, stress: float | None, chain: Chain, bow: float, force: Callable[[Array], Array]
+    ) -> tuple[float, float] | None:
+        """Load and deflection at which the middle's outer fibre has a stress, by beam theory."""
+        fibres = _section(self.observed.measurement)
+        if stress is None or fibres is None:
+            return None
+        w = np.linspace(0.05, float(self.observed.pose[:, 0].max()), 240)
+        P = force(w)
+        section = beam_of(chain, link_of(chain)).effective_section()
+        inertia = section.EIz / (section.EA / fibres.area)
+        reached = P / fibres.area + P * (bow + w) * 0.5 * fibres.depth / inertia
+        over = np.flatnonzero(reached >= stress)
+        return (float(P[over[0]]), float(w[over[0]])) if len(over) else None
+
+    def departs(self, fit: Fit) -> float | None:
+        """Deflection in mm from which yield lowers a fit's load by `GONE`; None where it does not on the way."""
+        w = np.linspace(0.05, float(self.observed.pose[:, 0].max()), 240)
+        plain, load = (self._force(fit.found, fit.at.z, fit.hypothesis, w, elastic=e) for e in (True, False))
+        lower = np.flatnonzero(load < (1.0 - GONE) * plain)
+        return float(w[lower[0]]) if len(lower) else None
+
+    def _stress(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> float | None:
+        for effect, values in zip(hypothesis, values_of(found, z, hypothesis), strict=True):
+            if isinstance(effect, ColumnYield):
+                return values[0]
+        return None
+
+    def _force(
+        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, w: Array, *, elastic: bool = False
+    ) -> Array:
+        machine = self.machine(found, z, hypothesis)
+        beam = beam_of(machine.chain(), link_of(machine.nominal))
+        section = beam.effective_section()
+        fibres = _section(self.observed.measurement)
+        for effect, values in zip(hypothesis, values_of(found, z, hypothesis), strict=True):
+            if isinstance(effect, ColumnYield) and fibres is not None and not elastic:
+                modulus = section.EA / fibres.area
+                euler = np.pi**2 * section.EIz / beam.length**2
+                # the load's own stress is there before the bending
+                left = max(values[0] - euler / fibres.area, 1.0)
+                proof = left * section.EIz / modulus / (0.5 * fibres.depth)
+                return column_force(
+                    w, beam.length, section.EIz, machine.bow[0], proof, fibres, values[1], SET * modulus / left
+                )
+        return column_force(w, beam.length, section.EIz, machine.bow[0])

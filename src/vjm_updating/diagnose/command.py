@@ -1,0 +1,352 @@
+"""``validate diagnose``: from a test's two files to the diagnosis' three."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from vjm import __version__
+from vjm.io.files import check_writable, write_whole
+from vjm.rotations import Array
+from vjm_output.documents import as_json
+from vjm_updating.diagnose.column import DEPARTS, FIRST_YIELD, HANDBOOK, ColumnForward, is_column, observe_column
+from vjm_updating.diagnose.column_experiment import direct
+from vjm_updating.diagnose.contrasts import contrasts
+from vjm_updating.diagnose.critical import Critical, critical_points
+from vjm_updating.diagnose.document import (
+    AlternativeRow,
+    CandidateRow,
+    ContrastRow,
+    CriticalPointRow,
+    CriticalRow,
+    Diagnosis,
+    ExperimentRow,
+    FoldRow,
+    GainRow,
+    NoiseRow,
+    TransferRow,
+    ValueRow,
+    VersionRow,
+)
+from vjm_updating.diagnose.estimates import Estimate, estimates, joined, nuisance_estimates
+from vjm_updating.diagnose.evidence import effective_samples
+from vjm_updating.diagnose.experiment import propose
+from vjm_updating.diagnose.extended import extended_text
+from vjm_updating.diagnose.fitting import Fit
+from vjm_updating.diagnose.holdout import Split, gain, held_out_residual, split_of, unsure
+from vjm_updating.diagnose.holdout_folds import folds
+from vjm_updating.diagnose.mark_selection import marks_gain, with_one_more
+from vjm_updating.diagnose.page import write_page
+from vjm_updating.diagnose.preprocess import Prepared, effects_of, possible, prepare, refresh
+from vjm_updating.diagnose.scored_hypothesis import Ranked
+from vjm_updating.diagnose.search import Search
+from vjm_updating.diagnose.test_data import Observed, observe
+from vjm_updating.diagnose.transfer import transfer
+from vjm_updating.diagnose.verdict import DOUBTFUL, STRAINED, Verdict, judge, proved
+from vjm_updating.experiment import Measurement, read_measurement
+from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.mechanisms.catalogue import plug_in
+
+DOCUMENT, MODEL, PAGE = "diagnosis.json", "extended-model.toml", "diagnosis.html"
+AGAIN = 2
+"""Searches more at most, each about what the last one found."""
+MANY, HALF = 6.0, 0.5
+"""Noise of marks that is found over the sheet's from which on it is spoken of, and how sure a verdict then is."""
+MOST_PAIRS = 5
+"""Members of a class that the next experiment tells from the most probable one."""
+SHOWN = 12
+"""Contrasts that are kept."""
+
+
+def diagnose(
+    data: Path,
+    sheet: Path,
+    out: Path,
+    *,
+    plug_ins: Sequence[Path] = (),
+    only: Sequence[str] = (),
+    without: Sequence[str] = (),
+    beside: tuple[Path, Path] | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Diagnose a test and write what was found.
+
+    Args:
+        data: readings, CSV.
+        sheet: test sheet, TOML.
+        out: folder for `DOCUMENT`, `MODEL` and `PAGE`; all are written at the end or none.
+        plug_ins: files with effects of one's own, see docs/effects.md.
+        only: the causes that are thought possible; all where none is given.
+        without: causes that are not.
+        beside: readings and sheet of another specimen, of which is said what the findings are worth there.
+        progress: told what is being done.
+
+    Raises:
+        ValueError: a file cannot be used; one line.
+        vjm.statics.equilibrium.NoConvergenceError: the nominal model does not reach the readings.
+        OSError: the folder cannot be written to.
+    """
+    begun = time.perf_counter()
+    more = [plug_in(path) for path in plug_ins]
+    measurement = read_measurement(data, sheet)
+    second = None if beside is None else read_measurement(*beside)
+    observed = observe_column(measurement) if is_column(measurement) else observe(measurement)
+    possible(effects_of(observed, more), only, without)
+    check_writable(out)
+    progress("the nominal model")
+    prepared = prepare(observed, more, only=only, without=without)
+    search = _search(prepared, progress)
+    best = search.run()
+    prepared = replace(prepared, null=search.null)
+    for _ in range(AGAIN):
+        # seen from a model that was off, noise and wild samples were guesses
+        again = refresh(prepared, best.fit)
+        if again is None:
+            break
+        prepared = again
+        before, search = best, replace(_search(prepared, progress), hints=search.tried)
+        best = search.run()
+        prepared = replace(prepared, null=search.null)
+        if best.labels == before.labels:
+            break
+    if observed.steered:
+        best = with_one_more(search, best)
+    progress("verdict")
+    verdict, candidates, points = _proved(prepared, judge(search, best))
+    document = _document(measurement, prepared, verdict, candidates, points, begun)
+    if second is not None:
+        document = document.model_copy(update={"transfer": _transfer(verdict, second)})
+    progress("report")
+    chosen = verdict.members[0].fit if verdict.members else prepared.null
+    found = estimates(prepared.fitter, chosen, 0.0)
+    model = extended_text(measurement, prepared.fitter, chosen, verdict.kind, found)
+    page = write_page(measurement, prepared, chosen, document)
+    for name, content in ((DOCUMENT, as_json(document)), (MODEL, model), (PAGE, page)):
+        write_whole(out / name, content)
+    return document
+
+
+def _search(prepared: Prepared, progress: Callable[[str], None]) -> Search:
+    fitter = prepared.fitter
+    samples = effective_samples(fitter.whitening.memory.rho, fitter.whitening.present)
+    return Search(fitter, prepared.null, prepared.effects, samples, progress, signed=prepared.signed)
+
+
+def _proved(prepared: Prepared, verdict: Verdict) -> tuple[Verdict, list[CandidateRow], list[Critical]]:
+    """The verdict judged by what its members predict of readings held out, and the first's critical points."""
+    null = prepared.null
+    if not verdict.members:
+        return verdict, [], critical_points(prepared.fitter, null, null)
+    observed = prepared.fitter.forward.observed
+    split = split_of(observed)
+    # of marks every third one is held out, which is another split
+    unaided = None if observed.steered else held_out_residual(prepared.fitter, null, split)
+    points = [critical_points(prepared.fitter, null, member.fit) for member in verdict.members]
+    gains = [
+        _gain(prepared, member.fit, own, split, unaided)
+        for member, own in zip(verdict.members, points, strict=True)
+    ]
+    first = gains[0]
+    verdict = proved(verdict, first.before_in_sigma, first.after_in_sigma, first.expected_in_sigma)
+    if not verdict.members:
+        return verdict, [], critical_points(prepared.fitter, null, null)
+    candidates = [
+        CandidateRow(causes=sorted(m.causes), probability=p, parameters=_values(prepared, m.fit, places), gain=own)
+        for m, p, own, places in zip(verdict.members, verdict.probabilities, gains, verdict.places, strict=True)
+    ]
+    return verdict, candidates, points[0]
+
+
+def _document(
+    measurement: Measurement,
+    prepared: Prepared,
+    verdict: Verdict,
+    candidates: Sequence[CandidateRow],
+    points: Sequence[Critical],
+    begun: float,
+) -> Diagnosis:
+    fitter = prepared.fitter
+    observed = fitter.forward.observed
+    chosen = verdict.members[0].fit if verdict.members else prepared.null
+    channels = {name: WRENCH.index(name) for name in observed.wrench_channels}
+    return Diagnosis(
+        verdict=verdict.kind,
+        causes=sorted({cause for c in candidates for cause in c.causes}),
+        candidates=list(candidates),
+        parameters=candidates[0].parameters if candidates else {},
+        confidence=verdict.confidence * (HALF if _noise_words(observed) else 1.0),
+        alternatives=[AlternativeRow(causes=sorted(r.causes), confidence=w) for r, w in verdict.others],
+        gain=candidates[0].gain if candidates else None,
+        next_experiment=_next(prepared, verdict),
+        version=VersionRow(
+            package=__version__, model_sha256=measurement.model_sha256, data_sha256=measurement.data_sha256
+        ),
+        residual=_residual_words(verdict) or _noise_words(observed),
+        contrasts=[
+            ContrastRow(name=c.name, channel=c.channel, size=c.size, significance=c.significance)
+            for c in contrasts(fitter, prepared.null)[:SHOWN]
+        ],
+        noise=NoiseRow(
+            autocorrelation={name: float(fitter.whitening.memory.rho[k]) for name, k in channels.items()},
+            wild_samples=observed.wild,
+            readings=len(observed.pose),
+        ),
+        nuisances={name: _value(e) for name, e in nuisance_estimates(fitter, chosen).items()},
+        critical=[_critical(one) for one in points],
+        seconds=time.perf_counter() - begun,
+    )
+
+
+def _transfer(verdict: Verdict, second: Measurement) -> list[TransferRow]:
+    return [
+        TransferRow(causes=sorted(member.causes), what=row.what, rmse=row.rmse)
+        for member in verdict.members
+        for row in transfer(member.fit, second)
+    ]
+
+
+def _critical(one: Critical) -> CriticalPointRow:
+    return CriticalPointRow(
+        posture=one.posture,
+        direction=one.direction,
+        reached_N=one.reached,
+        measured_N=one.measured,
+        before_N=one.before,
+        after_N=one.after,
+        nominal=one.nominal.kind,
+        nominal_N=one.nominal.force,
+        extended=one.extended.kind,
+        extended_N=one.extended.force,
+        yields_N=one.yields.force,
+        yields=one.yields.words,
+    )
+
+
+def _residual_words(verdict: Verdict) -> str:
+    if verdict.kind != "unknown":
+        return ""
+    if verdict.doubt:
+        return verdict.doubt
+    rest = verdict.rest
+    if rest.strained < min(STRAINED, rest.p):
+        return f"what fits best takes {rest.farthest}"
+    if rest.unusual < min(DOUBTFUL, rest.p):
+        return f"what fits best takes {rest.shape}"
+    return f"what is left has the shape '{rest.worst or 'rough'}', strength {rest.left**0.5:.1f}"
+
+
+def _noise_words(observed: Observed) -> str:
+    """Where loads at marks scatter more than the sheet says: what is left is not explained, only bounded."""
+    if not observed.steered:
+        return ""
+    sheet = observed.measurement.sheet
+    said, found = float(sheet.sigma(WRENCH[0]).noise), float(observed.noise.wrench[0])
+    if found < MANY * said:
+        return ""
+    return (
+        f"what is left scatters by {found:.3g} N of load, {found / said:.2g} times the sheet's noise: so much of "
+        "the curve no cause explains"
+    )
+
+
+def _value(e: Estimate) -> ValueRow:
+    return ValueRow(value=e.value, std=e.std, interval95=[e.low, e.high])
+
+
+def _values(prepared: Prepared, fit: Fit, places: Sequence[Ranked]) -> dict[str, ValueRow | str]:
+    elsewhere = [estimates(prepared.fitter, place.fit, 0.0) for place in places]
+    found = joined(estimates(prepared.fitter, fit, 0.0), elsewhere)
+    result: dict[str, ValueRow | str] = {name: _value(e) for name, e in found.items()}
+    forward = prepared.fitter.forward
+    if isinstance(forward, ColumnForward):
+        here = forward.first_yield(fit.found, fit.at.z, fit.hypothesis)
+        if here is not None:
+            stress = found["plasticity.yield_stress_MPa"]
+            std = abs(here[0]) * stress.std / stress.value
+            ends = [here[0] - 1.96 * std, here[0] + 1.96 * std]
+            result[FIRST_YIELD] = ValueRow(value=here[0], std=std, interval95=ends)
+            result[HANDBOOK] = forward.handbook_yield()
+        departs = forward.departs(fit)
+        if departs is not None:
+            result[DEPARTS] = f"{departs:.3g}, where yield takes a hundredth of the load"
+    for effect in fit.hypothesis:
+        if effect.part and not any(name.startswith(f"{effect.cause}.{effect.part}") for name in result):
+            result[f"{effect.cause}.part"] = effect.part
+    return result
+
+
+def _gain(prepared: Prepared, fit: Fit, points: Sequence[Critical], split: Split, unaided: Array | None) -> GainRow:
+    """The gain of a fit; ``unaided`` (n, 6) what the tolerances alone leave held out, None for a test of marks."""
+    fitter = prepared.fitter
+    if unaided is None:
+        found, parts = marks_gain(fitter, prepared.null, fit)
+    else:
+        extended = held_out_residual(fitter, fit, split, unaided)
+        found = gain(fitter, fit, split, unaided, extended, unsure(fitter, fit, split))
+        parts = folds(fitter, split, unaided, extended)
+    measured, before, after = points[0].triple if points else (None, None, None)
+    return GainRow(
+        rmse_before=found.before,
+        rmse_after=found.after,
+        interval95=list(found.interval),
+        before_in_sigma=found.before_in_sigma,
+        after_in_sigma=found.after_in_sigma,
+        expected_in_sigma=found.expected_in_sigma,
+        split=found.split,
+        critical=CriticalRow(measured_N=measured, before_N=before, after_N=after),
+        folds=[
+            FoldRow(name=f.name, readings=f.readings, force=f.force, rmse_before=f.before, rmse_after=f.after)
+            for f in parts
+        ],
+    )
+
+
+def _next_of_column(prepared: Prepared, verdict: Verdict) -> ExperimentRow:
+    """Of the direct measurements the one that would show most, of a cause that not all members have."""
+    observed = prepared.fitter.forward.observed
+    common = frozenset.intersection(*(member.causes for member in verdict.members))
+    load = float(np.nanmax(np.abs(observed.wrench[:, 0])))
+    ways = [
+        way
+        for member in verdict.members
+        for cause in sorted(member.causes - common)
+        if (way := direct(observed.measurement, cause, estimates(prepared.fitter, member.fit, 0.0), load))
+    ]
+    posture = str(observed.readings.posture[0])
+    if not ways:
+        why = "turned over, a bow changes sides while errors of the instruments and the stiffness stay"
+        return ExperimentRow(why=why, posture=posture, path="the same marks with the specimen turned half a turn")
+    best = max(ways, key=lambda way: (way.difference is not None, way.strength or 0.0))
+    return ExperimentRow(
+        why=best.why, posture=posture, path=best.path, difference=best.difference, channel=best.channel,
+        strength=best.strength,
+    )  # fmt: skip
+
+
+def _next(prepared: Prepared, verdict: Verdict) -> ExperimentRow:
+    if verdict.kind != "class":
+        return ExperimentRow()
+    first = verdict.members[0]
+    if isinstance(prepared.fitter.forward, ColumnForward):
+        return _next_of_column(prepared, verdict)
+    others: dict[frozenset[str], Fit] = {}
+    for member in verdict.members:
+        if member.causes != first.causes and len(others) < MOST_PAIRS:
+            others.setdefault(member.causes, member.fit)
+    found = propose(prepared.fitter, [first.fit, *others.values()])
+    if found is None:
+        return ExperimentRow(why="no posture of the model separates them")
+    one, *rest = (" + ".join(sorted(causes)) for causes in (first.causes, *others))
+    told = f"it tells {one} from {' and from '.join(rest)}"
+    return ExperimentRow(
+        why=f"{told}: {found.channel} would differ by up to {found.difference:.3g}",
+        posture=found.posture,
+        path=found.path,
+        difference=found.difference,
+        channel=found.channel,
+        strength=found.strength,
+    )

@@ -1,0 +1,135 @@
+"""The parameters of a fit with their uncertainty: what the readings say of a size, and of where it may sit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import norm, qmc
+
+from vjm.rotations import Array
+from vjm_updating.diagnose.fitting import Fit, Fitter
+from vjm_updating.diagnose.forward import values_of
+from vjm_updating.diagnose.normal_equations import inverse
+from vjm_updating.diagnose.parameters import of_effect, release_key
+
+NORMAL_95 = 1.959963984540054
+DRAWS = 512
+"""Of the coordinates, from which an interval follows."""
+DIRECTION = "direction_rad"
+"""Last word of parameters that are angles all round."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter.
+
+    Attributes:
+        value: in its unit.
+        std: standard deviation, to first order.
+        low: end of the 95 % interval.
+        high: end of the 95 % interval.
+    """
+
+    value: float
+    std: float
+    low: float
+    high: float
+
+    def joined(self, other: Estimate) -> Estimate:
+        """The same with an interval that takes in another's."""
+        return replace(self, low=min(self.low, other.low), high=max(self.high, other.high))
+
+
+def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
+    """The parameters of a fit under docs/measured-data.md's names.
+
+    Errors are taken as normal in the fit's own coordinates, where they nearly are; the intervals are of what is
+    reported, which may be no straight function of them: a vector's size grows by errors in whatever direction.
+    """
+    covariance = _covariance(fitter, fit)
+    result: dict[str, Estimate] = {}
+    for i, effect in enumerate(fit.hypothesis):
+        key = release_key(effect)
+        here = _reported(fit, fit.at.z, i, force)
+        own = (
+            of_effect(fit.found, i)
+            if key is None
+            else [k for k, c in enumerate(fit.found) if (c.kind, c.subject) == key]
+        )
+        if not own:
+            continue
+        z = fit.at.z[own]
+        slopes = {name: np.zeros(len(own)) for name in here}
+        for k in range(len(own)):
+            h = 1e-5 * max(1.0, abs(float(z[k])))
+            for name, value in _with(fit, own, z + h * np.eye(len(own))[k], i, force).items():
+                slopes[name][k] = (value - here[name]) / h
+        block = covariance[np.ix_(own, own)]
+        low, high = (np.array([getattr(fit.found[k], end) for k in own]) for end in ("low", "high"))
+        drawn = [_with(fit, own, np.clip(z + d, low, high), i, force) for d in _normal(block)]
+        for name, value in here.items():
+            std = max(float(slopes[name] @ block @ slopes[name]), 0.0) ** 0.5
+            off = np.array([there[name] for there in drawn]) - value
+            if name.endswith(DIRECTION):
+                off = np.angle(np.exp(1j * off))
+            least, most = (float(v) for v in np.quantile(off, [0.025, 0.975]))
+            # a size that errors in whatever direction make larger is smaller by what lies along it
+            least, most = least if least < 0.0 else -NORMAL_95 * std, most if most > 0.0 else NORMAL_95 * std
+            result[name] = Estimate(value, std, value + least, value + most)
+    return result
+
+
+def joined(here: Mapping[str, Estimate], others: Sequence[Mapping[str, Estimate]]) -> dict[str, Estimate]:
+    """Estimates whose intervals take in those of the same causes in other places, where these explain as much."""
+    result = dict(here)
+    for other in others:
+        result |= {name: result[name].joined(other[name]) for name in result.keys() & other.keys()}
+    return result
+
+
+def _normal(covariance: Array) -> Array:
+    """Errors ``(DRAWS, k)`` of a covariance ``(k, k)``, always the same ones, spread evenly."""
+    sizes, axes = np.linalg.eigh(covariance)
+    even = qmc.LatinHypercube(len(covariance), rng=0).random(DRAWS)
+    result: Array = norm.ppf(even) * np.sqrt(np.maximum(sizes, 0.0)) @ axes.T
+    return result
+
+
+def _with(fit: Fit, own: Sequence[int], z: Array, index: int, force: float) -> dict[str, float]:
+    """What is reported with some coordinates ``own`` at ``z`` instead."""
+    there = fit.at.z.copy()
+    there[list(own)] = z
+    return _reported(fit, there, index, force)
+
+
+def _reported(fit: Fit, z: Array, index: int, force: float) -> dict[str, float]:
+    effect = fit.hypothesis[index]
+    values = values_of(fit.found, z, fit.hypothesis)[index]
+    key = release_key(effect)
+    if key is None:
+        return effect.reported(values, force)
+    name = {"modulus": "factor", "length": "delta_mm"}.get(key[0], effect.part)
+    return {f"{effect.cause}.{name}": float(values[0])}
+
+
+def _covariance(fitter: Fitter, fit: Fit) -> Array:
+    A = fitter.normal(fit)
+    covariance = inverse(A, np.array([c.sigma != 0.0 for c in fit.found]))
+    rows = int(fitter.whitening.present.sum())
+    inflation = max(1.0, fitter.squares(fit.found, fit.at) / max(rows - fit.free, 1))
+    result: Array = covariance * inflation
+    return result
+
+
+def nuisance_estimates(fitter: Fitter, fit: Fit) -> dict[str, Estimate]:
+    """The nuisances of a fit."""
+    covariance = _covariance(fitter, fit)
+    result = {}
+    for i, c in enumerate(fit.found):
+        if c.kind == "effect" or c.sigma == 0.0:
+            continue
+        value, std = c.value(float(fit.at.z[i])), float(np.sqrt(covariance[i, i])) * c.scale
+        result[c.name] = Estimate(value, std, value - NORMAL_95 * std, value + NORMAL_95 * std)
+    return result

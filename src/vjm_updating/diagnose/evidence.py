@@ -1,0 +1,117 @@
+"""What a hypothesis is worth: how well it fits, and what its parameters and its choice from the catalogue cost."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from vjm.rotations import Array
+from vjm_updating.diagnose.fitting import Fit, Fitter
+from vjm_updating.diagnose.normal_equations import inverse
+from vjm_updating.diagnose.parameters import of_effect, release_key
+from vjm_updating.mechanisms.effect import Effect
+
+DISTINCT, DISGUISED = 2.0, 12.0
+"""Standard deviations by which a cause's own parameter must differ from nothing, and what it costs if not."""
+TWICE = 6.0
+"""What it costs that a cause acts in two places at once."""
+RARER, RAREST = 2.8, 8.0
+"""What a further cause costs: machines that lack two are a quarter as frequent as those that lack one; and what a
+third costs besides: something that no catalogue has is far likelier than three causes at once, whose laws, each
+with shapes of its own, explain nearly any smooth residual (docs/hidden-effects.md)."""
+
+
+def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: float) -> float:
+    """Objective, what the parameters cost, and the catalogue's choice: of a cause, and of its place.
+
+    A free parameter costs the logarithm of the effective readings; one with a usual value and a spread what the
+    readings have narrowed it down by (Laplace's approximation of the evidence). A cause whose own parameter may
+    as well be nothing is another one in disguise.
+
+    Args:
+        fitter: of the test.
+        fit: of the hypothesis.
+        effects: the catalogue.
+        samples: effective number of readings.
+    """
+    own = [i for i, c in enumerate(fit.found) if c.kind == "effect" and np.isfinite(c.sigma)]
+    places = Counter(e.cause for e in effects)
+    causes = len(places)
+    # what frees a nuisance has one parameter; what either is or is not has none
+    free = sum(1 if release_key(e) else len(e.quantities()) for e in fit.hypothesis) - len(own)
+    choice = 2.0 * sum(np.log(causes * places[e.cause]) for e in fit.hypothesis)
+    again = len(fit.hypothesis) - len({e.cause for e in fit.hypothesis})
+    cost = free * float(np.log(samples)) + float(choice) + TWICE * again
+    cost += RARER * max(len(fit.hypothesis) - 1, 0)
+    # every column is bowed, however little, and yields in the end: there a third cause is the first surprise
+    column = fitter.forward.observed.steered
+    if not column:
+        cost += RAREST * max(len(fit.hypothesis) - 2, 0)
+    A = fitter.normal(fit)
+    covariance = inverse(A, np.ones(len(A), dtype=bool))
+    spread = np.maximum(np.diag(covariance), 1e-300)
+    cost += beyond_bounds(fitter.pressure(fit) * spread**0.5)
+    sigma = np.array([fit.found[i].sigma for i in own])
+    cost += float(np.sum(np.log(np.maximum(sigma**2 / spread[own], 1.0))))
+    for number, effect in enumerate(fit.hypothesis):
+        at = of_effect(fit.found, number)[: effect.extent]
+        if at and not column and _is_nothing(effect, fit.at.z[at], size_covariance(A, fit, number)):
+            cost += DISGUISED
+        if len(at) > 1:
+            # of a vector the directions that the readings say less of cost less
+            sizes = np.maximum(np.linalg.eigvalsh(covariance[np.ix_(at, at)]), 1e-300)
+            cost -= float(np.sum(np.minimum(np.log(sizes[1:] / sizes[0]), np.log(samples))))
+    return fit.objective + cost
+
+
+def beyond_bounds(pressed: Array) -> float:
+    """What it costs that coordinates end at bounds: the evidence that lies beyond them.
+
+    Along a coordinate the posterior there is ``exp(−g t − t²/2)``, t its distance from the bound in standard
+    deviations: of the Gaussian's integral, which the other costs take, Mills' ratio of g is left over √(2π).
+
+    Args:
+        pressed: slopes g of the logarithm of the posterior towards the bounds, over standard deviations; zero where
+            a coordinate does not end at one.
+    """
+    g = pressed[pressed > 0.0]
+    return float(-np.sum(g**2 + 2.0 * log_ndtr(-g)))
+
+
+def size_covariance(A: Array, fit: Fit, number: int) -> Array:
+    """Covariance ``(k, k)`` of an effect's size, its shape as fitted: without a size a shape does nothing.
+
+    Args:
+        A: inverse covariance of all coordinates.
+        fit: of the hypothesis.
+        number: of the effect in it.
+    """
+    own = of_effect(fit.found, number)
+    at, shape = own[: fit.hypothesis[number].extent], own[fit.hypothesis[number].extent :]
+    free = np.ones(len(A), dtype=bool)
+    free[[i for i in shape if np.isfinite(fit.found[i].sigma)]] = False
+    result: Array = inverse(A, free)[np.ix_(at, at)]
+    return result
+
+
+def would_not_show(effect: Effect, covariance: Array) -> bool:
+    """Whether the usual size of an effect, where there is one, lies within what is not known of it ``(k, k)``."""
+    usual = effect.quantities()[0]
+    return usual.log and DISTINCT * float(covariance[0, 0]) ** 0.5 > usual.spread
+
+
+def _is_nothing(effect: Effect, z: Array, covariance: Array) -> bool:
+    """Whether an effect's size, coordinates ``(k,)``, may as well be none, and would show if it were usual."""
+    sizes = effect.quantities()[: effect.extent]
+    if any(q.neutral is None or (q.log and q.neutral <= 0.0) for q in sizes) or would_not_show(effect, covariance):
+        return False
+    off = z - np.array([q.coordinate(q.neutral or 0.0) for q in sizes])
+    return float(off @ np.linalg.pinv(covariance, hermitian=True) @ off) < DISTINCT**2
+
+
+def effective_samples(rho: Array, present: np.ndarray) -> float:
+    """Independent readings that autocorrelated ones are worth."""
+    return float(np.sum(present.sum(axis=0) * (1.0 - rho) / (1.0 + rho)))

@@ -1,0 +1,246 @@
+"""The next experiment: of postures, directions, cycles and holds the one that tells the members of a class apart.
+
+For each candidate both hypotheses predict the readings. What the less probable one could still make up by its own
+coordinates, within what the present test leaves open, does not count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from math import ceil
+
+import numpy as np
+
+from vjm.continuation.path import EventKind
+from vjm.model.load_case import LoadCase
+from vjm.rotations import Array
+from vjm.statics.equilibrium import NoConvergenceError
+from vjm_updating.calibrate.noise import memory_of
+from vjm_updating.calibrate.rays import Ray
+from vjm_updating.diagnose.fitting import Fit, Fitter
+from vjm_updating.diagnose.forward import Forward
+from vjm_updating.diagnose.parameters import Coordinate
+from vjm_updating.diagnose.ramp_regression import Steady, basis, pieces
+from vjm_updating.diagnose.test_data import Observed
+from vjm_updating.experiment import Readings
+from vjm_updating.experiment.channels import POSE, WRENCH
+from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.series_elements import History
+
+PER_RAMP = 12
+"""Readings on each way."""
+FURTHER, FARTHEST = 2.5, 10.0
+"""Times the load of the test at hand to which another may be taken, and the displacement, mm, at most."""
+HELD = 6
+"""Readings while held."""
+WANTED, MOST = 4.0, 20
+"""Strength at which two causes are told apart for sure, and how often a test is repeated for that at most."""
+HELPS = 4
+"""Times `MOST` repetitions that would be needed, up to which so many still tell half as much as wanted."""
+CONTENDERS, BETTER = 4, 1.05
+"""Postures of which it is found what repetitions tell, and times that a later candidate must be worth more."""
+SMALL = 0.15
+"""Share of the usual reach within which scales and moduli count for little: there play and friction show best."""
+SHORT_OF, UNKNOWN = 0.8, 0.1
+"""How near a critical displacement a posture may be taken, and how far, mm, where the model does not say."""
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A test to be done next.
+
+    Attributes:
+        posture: label.
+        path: what is done, in words.
+        strength: of the discrimination to be expected, of the two hypotheses that it tells apart least.
+        difference: largest difference of a reading that it would show.
+        channel: of that reading.
+    """
+
+    posture: str
+    path: str
+    strength: float
+    difference: float
+    channel: str
+
+
+def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
+    """The candidate that tells hypotheses best from one another; None where none can be computed.
+
+    Pairs that it tells apart for sure count no more than that, and it is repeated as often as the others need.
+
+    No posture is taken near a critical point that it was not taken to before: what a machine does there tells all
+    hypotheses apart, and may be the last thing that it does.
+
+    Args:
+        fitter: of the test.
+        fits: of the members, the most probable first.
+    """
+    observed = fitter.forward.observed
+    load = float(np.abs(fits[0].at.wrench[:, 0]).max())
+    once: list[tuple[str, str, tuple[float, ...], list[Proposal]]] = []
+    for posture in observed.measurement.chain.postures:
+        (pull, further_pull), (push, further_push) = (_safe(observed, posture, sign, load) for sign in (1.0, -1.0))
+        near, far = min(pull, push), min(further_pull, further_push)
+        both = "pull and push"
+        load_cases = [
+            (both, (near, -near)),
+            (both, (SMALL * near, -SMALL * near)),
+            ("pull", (pull,)),
+            ("push", (-push,)),
+            (both, (far, -far)),
+        ]
+        own: list[Proposal] = []
+        for name, ends in load_cases:
+            told = _told(fitter, fits, posture, name, ends)
+            if _better(told, own):
+                own, chosen = told, (posture, name, ends, told)
+        if own:
+            once.append(chosen)
+    best: list[Proposal] = []
+    for posture, name, ends, told in sorted(once, key=lambda one: -_worth(one[-1]))[:CONTENDERS]:
+        if best and _worth(best) >= WANTED * len(best):
+            break
+        enough = [ceil((WANTED / max(t.strength, 1e-9)) ** 2) for t in told]
+        times = max((min(n, MOST) for n in enough if n <= HELPS * MOST), default=1)
+        often = _told(fitter, fits, posture, name, ends, times) if times > 1 else told
+        if not _better(often, told):
+            # readings that decide nothing are not worth their time
+            often = told
+        if _better(often, best):
+            best = often
+    return min(best, key=lambda t: t.strength, default=None)
+
+
+def _worth(told: Sequence[Proposal]) -> float:
+    """Of a candidate: what it tells apart for sure counts no more than that."""
+    return sum(min(t.strength, WANTED) for t in told)
+
+
+def _better(told: Sequence[Proposal], best: Sequence[Proposal]) -> bool:
+    """Whether a candidate is worth so much more than one before it."""
+    return bool(told) and (not best or _worth(told) > BETTER * _worth(best))
+
+
+def _told(
+    fitter: Fitter, fits: Sequence[Fit], posture: str, name: str, ends: tuple[float, ...], times: int = 1
+) -> list[Proposal]:
+    """How well a candidate tells each pair apart; empty where that cannot be computed for one."""
+    made = _observed(fitter.forward.observed, posture, ends * times)
+    memory = replace(memory_of(made.readings.sequence, made.present), rho=fitter.whitening.memory.rho)
+    own = Fitter(Forward(made), fitter.nuisances, replace(fitter.whitening, memory=memory, present=made.present))
+    shown, slopes = [], []
+    for fit in fits:
+        own.anchor = None
+        at = own.evaluate(fit.found, fit.at.z, fit.hypothesis)
+        if at is None:
+            return []
+        shown.append(at)
+        # the first one's readings are what others must make up
+        slopes.append(own.slopes(fit.found, at, fit.hypothesis, fresh=True) if len(shown) > 1 else np.zeros(0))
+    to = max(ends) if max(ends) > 0.0 else min(ends)
+    path = f"{name} to {to:.4g} mm, out, held and back" + (f", {times} times" if times > 1 else "")
+    told = []
+    for i, j in combinations(range(len(fits)), 2):
+        own.weigh(shown[i])
+        # residuals against zero readings: prediction with the sign turned
+        raw = shown[j].residual - shown[i].residual
+        strength, left = _left(own, raw, slopes[j], fitter.normal(fits[j]), fits[j].found)
+        forces = np.where(made.present, np.abs(left), 0.0) * np.repeat([1.0, 1e-2], 3)
+        k = int(np.argmax(forces.max(axis=0)))
+        told.append(Proposal(posture, path, strength, float(np.abs(left[:, k]).max()), WRENCH[k]))
+    return told
+
+
+def _left(own: Fitter, raw: Array, J: Array, known: Array, found: Sequence[Coordinate]) -> tuple[float, Array]:
+    """Strength of a difference ``(n, 6)``, and the rest of it, that a hypothesis cannot make up.
+
+    What the test at hand says nothing of, such as a tilt across what is measured, is spread evenly between its
+    bounds: without them the hypothesis could show anything, and no experiment would tell it from any.
+
+    Args:
+        own: fitter of the test to be.
+        raw: difference of the readings.
+        J: derivatives ``(n, 6, n_z)`` of the hypothesis' residuals.
+        known: inverse covariance ``(n_z, n_z)`` of its coordinates by the test at hand.
+        found: its coordinates.
+    """
+    known = known + np.diag([12.0 / (c.high - c.low) ** 2 for c in found])
+    W, r = own.whitening.flat(J), own.whitening.flat(raw)
+    fixed = np.array([c.sigma == 0.0 for c in found], dtype=bool)
+    A = W.T @ W + known + np.diag(np.where(fixed, 1e12, 1e-9))
+    step: Array = np.linalg.solve(A, -(W.T @ r))
+    step[fixed] = 0.0
+    left = raw + J @ step
+    rest = own.whitening.flat(left)
+    return max(float(rest @ rest + step @ known @ step), 0.0) ** 0.5, left
+
+
+def _safe(observed: Observed, posture: str, sign: float, load: float) -> tuple[float, float]:
+    """How far a posture may be taken along x: for the load of the test at hand, and for `FURTHER` times that.
+
+    Short of where the nominal model turns critical, or as far as it was taken before.
+    """
+    own = [sign * observed.pose[r.index, 0] for r in observed.rays if r.posture == posture]
+    taken = max((float(u.max()) for u in own), default=0.0)
+    try:
+        measurement = observed.measurement
+        path = measurement.engine.trace(measurement.chain, LoadCase(posture, sign * FARTHEST))
+    except (NoConvergenceError, ValueError):
+        return (taken or UNKNOWN, taken or UNKNOWN)
+    sharp = [e.s for e in path.events if e.kind is not EventKind.BEND_OVER]
+    end = min(
+        [FARTHEST, *(SHORT_OF * s for s in sharp), *([] if path.complete else [SHORT_OF * path.points[-1].s])]
+    )
+    # the force grows up to where it turns critical
+    growing = np.maximum.accumulate(np.abs(path.force))
+    near, far = (float(np.interp(times * load, growing, path.s)) for times in (1.0, FURTHER))
+    return max(taken, min(near, end)), max(taken, min(far, end))
+
+
+def _way(end: float) -> Array:
+    """Out, held and back."""
+    out = np.linspace(0.0, end, PER_RAMP + 1)
+    return np.concatenate([out[1:], np.full(HELD, end), out[::-1][1:]])
+
+
+def _observed(observed: Observed, posture: str, ends: tuple[float, ...]) -> Observed:
+    """A test to be: ramps out, held and back, with the instruments of the test at hand."""
+    u = np.concatenate([_way(end) for end in ends])
+    n = len(u)
+    pose = np.zeros((n, 6))
+    pose[:, 0] = u
+    read = observed.present.any(axis=0)
+    wrench = np.where(read, 0.0, np.nan) * np.ones((n, 1))
+    clock: Array | None = None
+    warmth: Array | None = None
+    if observed.clock is not None:
+        clock = np.linspace(0.0, (n - 1) * float(np.median(np.diff(observed.clock))), n)
+    if observed.warmth is not None:
+        warmth = np.linspace(0.0, float(np.ptp(observed.warmth)), n)
+    begins = np.zeros(n, dtype=bool)
+    begins[0] = True
+    line = ModifiedChain(observed.measurement.chain, observed.measurement.engine).line(posture)
+    values: dict[str, Array] = {name: pose[:, k] for k, name in enumerate(POSE) if name in observed.pose_channels}
+    readings = Readings("next", np.arange(n), np.full(n, posture), np.ones(n, dtype=int), values)
+    x = np.eye(6)[0]
+    steady: Steady | None = None
+    if observed.steady is not None:
+        # it will be steered as the test at hand was
+        order = np.arange(n, dtype=float) if clock is None else clock
+        parts = pieces(readings.sequence, order, u, float(observed.noise.pose[0]))
+        steady = Steady(basis(parts, order), readings.sequence, observed.steady.moved)
+    return replace(
+        observed,
+        readings=readings,
+        pose=pose,
+        wrench=wrench,
+        rays=(Ray(posture, x, x, np.arange(n)),),
+        memory=memory_of(readings.sequence, ~np.isnan(wrench)),
+        history=History(np.zeros(n) if clock is None else clock, begins, np.tile(line, (n, 1))),
+        clock=clock,
+        warmth=warmth,
+        steady=steady,
+    )

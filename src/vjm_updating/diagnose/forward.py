@@ -1,0 +1,319 @@
+"""The readings that a hypothesis predicts: nuisances, effects and the machine's own equilibria put together."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.calibrate.rays import Ray
+from vjm_updating.diagnose.instrument import ThermalDrift
+from vjm_updating.diagnose.parameters import Coordinate, Hypothesis, of_effect, release_key
+from vjm_updating.diagnose.test_data import Observed
+from vjm_updating.experiment.channels import POSE, WRENCH
+from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.mechanisms.friction_loop import friction_torques
+from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.path_table import HalfRay, Sheaf, Table, tabulate
+from vjm_updating.mechanisms.series_elements import Element, balance
+
+MARGIN = 1.05
+"""How far beyond the furthest reading tables go."""
+KEPT = 600
+"""Tables that are kept."""
+ROUNDS = 3
+"""Of friction and elements in turn."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A hypothesis at the readings.
+
+    Attributes:
+        z: coordinates ``(n_z,)``.
+        residual: reading minus prediction ``(n, 6)``; zero where there is no reading.
+        wrench: of the machine ``(n, 6)``.
+        stiffness: of machine and elements ``(n, 6, 6)``, by the displacement that was meant.
+        place: true displacements ``(n, 6)``.
+        gain: one plus the scale errors of the wrench channels ``(6,)``.
+        gain_u: and of the displacement's.
+    """
+
+    z: Array
+    residual: Array
+    wrench: Array
+    stiffness: Array
+    place: Array
+    gain: Array
+    gain_u: Array
+
+
+class Predictor(Protocol):
+    """What predicts the readings of a kind of test."""
+
+    observed: Observed
+    branches: dict[tuple[int, int], int]
+
+    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+        """The machine of a hypothesis."""
+
+    def evaluate(
+        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+    ) -> Evaluation:
+        """Readings against a hypothesis; a little ``beside`` coordinates (n_z,) whose tables will do."""
+
+    def reading(self, observed: Observed) -> Predictor:
+        """The same for other readings of the same test."""
+
+    def branched(self, ray: Ray, sign: int, reach: float) -> bool:
+        """Whether a half-ray has a bifurcation within its reach."""
+
+
+@dataclass
+class Forward:
+    """Predicts readings; keeps the tables that it has made.
+
+    Attributes:
+        observed: the readings.
+        branches: which of two mirrored branches a half-ray takes, by (ray, sign); +1 by default.
+    """
+
+    observed: Observed
+    branches: dict[tuple[int, int], int] = field(default_factory=dict)
+    _tables: OrderedDict[tuple[object, ...], Table] = field(default_factory=OrderedDict)
+    _known_pulls: dict[tuple[str, tuple[float, ...]], bool] = field(default_factory=dict)
+
+    def reading(self, observed: Observed) -> Forward:
+        """The same for other readings of the same test."""
+        return Forward(observed, dict(self.branches), self._tables, self._known_pulls)
+
+    def branched(self, ray: Ray, sign: int, reach: float) -> bool:
+        """Whether a half-ray has a bifurcation within its reach, in any table made so far."""
+        d = tuple(float(v) for v in np.round(sign * ray.direction, 15))
+        return any(t.bifurcation < reach for k, t in self._tables.items() if k[1] == ray.posture and k[2] == d)
+
+    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+        """The machine of a hypothesis."""
+        return machine_of(self.observed, found, z, hypothesis)
+
+    def evaluate(
+        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+    ) -> Evaluation:
+        """Readings against a hypothesis.
+
+        Args:
+            found: its coordinates.
+            z: their values ``(n_z,)``.
+            hypothesis: its causes.
+            beside: values a little beside, along whose displacements tables are made: across them the stiffness
+                there leads on, which is exact to first order.
+
+        Raises:
+            NoConvergenceError: the machine does not stand.
+        """
+        observed = self.observed
+        machine = self.machine(found, z, hypothesis)
+        values = values_of(found, z, hypothesis)
+        zero_u, gain_u = channel_errors(found, z, POSE)
+        zero_f, gain_f = channel_errors(found, z, WRENCH)
+        drift = self._drift(hypothesis, values)
+        place = (observed.pose - drift[:, :6] - zero_u) / gain_u
+        own = _own(found, z, hypothesis)
+        for effect, v in own:
+            place = effect.imposed(place, v)
+        look, tables = self._lookup(machine, own if beside is None else _own(found, beside, hypothesis), place)
+        elements = [element for effect, v in own for element in effect.elements(machine, v)]
+        limit = sum((np.asarray(effect.friction(v)) for effect, v in own), np.zeros(1))
+        if limit.any():
+            wrench, stiffness = self._with_friction(look, tables, place, elements, limit)
+        else:
+            found_ = balance(look, place, elements, observed.history)
+            wrench, stiffness = found_.wrench, found_.stiffness
+        turned = np.eye(6)
+        for effect, v in own:
+            turned = effect.imposed(turned, v)
+        stiffness = stiffness @ turned.T
+        residual = np.where(observed.present, observed.wrench - gain_f * wrench - zero_f - drift[:, 6:], 0.0)
+        return Evaluation(z, residual, wrench, stiffness, place, gain_f, gain_u)
+
+    def _drift(self, hypothesis: Hypothesis, values: Sequence[Sequence[float]]) -> Array:
+        """What drift adds to the readings ``(n, 12)`` of displacements and wrenches."""
+        observed = self.observed
+        result = np.zeros((len(observed.pose), 12))
+        for effect, v in zip(hypothesis, values, strict=True):
+            if isinstance(effect, ThermalDrift):
+                drift = effect.course(observed.warmth, observed.clock, v)
+                if observed.steady is not None and effect.part in POSE:
+                    # the gauge's drift went the way of its noise
+                    drift = observed.steady.steered(drift)
+                result[:, (*POSE, *WRENCH).index(effect.part)] += drift
+        return result
+
+    def _lookup(
+        self, machine: ModifiedChain, own: Sequence[tuple[Effect, Sequence[float]]], place: Array
+    ) -> tuple[Callable[[Array], tuple[Array, Array]], list[tuple[np.ndarray, Array, Table, Table]]]:
+        """Wrench and stiffness by displacement, and the rays' tables of both signs."""
+        groups: dict[tuple[str, tuple[float, ...], int, int], list[int]] = {}
+        for number, ray in enumerate(self.observed.rays):
+            branches = self.branches.get((number, 1), 1), self.branches.get((number, -1), 1)
+            groups.setdefault((ray.posture, tuple(ray.direction.tolist()), *branches), []).append(number)
+        tables = []
+        for (posture, _, *both_ways), numbers in groups.items():
+            ray = self.observed.rays[numbers[0]]
+            index = np.concatenate([self.observed.rays[k].index for k in numbers])
+            direction = ray.direction[None]
+            for effect, v in own:
+                direction = effect.imposed(direction, v)
+            d = direction[0]
+            measure = ray.measure @ _turned(ray.direction, d)
+            up, down = (
+                self._table(machine, posture, sign * d, self._reach(ray, sign), branch)
+                for sign, branch in zip((1, -1), both_ways, strict=True)
+            )
+            tables.append((index, measure, up, down, d))
+
+        n = len(place)
+        both, measures, along = np.zeros((n, 2), dtype=np.int64), np.empty((n, 6)), np.empty((n, 6))
+        for k, (index, measure, _, _, d) in enumerate(tables):
+            both[index] = 2 * k, 2 * k + 1
+            measures[index], along[index] = measure, d
+        sheaf = Sheaf([table for _, _, *two, _ in tables for table in two], both, measures, along)
+        return sheaf.at, [(index, measure, up, down) for index, measure, up, down, _ in tables]
+
+    def _reach(self, ray: Ray, sign: int) -> float:
+        """How far tables go: one length for all runs along one ray."""
+        observed = self.observed
+        alike = [
+            r for r in observed.rays if r.posture == ray.posture and np.array_equal(r.direction, ray.direction)
+        ]
+        s = np.concatenate([observed.pose[r.index] @ r.measure for r in alike])
+        return max(float((sign * s).max()) * MARGIN, 0.0) + 0.02 * float(np.abs(s).max()) + 1e-3
+
+    def _table(self, machine: ModifiedChain, posture: str, direction: Array, reach: float, branch: int) -> Table:
+        d = tuple(float(v) for v in np.round(direction, 15))
+        key = (machine.key, posture, d, reach, branch)
+        if key in self._tables:
+            self._tables.move_to_end(key)
+            return self._tables[key]
+        pulls = True
+        if machine.asymmetry:
+            pulls = self._pulls(machine, posture, direction)
+        table = tabulate(machine, HalfRay(posture, d, reach, branch), pulls)
+        self._tables[key] = table
+        if len(self._tables) > KEPT:
+            self._tables.popitem(last=False)
+        return table
+
+    def _pulls(self, machine: ModifiedChain, posture: str, direction: Array) -> bool:
+        """Whether a ramp pulls on the link."""
+        key = posture, tuple(np.round(direction, 3).tolist())
+        if key not in self._known_pulls:
+            plain = ModifiedChain(machine.nominal, machine.engine)
+            table = self._table(plain, posture, direction, 1e-3, 1)
+            self._known_pulls[key] = bool(table.wrench[-1, :3] @ machine.line(posture) > 0.0)
+        return self._known_pulls[key]
+
+    def _with_friction(
+        self,
+        look: Callable[[Array], tuple[Array, Array]],
+        tables: Sequence[tuple[np.ndarray, Array, Table, Table]],
+        place: Array,
+        elements: Sequence[Element],
+        limit: Array,
+    ) -> tuple[Array, Array]:
+        """The equilibrium with friction, whose torques follow from the chain's own displacements."""
+        observed = self.observed
+        extra = np.zeros((len(place), 6))
+        own = place
+        for _ in range(ROUNDS if elements else 1):
+            extra = self._friction(tables, own, limit)
+
+            def with_extra(u: Array, extra: Array = extra) -> tuple[Array, Array]:
+                W, K = look(u)
+                return W + extra, K
+
+            found = balance(with_extra, place, elements, observed.history)
+            own = found.pose
+        return found.wrench, found.stiffness
+
+    def _friction(
+        self, tables: Sequence[tuple[np.ndarray, Array, Table, Table]], own: Array, limit: Array
+    ) -> Array:
+        n = len(own)
+        joints = len(tables[0][2].problem.model.passive)
+        free, give, bear = np.zeros((n, joints)), np.zeros((n, joints, joints)), np.zeros((n, 6, joints))
+        rest = np.zeros((n, joints))
+        for index, measure, up, down in tables:
+            s = own[index] @ measure
+            for table, on in ((up, s >= 0.0), (down, s < 0.0)):
+                if not on.any():
+                    continue
+                at = index[on]
+                for target, values in zip((free, give, bear), table.yielding, strict=True):
+                    target[at] = table.linear(values, np.abs(s[on]))
+                rest[at] = table.yielding[0][0]
+        tau = friction_torques(free, give, limit, self.observed.history.begins, rest)
+        result: Array = np.einsum("nij,nj->ni", bear, tau)
+        return result
+
+
+def _own(found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> list[tuple[Effect, list[float]]]:
+    """The effects that free no nuisance, with their values."""
+    values = values_of(found, z, hypothesis)
+    return [(effect, v) for effect, v in zip(hypothesis, values, strict=True) if release_key(effect) is None]
+
+
+def _turned(before: Array, after: Array) -> Array:
+    """Matrix that takes displacements along ``after`` back to those along ``before``."""
+    if np.array_equal(before, after):
+        return np.eye(6)
+    a, b = before[:3], after[:3]
+    axis = np.cross(b, a)
+    sine, cosine = float(np.linalg.norm(axis)), float(a @ b)
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    S = np.cross(axis, np.eye(3)).T / size
+    R = np.eye(3) + S + S @ S / (1.0 + cosine / size) if sine > 0.0 else np.eye(3)
+    result = np.eye(6)
+    result[:3, :3] = R
+    return result
+
+
+def machine_of(observed: Observed, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+    """The nominal machine with the nuisances and effects of a hypothesis."""
+    machine = ModifiedChain(observed.measurement.chain, observed.measurement.engine)
+    for c, value in zip(found, z, strict=True):
+        if c.kind == "modulus":
+            machine = machine.times(c.subject, 1.0 / (1.0 + c.value(value)))
+        elif c.kind == "length":
+            machine = machine.longer(c.subject, c.value(value))
+    for effect, values in zip(hypothesis, values_of(found, z, hypothesis), strict=True):
+        if release_key(effect) is None:
+            machine = effect.machine(machine, values)
+    return machine
+
+
+def values_of(found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> list[list[float]]:
+    """Each effect's values; a released nuisance's own value, as its cause reports it."""
+    result: list[list[float]] = []
+    for i, effect in enumerate(hypothesis):
+        key = release_key(effect)
+        if key is None:
+            result.append([found[k].value(z[k]) for k in of_effect(found, i)])
+            continue
+        k = next(k for k, c in enumerate(found) if (c.kind, c.subject) == key)
+        value = found[k].value(float(z[k]))
+        result.append([1.0 / (1.0 + value) if key[0] == "modulus" else value])
+    return result
+
+
+def channel_errors(found: Sequence[Coordinate], z: Array, names: Sequence[str]) -> tuple[Array, Array]:
+    """Zeros ``(6,)`` and gains ``(6,)`` of channels."""
+    zero, gain = np.zeros(6), np.ones(6)
+    for c, value in zip(found, z, strict=True):
+        if c.subject in names:
+            (zero if c.kind == "zero" else gain)[names.index(c.subject)] += c.value(value)
+    return zero, gain

@@ -1,0 +1,157 @@
+"""Causes that lie in the instruments: zero errors, scale errors, drift with the clock or the temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.experiment.channels import split_point
+from vjm_updating.mechanisms.effect import Effect, Quantity
+
+UNIT = {"mm": 0.01, "rad": 1e-4, "N": 10.0, "Nmm": 1000.0}
+"""Sizes that matter by unit."""
+MOST_DRIFT, LEVER = 0.02, 100.0
+"""Standard deviation of a drift over a test as a share of the largest reading, ten times what data sheets say of
+transducers; and the lever, mm, that makes a range of moments of one of forces."""
+USUAL_LAG = 30.0
+"""Time constant, s, that a gauge's temperature has behind the room's, in order of magnitude."""
+
+
+def unit_of(channel: str) -> str:
+    """A channel's unit."""
+    return split_point(channel)[1].rpartition("_")[2]
+
+
+def size_of(channel: str) -> float:
+    """A zero error that matters."""
+    return UNIT[unit_of(channel)]
+
+
+@dataclass(frozen=True)
+class InstrumentZero(Effect):
+    """A constant error of a channel beyond its sheet value.
+
+    Attributes:
+        part: the channel.
+    """
+
+    part: str = "fx_N"
+    cause = "instrument_zero"
+    title = "a constant error of a channel beyond its sheet value"
+
+
+@dataclass(frozen=True)
+class InstrumentScale(Effect):
+    """A scale error of a channel beyond its sheet value.
+
+    Attributes:
+        part: the channel.
+    """
+
+    part: str = "fx_N"
+    cause = "instrument_scale"
+    title = "a scale error of a channel beyond its sheet value"
+
+
+@dataclass(frozen=True)
+class ThermalDrift(Effect):
+    """A reading that follows the clock or the temperature.
+
+    Attributes:
+        part: the channel.
+        by: ``K`` or ``s``.
+        span: of the temperature or the clock during the test.
+        since: what the clock shows at the first reading, in spans.
+        duration: of the test, s; zero where no clock says how far a reading may lag behind the temperature.
+        largest: reading that the gauge is made for, in the channel's unit.
+    """
+
+    part: str = "fx_N"
+    by: str = "s"
+    span: float = 1.0
+    since: float = 0.0
+    duration: float = 0.0
+    largest: float = float("inf")
+    cause = "thermal_drift"
+    title = "the reading follows the clock or the temperature, not the load"
+
+    @property
+    def label(self) -> str:
+        """Cause, channel and what it follows."""
+        return f"{self.cause}.{self.part}.per_{self.by}"
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """A drift that ended before the test began."""
+        return ("instrument_zero",)
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Change of the reading; and since when, in spans, for it may have gone on before the test; and its lag.
+
+        A clock ran from the first reading at the latest; a gauge may be right at a temperature within the test's,
+        and grows as warm as the room only after a time of its own.
+        """
+        size = size_of(self.part) / self.span
+        usual = MOST_DRIFT * self.largest / self.span
+        low, half = 0.0 if self.by == "s" else -4.0, 0.5 * self.since
+        found = (
+            Quantity(f"{self.part}.per_{self.by}", -1e4 * size, 1e4 * size, size, neutral=0.0, spread=usual),
+            # somewhere between the clock's zero and the first reading
+            Quantity("before_share", low, 4.0 + self.since, 1.0, usual=half, spread=1.0 + half),
+        )
+        if not self._lags:
+            return found
+        return (*found, Quantity("lag_s", 0.0, self.duration, 5.0, usual=0.0, spread=USUAL_LAG))
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Upwards, from the first reading on and from before; downwards is the same but for the sign."""
+        size = size_of(self.part) / self.span
+        at_once = (0.0,) if self._lags else ()
+        return [(size, 0.0, *at_once), (size, max(self.since, 1.0), *at_once)]
+
+    def course(self, warmth: Array | None, clock: Array | None, values: Sequence[float]) -> Array:
+        """What drift adds to the reading ``(n,)``.
+
+        Args:
+            warmth: of the room since the first reading ``(n,)``, K; None where no drift follows it.
+            clock: since the first reading ``(n,)``, s; None where no drift follows it, and none lags.
+            values: of the quantities.
+        """
+        by = warmth if self.by == "K" else clock
+        assert by is not None
+        if self._lags:
+            assert clock is not None
+            by = lagging(by, clock, values[2])
+        return values[0] * (by + values[1] * self.span)
+
+    @property
+    def _lags(self) -> bool:
+        return self.by == "K" and self.duration > 0.0
+
+
+def lagging(warmth: Array, clock: Array, lag: float) -> Array:
+    """The temperature ``(n,)`` of what warms with a time constant, in equilibrium at first.
+
+    The room's temperature goes straight from one reading to the next; θ' = (T − θ)/τ has then the exact solution
+    that is summed here.
+
+    Args:
+        warmth: of the room ``(n,)``, K.
+        clock: ``(n,)``, s.
+        lag: time constant τ, s; not negative.
+    """
+    if lag <= 0.0:
+        return warmth
+    felt = np.empty_like(warmth)
+    behind = 0.0
+    steps, rises = (np.diff(values, prepend=values[0]) for values in (clock, warmth))
+    for k, (step, rise) in enumerate(zip(steps, rises, strict=True)):
+        # what it is behind decays, and grows by what the room warms meanwhile
+        left = np.exp(-step / lag)
+        gained = rise * lag / step * -np.expm1(-step / lag) if step > 0.0 else rise
+        behind = behind * left + gained
+        felt[k] = warmth[k] - behind
+    return felt

@@ -1,0 +1,182 @@
+"""Whether a fit leaves anything: tests of the residual against shapes that have no name.
+
+Blocks of shapes, by kind and channel, are tested as effects are; beside them the size of the whole residual.
+The least p-value is judged by its own distribution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.stats import chi2
+
+from vjm.rotations import Array
+from vjm_updating.diagnose.fitting import Fit, Fitter, prior
+from vjm_updating.diagnose.parameters import of_effect
+from vjm_updating.diagnose.residual_basis import smooth_shapes, sudden_shapes
+from vjm_updating.diagnose.screening import Projection, projection
+from vjm_updating.experiment.channels import WRENCH
+
+DRAWS = 4000
+SEED = 17
+TAIL = 0.02
+"""Share of the least p-values among draws that is their tail."""
+ROUGH = 1.35
+"""Share of the variance of the residual by which what is not smooth must exceed the noise to count."""
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """What is left.
+
+    Attributes:
+        p: chance of such a residual where nothing is wrong.
+        left: squares of the residual in the shapes, or of a channel, beyond what noise has there.
+        worst: the shape that stands out most, in words; empty where none does, or the residual is rough.
+        strained: chance of nuisances as far from the sheet's as they had to go, all together or one of them.
+        farthest: the one that went farthest, in words; empty where the sheet allows none.
+        unusual: chance of a law whose shape is as far from its cause's usual one.
+        shape: that one, in words; empty where no law has a shape.
+    """
+
+    p: float
+    left: float
+    worst: str
+    strained: float = 1.0
+    farthest: str = ""
+    unusual: float = 1.0
+    shape: str = ""
+
+
+@dataclass(frozen=True)
+class _Block:
+    name: str
+    directions: Array
+
+
+def misfit(fitter: Fitter, fit: Fit) -> Misfit:
+    """Test a fit's residual."""
+    space = projection(fitter, fit)
+    observed = fitter.forward.observed
+    smooth = _blocks(fitter, space, *smooth_shapes(observed))
+    blocks = [*smooth, *_blocks(fitter, space, *sudden_shapes(observed))]
+    if not blocks:
+        return Misfit(1.0, 0.0, "", *_strained(fit), *_unusual(fit))
+    squares = np.array([float(np.sum((b.directions.T @ space.residual) ** 2)) for b in blocks])
+    freedom = np.array([b.directions.shape[1] for b in blocks])
+    p = np.asarray(chi2.sf(squares, freedom))
+    worst = int(np.argmin(p))
+    # the rank of the least p among its draws; far out in its tail it goes with the p itself
+    least = _least(blocks, max(float(p[worst]), 2.0 * TAIL))
+    rank = float((np.count_nonzero(least <= p[worst]) + 1) / (DRAWS + 1))
+    if rank <= 20.0 / DRAWS:
+        rank = min(rank, float(p[worst] * TAIL / np.quantile(least, TAIL)))
+    together, size = _together(smooth, space)
+    large, beyond = _too_large(space, fitter.whitening.present)
+    overall = min(large, float(chi2.sf(together, size)))
+    total = min(1.0, 3.0 * min(rank, overall))
+    left = max(together - size, float(squares[worst]) - int(freedom[worst]), beyond, 0.0)
+    named = blocks[worst].name if total < 0.05 and rank <= large else ""
+    return Misfit(total, left, named, *_strained(fit), *_unusual(fit))
+
+
+def _strained(fit: Fit) -> tuple[float, str]:
+    """Chance of nuisances as far from the sheet's as a fit's, and the one that went farthest in words."""
+    off, weight = prior(fit.found, fit.at.z)
+    sheet = [i for i, c in enumerate(fit.found) if c.kind != "effect" and weight[i] > 0.0]
+    if not sheet:
+        return 1.0, ""
+    squares = off[sheet] ** 2
+    farthest = sheet[int(np.argmax(squares))]
+    together = float(chi2.sf(squares.sum(), len(sheet)))
+    # one alone is lost among twenty that are right
+    alone = len(sheet) * float(chi2.sf(squares.max(), 1))
+    words = f"{fit.found[farthest].name} {abs(off[farthest]):.1f} sigma from the sheet's"
+    return min(1.0, 2.0 * min(together, alone)), words
+
+
+def _unusual(fit: Fit) -> tuple[float, str]:
+    """Chance of a shape as far from the usual as the farthest of a fit's laws, and that one in words.
+
+    A size may be anything. A fit lies between a shape's usual value and what the readings say, so the
+    chance is rather less.
+    """
+    off, _ = prior(fit.found, fit.at.z)
+    shapes: list[int] = []
+    for number, effect in enumerate(fit.hypothesis):
+        shape = of_effect(fit.found, number)[effect.extent :]
+        shapes += [i for i in shape if 0.0 < fit.found[i].sigma < np.inf]
+    if not shapes:
+        return 1.0, ""
+    farthest = max(shapes, key=lambda i: abs(float(off[i])))
+    words = f"{fit.found[farthest].name} {abs(off[farthest]):.1f} sigma from the usual"
+    return min(1.0, len(shapes) * float(chi2.sf(off[farthest] ** 2, 1))), words
+
+
+def _least(blocks: Sequence[_Block], level: float) -> Array:
+    """The least p-value of blocks ``(DRAWS,)`` where nothing is wrong; one where it is larger than a level."""
+    directions = np.column_stack([b.directions for b in blocks])
+    # a rank among draws needs no more digits than these
+    noise = np.random.default_rng(SEED).standard_normal((DRAWS, len(directions)), dtype=np.float32)
+    draws = noise @ directions.astype(np.float32)
+    edges = np.concatenate([[0], np.cumsum([b.directions.shape[1] for b in blocks])])
+    result = np.ones(DRAWS)
+    for a, b in pairwise(edges.tolist()):
+        squares = np.sum(draws[:, a:b] ** 2, axis=1, dtype=float)
+        # the chance is slow to compute, and of most draws not needed
+        rare = squares >= chi2.isf(level, b - a)
+        result[rare] = np.minimum(result[rare], chi2.sf(squares[rare], b - a))
+    return result
+
+
+def _together(blocks: Sequence[_Block], space: Projection) -> tuple[float, int]:
+    """Squares of the residual in the span of blocks, and its dimension."""
+    if not blocks:
+        return 0.0, 0
+    U, values, _ = np.linalg.svd(np.column_stack([b.directions for b in blocks]), full_matrices=False)
+    U = U[:, values > 1e-6 * values[0]]
+    return float(np.sum((U.T @ space.residual) ** 2)), U.shape[1]
+
+
+def _blocks(fitter: Fitter, space: Projection, shapes: Array, names: Sequence[str]) -> list[_Block]:
+    """Shapes ``(n, k)`` of a kind as they show in each channel, by the kinds in their names."""
+    observed = fitter.forward.observed
+    kinds = list(dict.fromkeys(name.partition(": ")[2] for name in names))
+    result = []
+    for c, channel in enumerate(WRENCH):
+        if not observed.present[:, c].any():
+            continue
+        for kind in kinds:
+            own = [k for k, name in enumerate(names) if name.partition(": ")[2] == kind]
+            raw = np.zeros((len(shapes), 6, len(own)))
+            raw[:, c] = shapes[:, own]
+            free = fitter.whitening.apart(fitter.whitening.memory.remove(raw)[fitter.whitening.present])
+            columns = space.rest(np.vstack([free, np.zeros((len(space.residual) - space.rows, len(own)))]))
+            size = np.linalg.norm(columns, axis=0)
+            before = np.linalg.norm(free, axis=0)
+            columns = columns[:, size > 0.05 * before]
+            if columns.shape[1]:
+                U, values, _ = np.linalg.svd(columns, full_matrices=False)
+                result.append(_Block(f"{channel}: {kind}", U[:, values > 0.05 * values[0]]))
+    return result
+
+
+def _too_large(space: Projection, present: np.ndarray) -> tuple[float, float]:
+    """Chance of a residual as large as it is, in all channels or one, beyond what an unsure sheet explains.
+
+    One channel that oscillates, say, is lost among five that are right.
+
+    Returns:
+        The chance, and by how much the squares are too large where they are most.
+    """
+    channel = np.nonzero(present)[1]
+    squares = space.residual[: space.rows] ** 2
+    # of each reading what is not spent on coordinates
+    own = 1.0 - np.sum(space.basis[: space.rows] ** 2, axis=1)
+    parts = [np.ones(space.rows, dtype=bool), *(channel == c for c in np.unique(channel))]
+    sizes = [(float(squares[on].sum()), float(own[on].sum())) for on in parts]
+    chance = min(float(chi2.sf(size / ROUGH, freedom)) for size, freedom in sizes)
+    return min(1.0, len(parts) * chance), max(size - ROUGH * freedom for size, freedom in sizes)

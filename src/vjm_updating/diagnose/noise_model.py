@@ -1,0 +1,109 @@
+"""The autocorrelation of the noise, by marginal likelihood: what a model may get wrong does not count.
+
+In each channel the whitened readings less the nominal model are noise with a memory, plus what the nuisances do
+(of unit variance in units of their sigmas), plus a mixture of given shapes whose size is found along with the
+memory. Where the model is right that size comes out as nothing, and all of the residual tells of the memory; where
+it is wrong the shapes are as free as in a restricted likelihood (Patterson and Thompson 1971). The sheet's standard
+deviation is believed. The channels of one rig have memories that are alike, so each is drawn to their common one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from vjm.rotations import Array
+from vjm_updating.calibrate.noise import Memory
+
+GRID = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85, 0.91, 0.96)
+"""Autocorrelations that are tried."""
+SIZES = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 1e3, 1e4, 1e5)
+"""Of the shapes, in standard deviations of a reading times the root of their number."""
+ALIKE = 0.15
+"""Spread of the channels' memories about their common one."""
+USUAL, WIDE = 0.4, 0.3
+"""The common one, where nothing is known."""
+FEWEST = 12
+"""Samples of a channel below which it takes the others' memory."""
+SILENT = 0.05
+"""Median second difference of readings, in the sheet's standard deviations, below which there is no noise."""
+RANK = 0.02
+"""Of singular values over the largest, below which shapes are one: what sets them apart is the gauge's noise."""
+
+
+def estimate_memory(
+    memory: Memory, instant: Array, shapes: Array, present: np.ndarray, nuisances: Array | None = None
+) -> Memory:
+    """The memory with its autocorrelations.
+
+    Args:
+        memory: who precedes whom.
+        instant: whitened readings less the model at its nominal nuisances ``(n, 6)``, still with memory.
+        shapes: whitened ``(n, 6, k)`` that a wrong model may leave.
+        present: ``(n, 6)``.
+        nuisances: whitened ``(n, 6, m)``, what one sigma of each nuisance does.
+    """
+    known = np.zeros((*instant.shape, 0)) if nuisances is None else nuisances
+    channels = [c for c in range(6) if present[:, c].sum() >= FEWEST]
+    if not channels:
+        return replace(memory, rho=np.zeros(6))
+    costs = np.array([_costs(memory, c, instant, shapes, known, present) for c in channels])
+    grid = np.array(GRID)
+    apart = ((grid[:, None] - grid[None, :]) / ALIKE) ** 2
+    # by the common memory (columns): the least that each channel costs beside it
+    total = (costs[:, :, None] + apart).min(axis=1).sum(axis=0) + ((grid - USUAL) / WIDE) ** 2
+    common = int(np.argmin(total))
+    rho = np.where(present.any(axis=0), grid[common], 0.0)
+    for c, cost in zip(channels, costs + apart[:, common], strict=True):
+        bends = np.diff(instant[present[:, c], c], n=2)
+        # readings with hardly any of the noise that the sheet says tell nothing of its memory
+        rho[c] = _least(grid, cost) if float(np.median(np.abs(bends))) > SILENT else USUAL
+    return replace(memory, rho=rho)
+
+
+def _least(grid: Array, cost: Array) -> float:
+    """Where the parabola through the least of a grid's values and its neighbours is least."""
+    k = int(np.argmin(cost))
+    if not 0 < k < len(grid) - 1:
+        return float(grid[k])
+    a, b, d = grid[k - 1 : k + 2]
+    fa, fb, fd = cost[k - 1 : k + 2]
+    top = (b - a) ** 2 * (fb - fd) - (b - d) ** 2 * (fb - fa)
+    low = (b - a) * (fb - fd) - (b - d) * (fb - fa)
+    return float(np.clip(b - 0.5 * top / low, a, d)) if low != 0.0 else float(b)
+
+
+def _costs(
+    memory: Memory, c: int, instant: Array, shapes: Array, nuisances: Array, present: np.ndarray
+) -> list[float]:
+    """Twice the negative logarithm of a channel's marginal likelihood by autocorrelation, but for a constant."""
+    on = present[:, c]
+    X = shapes[:, c][on]
+    X = X[:, np.any(X != 0.0, axis=0)]
+    X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
+    U, values, _ = np.linalg.svd(X, full_matrices=False)
+    U = U[:, values > RANK * values[0]] if len(values) else U
+    # the coefficient of a column of unit norm grows with the root of the number of readings
+    U = U * np.sqrt(len(X))
+    known = nuisances[:, c][on]
+    m, k = known.shape[1], U.shape[1]
+    table = np.zeros((len(on), 6, m + k + 1))
+    table[on, c] = np.column_stack([known, U, instant[on, c]])
+    linked = (memory.before[:, c] >= 0) & on
+    result = []
+    for rho in GRID:
+        free = replace(memory, rho=np.full(6, rho)).remove(table)[on, c]
+        determinant = float(np.sum(np.log1p(-(rho ** (2 * np.maximum(memory.gap[linked, c], 1))))))
+        G, y = free.T @ free, m + k
+        least = np.inf
+        for size in SIZES if k else (0.0,):
+            scale = np.concatenate([np.ones(m), np.full(k, size)])
+            M = np.eye(m + k) + scale[:, None] * G[:y, :y] * scale
+            factor = cho_factor(M, lower=True)
+            g = scale * G[:y, y]
+            fit = float(G[y, y] - g @ cho_solve(factor, g))
+            least = min(least, fit + 2.0 * float(np.sum(np.log(np.diag(factor[0])))))
+        result.append(determinant + least)
+    return result

@@ -1,0 +1,77 @@
+"""Normal equations: one damped step of Gauss and Newton within bounds, and the inverse."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vjm.kernels.compilation import entry
+from vjm.rotations import Array
+
+SWEEPS = 2000
+"""Of coordinate descent, where a step ends at bounds."""
+LONGEST = 1.0
+"""Of one step, in units of one and the coordinate itself."""
+
+
+def bounded_step(A: Array, b: Array, damping: float, fixed: np.ndarray, z: Array, low: Array, high: Array) -> Array:
+    """A damped step within the bounds and the trusted range of each coordinate.
+
+    What would go further stops there, and the others do what is best beside it: a bow, say, acts by its square,
+    and the slope at a small one says little of a large one.
+
+    Args:
+        A: normal matrix ``(k, k)``.
+        b: right side ``(k,)``.
+        damping: share of the diagonal that is added to it.
+        fixed: ``(k,)`` coordinates that stay.
+        z: where they are ``(k,)``.
+        low: bounds ``(k,)``.
+        high: likewise.
+    """
+    most = LONGEST * (1.0 + np.abs(z))
+    floor, roof = np.maximum(low - z, -most), np.minimum(high - z, most)
+    step = np.zeros(len(b))
+    on = ~fixed
+    M = A[np.ix_(on, on)] + damping * np.diag(np.diag(A)[on])
+    size = np.sqrt(np.maximum(np.diag(M), 1e-300))
+    M, right = M / size[:, None] / size, b[on] / size
+    try:
+        first = np.linalg.solve(M, right)
+    except np.linalg.LinAlgError:
+        first = np.linalg.lstsq(M, right, rcond=1e-12)[0]
+    least, largest = floor[on] * size, roof[on] * size
+    if ((first < least) | (first > largest)).any():
+        first = np.clip(first, least, largest)
+        _descend(M, right, least, largest, first, SWEEPS)
+    step[on] = np.clip(first / size, floor[on], roof[on])
+    return step
+
+
+@entry
+def _descend(M: Array, b: Array, low: Array, high: Array, x: Array, sweeps: int) -> None:
+    """Minimise ``½ xᵀMx − bᵀx`` of a unit diagonal within bounds, coordinate by coordinate, from ``x`` (k,) on."""
+    k = len(b)
+    for _ in range(sweeps):
+        largest = 0.0
+        for i in range(k):
+            slope = b[i]
+            for j in range(k):
+                slope -= M[i, j] * x[j]
+            new = min(max(x[i] + slope, low[i]), high[i])
+            largest = max(largest, abs(new - x[i]))
+            x[i] = new
+        if largest < 1e-6:
+            break
+
+
+def inverse(A: Array, free: np.ndarray, rcond: float = 1e-12) -> Array:
+    """Pseudo-inverse ``(k, k)`` of a normal matrix whose coordinates differ in size.
+
+    Zero for those that are not free ``(k,)``, and where nothing is known.
+    """
+    on = free & (np.diag(A) > 0.0)
+    size = np.sqrt(np.diag(A)[on])
+    result = np.zeros_like(A)
+    own = np.linalg.pinv(A[np.ix_(on, on)] / size[:, None] / size, rcond=rcond, hermitian=True)
+    result[np.ix_(on, on)] = own / size[:, None] / size
+    return result

@@ -1,0 +1,196 @@
+"""The coordinates of a fit: nuisances under the sheet's priors, and the parameters of the causes that are tried.
+
+A nuisance whose cause is tried loses its prior: it is then the whole deviation from nominal, its own draw included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.model.chain import FOOT
+from vjm.rotations import Array
+from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero, size_of
+from vjm_updating.diagnose.test_data import Observed
+from vjm_updating.mechanisms.effect import Effect, Quantity
+from vjm_updating.mechanisms.link_length import LinkLength
+from vjm_updating.mechanisms.modified_chain import link_of
+from vjm_updating.mechanisms.part_compliance import FootCompliance, LinkCompliance
+
+Hypothesis = tuple[Effect, ...]
+"""Causes that act together; empty: nothing but the sheet's tolerances."""
+FARTHEST = 60.0
+"""Sigmas of the sheet beyond which an instrument or a length is not off but another one."""
+PARTS = 5.0
+"""Times that a part may be softer or stiffer than the sheet says."""
+AFAR = 2.0
+"""Times that a part is softer or stiffer where a fit of its modulus begins besides."""
+SHARE = 0.1
+"""Of a link's length, up to which it may be longer or shorter, however little of it the sheet allows."""
+LOST = 0.9
+"""Of a channel's scale, relative."""
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One number that a fit looks for, in units of ``scale``.
+
+    Attributes:
+        name: for people.
+        kind: ``zero``, ``scale``, ``modulus``, ``length`` or ``effect``.
+        subject: channel or part; of an effect its index in the hypothesis, as text.
+        scale: of the coordinate; a nuisance's sigma.
+        mean: of its prior.
+        sigma: of its prior, in units of the scale; infinite where there is none, zero where it is fixed.
+        low: bound.
+        high: bound.
+        quantity: of an effect.
+    """
+
+    name: str
+    kind: str
+    subject: str
+    scale: float
+    mean: float = 0.0
+    sigma: float = 1.0
+    low: float = -np.inf
+    high: float = np.inf
+    quantity: Quantity | None = None
+
+    def value(self, z: float) -> float:
+        """In its own unit; of a modulus relative, which counts by its logarithm."""
+        if self.quantity is not None:
+            return self.quantity.value(z)
+        return float(np.expm1(z * self.scale)) if self.kind == "modulus" else z * self.scale
+
+    def coordinate(self, value: float) -> float:
+        """The converse of `value`."""
+        if self.quantity is not None:
+            return self.quantity.coordinate(value)
+        return (float(np.log1p(value)) if self.kind == "modulus" else value) / self.scale
+
+
+def release_key(effect: Effect) -> tuple[str, str] | None:
+    """The nuisance that an effect frees of its prior; None for an effect with parameters of its own."""
+    if isinstance(effect, InstrumentZero):
+        return "zero", effect.part
+    if isinstance(effect, InstrumentScale):
+        return "scale", effect.part
+    if isinstance(effect, FootCompliance | LinkCompliance):
+        return "modulus", effect.beam
+    if isinstance(effect, LinkLength):
+        return "length", effect.beam
+    return None
+
+
+def bent(effect: Effect) -> bool:
+    """Whether an effect is known by a slope that says little of what it really explains.
+
+    That of a part's modulus or length is another one at large sizes; what either is or is not has no size.
+    """
+    key = release_key(effect)
+    return not effect.quantities() if key is None else key[0] in ("modulus", "length")
+
+
+def afar(effect: Effect, nuisances: Sequence[Coordinate], begin: Array) -> list[Array]:
+    """Starts ``(m,)`` from a stiffness far off, besides ``begin``: of a bar's there may be several optima.
+
+    A softer bar has its critical point within the readings, a stiffer one has none there, and no step leads across.
+    """
+    key = release_key(effect)
+    result = []
+    for i, c in enumerate(nuisances):
+        if (c.kind, c.subject) == key and c.kind == "modulus":
+            for sign in (1.0, -1.0):
+                far = begin.copy()
+                far[i] = sign * np.log(AFAR) / c.scale
+                result.append(far)
+    return result
+
+
+def towards_nothing(effect: Effect, values: Sequence[float], share: float) -> list[float]:
+    """An effect's values with only a share of it."""
+    result = list(values)
+    for i, q in enumerate(effect.quantities()[: effect.extent]):
+        if q.neutral is not None:
+            nothing, here = (q.coordinate(v) if v > 0.0 or not q.log else 0.0 for v in (q.neutral, values[i]))
+            result[i] = q.value(nothing + share * (here - nothing))
+    return result
+
+
+def nuisance_coordinates(observed: Observed) -> list[Coordinate]:
+    """Every nuisance that there could be; those that the sheet does not allow are fixed at zero."""
+    sheet, chain = observed.measurement.sheet, observed.measurement.chain
+    found: list[Coordinate] = []
+    for channel in (*observed.pose_channels, *observed.wrench_channels):
+        known = sheet.instrument.get(channel)
+        for kind, sigma, usual in (
+            ("zero", known.zero if known else 0.0, size_of(channel)),
+            ("scale", known.scale if known else 0.0, 0.01),
+        ):
+            found.append(_nuisance(kind, channel, sigma, usual))
+    parts = [beam.name for beam in chain.beams if beam.name in (FOOT, link_of(chain))]
+    found += [_nuisance("modulus", part, sheet.tolerance.modulus_rel, 0.02) for part in parts]
+    link = link_of(chain)
+    whole = next(beam.length for beam in chain.beams if beam.name == link)
+    found.append(_nuisance("length", link, sheet.tolerance.link_length_mm, 0.2, SHARE * whole))
+    return found
+
+
+def _nuisance(kind: str, subject: str, sigma: float, usual: float, far: float = 0.0) -> Coordinate:
+    scale = sigma if sigma > 0.0 else usual
+    usually = FARTHEST * scale
+    most = {"modulus": float(np.log(PARTS)), "scale": min(LOST, usually)}.get(kind, max(usually, far))
+    spread = 1.0 if sigma > 0.0 else 0.0
+    return Coordinate(f"{kind} {subject}", kind, subject, scale, 0.0, spread, -most / scale, most / scale)
+
+
+def coordinates(nuisances: Sequence[Coordinate], hypothesis: Hypothesis) -> list[Coordinate]:
+    """The coordinates of a hypothesis: the nuisances first, then its effects' quantities in their order."""
+    free = {release_key(effect) for effect in hypothesis}
+    found = [
+        c
+        if (c.kind, c.subject) not in free
+        else Coordinate(c.name, c.kind, c.subject, c.scale, 0.0, np.inf, c.low, c.high)
+        for c in nuisances
+    ]
+    for i, effect in enumerate(hypothesis):
+        if release_key(effect) is not None:
+            continue
+        for q in effect.quantities():
+            mean = q.coordinate(q.usual) if q.log or np.isfinite(q.spread) else 0.0
+            sigma = q.spread if q.log else q.spread / q.scale
+            found.append(
+                Coordinate(
+                    f"{effect.label} {q.name}",
+                    "effect",
+                    str(i),
+                    q.scale,
+                    mean,
+                    sigma,
+                    q.coordinate(q.low),
+                    q.coordinate(q.high),
+                    q,
+                )
+            )
+    return found
+
+
+def of_effect(found: Sequence[Coordinate], number: int) -> list[int]:
+    """Indices of an effect's coordinates, by its place in the hypothesis: those of its size before its shape's."""
+    return [i for i, c in enumerate(found) if c.kind == "effect" and c.subject == str(number)]
+
+
+def start(
+    found: Sequence[Coordinate], hypothesis: Hypothesis, nuisances: Array, values: Sequence[Sequence[float]]
+) -> Array:
+    """Coordinates ``(n_z,)`` from nuisances' ``(m,)`` and each effect's values."""
+    z = [*nuisances.tolist()]
+    for effect, own in zip(hypothesis, values, strict=True):
+        if release_key(effect) is None:
+            z += [q.coordinate(v) for q, v in zip(effect.quantities(), own, strict=True)]
+    low, high = (np.array([getattr(c, end) for c in found]) for end in ("low", "high"))
+    result: Array = np.clip(np.array(z), low, high)
+    return result

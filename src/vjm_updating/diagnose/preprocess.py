@@ -1,0 +1,266 @@
+"""A test made ready for a search: nominal fit, wild samples, branches, noise, catalogue."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.io.errors import did_you_mean
+from vjm.rotations import Array
+from vjm.statics.equilibrium import NoConvergenceError
+from vjm_updating.diagnose.column import ColumnForward, column_effects, with_noise_found
+from vjm_updating.diagnose.fitting import Fit, Fitter, prior
+from vjm_updating.diagnose.forward import Evaluation, Forward, Predictor
+from vjm_updating.diagnose.instrument import LEVER, InstrumentScale, InstrumentZero, ThermalDrift, unit_of
+from vjm_updating.diagnose.noise_model import estimate_memory
+from vjm_updating.diagnose.outliers import loads, outlying, standing_out
+from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates
+from vjm_updating.diagnose.residual_basis import smooth_shapes
+from vjm_updating.diagnose.screening import STRONG, Signature, Signed, far_off, signed
+from vjm_updating.diagnose.test_data import Observed
+from vjm_updating.diagnose.whitening import Whitening, weighed
+from vjm_updating.experiment.channels import TIME
+from vjm_updating.mechanisms.catalogue import Maker, catalogue
+from vjm_updating.mechanisms.effect import Effect, Scene
+
+SAME_MEMORY = 0.05
+"""Change of the noise's autocorrelation that is none."""
+SAME_NOISE = 0.03
+"""Relative change of a fit's squares by which its own covariances are those in force."""
+WORSE = 6
+"""Rounds in which wild samples are looked for, the worst first."""
+LONG_BEFORE = 4.0
+"""Spans of a test that its clock may have run before at most: one that shows the date says nothing."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A test before any cause is tried.
+
+    Attributes:
+        fitter: with its noise known.
+        null: fit of the sheet's tolerances alone.
+        effects: the catalogue.
+        all: every reading, wild ones included.
+        signed: what each effect does to the readings about a null.
+    """
+
+    fitter: Fitter
+    null: Fit
+    effects: tuple[Effect, ...]
+    all: Observed
+    signed: Signed
+
+
+def prepare(
+    observed: Observed, more: Sequence[Maker] = (), *, only: Sequence[str] = (), without: Sequence[str] = ()
+) -> Prepared:
+    """Fit the nominal model, find wild samples and the noise's memory.
+
+    Args:
+        observed: the test.
+        more: effects beyond the catalogue's.
+        only: the causes that are thought possible; all where none is given.
+        without: causes that are not.
+
+    Raises:
+        ValueError: no effect of this test has such a cause.
+        NoConvergenceError: the nominal machine has no equilibrium at the readings.
+    """
+    forward: Predictor = ColumnForward(observed) if observed.steered else Forward(observed)
+    nuisances = tuple(nuisance_coordinates(observed))
+    found = coordinates(nuisances, ())
+    zero = np.zeros(len(found))
+    at = forward.evaluate(found, zero, ())
+    fitter = Fitter(forward, nuisances, Whitening(np.zeros(0), observed.memory, observed.present))
+    fitter.weigh(at)
+    _leave_out(fitter, observed, standing_out(observed, at.residual, fitter.whitening.factors), at)
+    null = _fitted(fitter)
+    null = choose_branches(fitter, null)
+    effects = possible(effects_of(forward.observed, more), only, without)
+    known = signed(fitter, null, effects)
+    remember(fitter, null, known.found)
+    null = _fitted(fitter, null.at.z, *_beside_kinks(fitter))
+    return Prepared(fitter, null, effects, observed, known)
+
+
+def possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]:
+    """The effects that are thought possible.
+
+    Raises:
+        ValueError: one of the causes named is not among them.
+    """
+    causes = {effect.cause for effect in effects}
+    for cause in (*only, *without):
+        if cause not in causes:
+            known = ", ".join(sorted(causes))
+            raise ValueError(f"no cause '{cause}' in this test{did_you_mean(cause, causes)}; there are {known}")
+    return tuple(e for e in effects if e.cause not in without and (not only or e.cause in only))
+
+
+def _leave_out(fitter: Fitter, observed: Observed, wild: np.ndarray, at: Evaluation) -> None:
+    """Go on without wild samples ``(n, 6)``; marks that were steered to by hand all count."""
+    kept = observed if observed.steered else observed.without(wild)
+    memory = replace(kept.memory, rho=fitter.whitening.memory.rho)
+    fitter.forward.observed = kept
+    fitter.whitening = replace(fitter.whitening, memory=memory, present=kept.present)
+    fitter.weigh(at)
+
+
+def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
+    """Find wild samples, the readings' covariances and the noise's memory again, about a better model.
+
+    None where nothing changes by it, or the model is so far off that it tells nothing of the noise; the fitter is
+    then as it was, so that objectives found with it can still be compared.
+    """
+    fitter, everything = prepared.fitter, prepared.all
+    if far_off(fitter, best) and not everything.steered:
+        return None
+    readings, whitening, branches = fitter.forward.observed, fitter.whitening, dict(fitter.forward.branches)
+    if everything.steered:
+        everything = with_noise_found(everything, best)
+    _leave_out(fitter, everything, np.zeros_like(everything.present), best.at)
+    fitter.anchor = None
+    whole = fitter.evaluate(best.found, best.at.z, best.hypothesis)
+    # of samples left out a fit does not say what should have been read
+    load = np.zeros(everything.present.shape) if whole is None else loads(everything, whole.residual)
+    at = whole or best.at
+    m = len(fitter.nuisances)
+    fit: Fit | None = None
+    wild, accidents = np.zeros(everything.present.shape), np.ones(6, dtype=bool)
+    for _ in range(WORSE):
+        found = outlying(everything, fitter.whitening, at.residual, wild, load)
+        # what with others turns out to be none is not looked for again
+        accidents &= found.any(axis=0) | ~wild.any(axis=0)
+        found = np.where(accidents, found, 0.0)
+        if fit is not None and np.array_equal(found, wild):
+            break
+        wild = found
+        _leave_out(fitter, everything, wild != 0.0, at)
+        # wild samples bend a fit and hide the noise's memory, and then their neighbours look wild
+        fit = choose_branches(fitter, fitter.fit(best.hypothesis, at.z[:m], best.values, fresh=True) or best)
+        remember(fitter, fit, ())
+        at = fit.at
+    same = np.array_equal(readings.present, fitter.forward.observed.present)
+    close = float(np.abs(whitening.memory.rho - fitter.whitening.memory.rho).max()) < SAME_MEMORY
+    # near a critical point the stiffness, and what the gauge's noise makes of forces, may be another altogether
+    squares, own = (
+        float(np.sum(w.flat(best.at.residual) ** 2)) for w in (whitening, weighed(whitening, readings, best.at))
+    )
+    alike = abs(own - squares) < SAME_NOISE * squares
+    if same and close and alike and prepared.null.objective - best.objective < STRONG and not everything.steered:
+        fitter.forward.observed, fitter.whitening, fitter.forward.branches = readings, whitening, branches
+        return None
+    return replace(prepared, null=_fitted(fitter, prepared.null.at.z, *_beside_kinks(fitter)), all=everything)
+
+
+def _fitted(fitter: Fitter, *near: Array) -> Fit:
+    """The sheet's tolerances alone: the best from nominal, and from nuisances ``(m,)`` near by.
+
+    Raises:
+        NoConvergenceError: the nominal machine has no equilibrium at the readings.
+    """
+    null = fitter.fit((), np.zeros(len(fitter.nuisances)), [], fresh=True)
+    if null is None:
+        raise NoConvergenceError("the nominal machine has no equilibrium at the readings")
+    for start in near:
+        other = fitter.fit((), start, [])
+        if other is not None and other.objective < null.objective - 0.5:
+            null = other
+    return null
+
+
+def _beside_kinks(fitter: Fitter) -> list[Array]:
+    """Nuisances ``(m,)`` to begin from where a critical point may move over readings: there are several minima."""
+    if not _kinked(fitter):
+        return []
+    return [sign * np.eye(len(fitter.nuisances))[i] for i in fitter.of_machine for sign in (1.0, -1.0)]
+
+
+def _kinked(fitter: Fitter) -> bool:
+    """Whether readings lie on both sides of a bifurcation."""
+    forward = fitter.forward
+    for ray in forward.observed.rays:
+        s = forward.observed.pose[ray.index] @ ray.measure
+        if any(forward.branched(ray, sign, float((sign * s).max())) for sign in (1, -1)):
+            return True
+    return False
+
+
+def remember(fitter: Fitter, base: Fit, shown: Sequence[Signature]) -> None:
+    """Estimate the noise's memory; what effects or smooth shapes could explain does not count as noise."""
+    observed, whitening = fitter.forward.observed, fitter.whitening
+    smooth, _ = smooth_shapes(observed)
+    own = [s.change for s in shown if s.change is not None]
+    off, weight = prior(base.found, base.at.z)
+    known = weight > 0.0
+    J = whitening.instant(base.jacobian)
+    shapes = [J[:, :, ~known], np.repeat(smooth[:, None, :], 6, axis=1)]
+    if own:
+        shapes.append(whitening.instant(np.stack(own, axis=-1)))
+    sheet = J[:, :, known] / weight[known]
+    # as it were at the sheet's own values
+    instant = whitening.instant(base.at.residual) - sheet @ off[known]
+    sheet = np.concatenate([sheet, whitening.instant(whitening.slow)], axis=2)
+    memory = estimate_memory(observed.memory, instant, np.concatenate(shapes, axis=2), observed.present, sheet)
+    fitter.whitening = replace(whitening, memory=memory)
+
+
+def choose_branches(fitter: Fitter, base: Fit) -> Fit:
+    """Turn each half-ray to the branch that its readings are on, where the model has a bifurcation there."""
+    forward = fitter.forward
+    best = base
+    for number, ray in enumerate(forward.observed.rays):
+        s = forward.observed.pose[ray.index] @ ray.measure
+        for sign in (1, -1):
+            if not forward.branched(ray, sign, float((sign * s).max())):
+                continue
+            before = dict(forward.branches)
+            forward.branches[number, sign] = -forward.branches.get((number, sign), 1)
+            at = fitter.evaluate(best.found, best.at.z, best.hypothesis)
+            if at is None or fitter.objective(best.found, at) >= best.objective:
+                forward.branches = before
+            else:
+                best = replace(best, at=at, objective=fitter.objective(best.found, at))
+    return best
+
+
+def effects_of(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
+    """The catalogue of a test: the machine's effects, and the instruments'."""
+    if observed.steered:
+        return column_effects(observed)
+    measurement = observed.measurement
+    clock = observed.clock
+    force = float(np.nanmax(np.linalg.norm(np.nan_to_num(observed.wrench[:, :3]), axis=1)))
+    gravity = measurement.sheet.test.gravity
+    scene = Scene(
+        chain=measurement.chain,
+        engine=measurement.engine,
+        force=max(force, 1.0),
+        reach=float(np.abs(observed.pose[:, :3]).max()),
+        duration=0.0 if clock is None else float(clock.max() - clock.min()),
+        interval=0.0 if clock is None else float(np.median(np.diff(clock))),
+        gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
+    )
+    largest = _largest(observed, scene)
+    found: list[Effect] = list(catalogue(scene, more))
+    for channel in (*observed.pose_channels, *observed.wrench_channels):
+        found += [InstrumentZero(part=channel), InstrumentScale(part=channel)]
+        most = largest[unit_of(channel)]
+        if observed.warmth is not None:
+            span = float(np.ptp(observed.warmth))
+            found.append(ThermalDrift(channel, "K", span, duration=scene.duration, largest=most))
+        if clock is not None:
+            span, first = float(np.ptp(clock)), float(observed.readings.values[TIME][0])
+            since = float(np.clip(first / span, 0.0, LONG_BEFORE))
+            found.append(ThermalDrift(channel, "s", span, since=since, largest=most))
+    return found
+
+
+def _largest(observed: Observed, scene: Scene) -> dict[str, float]:
+    """The largest reading by its unit: what gauges of that kind are made for."""
+    moment = float(np.abs(np.nan_to_num(observed.wrench[:, 3:])).max())
+    turn = float(np.abs(observed.pose[:, 3:]).max())
+    return {"N": scene.force, "Nmm": max(moment, LEVER * scene.force), "mm": scene.reach, "rad": turn or np.inf}

@@ -1,0 +1,197 @@
+"""From a search to a verdict: none, named, class or unknown, and how sure that is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import expit
+
+from vjm_updating.diagnose.equivalence_classes import best_verdict
+from vjm_updating.diagnose.evidence import size_covariance, would_not_show
+from vjm_updating.diagnose.fitting import Fitter
+from vjm_updating.diagnose.model_adequacy import Misfit
+from vjm_updating.diagnose.scored_hypothesis import Ranked
+from vjm_updating.diagnose.search import Search
+from vjm_updating.diagnose.stopping import WRONG_LAW
+
+MISFIT, DOUBTFUL = 0.001, 0.01
+"""Chance of calling a right model wrong: the sheet's, and one with causes, since what no catalogue has may be as
+likely as they are and is often half explained by one, or explained by a law of a shape that it never has."""
+STRAINED = 1e-6
+"""Chance of nuisances so far from the sheet's below which the model is wrong, however well it then fits."""
+RIVAL = 16.0
+"""Criterion within which of the best a hypothesis may belong to its class."""
+PAYS = 6.6
+"""Fall of the objective for which a law with a parameter more is preferred: one in a hundred does so by chance."""
+RIVALS = 12
+"""Hypotheses that are compared with the best at most."""
+FURTHER = 0.85
+"""How sure a further cause is: several explain an unmodelled cause, too (docs/hidden-effects.md)."""
+ANY_CLASS = 0.45
+"""Share of a class's own probability that its confidence keeps (docs/hidden-effects.md)."""
+AS_LIKELY = 0.1
+"""Probability over the likeliest's from which on a place counts as possible."""
+ACCIDENT = 0.7
+"""How sure it is that causes which predict what was held out worse than none are an accident."""
+LIKELY = 0.5
+"""Confidence below which causes are not named: they are more likely wrong than right."""
+BY_CHANCE = 2.0
+"""Times a right model's expected error that its error may be: readings held out together are wrong together."""
+FAINT_ODDS, FAINT_SLOPE = -0.5, 0.72
+"""Logarithm of the odds that there is nothing where an alarm nearly came, and what each power of ten further off
+adds: causes of a strength of 1 or 2 cannot be seen (docs/hidden-effects.md)."""
+SUREST, SUREST_CAUSE = 0.93, 0.86
+"""No verdict is surer, for two causes may leave a shape that neither has; and none that names causes: what no
+catalogue has may look just like one of them (docs/hidden-effects.md)."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a search says.
+
+    Attributes:
+        kind: none, named, class or unknown.
+        members: hypotheses that remain possible, the most probable first.
+        probabilities: of each.
+        confidence: that kind and set are right.
+        others: less likely ones with their probabilities.
+        rest: what the best leaves.
+        places: of each member the hypotheses that have its causes elsewhere, and explain about as much.
+        doubt: why causes that fit are not named, in words; empty where that is not so.
+    """
+
+    kind: str
+    members: tuple[Ranked, ...]
+    probabilities: tuple[float, ...]
+    confidence: float
+    others: tuple[tuple[Ranked, float], ...]
+    rest: Misfit
+    places: tuple[tuple[Ranked, ...], ...] = ()
+    doubt: str = ""
+
+
+def judge(search: Search, best: Ranked) -> Verdict:
+    """The verdict on a search's best hypothesis."""
+    fitter = search.fitter
+    best = search.settled(best)
+    rest = search.rest(best.fit)
+    explained = search.null.objective - best.fit.objective
+    if best.labels:
+        misses = rest.p < DOUBTFUL and rest.left > WRONG_LAW * explained
+        wrong = misses or rest.unusual < DOUBTFUL or not best.fit.converged
+    else:
+        wrong = rest.p < MISFIT
+    wrong = wrong or rest.strained < STRAINED
+    if best.labels and not wrong:
+        search.alike(best)
+        for near in [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]:
+            search.settled(near)
+    weights = _weights(search, best)
+    if wrong:
+        sure = min(SUREST, 1.0 - min(rest.p, rest.strained, rest.unusual))
+        return Verdict("unknown", (), (), sure, _others(weights, []), rest)
+    if not best.labels:
+        return Verdict("none", (), (), _quiet(search, rest), _others(weights, [best]), rest)
+    rivals: list[Ranked] = []
+    for rival in sorted(weights, key=lambda r: r.criterion):
+        if not rival.labels or rival.criterion > best.criterion + RIVAL or len(rivals) == RIVALS:
+            continue
+        # of a cause that can sit in several places the likeliest
+        if (
+            rival.fit.converged
+            and all(rival.causes != m.causes for m in rivals)
+            and not needless(fitter, best, rival)
+        ):
+            rivals.append(rival)
+    # and in whichever place it is, it is that cause
+    total = {r: sum(w for other, w in weights.items() if other.causes == r.causes) for r in rivals}
+    chosen, sure = best_verdict(fitter, [r.fit for r in rivals], np.array([total[r] for r in rivals]))
+    members = [rivals[i] for i in chosen]
+    own = np.array([total[m] for m in members])
+    share = own / own.sum()
+    kind = "class" if len(members) > 1 else "named"
+    if kind == "class":
+        sure = ANY_CLASS + (1.0 - ANY_CLASS) * sure
+    # what the misfit test nearly rejects is less sure
+    sure *= float(np.clip(rest.p / 0.02, 0.3, 1.0)) * FURTHER ** (len(members[0].labels) - 1)
+    places = [
+        tuple(r for r, w in weights.items() if _elsewhere(r, member) and w >= AS_LIKELY * weights[member])
+        for member in members
+    ]
+    return Verdict(
+        kind,
+        tuple(members),
+        tuple(float(v) for v in share),
+        min(SUREST_CAUSE, sure),
+        _others(weights, members),
+        rest,
+        tuple(places),
+    )
+
+
+def proved(verdict: Verdict, before: float, after: float, expected: float) -> Verdict:
+    """What the prediction of readings held out makes of a verdict, and whether it is then likely enough.
+
+    Causes that predict them worse than none are an accident of the readings fitted. But where what was held out
+    lies so far from the rest that a right model could hardly do better, it proves nothing.
+
+    Args:
+        verdict: on all readings.
+        before: error held out of the sheet's tolerances alone.
+        after: of the likeliest member.
+        expected: of a right model.
+    """
+    if after > before and after > BY_CHANCE * expected:
+        return _unknown(verdict, ACCIDENT, "predicts what was held out worse than no cause does")
+    if verdict.confidence < LIKELY:
+        return _unknown(verdict, 1.0 - verdict.confidence, f"is right with {verdict.confidence:.2f} only")
+    return verdict
+
+
+def _unknown(verdict: Verdict, sure: float, why: str) -> Verdict:
+    """Instead of a verdict that names causes; they stay among what is less likely."""
+    named = tuple(zip(verdict.members, verdict.probabilities, strict=True))
+    doubt = f"{' + '.join(sorted(verdict.members[0].causes))} fits, but {why}"
+    return Verdict("unknown", (), (), sure, (*named, *verdict.others), verdict.rest, doubt=doubt)
+
+
+def needless(fitter: Fitter, best: Ranked, rival: Ranked) -> bool:
+    """Whether a rival says the same with more causes, or with a parameter more that would show and does not pay."""
+    if len(rival.labels) > len(best.labels) or rival.labels > best.labels:
+        return True
+    if rival.fit.objective <= best.fit.objective - PAYS:
+        return False
+    others, A = best.causes - rival.causes, fitter.normal(rival.fit)
+    return any(
+        others.intersection(effect.contains) and not would_not_show(effect, size_covariance(A, rival.fit, i))
+        for i, effect in enumerate(rival.fit.hypothesis)
+    )
+
+
+def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:
+    """Probability of every hypothesis tried, by its criterion; supersets of the best, a rejected null have none."""
+    ranked = [r for r in search.tried.values() if not r.labels > best.labels and (r.labels or not best.labels)]
+    criteria = np.array([r.criterion for r in ranked])
+    w = np.exp(-0.5 * np.minimum(criteria - criteria.min(), 1400.0))
+    return {r: float(v) for r, v in zip(ranked, w / w.sum(), strict=True)}
+
+
+def _quiet(search: Search, rest: Misfit) -> float:
+    """How sure it is that there is nothing: the nearer an alarm came, the likelier something faint is there."""
+    least = min((s.p for s in search.first), default=1.0)
+    odds = FAINT_ODDS + FAINT_SLOPE * float(np.log10(max(least, search.alarm) / search.alarm))
+    # a misfit makes it less sure
+    return float(expit(odds)) * (0.5 + 0.5 * min(1.0, rest.p / 0.05))
+
+
+def _elsewhere(ranked: Ranked, member: Ranked) -> bool:
+    """Whether a hypothesis has a member's causes in other places."""
+    same = ranked.causes == member.causes and len(ranked.labels) == len(member.labels)
+    return same and ranked.labels != member.labels and ranked.fit.converged
+
+
+def _others(weights: dict[Ranked, float], members: list[Ranked]) -> tuple[tuple[Ranked, float], ...]:
+    inside = {m.causes for m in members}
+    left = [(r, w) for r, w in weights.items() if r.causes not in inside and r.labels]
+    return tuple(sorted(left, key=lambda pair: -pair[1])[:5])

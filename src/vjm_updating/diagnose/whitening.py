@@ -1,0 +1,106 @@
+"""How readings' residuals become independent ones of unit variance.
+
+Each reading's channels share its displacement's noise, a channel's readings remember the one before, and where the
+displacement was steered steadily (`steady`) the errors of its lines are shared by all readings between two turns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.calibrate.noise import Memory, whiten
+from vjm_updating.diagnose.forward import Evaluation
+from vjm_updating.diagnose.ramp_regression import Steady
+from vjm_updating.diagnose.test_data import Observed
+
+WILD = 4.0
+"""Standard deviations at which a residual is cut off where it is asked for errors that many readings share."""
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """How residuals become independent and of unit variance.
+
+    Attributes:
+        factors: inverse Cholesky factors ``(n, 6, 6)``.
+        memory: autocorrelation of the whitened channels.
+        present: ``(n, 6)`` which samples count.
+        steady: how the displacement was steered, where that is known.
+        shaken: ``(n, 6)`` what one standard deviation of the displacement's gauge makes of the readings, raw.
+    """
+
+    factors: Array
+    memory: Memory
+    present: np.ndarray
+    steady: Steady | None = None
+    shaken: Array | None = None
+
+    def instant(self, raw: Array) -> Array:
+        """``(n, 6, …)`` of unit variance, still with memory."""
+        result: Array = np.einsum("nij,nj...->ni...", self.factors, raw)
+        return result
+
+    def flat(self, raw: Array) -> Array:
+        """Raw residuals ``(n, 6, …)`` as independent ones ``(N, …)``."""
+        return self.apart(self._each(raw))
+
+    def apart(self, free: Array) -> Array:
+        """Residuals ``(N, …)`` without memory, freed of what errors of the lines steered make of all of them."""
+        U, sizes, _ = self._together
+        share = 1.0 - 1.0 / np.sqrt(1.0 + sizes**2)
+        result: Array = free - U @ (share.reshape(-1, *[1] * (free.ndim - 1)) * (U.T @ free))
+        return result
+
+    @property
+    def determinant(self) -> float:
+        """Logarithm of the determinant of the readings' covariance, but for their memory's."""
+        own = np.where(self.present, self.factors[:, range(6), range(6)], 1.0)
+        return float(np.log1p(self._together[1] ** 2).sum() - 2.0 * np.log(own).sum())
+
+    @cached_property
+    def slow(self) -> Array:
+        """What the errors of the lines steered, of unit size each, make of the readings ``(n, 6, s)``, raw."""
+        if self.steady is None or self.shaken is None:
+            return np.zeros((*self.present.shape, 0))
+        read = self.present.any(axis=0)
+        errors = self.steady.errors(float(self.memory.rho[read].mean()) if read.any() else 0.0)
+        result: Array = self.shaken[:, :, None] * errors[:, None, :]
+        return result
+
+    def without_slow(self, raw: Array) -> Array:
+        """Raw residuals ``(n, 6)`` less the likeliest errors of the lines; no wild one says much of them."""
+        U, sizes, Vt = self._together
+        likely = Vt.T @ (sizes / (1.0 + sizes**2) * (U.T @ np.clip(self._each(raw), -WILD, WILD)))
+        result: Array = raw - self.slow @ likely
+        return result
+
+    @cached_property
+    def _together(self) -> tuple[Array, Array, Array]:
+        V = self._each(self.slow)
+        if not V.shape[1]:
+            return V, np.zeros(0), np.zeros((0, 0))
+        U, sizes, Vt = np.linalg.svd(V, full_matrices=False)
+        return U, sizes, Vt
+
+    def _each(self, raw: Array) -> Array:
+        """Raw residuals ``(n, 6, …)`` as ones without memory ``(N, …)``."""
+        result: Array = self.memory.remove(self.instant(raw))[self.present]
+        return result
+
+
+def weighed(whitening: Whitening, observed: Observed, at: Evaluation) -> Whitening:
+    """The same with the readings' covariances as a hypothesis' own stiffness makes them."""
+    stiffness = at.stiffness / at.gain_u
+    noise = replace(observed.noise, pose=observed.pose_noise)
+    shaken = np.nan_to_num(stiffness @ observed.noise.pose) * at.gain
+    return replace(
+        whitening,
+        factors=whiten(noise, stiffness, at.gain, observed.present),
+        present=observed.present,
+        steady=observed.steady,
+        shaken=shaken,
+    )

@@ -1,0 +1,122 @@
+"""A measurement: the sheet, its readings, and the nominal machine as the sheet describes it."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from vjm.io.model_file import build_chain, read_document
+from vjm.model.chain import Chain
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.experiment.channels import POSE, WRENCH
+from vjm_updating.experiment.checks import check_postures, check_reach, check_time, check_units
+from vjm_updating.experiment.nuisances import Nuisances, nuisances
+from vjm_updating.experiment.overrides import SEGMENTS, overridden
+from vjm_updating.experiment.readings import DataError, Readings, read_readings
+from vjm_updating.experiment.sheet import Sheet, SheetError, read_sheet
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What was measured and on what.
+
+    Attributes:
+        sheet: the test sheet.
+        readings: in the order in which they were taken.
+        document: the model file's content with the sheet's overrides and postures.
+        chain: the nominal machine.
+        engine: that solves it with as many springs as the sheet says.
+        nuisances: that the sheet's tolerances allow.
+        model_sha256: of the model file.
+        data_sha256: of the data file.
+    """
+
+    sheet: Sheet
+    readings: Readings
+    document: dict[str, Any]
+    chain: Chain
+    engine: VjmEngine
+    nuisances: Nuisances
+    model_sha256: str
+    data_sha256: str
+
+    @property
+    def imposed(self) -> bool:
+        """Whether the pose of the end-effector is known at every reading, whichever end was steered by."""
+        return any(name in self.readings.values for name in POSE)
+
+
+def read_measurement(data: Path, sheet: Path) -> Measurement:
+    """A measurement from its two files.
+
+    Raises:
+        ValueError: one of them or the model cannot be used; one line that says what, where and the remedy.
+    """
+    page = read_sheet(sheet)
+    document, chain, sha256 = _machine(page, sheet)
+    engine = _engine(page, chain)
+    readings = read_readings(data, page)
+    unknown = next((p for p in readings.posture.tolist() if p not in chain.postures), None)
+    if unknown is not None:
+        known = ", ".join(chain.postures)
+        row = readings.row[readings.posture == unknown][0]
+        raise DataError(
+            f"{readings.file}: row {row}, column posture: unknown posture '{unknown}' (there are {known}): "
+            "add it to the sheet's [postures]"
+        )
+    check_time(readings)
+    check_postures(readings, page.test.control)
+    noise = {
+        name: page.sigma(name).noise for name in readings.channels if name in WRENCH or name in page.instrument
+    }
+    check_reach(readings, chain)
+    check_units(readings, chain, engine, noise)
+    return Measurement(
+        sheet=page,
+        readings=readings,
+        document=document,
+        chain=chain,
+        engine=engine,
+        nuisances=nuisances(page, readings.channels, chain),
+        model_sha256=sha256,
+        data_sha256=hashlib.sha256(data.read_bytes()).hexdigest(),
+    )
+
+
+def _machine(sheet: Sheet, path: Path) -> tuple[dict[str, Any], Chain, str]:
+    """The model document as the sheet changes it, its chain, and the file's hash."""
+    name: str | Path = sheet.test.model
+    if (path.parent / sheet.test.model).is_file():
+        name = path.parent / sheet.test.model
+    source = read_document(name)
+    build_chain(source.content, source.file)  # what is wrong with the model itself is said of the model
+    try:
+        document = overridden(source.content, sheet.model)
+    except ValueError as error:
+        raise SheetError(f"{sheet.file}: {error}") from error
+    given = source.content.get("postures", {})
+    for label, q in sheet.postures.items():
+        # an empty list is the model's own posture of that label, else all joints at zero
+        joints = sum(1 for part in document.get("parts", []) if part.get("kind") == "joint")
+        document.setdefault("postures", {})[label] = q or given.get(label, [0.0] * joints)
+    for label, point in sheet.points.items():
+        parts = [part.get("name") for part in document.get("parts", [])]
+        if point.body not in parts:
+            raise SheetError(
+                f"{sheet.file}: [points.{label}]: no part '{point.body}'; there are {', '.join(parts)}"
+            )
+    return document, build_chain(document, f"{sheet.file}, model {source.file}", source.sha256), source.sha256
+
+
+def _engine(sheet: Sheet, chain: Chain) -> VjmEngine:
+    """The lumped model with the sheet's number of springs, else the model file's; one a link is the paper's own."""
+    counts = []
+    for key, default in zip(SEGMENTS, (chain.link_segments or 12, chain.foot_segments or 1), strict=True):
+        count = sheet.model.get(key, default)
+        if not isinstance(count, int) or isinstance(count, bool) or not 1 <= count <= 1000:
+            raise SheetError(f"{sheet.file}: [model] {key} must be a whole number from 1 to 1000, got {count!r}")
+        counts.append(count)
+    link, foot = counts
+    return VjmEngine.of(link, foot)

@@ -1,0 +1,238 @@
+"""The readings of a test as arrays, checked row by row."""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+
+from vjm.io.errors import did_you_mean
+from vjm.rotations import Array
+from vjm_updating.experiment.channels import (
+    POSE,
+    POSTURE,
+    RUN,
+    TEMPERATURE,
+    TIME,
+    WRENCH,
+    check_column,
+    split_point,
+)
+from vjm_updating.experiment.sheet import Sheet
+
+DEADBAND = 4.0
+"""Change over a reading's noise below which a displacement is held; of both its ends, so about 3 sigma."""
+
+
+class DataError(ValueError):
+    """Data that cannot be used; its text is one line that names the file, the column, the row and the remedy."""
+
+
+class Branch(StrEnum):
+    """What the displacement is doing at a reading."""
+
+    UP = "up"
+    """Away from the unloaded pose."""
+    DOWN = "down"
+    """Back towards it."""
+    HOLD = "hold"
+
+
+@dataclass(frozen=True)
+class Readings:
+    """n readings in the order in which they were taken.
+
+    Attributes:
+        file: name for messages.
+        row: line of the file ``(n,)``, the header being line 1.
+        posture: label of each ``(n,)``.
+        run: repeat number ``(n,)``.
+        values: by column ``(n,)``; nan where the channel missed the sample.
+    """
+
+    file: str
+    row: np.ndarray
+    posture: np.ndarray
+    run: np.ndarray
+    values: dict[str, Array]
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Columns that an instrument read."""
+        return tuple(name for name in self.values if name not in (TIME, TEMPERATURE))
+
+    @property
+    def pose(self) -> Array:
+        """Displacement of the end-effector as read ``(n, 6)``, mm, rad; zero where there is no column."""
+        return self._columns(POSE, 0.0)
+
+    @property
+    def wrench(self) -> Array:
+        """Wrench as read ``(n, 6)``, N, N mm; nan where there is no reading."""
+        return self._columns(WRENCH, np.nan)
+
+    @property
+    def sequence(self) -> np.ndarray:
+        """Number ``(n,)`` of the unbroken sequence of one posture and run that a reading belongs to."""
+        new = np.ones(len(self), dtype=bool)
+        new[1:] = (self.posture[1:] != self.posture[:-1]) | (self.run[1:] != self.run[:-1])
+        result: np.ndarray = np.cumsum(new) - 1
+        return result
+
+    def only(self, keep: np.ndarray) -> Readings:
+        """The readings of a mask or of indices."""
+        values = {name: column[keep] for name, column in self.values.items()}
+        return Readings(self.file, self.row[keep], self.posture[keep], self.run[keep], values)
+
+    def branches(self, channel: str, noise: float) -> list[Branch]:
+        """Loading branch of every reading, off the history of one displacement.
+
+        Turning points count once the displacement has gone back by `DEADBAND` times the noise.
+
+        Args:
+            channel: the displacement.
+            noise: of one reading.
+        """
+        column, result = self.values[channel], [Branch.HOLD] * len(self)
+        for number in np.unique(self.sequence):
+            at = np.flatnonzero(self.sequence == number)
+            size = np.abs(column[at])
+            size[np.isnan(size)] = 0.0
+            span = max(DEADBAND * noise, 1e-9 * float(size.max(initial=0.0)))
+            begin = 0
+            for k in range(1, len(at)):
+                if abs(size[k] - size[begin]) > span:
+                    way = Branch.UP if size[k] > size[begin] else Branch.DOWN
+                    near = begin + 1
+                    # what stayed where the motion began was held
+                    while near < k and abs(size[near] - size[begin]) <= 0.5 * span:
+                        near += 1
+                    for i in range(near, k + 1):
+                        result[at[i]] = way
+                    begin = k
+        return result
+
+    def settled(self, held: str) -> Readings:
+        """For a channel that was steered to marks: the last row of each group that carries one mark."""
+        marks = self.values[held]
+        last = np.ones(len(self), dtype=bool)
+        last[:-1] = (marks[1:] != marks[:-1]) | (self.sequence[1:] != self.sequence[:-1])
+        return self.only(last)
+
+    def _columns(self, names: tuple[str, ...], absent: float) -> Array:
+        missing = np.full(len(self), absent)
+        return np.column_stack([self.values.get(name, missing) for name in names])
+
+
+def read_readings(path: Path, sheet: Sheet) -> Readings:
+    """The readings of a data file, which fit its sheet.
+
+    Raises:
+        DataError: they do not; one line.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            lines = list(csv.reader(line for line in file if not line.startswith("#")))
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise DataError(f"{path.name}: no CSV text in UTF-8: {error}") from error
+    try:
+        header, table = _table(lines)
+        for column in header:
+            check_column(column, tuple(sheet.points))
+        _check_header(header, sheet)
+        rows = np.array([number for number, _ in table])
+        text = {name: [cells[i] for _, cells in table] for i, name in enumerate(header)}
+        posture = _postures(text, rows, sheet)
+        run = _numbers(text[RUN], RUN, rows) if RUN in text else np.ones(len(rows))
+        _check_runs(run, rows)
+        values = {name: _numbers(text[name], name, rows) for name in header if name not in (POSTURE, RUN)}
+    except ValueError as error:
+        raise DataError(f"{path.name}: {error}") from error
+    return Readings(path.name, rows, posture, run.astype(int), values)
+
+
+def _table(lines: list[list[str]]) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """The header, and the rows with their numbers."""
+    if not lines:
+        raise ValueError("the file is empty; its first line must name the columns")
+    header = [name.strip() for name in lines[0]]
+    twice = next((name for name in header if header.count(name) > 1), None)
+    if twice is not None:
+        raise ValueError(f"column '{twice}' stands twice: leave one")
+    table = []
+    for i, cells in enumerate(lines[1:], start=2):
+        if not any(cell.strip() for cell in cells):
+            continue
+        if len(cells) != len(header):
+            raise ValueError(f"row {i}: {len(cells)} cells for {len(header)} columns: complete it or delete it")
+        table.append((i, [cell.strip() for cell in cells]))
+    if not table:
+        raise ValueError("there is a header but no reading below it")
+    return header, table
+
+
+def _check_header(header: list[str], sheet: Sheet) -> None:
+    """Refuse a file without what its control needs."""
+    control = sheet.test.control
+    if POSTURE not in header and len(sheet.postures) != 1:
+        raise ValueError("column 'posture' is missing: add it, with the sheet's labels")
+    if control not in ("displacement", "force") and control not in header:
+        raise ValueError(
+            f"column '{control}' is missing, by which the sheet says that the operator steered: add it"
+        )
+    moved = [name for name in header if split_point(name)[1] in POSE]
+    loaded = [name for name in header if name in WRENCH]
+    if not moved:
+        raise ValueError("a column of displacement is missing, such as ux_mm: add it")
+    if not loaded:
+        raise ValueError("a column of force is missing, such as fx_N: add it")
+    for name, known in sheet.instrument.items():
+        if known.noise > 0.0 and name not in header:
+            hint = did_you_mean(name, [c for c in header if c not in sheet.instrument])
+            raise ValueError(f"column '{name}' is missing, but the sheet has its instrument: add it{hint}")
+
+
+def _postures(text: dict[str, list[str]], rows: np.ndarray, sheet: Sheet) -> np.ndarray:
+    """Labels ``(n,)``, known ones."""
+    only = next(iter(sheet.postures), "")
+    labels = text.get(POSTURE, [only] * len(rows))
+    for label, row in zip(labels, rows, strict=True):
+        if not label:
+            raise ValueError(f"row {row}, column posture: is blank: write the posture's label")
+        if sheet.postures and label not in sheet.postures:
+            known = ", ".join(sheet.postures)
+            raise ValueError(
+                f"row {row}, column posture: unknown posture '{label}' (the sheet has {known}): "
+                f"add it to [postures]{did_you_mean(label, sheet.postures)}"
+            )
+    return np.array(labels)
+
+
+def _numbers(cells: list[str], name: str, rows: np.ndarray) -> Array:
+    """A column ``(n,)``, nan for a blank."""
+    result = np.full(len(cells), np.nan)
+    for i, (cell, row) in enumerate(zip(cells, rows, strict=True)):
+        if not cell:
+            continue
+        try:
+            result[i] = float(cell)
+        except ValueError:
+            raise ValueError(f"row {row}, column {name}: '{cell}' is no number: write it with a point") from None
+        if not math.isfinite(result[i]):
+            raise ValueError(f"row {row}, column {name}: '{cell}' is not finite: leave a missed sample blank")
+    return result
+
+
+def _check_runs(run: Array, rows: np.ndarray) -> None:
+    wrong = np.flatnonzero(~((run >= 1) & (run == np.round(run))))
+    if len(wrong):
+        raise ValueError(f"row {rows[wrong[0]]}, column run: must be a whole number from 1")

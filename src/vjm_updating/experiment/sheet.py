@@ -1,0 +1,136 @@
+"""The test sheet: what was tested, how, with which instruments and which tolerances."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import pydantic
+from pydantic import Field, field_validator, model_validator
+
+from vjm.io.errors import one_line
+from vjm.io.schema import Label
+from vjm.io.sections import Table
+from vjm_updating.experiment.channels import POSE, WRENCH, split_point
+
+Sigma = Annotated[float, Field(ge=0.0, le=1e9)]
+
+
+class SheetError(ValueError):
+    """A sheet that cannot be used; its text is one line that names the file, the key and the remedy."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(" ".join(message.split()))
+
+
+class Test(Table):
+    """What was tested, and by which end the operator steered."""
+
+    __test__ = False  # no test case, whatever pytest thinks of the name
+
+    title: str = ""
+    model: str = Field(min_length=1)
+    control: str = "displacement"
+    gravity: Annotated[list[float], Field(min_length=3, max_length=3)] | None = None
+    source: str = ""
+
+    @field_validator("control")
+    @classmethod
+    def _known(cls, control: str) -> str:
+        if control not in ("displacement", "force") and split_point(control)[1] not in (*POSE, *WRENCH):
+            raise ValueError(f"must be displacement, force or the name of a column, got '{control}'")
+        return control
+
+
+class Instrument(Table):
+    """One channel's errors, 1-sigma: of one reading, of a constant zero error, of the scale factor.
+
+    A reading is ``(1 + scale) · true + zero + noise``.
+    """
+
+    noise: Sigma
+    zero: Sigma = 0.0
+    scale: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    held: Literal["target"] | None = Field(None, description="the rows carry the mark that was steered to")
+    source: str = ""
+
+
+class PointTable(Table):
+    """A point of the chain other than the end-effector that carries a gauge."""
+
+    body: Label
+    at: float = Field(1.0, ge=0.0, le=1.0)
+    source: str = ""
+
+
+class Tolerance(Table):
+    """What the maker promises of the machine, 1-sigma."""
+
+    link_length_mm: Sigma = 0.0
+    modulus_rel: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    source: str = ""
+
+
+class Sheet(Table):
+    """A test sheet."""
+
+    test: Test
+    model: dict[str, Any] = Field({}, description="overrides of the model file's values")
+    postures: dict[Label, list[float]] = Field({}, description="passive joint coordinates in rad")
+    points: dict[Label, PointTable] = Field({})
+    instrument: dict[str, Instrument] = Field({})
+    tolerance: Tolerance = Tolerance()
+    file: str = Field("", exclude=True)
+
+    @model_validator(mode="after")
+    def _instruments(self) -> Sheet:
+        for name in self.instrument:
+            point, channel = split_point(name)
+            if channel not in POSE and (point or channel not in WRENCH):
+                raise ValueError(
+                    f'[instrument."{name}"] is no channel: write one of {", ".join((*POSE, *WRENCH))}, '
+                    "in quotes behind a point's name where it has one"
+                )
+            if point and point not in self.points:
+                raise ValueError(f"[instrument.\"{name}\"]: no point '{point}': add [points.{point}]")
+        return self
+
+    def sigma(self, channel: str) -> Instrument:
+        """What is known of a channel's errors.
+
+        Raises:
+            SheetError: nothing is.
+        """
+        if channel not in self.instrument:
+            key = f'"{channel}"' if "." in channel else channel
+            raise SheetError(f"{self.file}: channel {channel} was measured: add [instrument.{key}] with its noise")
+        return self.instrument[channel]
+
+
+def read_sheet(path: Path) -> Sheet:
+    """A sheet from its file.
+
+    Raises:
+        SheetError: no such file, no TOML, or no sheet; one line.
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise SheetError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise SheetError(f"{path.name}: not UTF-8 text; save it as UTF-8") from error
+    except ValueError as error:
+        raise SheetError(f"{path.name}: not valid TOML: {error}") from error
+    if not content:
+        raise SheetError(f"{path.name}: the file is empty; a sheet needs at least [test] with its model")
+    try:
+        return Sheet.model_validate(content | {"file": path.name})
+    except pydantic.ValidationError as error:
+        raise SheetError(f"{path.name}: {one_line(error, content, _known_keys)}") from error
+
+
+def _known_keys(_: str) -> Iterable[str]:
+    tables: tuple[type[Table], ...] = (Sheet, Test, Instrument, PointTable, Tolerance)
+    return [name for table in tables for name in table.model_fields if name != "file"]

@@ -1,0 +1,148 @@
+"""`validate identify`: a part's compliance from virtual experiments, and the beam behind a compliance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from vjm import __version__
+from vjm.model.chain import Chain
+from vjm_updating.identify import summary_text as words
+from vjm_updating.identify.beam_path import BeamPath
+from vjm_updating.identify.candidates import Form, Target
+from vjm_updating.identify.documents import IdentificationDocument, RepairDocument
+from vjm_updating.identify.experiments import MESHES, measure
+from vjm_updating.identify.fitting import search
+from vjm_updating.identify.matrix_file import RawMatrix, read_matrix
+from vjm_updating.identify.misprints import repairs_of_pair, single_changes
+from vjm_updating.identify.ranges import Range, entry_range
+from vjm_updating.identify.results import (
+    beam_document,
+    experiments_document,
+    intervals,
+    reference_document,
+    repair_document,
+    scaling,
+    searches,
+)
+from vjm_updating.identify.sanity import asymmetric_pairs, mirrored, target
+from vjm_updating.identify.specimens import Specimen, part_specimen
+
+FIT_RESOLUTION = 1e-6
+"""Scaled half-interval in which a measured compliance is met, where its uncertainty is smaller: closer beams are
+the same beam to whoever builds them."""
+PATH_MESHES = (8, 16, 32)
+"""Refinements of a beam path, whose tapers are steps."""
+
+
+def identify_part(chain: Chain, part: str) -> IdentificationDocument:
+    """A part's compliance from virtual experiments, and the uniform beam that it is.
+
+    Args:
+        chain: of a model.
+        part: name of a part, or ``first..last`` for a range without passive joints.
+
+    Raises:
+        ValueError: no such part, or one that cannot be meshed.
+        NoConvergenceError: a finite element solution was not found.
+    """
+    return _by_experiment(part_specimen(chain, part), MESHES, chain.name, chain.sha256)
+
+
+def identify_path(path: BeamPath, sha256: str = "") -> IdentificationDocument:
+    """A beam path's compliance from virtual experiments, and the uniform beam nearest to it.
+
+    Raises:
+        NoConvergenceError: a finite element solution was not found.
+    """
+    return _by_experiment(path.specimen(), PATH_MESHES, path.name, sha256)
+
+
+def identify_matrix(name_or_path: str | Path) -> IdentificationDocument:
+    """The uniform beam behind a matrix of the library or a file, which may be rounded or misprinted.
+
+    Raises:
+        MatrixFileError: no matrix of an elastic body, with the line and the remedy.
+        OSError: the file cannot be read.
+    """
+    return examine(read_matrix(name_or_path))
+
+
+def examine(raw: RawMatrix) -> IdentificationDocument:
+    """As `identify_matrix`, of a matrix already read."""
+    pairs = asymmetric_pairs(raw)
+    changes: list[RepairDocument] = []
+    repaired = raw
+    left_out: list[tuple[int, int]] = []
+    for pair in pairs:
+        tried = repairs_of_pair(repaired, pair, [other for other in pairs if other != pair])
+        others = _others(raw, pairs, pair)
+        changes += [repair_document(raw, one, others) for one in tried]
+        if tried[0].makes_a_beam and not tried[1].makes_a_beam:
+            repaired = mirrored(repaired, pair, tried[0].entry[::-1])
+        else:
+            left_out.append(pair)
+    aim = target(repaired, left_out)
+    found = searches(aim)
+    if not found[-1].met and raw.kind == "compliance" and not pairs:
+        found_changes = [one for form in (Form.STRAIGHT, Form.OFFSET) for one in single_changes(aim, form)]
+        changes += [repair_document(raw, one) for one in found_changes]
+    beams = [beam_document(one) for one in found]
+    return IdentificationDocument(
+        version=__version__,
+        source="matrix",
+        name=raw.file,
+        model=None,
+        sha256=raw.sha256,
+        axes="the file's own",
+        kind=raw.kind,
+        rounding=raw.rounding,
+        compliance=aim.matrix.tolist(),
+        uncertainty=intervals(aim.half),
+        experiments=None,
+        references=[],
+        repairs=changes,
+        beams=beams,
+        findings=[*words.of_matrix(raw, pairs, changes, left_out), *words.of_beams(beams)],
+    )
+
+
+def _others(raw: RawMatrix, pairs: list[tuple[int, int]], pair: tuple[int, int]) -> Range | None:
+    """What the entries outside all asymmetric pairs say of one pair, where a beam meets them."""
+    rest = target(raw, pairs)
+    for form in (Form.STRAIGHT, Form.OFFSET):
+        found = search(rest, form)
+        if found.met:
+            return entry_range([fit for fit in (found.nearest, *found.levelled) if fit.met], *pair)
+    return None
+
+
+def _by_experiment(
+    specimen: Specimen, meshes: tuple[int, int, int], model: str, sha256: str
+) -> IdentificationDocument:
+    measured = measure(specimen, meshes)
+    C = measured.compliance
+    aim = Target(C, np.maximum(measured.uncertainty, FIT_RESOLUTION * scaling(C)))
+    references = [reference_document("beam theory", specimen.theory, C, printed=False)]
+    if specimen.given is not None:
+        references.append(reference_document("model file", specimen.given, C, printed=True))
+    experiments = experiments_document(measured, meshes)
+    beams = [beam_document(one) for one in searches(aim)]
+    return IdentificationDocument(
+        version=__version__,
+        source="part",
+        name=specimen.name,
+        model=model,
+        sha256=sha256,
+        axes=specimen.axes,
+        kind="compliance",
+        rounding=f"of the experiments, at least {FIT_RESOLUTION:g} of √(c_ii c_jj)",
+        compliance=C.tolist(),
+        uncertainty=measured.uncertainty.tolist(),
+        experiments=experiments,
+        references=references,
+        repairs=[],
+        beams=beams,
+        findings=[*words.of_experiments(experiments, references), *words.of_beams(beams)],
+    )

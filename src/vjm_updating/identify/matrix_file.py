@@ -1,0 +1,273 @@
+"""Raw 6×6 matrices from text: six rows of six numbers, or a table of load cases.
+
+The format is described in docs/compliance-matrix-file.md.
+
+Numbers are read as text, for their digits say how well they are known.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from vjm.io.errors import did_you_mean, printed
+from vjm.rotations import Array
+
+KINDS = ("compliance", "stiffness")
+UNITS = ("N mm rad", "N m rad")
+PRINTED = "printed"
+FREEDOMS = {
+    **{str(k + 1): k for k in range(6)},
+    **{name: k for names in ("ux uy uz rx ry rz", "fx fy fz mx my mz") for k, name in enumerate(names.split())},
+}
+"""Freedoms by number, displacement and load."""
+_LIBRARY = resources.files("vjm_updating").joinpath("identify", "matrices")
+_NUMBER = re.compile(r"[+-]?(\d+\.?(\d*)|\.(\d+))(?:[eEdD]([+-]?\d+))?")
+
+
+class MatrixFileError(ValueError):
+    """A matrix file cannot be read; its text is one line that names the file, the line and the remedy."""
+
+
+@dataclass(frozen=True)
+class RawMatrix:
+    """A matrix as its file states it, in N, mm and rad; nothing is checked yet but that it is there.
+
+    Attributes:
+        file: its name, for messages.
+        sha256: of the file.
+        kind: compliance or stiffness.
+        units: in which the file gives it.
+        units_stated: whether it says so itself.
+        rounding: its statement of how well the entries are known.
+        values: ``(6, 6)``.
+        half: ``(6, 6)`` half the interval for which each entry stands.
+        texts: ``(6, 6)`` entries as written.
+        lines: line ``(6, 6)`` of each entry.
+    """
+
+    file: str
+    sha256: str
+    kind: str
+    units: str
+    units_stated: bool
+    rounding: str
+    values: Array
+    half: Array
+    texts: tuple[tuple[str, ...], ...]
+    lines: tuple[tuple[int, ...], ...]
+
+
+def read_matrix(name_or_path: str | Path) -> RawMatrix:
+    """The matrix of a file.
+
+    Args:
+        name_or_path: one of `matrix_names`, such as ``bar-20-as-printed``, or a path.
+
+    Raises:
+        MatrixFileError: no matrix, or not one of 6×6 finite numbers.
+        OSError: the file cannot be read.
+    """
+    path = Path(name_or_path)
+    if isinstance(name_or_path, str) and name_or_path in matrix_names():
+        raw = _LIBRARY.joinpath(f"{name_or_path}.txt").read_bytes()
+    elif not path.exists():
+        names = matrix_names()
+        hint = did_you_mean(str(name_or_path), names)
+        raise MatrixFileError(f"{name_or_path}: no such file; give a path or one of {', '.join(names)}{hint}")
+    else:
+        raw = path.read_bytes()
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise MatrixFileError(f"{path.name}: not UTF-8 text; save it as UTF-8") from None
+    return parse_matrix(text, path.name, hashlib.sha256(raw).hexdigest())
+
+
+def matrix_names() -> list[str]:
+    """The matrices that come with the package, by name."""
+    return sorted(file.name.removesuffix(".txt") for file in _LIBRARY.iterdir())
+
+
+def parse_matrix(text: str, file: str, sha256: str = "") -> RawMatrix:
+    """As `read_matrix`, of a text."""
+    reader = _Reader(text, file)
+    values = np.array([[_value(word) for word in row] for row in reader.texts])
+    half = reader.half(values)
+    units = reader.header.get("units", UNITS[0])
+    kind = reader.header.get("kind", KINDS[0])
+    if units == "N m rad":
+        factor = np.ones((6, 6))
+        factor[:3, :3], factor[3:, 3:] = (1e3, 1e-3) if kind == "compliance" else (1e-3, 1e3)
+        values, half = values * factor, half * factor
+    rounding = reader.header.get("rounding", PRINTED)
+    stated = "units" in reader.header
+    return RawMatrix(file, sha256, kind, units, stated, rounding, values, half, reader.texts, reader.lines)
+
+
+def half_unit(word: str) -> float:
+    """Half a unit of a number's last written digit: 0.5e-5 of ``28e-5``, 0.005 of ``1.20``."""
+    match = _NUMBER.fullmatch(word)
+    assert match is not None
+    decimals = len(match[2] or match[3] or "")
+    return 0.5 * 10.0 ** (int(match[4] or 0) - decimals)
+
+
+def _value(word: str) -> float:
+    return float(word.lower().replace("d", "e"))
+
+
+class _Reader:
+    """A file taken apart."""
+
+    def __init__(self, text: str, file: str) -> None:
+        self.file = file
+        self.header: dict[str, str] = {}
+        rows: list[tuple[int, list[str]]] = []
+        for number, words in _lines(text):
+            if "=" in words:
+                self._head(number, words)
+            else:
+                rows.append((number, words))
+        if not rows:
+            raise MatrixFileError(f"{file}: holds no matrix: write six rows of six numbers")
+        table = any(words[0].lower() == "case" for _, words in rows)
+        grid = self._table(rows) if table else self._plain(rows)
+        self.texts = tuple(tuple(word for word, _ in row) for row in grid)
+        self.lines = tuple(tuple(line for _, line in row) for row in grid)
+
+    def half(self, values: Array) -> Array:
+        """Half-intervals ``(6, 6)``, in the file's units.
+
+        A zero stands for nothing at all as often as for something small, and its digits say little: it is taken as
+        zero within what its row's and column's diagonal entries resolve.
+        """
+        rounding = self.header.get("rounding", PRINTED)
+        diagonal = np.abs(np.diag(values))
+        if rounding != PRINTED:
+            return float(rounding.split()[1]) * np.sqrt(np.outer(diagonal, diagonal))
+        half = np.array([[half_unit(word) for word in row] for row in self.texts])
+        seen = np.sqrt(np.outer(np.diag(half), np.diag(half)))
+        return np.where(values == 0.0, seen, half)
+
+    def _fail(self, line: int, message: str) -> MatrixFileError:
+        return MatrixFileError(f"{self.file}: line {line}: {message}")
+
+    def _head(self, line: int, words: list[str]) -> None:
+        key, value = (part.strip() for part in " ".join(words).split("=", 1))
+        if key in self.header:
+            raise self._fail(line, f"{key} stands twice: leave one")
+        if key == "units":
+            allowed = value in UNITS
+            remedy = f"must be {' or '.join(UNITS)}, got '{value}': convert the numbers"
+        elif key == "kind":
+            allowed = value in KINDS
+            remedy = f"must be {' or '.join(KINDS)}, got '{value}'"
+        elif key == "rounding":
+            allowed = value == PRINTED or self._relative(value)
+            remedy = f"must be 'printed' or 'rel' and a number above 0 and below 1, got '{value}'"
+        else:
+            known = ["units", "kind", "rounding"]
+            raise self._fail(
+                line, f"unknown key '{key}'{did_you_mean(key, known) or '; known are ' + ', '.join(known)}"
+            )
+        if not allowed:
+            raise self._fail(line, f"{key} {remedy}")
+        self.header[key] = value
+
+    @staticmethod
+    def _relative(value: str) -> bool:
+        words = value.split()
+        return (
+            len(words) == 2 and words[0] == "rel" and bool(_NUMBER.fullmatch(words[1])) and 0 < _value(words[1]) < 1
+        )
+
+    def _number(self, line: int, word: str, where: str) -> str:
+        if word.lower().lstrip("+-") in ("nan", "inf", "infinity"):
+            raise self._fail(line, f"{where} is {word}: a matrix needs six rows of six finite numbers")
+        if not _NUMBER.fullmatch(word) or not math.isfinite(_value(word)):
+            raise self._fail(line, f"{where} is '{word}', which is no number: write it like 2.8e-4")
+        return word
+
+    def _plain(self, rows: list[tuple[int, list[str]]]) -> list[list[tuple[str, int]]]:
+        for row, (line, words) in enumerate(rows, 1):
+            if row > 6:
+                raise self._fail(line, f"a seventh row, of {len(rows)}: a matrix has six rows of six numbers")
+            if len(words) != 6:
+                raise self._fail(line, f"row {row} has {len(words)} entries: a matrix has six rows of six numbers")
+        if len(rows) < 6:
+            raise self._fail(rows[-1][0], f"the matrix ends after {len(rows)} rows: give six rows of six numbers")
+        return [
+            [(self._number(line, word, f"entry ({i},{j})"), line) for j, word in enumerate(words, 1)]
+            for i, (line, words) in enumerate(rows, 1)
+        ]
+
+    def _table(self, rows: list[tuple[int, list[str]]]) -> list[list[tuple[str, int]]]:
+        cells: dict[tuple[int, int], tuple[str, int]] = {}
+        case, size, node = -1, 1.0, ""
+        seen: dict[int, int] = {}
+        for line, words in rows:
+            if len(words) != 3:
+                raise self._fail(line, f"{len(words)} words: write 'case dof size' or 'node dof value'")
+            freedom = FREEDOMS.get(words[1].lower())
+            if freedom is None:
+                raise self._fail(line, f"'{words[1]}' is no degree of freedom: write 1 to 6, or ux uy uz rx ry rz")
+            if words[0].lower() == "case":
+                if freedom in seen:
+                    raise self._fail(line, f"case {words[1]} stands already in line {seen[freedom]}: leave one")
+                case, size = freedom, _value(self._number(line, words[2], f"the size of case {words[1]}"))
+                seen[case] = line
+                if size == 0.0:
+                    raise self._fail(line, f"case {words[1]} has the size 0: give the load that was applied")
+                continue
+            if case < 0:
+                raise self._fail(line, "a value before the first case: write 'case dof size' above it")
+            node = node or words[0]
+            if words[0] != node:
+                raise self._fail(line, f"node {words[0]} after node {node}: keep the loaded node's lines only")
+            if (freedom, case) in cells:
+                raise self._fail(
+                    line, f"dof {words[1]} stands already in line {cells[freedom, case][1]}: leave one"
+                )
+            word = self._number(line, words[2], f"dof {words[1]} of the case in line {seen[case]}")
+            cells[freedom, case] = (_divided(word, size), line)
+        missing = [(i, j) for j in range(6) for i in range(6) if (i, j) not in cells]
+        if missing:
+            i, j = missing[0]
+            raise self._fail(
+                seen.get(j, rows[-1][0]),
+                f"dof {i + 1} under case {j + 1} is missing (and {len(missing) - 1} more): "
+                "six cases with six values each are needed",
+            )
+        return [[cells[i, j] for j in range(6)] for i in range(6)]
+
+
+def _divided(word: str, size: float) -> str:
+    """A written number over a size, with as many significant digits as it had."""
+    mantissa = re.split(r"[eEdD]", word.lstrip("+-"))[0].replace(".", "").lstrip("0")
+    return word if size == 1.0 or not mantissa else f"{_value(word) / size:.{len(mantissa) - 1}e}"
+
+
+def _lines(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Lines that are not empty without their comments, as words; commas part words too."""
+    for number, line in enumerate(text.splitlines(), 1):
+        words = line.split("#", 1)[0].replace(",", " ").replace("=", " = ").split()
+        if words:
+            yield number, words
+
+
+def entry_name(i: int, j: int) -> str:
+    """``(2,6)`` of the entry with the zero-based indices 1 and 5."""
+    return f"({i + 1},{j + 1})"
+
+
+def as_written(value: float) -> str:
+    """A proposed value, to four digits."""
+    return printed(value, 4)

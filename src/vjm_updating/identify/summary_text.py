@@ -1,0 +1,216 @@
+"""What was identified, in sentences and tables for people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
+
+from vjm.io.errors import printed
+from vjm_updating.identify.candidates import Form
+from vjm_updating.identify.documents import (
+    BeamDocument,
+    ExperimentsDocument,
+    IdentificationDocument,
+    RangeDocument,
+    ReferenceDocument,
+    RepairDocument,
+)
+from vjm_updating.identify.matrix_file import RawMatrix, entry_name
+from vjm_updating.identify.ranges import STIFFNESSES
+
+NOTHING = 1e-6
+"""Of mm and degrees: what is left of an exact zero."""
+NARROW = 1e-4
+"""Half-width of a range, relative, below which it is written as ±."""
+
+_LABELS = {
+    "length_mm": "length, mm",
+    "azimuth_deg": "direction in the x–y plane, °",
+    "elevation_deg": "direction out of it, °",
+    "offset_x_mm": "offset x, mm",
+    "offset_y_mm": "offset y, mm",
+    "offset_z_mm": "offset z, mm",
+    "EA_N": "EA, N",
+    "GJ_Nmm2": "GJ, N mm²",
+    "EIy_Nmm2": "EI_y, N mm²",
+    "EIz_Nmm2": "EI_z, N mm²",
+    "GAy_N": "GA_y, N",
+    "GAz_N": "GA_z, N",
+}
+
+
+def of_experiments(found: ExperimentsDocument, references: Sequence[ReferenceDocument]) -> list[str]:
+    """Sentences on how the compliance was measured and what it agrees with."""
+    lines = [
+        f"linear to {found.linearity:.1e}, the mesh known to {found.discretisation:.1e}, rounding "
+        f"{found.rounding:.1e}; an asymmetry of {found.asymmetry:.1e} was removed (all over √(c_ii c_jj))"
+    ]
+    if found.order is not None:
+        lines.append(
+            f"order {found.order:.2f} over {', '.join(map(str, found.elements))} elements a piece, "
+            + ("extrapolated" if found.extrapolated else "too irregular to extrapolate")
+        )
+    else:
+        lines.append(f"meshes of {', '.join(map(str, found.elements))} elements a beam agree to rounding")
+    if not found.positive_definite:
+        lines.append(
+            f"NOT positive definite: smallest scaled eigenvalue {found.smallest_eigenvalue:.1e}; the body does not "
+            "give way in some direction, or hardly"
+        )
+    for reference in references:
+        line = f"{reference.name}: within {reference.difference:.1e}"
+        if reference.digits is not None:
+            met = (
+                "every printed entry is met"
+                if not reference.outside
+                else "printed entries not met: "
+                + ", ".join(
+                    f"{entry} by {abs(miss):.1f} half units of its last digit"
+                    for entry, miss in reference.outside.items()
+                )
+            )
+            line += f"; to {reference.digits} digits {met}"
+        lines.append(line)
+    return lines
+
+
+def of_matrix(
+    raw: RawMatrix,
+    pairs: Sequence[tuple[int, int]],
+    repairs: Sequence[RepairDocument],
+    left_out: Sequence[tuple[int, int]],
+) -> list[str]:
+    """Sentences on what is wrong with a matrix, and what would mend it."""
+    lines = []
+    for i, j in pairs:
+        both = (entry_name(i, j), entry_name(j, i))
+        lines.append(f"not symmetric: {both[0]} = {raw.texts[i][j]} but {both[1]} = {raw.texts[j][i]}")
+        tried = [one for one in repairs if one.entry in both]
+        for one in tried:
+            outcome = (
+                f"a uniform beam, {one.form}, meets every entry"
+                if one.makes_a_beam
+                else "no elastic body has that matrix"
+                if one.worst_misfit is None
+                else f"no uniform beam comes nearer than {one.worst_misfit:.1f} half-intervals to every entry"
+            )
+            if one is tried[0] and one.others_low is not None and one.others_high is not None:
+                span = f"{printed(one.others_low, 4)} to {printed(one.others_high, 4)}"
+                lines.append(f"the other entries alone, as a uniform beam's, put {both[0]} at {span}")
+            lines.append(f"with {one.entry} = {printed(one.proposed, 6)}: {outcome}")
+        if (i, j) in left_out:
+            lines.append(f"{both[0]} and {both[1]} are left out below: no single change of them alone decides")
+        else:
+            best = min(tried, key=lambda one: float("inf") if one.worst_misfit is None else one.worst_misfit)
+            lines.append(
+                f"misprint: {best.entry} = {best.written} is inconsistent with a beam; "
+                f"proposed: {best.entry} = {printed(best.proposed)}, as {both[both[0] == best.entry]} says"
+            )
+    if not pairs:
+        for one in repairs:
+            lines.append(
+                f"if {one.entry} = {one.written} alone is wrong, {printed(one.proposed, 4)} would let a uniform "
+                f"beam, {one.form}, meet every entry"
+            )
+    return lines
+
+
+def of_beams(beams: Sequence[BeamDocument]) -> list[str]:
+    """A sentence on each form of beam that was tried."""
+    lines = []
+    for beam in beams:
+        if beam.met:
+            lines.append(
+                f"a uniform beam, {beam.form}, meets every entry: {_shape(beam)}; worst {beam.worst_entry} by "
+                f"{beam.worst_misfit:.2f} half-intervals"
+            )
+            if beam.not_identifiable:
+                names = ", ".join(name.split("_")[0] if "_" in name else name for name in beam.not_identifiable)
+                lines.append(f"not identifiable from these entries: {names}")
+            if beam.form == Form.OFFSET.value:
+                lines.append("the beam that starts at this one's far end and runs back has the same matrix")
+        else:
+            lines.append(
+                f"no uniform beam, {beam.form}, meets every entry: the worst is at least "
+                f"{printed(beam.smallest_worst_misfit, 2)} half-intervals off; the nearest by least squares has "
+                f"{_shape(beam)}, and misses {beam.worst_entry} by {printed(beam.worst_misfit, 2)}; no entry by "
+                f"more than {printed(100.0 * beam.worst_scaled, 2)} % of √(c_ii c_jj)"
+            )
+    if beams and not beams[-1].met:
+        lines.append("so it is no uniform beam: keep the matrix, or describe the part in several pieces")
+    return lines
+
+
+def show(console: Console, document: IdentificationDocument) -> None:
+    """Print a document."""
+    title = f"{document.model}: {document.name}" if document.model else document.name
+    console.print(f"{title}, compliance in mm/N, 1/N, rad/(N mm), axes: {document.axes}", soft_wrap=True)
+    console.print(_matrix(document))
+    for beam in document.beams:
+        console.print(_beam(beam))
+    for line in document.findings:
+        console.print(line, soft_wrap=True, highlight=False, markup=False)
+
+
+def _shape(beam: BeamDocument) -> str:
+    text = f"{beam.length_mm:.4g} mm along ({', '.join(f'{v + 0.0:.3f}' for v in _tidy(beam.direction))})"
+    if any(beam.offset_mm):
+        text += f", then rigidly ({', '.join(f'{v:.2f}' for v in _tidy(beam.offset_mm))}) mm"
+    return text
+
+
+def _tidy(values: Sequence[float]) -> list[float]:
+    """Without what would print as a negative zero."""
+    return [0.0 if abs(value) < 5e-4 else value for value in values]
+
+
+def _matrix(document: IdentificationDocument) -> Table:
+    table = Table(show_header=False, box=SIMPLE)
+    for row, uncertainties in zip(document.compliance, document.uncertainty, strict=True):
+        cells = []
+        for value, open_ in zip(row, uncertainties, strict=True):
+            if open_ is None:
+                cells.append("left out")
+            else:
+                # an entry below its own uncertainty is nothing
+                cells.append(f"{value:.5g} ± {open_:.1g}" if abs(value) > open_ else f"0 ± {open_:.1g}")
+        table.add_row(*cells)
+    return table
+
+
+def _beam(beam: BeamDocument) -> Table:
+    mark = "meets every entry" if beam.met else "does not meet every entry"
+    table = Table(title=f"uniform beam, {beam.form}: {mark}", title_justify="left", box=SIMPLE)
+    table.add_column("")
+    table.add_column("value", justify="right")
+    if beam.ranges:
+        table.add_column("over all beams that meet every entry", justify="right")
+    x, y, z = beam.direction
+    values: dict[str, float | None] = {
+        "length_mm": beam.length_mm,
+        "azimuth_deg": math.degrees(math.atan2(y, x)),
+        "elevation_deg": math.degrees(math.asin(max(-1.0, min(1.0, z)))),
+    }
+    if beam.form == Form.OFFSET.value:
+        values |= {f"offset_{axis}_mm": v for axis, v in zip("xyz", beam.offset_mm, strict=True)}
+    names = STIFFNESSES if beam.form == Form.SHEARED.value else STIFFNESSES[:4]
+    values |= {name: getattr(beam, name) for name in names}
+    for name, value in values.items():
+        text = "infinite" if value is None else printed(0.0 if abs(value) < NOTHING else value, 6)
+        table.add_row(_LABELS[name], text, *([_span(beam.ranges.get(name))] if beam.ranges else []))
+    return table
+
+
+def _span(span: RangeDocument | None) -> str:
+    if span is None:
+        return ""
+    if span.high is None:
+        return f"at least {printed(span.low, 4)}"
+    half = 0.5 * (span.high - span.low)
+    if half < NARROW * max(abs(span.low), abs(span.high), 1.0):
+        return f"± {half:.1g}"
+    return f"{printed(span.low, 5)} to {printed(span.high, 5)}"

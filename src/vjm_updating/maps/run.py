@@ -1,0 +1,207 @@
+"""Running a map: tasks over processes or a cluster, each kept as it finishes: a run goes on where it ended."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vjm import __version__
+from vjm.batch import map_all
+from vjm.io.files import check_writable, write_whole
+from vjm.platform.manipulator import Manipulator
+from vjm.rotations import Array
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.maps.documents import MapDocument, MapTaskDocument
+from vjm_updating.maps.evaluate import COLUMNS, MapRows, MapTask, Quantity, compiled_for, evaluate
+from vjm_updating.maps.pose_grid import Grid
+
+COMPILED, WHOLE = {Quantity.CRITICAL: 20, Quantity.STIFFNESS: 400, Quantity.DEFLECTION: 400}, 4
+"""Poses of a task, where the machine is compiled and where not: a second's work or so, which can be lost."""
+RETRIES = 5
+"""Times that a cluster may lose a task with its worker before it gives up."""
+PATIENCE = "10s"
+"""How long a scheduler has to answer."""
+
+
+@dataclass(frozen=True)
+class Map:
+    """What is to be mapped.
+
+    Attributes:
+        manipulator: the machine.
+        springs: how its beams become springs.
+        quantity: what is asked at each pose.
+        grid: of poses.
+        wrench: on the platform, N, N mm.
+        most: largest force tried for a critical one, N.
+    """
+
+    manipulator: Manipulator
+    springs: VjmEngine
+    quantity: Quantity
+    grid: Grid
+    wrench: tuple[float, ...] = (0.0,) * 6
+    most: float = 20_000.0
+
+    @property
+    def document(self) -> MapDocument:
+        """What makes two maps the same."""
+        return MapDocument(
+            model=self.manipulator.name,
+            model_sha256=self.manipulator.sha256,
+            version=__version__,
+            engine=self.springs.label,
+            quantity=str(self.quantity),
+            columns=list(COLUMNS[self.quantity]),
+            grid_mm=[list(axis) for axis in self.grid.axes],
+            wrench=list(self.wrench),
+            most_N=self.most,
+        )
+
+    def tasks(self) -> list[MapTask]:
+        """The poses in pieces, neighbours together."""
+        poses = self.grid.poses()
+        size = COMPILED[self.quantity] if compiled_for(self.manipulator) else WHOLE
+        starts = range(0, len(poses), size)
+        return [
+            MapTask(
+                i, self.manipulator, self.springs, self.quantity, poses[a : a + size], self.wrench, self.most
+            )
+            for i, a in enumerate(starts)
+        ]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class MapResult:
+    """A finished map; n poses.
+
+    Attributes:
+        map: what was asked.
+        values: ``(n, c)``, nan where there is no answer.
+        why: ``(n,)`` ``ok``, or why there is none.
+    """
+
+    map: Map
+    values: Array
+    why: tuple[str, ...]
+
+
+class MapStore:
+    """The finished tasks of a map in its folder."""
+
+    def __init__(self, folder: Path, wanted: Map) -> None:
+        """Open or make a folder.
+
+        Raises:
+            ValueError: it holds another map.
+            OSError: it cannot be written to.
+        """
+        self.folder = folder
+        check_writable(folder)
+        text = wanted.document.model_dump_json(indent=1)
+        self._digest = hashlib.sha256(text.encode()).hexdigest()
+        description = folder / "map.json"
+        if description.exists() and description.read_text(encoding="utf-8") != text:
+            raise ValueError(f"{description}: this folder holds another map; give another --out, or empty it")
+        write_whole(description, text)
+
+    def _file(self, index: int) -> Path:
+        return self.folder / "tasks" / f"{index:06d}.json"
+
+    def find(self, task: MapTask) -> MapRows | None:
+        """The rows of a finished task, if there are any."""
+        try:
+            found = MapTaskDocument.model_validate_json(self._file(task.index).read_text(encoding="utf-8"))
+            values = np.array(found.values, dtype=float).reshape(len(task.poses), len(COLUMNS[task.quantity]))
+        except (OSError, ValueError):
+            return None
+        if found.map != self._digest or len(found.why) != len(task.poses):
+            return None
+        return MapRows(task.index, values, found.why)
+
+    def keep(self, rows: MapRows) -> None:
+        """Write a task's rows, whole or not at all."""
+        values = [[None if np.isnan(v) else float(v) for v in row] for row in rows.values]
+        found = MapTaskDocument(map=self._digest, values=values, why=rows.why)
+        write_whole(self._file(rows.task), found.model_dump_json())
+
+
+def run_map(
+    wanted: Map,
+    folder: Path,
+    jobs: int = 1,
+    scheduler: str = "",
+    progress: Callable[[int, int], None] | None = None,
+) -> MapResult:
+    """Evaluate a map, from where an earlier run of the same one ended.
+
+    Args:
+        wanted: the map.
+        folder: where its tasks are kept.
+        jobs: processes, where there is no scheduler.
+        scheduler: address of a Dask scheduler, such as ``tcp://host:8786``.
+        progress: called with the poses that are done, and of how many.
+
+    Raises:
+        ValueError: the folder holds another map, or no scheduler answers.
+        ImportError: a scheduler is named, but the optional extra is not installed.
+    """
+    store = MapStore(folder, wanted)
+    tasks = wanted.tasks()
+    found: dict[int, MapRows] = {}
+    total, done = len(wanted.grid), 0
+
+    def finish(rows: MapRows) -> None:
+        nonlocal done
+        found[rows.task] = rows
+        done += len(rows.why)
+        if progress is not None:
+            progress(done, total)
+
+    missing = []
+    for task in tasks:
+        rows = store.find(task)
+        if rows is None:
+            missing.append(task)
+        else:
+            finish(rows)
+
+    def keep(rows: MapRows) -> None:
+        store.keep(rows)
+        finish(rows)
+
+    if scheduler:
+        for rows in _on_cluster(scheduler, missing):
+            keep(rows)
+    elif missing:
+        if jobs > 1 and compiled_for(wanted.manipulator):
+            # compiled here once, or every process would do it
+            evaluate(replace(missing[0], poses=missing[0].poses[:1]))
+        map_all(evaluate, missing, min(jobs, len(missing)), done=lambda _, rows: keep(rows))
+    ordered = [found[task.index] for task in tasks]
+    return MapResult(wanted, np.vstack([rows.values for rows in ordered]), tuple(w for r in ordered for w in r.why))
+
+
+def _on_cluster(address: str, tasks: list[MapTask]) -> Iterator[MapRows]:
+    """Rows of the tasks as a Dask cluster finishes them; what dies with a worker is done again by another."""
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError:
+        raise ImportError(
+            "--scheduler needs Dask: install the optional extra, pip install 'vjm-stiffness[cluster]'"
+        ) from None
+    try:
+        client = distributed.Client(address, timeout=PATIENCE)
+    except (OSError, ValueError, TypeError) as failure:
+        reason = " ".join(str(failure).split())[:200]
+        raise ValueError(f"--scheduler {address}: no Dask scheduler answers there ({reason})") from None
+    with client:
+        futures = [client.submit(evaluate, task, pure=False, retries=RETRIES) for task in tasks]
+        for _, rows in distributed.as_completed(futures, with_results=True):
+            yield rows

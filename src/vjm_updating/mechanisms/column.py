@@ -1,0 +1,208 @@
+"""A pinned column steered by the deflection of its middle: large deflections, a bow, and bending beyond yield.
+
+The line of action passes through both pins, so that the bending moment is the force times the distance from it.
+From the middle outwards ``dy/ds = sin θ``, ``dθ/ds = −(κ(P y) + κ₀(s))`` with κ the curvature that a moment makes
+and κ₀ that of the bow. P is such that y vanishes at the pin: the elastica where κ = M/EI, and the limit of many
+virtual springs. Loading must be monotone: what has yielded is taken to follow the same curve (deformation theory).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from vjm.kernels.compilation import entry, kernel
+from vjm.rotations import Array
+
+STEPS = 24
+"""Of the fourth-order Runge-Kutta rule over half the column."""
+FIBRES = 160
+"""Over half the depth of the section."""
+FAR = 60.0
+"""Curvature over that at the proof stress up to which moments are tabulated."""
+CURVATURES = 160
+"""At which moments are tabulated."""
+ROUNDS = 90
+"""Of the search for the force."""
+
+
+@dataclass(frozen=True)
+class Fibres:
+    """What bending beyond yield needs of a section.
+
+    Attributes:
+        depth: in the plane of bending, mm.
+        core: depth of a hollow core of the same shape, mm; zero where it is solid.
+        area: mm².
+    """
+
+    depth: float
+    core: float
+    area: float
+
+    def widths(self) -> tuple[Array, Array]:
+        """Distances ``(k,)`` from the middle over half the depth, and the widths there over the section's own."""
+        y = (np.arange(FIBRES) + 0.5) / FIBRES
+        inner = self.core / self.depth
+        return y, np.where(y < inner, 1.0 - inner, 1.0)
+
+
+@lru_cache(maxsize=64)
+def yield_curve(fibres: Fibres, exponent: float, offset: float) -> tuple[Array, Array]:
+    """Moments ``(k,)`` over that at which the outer fibre would reach the proof stress elastically, by curvatures.
+
+    Each fibre follows Ramberg and Osgood (NACA TN 902, 1943), ``ε/ε_p = σ/σ_p + offset (σ/σ_p)^exponent``, with ε_p
+    the elastic strain at the proof stress σ_p. The larger the exponent the sharper the knee.
+
+    Args:
+        fibres: of the section.
+        exponent: of the law.
+        offset: permanent strain that defines the proof stress, over ε_p.
+    """
+    y, width = fibres.widths()
+    curvature = np.concatenate([[0.0], np.geomspace(0.05, FAR, CURVATURES)])
+    # beyond the proof stress strain grows with a high power: stresses are spaced by it
+    highest = max((FAR / offset) ** (1.0 / exponent), 1.0)
+    share = np.concatenate(
+        [np.linspace(0.0, 0.9, 200), highest - (highest - 0.9) * np.linspace(1.0, 0.0, 600)[1:] ** 2]
+    )
+    strain = share + offset * share**exponent
+    stress = np.interp(curvature[:, None] * y, strain, share)
+    moment = (stress * y * width).sum(axis=1)
+    elastic = float((y * y * width).sum())
+    return moment / elastic, curvature
+
+
+def column_force(
+    deflection: Array,
+    length: float,
+    stiffness: float,
+    bow: float = 0.0,
+    proof: float = float("inf"),
+    fibres: Fibres | None = None,
+    exponent: float = 40.0,
+    offset: float = 0.5,
+) -> Array:
+    """Compressive forces ``(n,)`` at deflections of the middle from the unloaded shape.
+
+    Args:
+        deflection: ``(n,)`` mm.
+        length: between the pins, mm.
+        stiffness: EI, N mm².
+        bow: amplitude of the half sine wave of the unloaded shape, mm, towards positive deflections.
+        proof: bending moment, N mm, at which the outer fibre would reach the proof stress elastically; infinite
+            where it never yields.
+        fibres: of the section, where it yields.
+        exponent: see `yield_curve`.
+        offset: see `yield_curve`.
+
+    Returns:
+        N; Euler's load where a straight column is not deflected.
+    """
+    moments, curvatures = np.array([0.0, 1.0]), np.array([0.0, 1.0])
+    if fibres is not None and np.isfinite(proof):
+        moments, curvatures = yield_curve(fibres, exponent, offset)
+    scale = proof if len(moments) > 2 else stiffness / length
+    start = np.asarray(deflection, dtype=float) + bow
+    force = np.empty(len(start))
+    _forces(start, length, stiffness, bow, scale, moments, curvatures, force)
+    return force
+
+
+@entry
+def _forces(
+    start: Array,
+    length: float,
+    stiffness: float,
+    bow: float,
+    scale: float,
+    moments: Array,
+    curvatures: Array,
+    force: Array,
+) -> None:
+    """Write the forces ``(n,)`` by bisection and false position; the moment ``scale`` has the curve's unit."""
+    euler = np.pi**2 * stiffness / length**2
+    for i in range(len(start)):
+        y0 = start[i] if abs(start[i]) > 1e-6 else 1e-6
+        low, high = -4.0 * euler, 2.0 * euler
+        at_low = _end(low, y0, length, bow, stiffness, scale, moments, curvatures)
+        at_high = _end(high, y0, length, bow, stiffness, scale, moments, curvatures)
+        P = low
+        side = 0
+        for k in range(ROUNDS):
+            P = 0.5 * (low + high)
+            if k % 4 != 3 and at_high != at_low:
+                P = high - at_high * (high - low) / (at_high - at_low)
+                P = min(max(P, low + 1e-3 * (high - low)), high - 1e-3 * (high - low))
+            value = _end(P, y0, length, bow, stiffness, scale, moments, curvatures)
+            if abs(value) < 1e-12 or high - low < 1e-11 * euler:
+                break
+            # Illinois: the end that stays twice counts half
+            if value > 0.0:
+                low, at_low = P, value
+                at_high *= 0.5 if side == 1 else 1.0
+                side = 1
+            else:
+                high, at_high = P, value
+                at_low *= 0.5 if side == -1 else 1.0
+                side = -1
+        force[i] = P
+
+
+@kernel
+def _curvature(M: float, stiffness: float, scale: float, moments: Array, curvatures: Array) -> float:
+    """Curvature that a moment makes."""
+    m = abs(M) / scale
+    n = len(moments)
+    if n == 2:
+        return M / stiffness
+    if m <= moments[1]:
+        k = m
+    else:
+        j = min(max(int(np.searchsorted(moments, m)), 1), n - 1)
+        share = (m - moments[j - 1]) / (moments[j] - moments[j - 1])
+        k = curvatures[j - 1] + share * (curvatures[j] - curvatures[j - 1])
+    k *= scale / stiffness
+    return k if M > 0.0 else -k
+
+
+@kernel
+def _end(
+    P: float,
+    y0: float,
+    length: float,
+    bow: float,
+    stiffness: float,
+    scale: float,
+    moments: Array,
+    curvatures: Array,
+) -> float:
+    """Distance of the pin from the line of action over that of the middle, between −1 and 1."""
+    h = 0.5 * length / STEPS
+    own = bow * (np.pi / length) ** 2
+    y, turn = y0, 0.0
+    sign = 1.0 if y0 > 0.0 else -1.0
+    for k in range(STEPS):
+        s = k * h
+        a = np.sin(turn)
+        b = -_curvature(P * y, stiffness, scale, moments, curvatures) - own * np.cos(np.pi * s / length)
+        middle = own * np.cos(np.pi * (s + 0.5 * h) / length)
+        y1, t1 = y + 0.5 * h * a, turn + 0.5 * h * b
+        c, d = np.sin(t1), -_curvature(P * y1, stiffness, scale, moments, curvatures) - middle
+        y2, t2 = y + 0.5 * h * c, turn + 0.5 * h * d
+        e, f = np.sin(t2), -_curvature(P * y2, stiffness, scale, moments, curvatures) - middle
+        y3, t3 = y + h * e, turn + h * f
+        g = np.sin(t3)
+        i = -_curvature(P * y3, stiffness, scale, moments, curvatures) - own * np.cos(np.pi * (s + h) / length)
+        y += h / 6.0 * (a + 2.0 * c + 2.0 * e + g)
+        turn += h / 6.0 * (b + 2.0 * d + 2.0 * f + i)
+        # beyond a right angle, or across the line of action, the force is too large, wherever the curl ends
+        if turn * sign < -0.5 * np.pi:
+            return -1.0
+        if turn * sign > 0.5 * np.pi:
+            return 1.0
+        if y * sign < 0.0 and k < STEPS - 1:
+            return max(y * sign / abs(y0), -1.0) if y * sign / abs(y0) < -1e-3 else -1e-3
+    return min(max(y * sign / abs(y0), -1.0), 1.0)

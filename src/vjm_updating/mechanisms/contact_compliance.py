@@ -1,0 +1,60 @@
+"""A contact in series, whose displacement grows as a power below one of the force."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from vjm.rotations import Array
+from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
+from vjm_updating.mechanisms.element_sites import drive
+from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.series_elements import AlongLine, Element, memoryless
+
+BLUNT = 0.5
+"""N below which the power law's infinite slope is rounded off."""
+
+
+@dataclass(frozen=True)
+class ContactCompliance(Effect):
+    """``x = x₁ (|N|/1000 N)^p`` with the sign of N; Hertz's p is 2/3.
+
+    Attributes:
+        part: ``actuator`` or ``joints``.
+    """
+
+    part: str = "actuator"
+    cause = "contact_compliance"
+    title = "a contact in series, like Hertz's"
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Displacement at 1 kN, and the power."""
+        return (
+            Quantity("displacement_at_1kN_mm", 0.0, 2.0, 0.01, neutral=0.0),
+            Quantity("exponent", 0.3, 0.95, 0.1, usual=2.0 / 3.0, spread=0.1),
+        )
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Hertz's."""
+        return [(0.01, 2.0 / 3.0)]
+
+    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+        """One element with that law."""
+        size, p = values
+
+        def law(N: Array) -> tuple[Array, Array]:
+            r = (N / 1000.0) ** 2 + (BLUNT / 1000.0) ** 2
+            power = r ** (0.5 * (p - 1.0))
+            x = size * N / 1000.0 * power
+            slope = size / 1000.0 * power * (1.0 + (p - 1.0) * (N / 1000.0) ** 2 / r)
+            return x, slope
+
+        place = drive(machine) if self.part == "actuator" else AlongLine()
+        return (Element(place, memoryless(law)),)
+
+
+def effects(scene: Scene) -> list[Effect]:
+    """In the drive's bearings, and in the joints'."""
+    has = ModifiedChain(scene.chain, scene.engine).drive_axis is not None
+    found: list[Effect] = [ContactCompliance("actuator")] if has else []
+    return [*found, ContactCompliance("joints")] if scene.chain.joints else found

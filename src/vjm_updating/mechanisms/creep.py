@@ -1,0 +1,89 @@
+"""A force that relaxes while the displacement is held: a solid with a spring and two retarded terms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.model.chain import FOOT
+from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
+from vjm_updating.mechanisms.element_sites import drive, foot
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
+from vjm_updating.mechanisms.series_elements import AlongLine, Element, Place, retarded, together
+
+LATER = 6.0
+"""Time of the slow term over that of the fast one: materials relax over decades of time, which two terms cover."""
+
+
+@dataclass(frozen=True)
+class Creep(Effect):
+    """A share φ of the part's stiffness relaxes; at first it is nominal, in the end ``(1 − φ)`` of that.
+
+    Its compliance then gains ``φ/(1 − φ)``, delayed by ``τ/(1 − φ)`` for a relaxation time τ; a
+    part of it comes later (a Prony series of two terms, Findley, Lai and Onaran 1976, chapter 5).
+
+    Attributes:
+        part: ``actuator``, ``foot`` or ``link``.
+        compliance: of the drive's spring in the model, mm/N.
+        duration: of the test, s.
+        interval: between readings, s.
+    """
+
+    part: str = "foot"
+    compliance: float = 0.0
+    duration: float = 100.0
+    interval: float = 1.0
+    cause = "creep"
+    title = "the force relaxes while the displacement is held"
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """φ, τ, and how much of φ is late."""
+        shortest, longest = 0.1 * self.interval, 10.0 * self.duration
+        # materials relax in all decades of time; a test shows those between a reading's and its own
+        middle = (self.duration * self.interval) ** 0.5
+        spread = np.log(max(self.duration / self.interval, 10.0)) / 12.0**0.5
+        return (
+            Quantity("fraction", 0.0, 0.9, 0.01, neutral=0.0),
+            Quantity("time_s", shortest, longest, middle, usual=middle, spread=float(spread), log=True),
+            Quantity("slow_share", 0.0, 0.95, 0.1, usual=0.25, spread=0.25),
+        )
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Fast to slow."""
+        times = (3.0 * self.interval, (self.duration * self.interval) ** 0.5, self.duration / 8.0, self.duration)
+        return [(0.03, time, 0.25) for time in times]
+
+    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+        """One element: of two terms, both behind the part's own spring."""
+        fraction, time, slow = values
+        gain = fraction / (1.0 - fraction)
+        delay = time / (1.0 - fraction)
+        compliance = 1.0
+        place: Place = AlongLine()
+        if self.part == "foot":
+            place = foot(machine)
+        elif self.part == "actuator":
+            place, compliance = drive(machine), self.compliance
+        else:
+            chain = machine.chain()
+            beam = beam_of(chain, link_of(chain))
+            compliance = beam.length / beam.effective_section().EA
+        terms = together(
+            retarded((1.0 - slow) * gain * compliance, delay),
+            retarded(slow * gain * compliance, LATER * delay),
+        )
+        return (Element(place, terms, smooth=True),)
+
+
+def effects(scene: Scene) -> list[Effect]:
+    """In drive, foot and link, where they are elastic and there is a clock."""
+    if scene.duration <= 0.0 or scene.interval <= 0.0:
+        return []
+    link = link_of(scene.chain)
+    clock = {"duration": scene.duration, "interval": scene.interval}
+    own = ModifiedChain(scene.chain, scene.engine).drive
+    found: list[Effect] = [Creep("actuator", own.compliance, **clock)] if own and own.compliance > 0.0 else []
+    found += [Creep("foot", **clock) for b in scene.chain.beams if b.name == FOOT != link]
+    return [*found, Creep("link", **clock)] if beam_of(scene.chain, link).section is not None else found

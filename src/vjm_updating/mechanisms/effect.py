@@ -1,0 +1,131 @@
+"""What an effect is: a cause that a model can lack, its parameters with units and bounds, and how it acts.
+
+An effect acts in up to four ways, each a method that by default does nothing: it changes the machine (`machine`),
+it puts elements with a law of their own in series with it (`elements`), it gives the passive joints friction
+(`friction`), or it changes the displacement that is imposed (`imposed`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from vjm.model.chain import Chain
+from vjm.rotations import Array
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.series_elements import Element
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One parameter of an effect.
+
+    Attributes:
+        name: with its unit, as in ``compliance_mm_per_N``.
+        low: physical bound.
+        high: physical bound.
+        scale: change that matters, in its own unit.
+        neutral: value at which the effect is absent, where there is one.
+        usual: value that shape parameters have without data.
+        spread: standard deviation about ``usual``; infinite where nothing is known.
+        log: it is positive and counts by its logarithm; ``spread`` is then of the logarithm.
+    """
+
+    name: str
+    low: float
+    high: float
+    scale: float
+    neutral: float | None = None
+    usual: float = 0.0
+    spread: float = float("inf")
+    log: bool = False
+
+    def coordinate(self, value: float) -> float:
+        """The value as a fit sees it, about one for a change that matters."""
+        return float(np.log(value / self.scale)) if self.log else value / self.scale
+
+    def value(self, coordinate: float) -> float:
+        """The converse of `coordinate`."""
+        return self.scale * float(np.exp(coordinate)) if self.log else coordinate * self.scale
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What an effect must know of a test to make sense of it.
+
+    Attributes:
+        chain: the nominal machine.
+        engine: of its lumped model.
+        force: largest force at the end-effector, N.
+        reach: largest displacement, mm.
+        duration: of the test, s; zero where there is no clock.
+        interval: median time between readings, s.
+        gravity: direction of the weight where it is known.
+        turns: whether passive joints turn noticeably.
+    """
+
+    chain: Chain
+    engine: VjmEngine
+    force: float
+    reach: float
+    duration: float = 0.0
+    interval: float = 0.0
+    gravity: tuple[float, float, float] | None = None
+
+
+class Effect:
+    """A cause. Subclasses are frozen dataclasses; what distinguishes variants (the part) is their attributes.
+
+    Attributes:
+        cause: name of the cause, MEASURED's where it has one.
+        title: what it is, in a few words.
+        part: where it sits, for causes that can sit in several places; else empty.
+        extent: how many of the first quantities are its size together: the components of a vector.
+    """
+
+    cause: ClassVar[str] = ""
+    title: ClassVar[str] = ""
+    extent: ClassVar[int] = 1
+    part: str = ""
+
+    @property
+    def label(self) -> str:
+        """Cause and place."""
+        return f"{self.cause}.{self.part}" if self.part else self.cause
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """Causes that are this one with a parameter at its neutral value."""
+        return ()
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The parameters, the principal one first; none for a cause that either is or is not."""
+        return ()
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Values of the parameters to begin a search from: small, of different shapes."""
+        return [()]
+
+    def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
+        """The machine with the effect."""
+        return machine
+
+    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+        """Elements in series with the machine."""
+        return ()
+
+    def friction(self, values: Sequence[float]) -> Array | float:
+        """Friction torque of the passive joints ``(n_q,)``, N mm; one number where all have the same."""
+        return 0.0
+
+    def imposed(self, pose: Array, values: Sequence[float]) -> Array:
+        """Displacements ``(n, 6)`` really imposed where ``pose`` (n, 6) was meant."""
+        return pose
+
+    def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
+        """Parameters under the names of docs/measured-data.md."""
+        return {f"{self.cause}.{q.name}": float(v) for q, v in zip(self.quantities(), values, strict=True)}

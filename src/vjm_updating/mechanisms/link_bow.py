@@ -1,0 +1,56 @@
+"""A bar that is not straight when unloaded: a half sine wave."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
+
+CROOKED = 30.0
+"""Lengths over mid-span amplitudes below which a link is not one that should be straight."""
+
+
+@dataclass(frozen=True)
+class LinkBow(Effect):
+    """A bow along the section's y and z axes.
+
+    Attributes:
+        sizes: amplitudes to begin a search with, mm.
+        length: of the link, mm.
+    """
+
+    sizes: tuple[float, ...] = (0.5, 2.0)
+    length: float = 310.0
+    cause = "link_bow"
+    extent = 2
+    title = "the bar is not straight when unloaded"
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Mid-span amplitudes along both axes of the section."""
+        most = self.length / CROOKED
+        return tuple(Quantity(f"along_{axis}_mm", -most, most, 0.5, neutral=0.0) for axis in "yz")
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Both ways in both planes."""
+        return [(sign * a, 0.02 * a) for a in self.sizes for sign in (1.0, -1.0)] + [
+            (0.02 * a, sign * a) for a in self.sizes[1:] for sign in (1.0, -1.0)
+        ]
+
+    def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
+        """Built with the bow."""
+        return replace(machine, bow=(machine.bow[0] + values[0], machine.bow[1] + values[1]))
+
+    def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
+        """Amplitude, and direction about the link's axis from the section's y axis."""
+        y, z = values
+        return {"link_bow.amplitude_mm": float(np.hypot(y, z)), "link_bow.direction_rad": float(np.arctan2(z, y))}
+
+
+def effects(scene: Scene) -> list[Effect]:
+    """Where the link's section is known: one spring alone has no shape."""
+    link = beam_of(scene.chain, link_of(scene.chain))
+    return [LinkBow(length=link.length)] if (scene.engine.segments or 1) > 1 and link.section is not None else []

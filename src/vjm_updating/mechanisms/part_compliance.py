@@ -1,0 +1,61 @@
+"""A part that is softer or stiffer than its matrix says, by one factor: `foot_compliance`, `link_compliance`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from vjm.model.chain import FOOT
+from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, link_of
+
+FACTOR = Quantity("factor", 0.2, 5.0, 0.02, neutral=1.0)
+"""Compliance over its nominal value."""
+
+
+@dataclass(frozen=True)
+class PartCompliance(Effect):
+    """One factor on all compliances of a part.
+
+    Attributes:
+        beam: the part's name.
+    """
+
+    beam: str = ""
+    cause = "part_compliance"
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The factor."""
+        return (FACTOR,)
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Softer; stiffer is the same but for the sign."""
+        return [(1.05,)]
+
+    def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
+        """The part times the factor."""
+        return machine.times(self.beam, values[0])
+
+
+@dataclass(frozen=True)
+class FootCompliance(PartCompliance):
+    """The foot is softer or stiffer than its matrix says."""
+
+    beam: str = FOOT
+    cause = "foot_compliance"
+    title = "the foot is softer or stiffer than its matrix says"
+
+
+@dataclass(frozen=True)
+class LinkCompliance(PartCompliance):
+    """The bar is softer or stiffer than its matrix says."""
+
+    cause = "link_compliance"
+    title = "the bar is softer or stiffer than its matrix says"
+
+
+def effects(scene: Scene) -> list[Effect]:
+    """One for each of the two parts that the chain has."""
+    link = link_of(scene.chain)
+    feet: list[Effect] = [FootCompliance() for beam in scene.chain.beams if beam.name == FOOT and link != FOOT]
+    return [*feet, LinkCompliance(beam=link)]

@@ -1,0 +1,256 @@
+"""Equilibria of a machine along the rays of a test, tabulated once and looked up at any displacement near them.
+
+Between two equilibria the wrench is the cubic through both with their tangents, ``K^F d``; behind a bifurcation it
+is a cubic in the root of the distance, as the branch itself is. Off the ray the loaded stiffness leads on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from vjm.continuation.load_grid import MAX_ITERATIONS, trace_grid
+from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.model.load_case import LoadCase
+from vjm.rotations import Array
+from vjm.statics.equilibrium import TOLERANCE, NoConvergenceError
+from vjm_updating.mechanisms.history_kernel import Packed, interpolated, looked_up
+from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, ModifiedChain, bowed
+
+NODES = 16
+"""Equilibria along half a ray, where its tangents hardly turn."""
+FINE = 0.05
+"""Error in N between two equilibria, estimated from their tangents, above which there are more."""
+MOST = 12
+"""Into which one step is divided at most."""
+NEAR = np.array([0.1, 0.03, 0.01, 0.003, 0.001])
+"""Distances from a bifurcation, relative, at which there are equilibria in any case."""
+
+
+@dataclass(frozen=True)
+class HalfRay:
+    """A ramp to be tabulated.
+
+    Attributes:
+        posture: label.
+        direction: ``(6,)`` displacement per unit of the ramp.
+        reach: its end, positive.
+        branch: +1 or −1, of two mirrored ones.
+    """
+
+    posture: str
+    direction: tuple[float, ...]
+    reach: float
+    branch: int = 1
+
+
+@dataclass(frozen=True)
+class Table:
+    """Equilibria of one half-ray.
+
+    Attributes:
+        s: path parameters ``(m,)``, from zero.
+        wrench: ``(m, 6)``.
+        slope: its derivative by s ``(m, 6)``.
+        stiffness: K^F ``(m, 6, 6)``.
+        x: coordinates ``(m, n)``.
+        bifurcation: path parameter at which it changes its branch; infinite where it does not.
+        problem: whose equilibria they are.
+        stopped: why it ends before its end; empty where it does not.
+    """
+
+    s: Array
+    wrench: Array
+    slope: Array
+    stiffness: Array
+    x: Array
+    bifurcation: float
+    problem: LumpedProblem
+    stopped: str
+
+    def at(self, s: Array) -> tuple[Array, Array]:
+        """Wrenches ``(k, 6)`` and stiffnesses ``(k, 6, 6)``; straight on beyond the ends."""
+        wrench, stiffness = np.empty((len(s), 6)), np.empty((len(s), 6, 6))
+        for k, place in enumerate(s):
+            interpolated(self.packed, 0, len(self.s), self.bifurcation, float(place), wrench[k], stiffness[k])
+        return wrench, stiffness
+
+    @property
+    def packed(self) -> Packed:
+        """As the kernels take it."""
+        return self.s, self.wrench, self.slope, self._own_slope, self.stiffness
+
+    def linear(self, values: Array, s: Array) -> Array:
+        """Values ``(m, …)`` at the nodes, interpolated linearly at ``(k,)``."""
+        i, t, _ = self._place(s)
+        t = np.clip(t, 0.0, 1.0).reshape(-1, *[1] * (values.ndim - 1))
+        result: Array = (1.0 - t) * values[i] + t * values[i + 1]
+        return result
+
+    def _place(self, s: Array) -> tuple[np.ndarray, Array, Array]:
+        """Interval, place in it from 0 to 1, and the interval's width in its own coordinate."""
+        i = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
+        a, b, here = self.s[i], self.s[i + 1], np.clip(s, 0.0, self.s[-1])
+        behind = a >= self.bifurcation
+        if behind.any():
+            origin = self.bifurcation * (1.0 - 1e-12)
+            a, b, here = (
+                np.where(behind, np.sqrt(np.maximum(v - origin, 0.0)), v) for v in (a, b, np.maximum(here, a))
+            )
+        width = b - a
+        return i, (here - a) / width, width
+
+    @cached_property
+    def _own_slope(self) -> Array:
+        """Derivative by the coordinate in which a piece is interpolated."""
+        behind = self.s >= self.bifurcation
+        factor = np.where(behind, 2.0 * np.sqrt(np.maximum(self.s - self.bifurcation, 0.0)), 1.0)
+        result: Array = self.slope * factor[:, None]
+        return result
+
+    @cached_property
+    def yielding(self) -> tuple[Array, Array, Array]:
+        """How the passive joints give way under torques of their own, the end-effector held, at the nodes.
+
+        Returns:
+            Joint coordinates ``(m, n_q)``; their change by a torque on each ``(m, n_q, n_q)``, rad/(N mm); the
+            wrench's ``(m, 6, n_q)``.
+        """
+        model = self.problem.model
+        own = model.passive
+        A = np.zeros((len(self.s), len(own), len(own)))
+        B = np.zeros((len(self.s), 6, len(own)))
+        for k, (x, F) in enumerate(zip(self.x, self.wrench, strict=True)):
+            for j, q in enumerate(own):
+                torque = np.zeros(model.size)
+                torque[q] = 1.0
+                dx, dF = model.compiled.response(x, F, torque, np.zeros(6))
+                A[k, :, j], B[k, :, j] = dx[own], dF
+        return self.x[:, own], A, B
+
+
+class Sheaf:
+    """Tables side by side, to be looked up by readings on different rays.
+
+    Attributes:
+        both: numbers ``(n, 2)`` of each reading's tables, along its ray and against it.
+        measure: ``(n, 6)``; a displacement times it is its place on the ray.
+        along: direction ``(n, 6)`` of the ray.
+    """
+
+    def __init__(self, tables: Sequence[Table], both: np.ndarray, measure: Array, along: Array) -> None:
+        self.both, self.measure, self.along = both, measure, along
+        columns = zip(*(table.packed for table in tables), strict=True)
+        s, wrench, slope, own, stiffness = (np.concatenate(column) for column in columns)
+        self._packed: Packed = (s, wrench, slope, own, stiffness)
+        self._first = np.cumsum([0, *(len(table.s) for table in tables)])
+        self._bifurcation = np.array([table.bifurcation for table in tables])
+
+    def at(self, u: Array) -> tuple[Array, Array]:
+        """Wrenches ``(n, 6)`` and stiffnesses ``(n, 6, 6)`` at displacements ``(n, 6)``; linear off the rays."""
+        found: tuple[Array, Array] = looked_up(
+            self._packed,
+            self._first,
+            self._bifurcation,
+            self.both,
+            self.measure,
+            self.along,
+            np.ascontiguousarray(u),
+        )
+        return found
+
+
+def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool) -> Table:
+    """The stable equilibria of a machine along half a ray.
+
+    Raises:
+        NoConvergenceError: the machine does not stand unloaded, or there is none at all.
+        ValueError: what is built into the machine needs other springs.
+    """
+    gravity = None
+    if any(mass for _, mass in machine.weight):
+        x, y, z = (STANDARD_GRAVITY * g for g in machine.gravity)
+        gravity = (x, y, z)
+    load_case = LoadCase(half.posture, half.reach, half.direction, branch=half.branch, gravity=gravity)
+    model = machine.model(pulls)
+    bow = bowed(model, half.posture, machine.bow) if any(machine.bow) else None
+    problem = LumpedProblem(model, load_case, machine.engine.label, bow)
+    grid = np.linspace(0.0, half.reach, NODES + 1)
+    table = _walk(problem, grid, loaded=gravity is not None)
+    finer = np.concatenate([_refined(table), grid[grid > table.s[-1]]])
+    if np.isfinite(table.bifurcation):
+        # towards a bifurcation the stiffness across the ray has a pole
+        near = table.bifurcation * (1.0 + np.concatenate([-NEAR, NEAR]))
+        finer = np.unique(np.concatenate([finer, near[near < half.reach]]))
+    return table if np.array_equal(finer, grid) else _walk(problem, finer, loaded=gravity is not None)
+
+
+def _refined(table: Table) -> Array:
+    """A grid with more points where the tangents turn."""
+    s = table.s
+    h = np.diff(s)
+    error = np.abs(np.diff(table.slope[:, :3], axis=0)).max(axis=1) * h / 8.0
+    count = np.clip(np.ceil((error / FINE / 20.0) ** 0.5), 1, MOST).astype(int)
+    if (count == 1).all():
+        return s
+    pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(s[:-1], s[1:], count, strict=True)]
+    return np.concatenate([*pieces, s[-1:]])
+
+
+def _walk(problem: LumpedProblem, grid: Array, *, loaded: bool) -> Table:
+    direction = problem.load_case.direction
+    if loaded:
+        s, x, F, K, stopped = _walk_loaded(problem, grid)
+        bifurcation = np.inf
+    else:
+        path = trace_grid(problem, grid)
+        s, x, F, K, stopped = path.s, path.x, path.wrench, path.stiffness, path.stopped
+        bifurcation = min(path.bifurcations, default=np.inf)
+    keep = np.isfinite(K).all(axis=(1, 2))
+    s, x, F, K = s[keep], x[keep], F[keep], K[keep]
+    if len(s) < 2:
+        raise NoConvergenceError(f"posture {problem.load_case.posture}: no equilibrium was found: {stopped}")
+    return Table(s, F, K @ direction, K, x, bifurcation, problem, stopped)
+
+
+def _walk_loaded(problem: LumpedProblem, grid: Array) -> tuple[Array, Array, Array, Array, str]:
+    """The equilibria of a chain that carries weights: it has no bifurcation, but may bend over steeply.
+
+    Where the compiled march stumbles, each point is gone to from the last, by steps that become shorter.
+    """
+    model = problem.model
+    rest = problem.at_rest()
+    ahead = model.compiled.march(
+        problem.target(0.0), problem.load_case.direction, grid, rest.x, rest.wrench, TOLERANCE, MAX_ITERATIONS
+    )
+    if not ahead.why:
+        return grid, ahead.x, ahead.wrench, ahead.stiffness, ""
+    good = ahead.good
+    x, F, last, stopped = ahead.x[good - 1], ahead.wrench[good - 1], float(grid[good - 1]), ""
+    found = list(zip(grid[:good], ahead.x, ahead.wrench, ahead.stiffness, strict=False))
+    slope = problem.rate(problem.configuration(problem.point(last, x, F)))
+    for s in grid[good:]:
+        at = last
+        step = s - at
+        while at < s - 1e-12 * s:
+            to = min(at + step, s)
+            there, wrench, _, _, why = model.compiled.newton(
+                problem.target(to), x + slope[0] * (to - at), F + slope[1] * (to - at), 0.0, TOLERANCE, 20
+            )
+            if why or model.compiled.visit(there, wrench) != 0:
+                step *= 0.5
+                if step < 1e-3 * (s - last):
+                    stopped = f"no stable equilibrium found beyond {at:.6g}"
+                    break
+                continue
+            x, F, at = there, wrench, to
+            slope = problem.rate(problem.configuration(problem.point(to, x, F)))
+        if stopped:
+            break
+        last = s
+        found.append((s, x, F, model.compiled.end_stiffness(x, F)))
+    s_, x_, F_, K_ = (np.array(column) for column in zip(*found, strict=True))
+    return s_, x_, F_, K_, stopped

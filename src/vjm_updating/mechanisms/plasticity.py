@@ -1,0 +1,72 @@
+"""A permanent set after a yield load."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from vjm.model.chain import FOOT
+from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
+from vjm_updating.mechanisms.element_sites import drive, foot
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, link_of
+from vjm_updating.mechanisms.series_elements import AlongLine, Element, together, yielding
+
+
+@dataclass(frozen=True)
+class Plasticity(Effect):
+    """Slip with linear hardening once the force is beyond the yield force, and more of it later on.
+
+    Two slip elements (Iwan 1967) make the yield gradual; hardening is partly isotropic, partly kinematic.
+
+    Attributes:
+        part: ``actuator``, ``foot`` or ``joints`` (along the line of the link).
+        force: largest of the test, N.
+    """
+
+    part: str = "foot"
+    force: float = 1000.0
+    cause = "plasticity"
+    title = "a permanent set after a yield load"
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Axial force at first yield, the plastic compliance in the end, and shapes.
+
+        The compliance of the foot is over its elastic one. Shapes: how much of it comes half-way from first yield
+        to the largest force, and how much of the hardening is isotropic.
+        """
+        soft = (
+            Quantity("softness", 0.0, 20.0, 0.05, neutral=0.0)
+            if self.part == "foot"
+            else Quantity("softness_mm_per_N", 0.0, 1e-1, 1e-5, neutral=0.0)
+        )
+        return (
+            Quantity("yield_N", 0.01 * self.force, 1.2 * self.force, 0.1 * self.force),
+            soft,
+            Quantity("late_share", 0.0, 0.95, 0.1, usual=0.3, spread=0.25),
+            Quantity("isotropic_share", 0.0, 1.0, 0.1, usual=0.5, spread=0.4),
+        )
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Early and late yield."""
+        soft = 0.1 if self.part == "foot" else 2e-5
+        return [(share * self.force, soft, 0.3, 0.5) for share in (0.3, 0.5, 0.7, 0.85)]
+
+    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+        """One element with that law."""
+        limit, soft, late, grows = values
+        soft = max(soft, 1e-12)
+        slips = together(
+            yielding(limit, (1.0 - late) * soft, grows),
+            yielding(0.5 * (limit + max(self.force, limit)), max(late, 1e-6) * soft, grows),
+        )
+        place = drive(machine) if self.part == "actuator" else foot(machine) if self.part == "foot" else AlongLine()
+        return (Element(place, slips),)
+
+
+def effects(scene: Scene) -> list[Effect]:
+    """In drive, foot and joints."""
+    has = ModifiedChain(scene.chain, scene.engine).drive_axis is not None
+    link = link_of(scene.chain)
+    found: list[Effect] = [Plasticity("actuator", scene.force)] if has else []
+    found += [Plasticity("foot", scene.force) for b in scene.chain.beams if b.name == FOOT != link]
+    return [*found, Plasticity("joints", scene.force)] if scene.chain.joints else found

@@ -1,0 +1,278 @@
+"""Elements in series with a chain: what gives way under its force by a law of its own, perhaps with a memory.
+
+An element sits somewhere in the chain, a `Place` says where: which scalar of the wrench drives it, and how the
+end-effector moves with its extension at constant wrench. A drive before all else moves the whole chain along its
+axis. Play in the passive joints, and the link itself, act along the line through the joints, which is that of the
+force where the joints bear no torque. The tip of the foot moves by its translational compliance; its turn is taken
+back by the joints. So ``u = u_chain + Σ b_e x_e`` holds to first order in the turns, and the equilibrium is found
+with ``F = F(u_chain)`` of the chain's own table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm.statics.equilibrium import NoConvergenceError
+from vjm_updating.mechanisms.history_kernel import decaying, flowing
+
+TOLERANCE = 1e-7
+"""mm up to which elements are in balance with the chain."""
+ITERATIONS = 100
+"""Of a balance: a bracket that a past which still moves has spoilt takes twenty halvings to be opened again."""
+
+
+@dataclass(frozen=True)
+class History:
+    """When readings were taken, in their order.
+
+    Attributes:
+        time: s ``(n,)``; zero where there is no clock.
+        begins: ``(n,)`` whether a reading is the first of a posture: what has a memory is fresh there.
+        line: unit vector ``(n, 3)`` along the link of each reading's unloaded posture, from root to tip.
+    """
+
+    time: Array
+    begins: np.ndarray
+    line: Array
+
+
+Law = Callable[[Array, History], tuple[Array, Array]]
+"""Extension ``(n,)`` under forces ``(n,)`` in their order, and its instantaneous derivative by the force."""
+
+
+class Place(Protocol):
+    """Where an element sits."""
+
+    def force(self, wrench: Array, history: History) -> Array:
+        """Force ``(n,)`` on the element by the wrenches ``(n, 6)``."""
+
+    def motion(self, wrench: Array, history: History) -> Array:
+        """Displacement ``(n, 6)`` of the end-effector by the element's extension, at constant wrench."""
+
+
+@dataclass(frozen=True)
+class AlongAxis:
+    """A part before all joints that gives way along an axis fixed in the world.
+
+    Attributes:
+        axis: unit vector.
+    """
+
+    axis: tuple[float, float, float]
+
+    def force(self, wrench: Array, history: History) -> Array:
+        """Force along the axis."""
+        result: Array = wrench[:, :3] @ np.array(self.axis)
+        return result
+
+    def motion(self, wrench: Array, history: History) -> Array:
+        """The whole chain moves."""
+        return np.tile(np.concatenate([self.axis, np.zeros(3)]), (len(wrench), 1))
+
+
+@dataclass(frozen=True)
+class AlongLine:
+    """The link, or its joints, along the line through them, which is that of the force but for friction.
+
+    The line is that of the unloaded link: it turns by some hundredths of a radian, which changes an axial force by
+    less than a thousandth.
+    """
+
+    def force(self, wrench: Array, history: History) -> Array:
+        """Axial force, positive in pull."""
+        return _axial(wrench, history)
+
+    def motion(self, wrench: Array, history: History) -> Array:
+        """Along the line."""
+        return np.hstack([history.line, np.zeros((len(wrench), 3))])
+
+
+@dataclass(frozen=True)
+class Behind:
+    """An elastic part before all joints whose tip moves by a compliance.
+
+    The element's extension is a force: so much more of it the part seems to bear.
+
+    Attributes:
+        compliance: translational ``(3, 3)`` of the part's tip, world axes, mm/N.
+    """
+
+    compliance: tuple[tuple[float, ...], ...]
+
+    def force(self, wrench: Array, history: History) -> Array:
+        """Force along the link's line."""
+        return _axial(wrench, history)
+
+    def motion(self, wrench: Array, history: History) -> Array:
+        """The tip's motion by one newton along the line."""
+        return np.hstack([history.line @ np.array(self.compliance).T, np.zeros((len(wrench), 3))])
+
+
+def _axial(wrench: Array, history: History) -> Array:
+    result: Array = np.einsum("ij,ij->i", wrench[:, :3], history.line)
+    return result
+
+
+@dataclass(frozen=True)
+class Element:
+    """A law in its place.
+
+    Attributes:
+        place: where it sits.
+        law: what it does.
+        most: bound of its extension, for laws that end; infinite for others.
+        smooth: whether Newton's method needs no bracket, which the past of a law that forgets slowly would spoil.
+    """
+
+    place: Place
+    law: Law
+    most: float = float("inf")
+    smooth: bool = False
+
+
+@dataclass(frozen=True)
+class Balance:
+    """A chain with its elements.
+
+    Attributes:
+        pose: displacement ``(n, 6)`` that is left to the chain itself.
+        wrench: ``(n, 6)``.
+        stiffness: of chain and elements together ``(n, 6, 6)``.
+        extension: of the elements ``(n, e)``.
+    """
+
+    pose: Array
+    wrench: Array
+    stiffness: Array
+    extension: Array
+
+
+def balance(
+    look: Callable[[Array], tuple[Array, Array]], pose: Array, elements: Sequence[Element], history: History
+) -> Balance:
+    """The equilibrium of a chain with elements at imposed displacements, in their order.
+
+    Newton's method on the extensions of all readings at once, each bracketed by what it has been tried with.
+
+    Args:
+        look: wrenches ``(n, 6)`` and stiffnesses ``(n, 6, 6)`` of the chain at displacements ``(n, 6)``.
+        pose: imposed displacements ``(n, 6)``.
+        elements: in series with the chain.
+        history: of the readings.
+
+    Raises:
+        NoConvergenceError: none was found.
+    """
+    wrench, stiffness = look(pose)
+    n, e = len(pose), len(elements)
+    x = np.zeros((n, e))
+    if not e:
+        return Balance(pose, wrench, stiffness, x)
+    most = np.array([element.most for element in elements])
+    low, high = -np.broadcast_to(most, (n, e)).copy(), np.broadcast_to(most, (n, e)).copy()
+    bracketed = np.array([not element.smooth for element in elements])
+    own, slopes, motions = pose, np.zeros((n, e)), np.zeros((n, e, 6))
+    for _ in range(ITERATIONS):
+        gap = np.empty((n, e))
+        for i, element in enumerate(elements):
+            force = element.place.force(wrench, history)
+            motions[:, i] = element.place.motion(wrench, history)
+            wanted, slopes[:, i] = element.law(force, history)
+            gap[:, i] = wanted - x[:, i]
+        size = np.abs(motions[:, :, :3]).max(axis=(0, 2))
+        # a reading that is in balance stays: what rounding makes of its next step may lie outside its bracket
+        still = (np.abs(gap) * size < TOLERANCE).all(axis=1, keepdims=True)
+        if still.all():
+            break
+        gap = np.where(still, 0.0, gap)
+        low, high = np.where(gap > 0.0, np.maximum(low, x), low), np.where(gap < 0.0, np.minimum(high, x), high)
+        # 1 + slope bᵀ K b
+        reach = np.einsum("nei,nij,nfj->nef", motions, stiffness, motions)
+        matrix = np.eye(e) + slopes[:, :, None] * reach
+        new = x + np.linalg.solve(matrix, gap[:, :, None])[:, :, 0]
+        outside = ((new <= low) | (new >= high)) & bracketed & ~still
+        # other elements have moved since: a bracket that has become empty is opened again
+        empty = outside & (high - low < 1e-6)
+        low, high = np.where(empty, -most, low), np.where(empty, most, high)
+        bounded = outside & ~empty & np.isfinite(low) & np.isfinite(high)
+        middle = 0.5 * (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0))
+        x = np.where(bounded, middle, np.clip(new, -most, most))
+        own = pose - np.einsum("ne,nei->ni", x, motions)
+        wrench, stiffness = look(own)
+    else:
+        worst = float(np.max(np.abs(gap) * size))
+        raise NoConvergenceError(f"elements in series are {worst:.2g} mm off balance after {ITERATIONS} steps")
+    # (1 + K S)⁻¹ K with S = Σ slope b bᵀ
+    give = np.einsum("ne,nei,nej->nij", slopes, motions, motions)
+    scale = np.repeat([1.0, 1e2], 3)
+    inner = np.eye(6) + np.einsum("nij,njk->nik", stiffness, give)
+    together = np.linalg.solve(inner * scale[:, None] ** -1 * scale, stiffness * scale[:, None] ** -1)
+    return Balance(own, wrench, together * scale[:, None], x)
+
+
+def memoryless(function: Callable[[Array], tuple[Array, Array]]) -> Law:
+    """A law without memory from its extension and slope by the force."""
+    return lambda force, _: function(force)
+
+
+def retarded(compliance: float, seconds: float) -> Law:
+    """What follows a force with a delay: ``ẋ = (c N − x)/τ``, the force linear between readings.
+
+    The Kelvin–Voigt element of a standard linear solid.
+
+    Args:
+        compliance: c, in the end.
+        seconds: τ.
+    """
+
+    def law(force: Array, history: History) -> tuple[Array, Array]:
+        n = len(force)
+        step = np.zeros(n)
+        step[1:] = np.maximum(np.diff(history.time), 0.0)
+        step[history.begins] = 0.0
+        ratio = step / seconds
+        decay = np.exp(-ratio)
+        # of a ramp from N₀ to N₁ over h: weights of both ends
+        small = ratio < 1e-6
+        mean = np.where(small, 0.5 * ratio, 1.0 - (1.0 - decay) / np.where(small, 1.0, ratio))
+        before = np.concatenate([[0.0], force[:-1]])
+        gain = compliance * (mean * force + (1.0 - decay - mean) * before)
+        x = decaying(decay, gain, history.begins)
+        slope = np.where(history.begins, 0.0, compliance * mean)
+        return x, slope
+
+    return law
+
+
+def yielding(limit: float, compliance: float, grows: float = 0.0) -> Law:
+    """Plastic slip with linear hardening: it flows while the force is outside its elastic range.
+
+    Args:
+        limit: yield force, N.
+        compliance: plastic extension by the force beyond it, mm/N.
+        grows: share of the hardening that widens the range, which is then isotropic; the rest moves it (kinematic).
+    """
+
+    def law(force: Array, history: History) -> tuple[Array, Array]:
+        found: tuple[Array, Array] = flowing(
+            np.ascontiguousarray(force), history.begins, float(limit), float(compliance), float(grows)
+        )
+        return found
+
+    return law
+
+
+def together(*laws: Law) -> Law:
+    """Laws whose extensions under one force add up."""
+
+    def law(force: Array, history: History) -> tuple[Array, Array]:
+        found = [each(force, history) for each in laws]
+        x, slope = (np.sum([pair[k] for pair in found], axis=0) for k in (0, 1))
+        return x, slope
+
+    return law

@@ -1,0 +1,94 @@
+"""A stiffness that differs between pull and push."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.model.chain import FOOT
+from vjm.rotations import Array
+from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
+from vjm_updating.mechanisms.element_sites import drive
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, link_of
+from vjm_updating.mechanisms.series_elements import Element, memoryless
+
+RATIO = Quantity("ratio", 0.1, 10.0, 0.05, neutral=1.0)
+AS_DRAWN = Quantity("as_drawn", -1.5, 1.5, 0.5, usual=0.0, spread=0.7)
+"""Which way has the drawn stiffness: pull at 1, push at -1, at 0 neither but their geometric mean."""
+
+
+class TwoWays(Effect):
+    """A stiffness in pull and another one in push."""
+
+    cause = "tension_compression_asymmetry"
+    title = "a stiffness differs between pull and push"
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Pull stiffness over push stiffness, and which way is as drawn."""
+        return (RATIO, AS_DRAWN)
+
+
+def _mean(values: Sequence[float]) -> float:
+    """Factor on the geometric mean of both compliances."""
+    ratio, as_drawn = values
+    return float(ratio ** (0.5 * as_drawn))
+
+
+@dataclass(frozen=True)
+class Asymmetry(TwoWays):
+    """Two factors on all stiffnesses of a part, one in pull and one in push.
+
+    Attributes:
+        part: ``foot`` or ``link``.
+        beam: the part's name in the chain.
+    """
+
+    part: str = "link"
+    beam: str = "link"
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Stiffer in pull, weaker in push, and both."""
+        return [(1.1, 0.0), (1.1, 1.0), (1.1, -1.0)]
+
+    def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
+        """Both factors."""
+        changed = replace(machine, asymmetry=(*machine.asymmetry, (self.beam, values[0])))
+        return changed.times(self.beam, _mean(values))
+
+
+@dataclass(frozen=True)
+class DriveAsymmetry(TwoWays):
+    """A drive whose spring differs between pull and push along its axis.
+
+    Attributes:
+        compliance: of the drive's spring in the model, mm/N.
+    """
+
+    compliance: float = 1e-5
+    part: str = "actuator"
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Stiffer in pull, and softer, by either way or by both."""
+        return [(1.3, 0.0), (1.3, 1.0), (1.3, -1.0), (0.75, 0.0)]
+
+    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+        """What both springs give way beyond the model's own one."""
+        mean = _mean(values)
+        pull, push = (self.compliance * (mean * values[0] ** power - 1.0) for power in (-0.5, 0.5))
+
+        def law(N: Array) -> tuple[Array, Array]:
+            slope = np.where(N > 0.0, pull, push)
+            return slope * N, slope
+
+        return (Element(drive(machine), memoryless(law)),)
+
+
+def effects(scene: Scene) -> list[Effect]:
+    """Of the drive where the model has a spring there, of the foot and of the link."""
+    link = link_of(scene.chain)
+    own = ModifiedChain(scene.chain, scene.engine).drive
+    found: list[Effect] = [DriveAsymmetry(own.compliance)] if own and own.compliance > 0.0 else []
+    found += [Asymmetry(part="foot", beam=FOOT) for b in scene.chain.beams if b.name == FOOT != link]
+    return [*found, Asymmetry(part="link", beam=link)]

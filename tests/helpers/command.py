@@ -1,0 +1,42 @@
+"""The command as a user runs it."""
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Finished:
+    status: int
+    out: str
+    err: str
+
+
+GAUGE_SHEET = """
+[test]
+model = "pinned-column"
+control = "mid.uy_mm"
+[postures]
+straight = []
+[points.mid]
+body = "link"
+at = 0.5
+[instrument.fx_N]
+noise = 1.0
+[instrument."mid.uy_mm"]
+noise = 0.4
+"""
+"""A column steered by a gauge at its middle."""
+
+
+def validate(*arguments: str, cwd: Path | None = None) -> Finished:
+    """Run the command as a user does, in a process of its own."""
+    command = [sys.executable, "-c", "from vjm_validation.cli.main import main; main()", *arguments]
+    # no display, as on a server: rendering must not need one
+    environment = {k: v for k, v in os.environ.items() if k != "DISPLAY"}
+    done = subprocess.run(
+        command, capture_output=True, text=True, cwd=cwd, env=environment, timeout=1800, check=False
+    )
+    return Finished(done.returncode, done.stdout, done.stderr)

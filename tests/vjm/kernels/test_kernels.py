@@ -1,0 +1,129 @@
+"""The compiled kernels against dense numpy, on random chains and on the paper's, loaded and unloaded."""
+
+import numpy as np
+import pytest
+from helpers import oracle
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vjm.continuation.load_grid import trace_grid
+from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.kernels.factorization import bunch_parlett, bunch_parlett_solve
+from vjm.model.load_case import LoadCase
+from vjm.model.lumped import LumpedModel
+from vjm.model.parts import Placement
+from vjm.statics.equilibrium import TOLERANCE, Configuration
+from vjm.vjm_engine import VjmEngine
+
+ENGINES = [
+    VjmEngine(),
+    VjmEngine(3, placement=Placement.END),
+    VjmEngine(4, placement=Placement.TWO_THIRDS),
+    VjmEngine(5),
+    VjmEngine(4, 3),
+]
+
+
+def random_state(model: LumpedModel, posture, seed: int, load: float) -> Configuration:
+    """A state of the model, not in equilibrium, with turns of some hundredths and a wrench of any kind."""
+    rng = np.random.default_rng(seed)
+    x = model.configuration(posture) + 0.03 * model.coordinate_scale * rng.standard_normal(model.size)
+    return Configuration(model, x, load * model.wrench_scale * rng.standard_normal(6), 0.0, 0)
+
+
+def scaled_stiffness(model, K):
+    return K / model.wrench_scale[:, None] / model.wrench_scale * model.wrench_scale[3]
+
+
+@pytest.mark.parametrize("engine", ENGINES, ids=lambda e: e.label)
+@given(seed=st.integers(0, 10_000), posture=st.sampled_from("ABCD"), load=st.sampled_from([0.0, 1e-3, 0.03]))
+def test_everything_about_a_state_agrees_with_the_dense_equations(chain, engine, seed, posture, load):
+    model = engine.model(chain)
+    at = random_state(model, chain.posture(posture), seed, load)
+    compiled = model.compiled
+    reduced, _ = oracle.second_variation(at)
+    values = np.linalg.eigvalsh(reduced)
+    # rounding against the stiffest spring, amplified where the tangent is nearly singular
+    slack = 1e-13 * values[-1] / np.abs(values).min()
+    assert compiled.visit(at.x, at.wrench) == np.count_nonzero(values < 0.0)
+    K = oracle.loaded_stiffness(at)
+    scale = np.abs(scaled_stiffness(model, K)).max()
+    difference = scaled_stiffness(model, compiled.end_stiffness(at.x, at.wrench) - K)
+    assert np.abs(difference).max() < 100 * slack * max(scale, 1.0)
+    rng = np.random.default_rng(seed + 1)
+    statics = rng.standard_normal(model.size) / model.coordinate_scale * model.wrench_scale[3]
+    gap = 1e-3 * rng.standard_normal(6)
+    dx, dF = compiled.response(at.x, at.wrench, statics, gap)
+    dx_dense, dF_dense = oracle.newton_step(at, statics, gap)
+    size = np.abs(dx_dense / model.coordinate_scale).max()
+    assert np.abs((dx - dx_dense) / model.coordinate_scale).max() < 100 * slack * size
+    size = np.abs(dF_dense / model.wrench_scale).max()
+    assert np.abs((dF - dF_dense) / model.wrench_scale).max() < 100 * slack * size
+    nearest = values[np.argsort(np.abs(values))]
+    found, modes = compiled.modes(at.x, at.wrench, 2)
+    # equal segments without load have one eigenvalue many times, which a random state splits by per milles: the
+    # iteration ends among them. Where one is alone, beside critical points, `test_stability` asks for all digits.
+    assert np.abs(found) == pytest.approx(np.abs(nearest[:2]), rel=3e-3)
+    assert np.abs(at.kinematics.jacobian @ modes / np.repeat([310.0, 1.0], 3)[:, None]).max() < 1e-7
+    assert np.abs(compiled.shape(at.x) - model.shape(at.kinematics)).max() < 1e-9
+
+
+@given(st.data())
+def test_any_symmetric_matrix_is_factored_with_its_inertia(data):
+    n = data.draw(st.integers(1, 12))
+    seed = data.draw(st.integers(0, 10_000))
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((n, n))
+    # with zeros on the diagonal, as the condensed matrix has without load
+    A = A + A.T - np.diag(data.draw(st.sampled_from([0.0, 1.0])) * 2.0 * np.diag(A))
+    values = np.linalg.eigvalsh(A)
+    if np.abs(values).min() <= 1e-6 * np.abs(values).max():
+        return
+    F, swaps, pivots = np.empty((n, n)), np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    assert bunch_parlett(A, F, swaps, pivots) == np.count_nonzero(values < 0.0)
+    b = rng.standard_normal((n, 2))
+    x = b.copy()
+    bunch_parlett_solve(F, swaps, pivots, x)
+    # complete pivoting is backward stable: the residual is rounding
+    assert np.abs(A @ x - b).max() < 1e-11 * np.abs(A).max() * max(1.0, np.abs(x).max())
+
+
+def test_a_singular_matrix_is_said_to_be_one():
+    F, swaps, pivots = np.empty((2, 2)), np.empty(2, dtype=np.int64), np.empty(2, dtype=np.int64)
+    assert bunch_parlett(np.zeros((2, 2)), F, swaps, pivots) == -1
+
+
+@pytest.mark.parametrize(("posture", "to"), [("A", 2.0), ("B", 3.0), ("C", 0.3), ("A", -3.5)])
+@pytest.mark.parametrize("engine", [VjmEngine(), VjmEngine(4)], ids=lambda e: e.label)
+def test_a_grid_is_walked_as_one_by_one(chain, engine, posture, to):
+    load_case = LoadCase(posture, to, steps=400)
+    problem = LumpedProblem(engine.model(chain), load_case, engine.label)
+    found = trace_grid(problem, np.linspace(0.0, load_case.length, 401))
+    path = engine.trace(chain, load_case)
+    assert found.stopped == path.stopped == ""
+    assert found.bifurcations == pytest.approx([e.s for e in path.events if e.switched], rel=1e-7)
+    assert len(found.s) == 401
+    at = {round(p.s, 9): p for p in path.points}
+    unit = problem.model.wrench_scale
+    for s, wrench, stiffness in zip(found.s, found.wrench, found.stiffness, strict=True):
+        point = at[round(float(s), 9)]
+        # both solved to TOLERANCE; close behind a bifurcation the state is that much softer
+        assert np.abs((wrench - point.wrench) / unit).max() < 1e4 * TOLERANCE
+        expected, K = (k / unit[:, None] / unit * unit[3] for k in (point.stiffness, stiffness))
+        # behind a bifurcation other entries than the driven one hang on the state by up to 1e8
+        rest = 1e-2 if any(b < s for b in found.bifurcations) else 1e-6
+        assert np.abs(K - expected).max() < rest * np.abs(expected).max()
+        along = load_case.direction
+        assert along @ stiffness @ along == pytest.approx(point.tangent, rel=1e-4)
+    assert found.residual.max() < TOLERANCE
+
+
+def test_a_grid_that_cannot_be_walked_keeps_what_it_has(chain):
+    """Folded far beyond its buckling, on a grid too coarse for it, the chain lands on no neighbouring state."""
+    engine = VjmEngine(4, placement=Placement.TWO_THIRDS)
+    problem = LumpedProblem(engine.model(chain), LoadCase("A", -500.0), engine.label)
+    found = trace_grid(problem, np.linspace(0.0, 500.0, 2001))
+    assert "beyond" in found.stopped
+    assert 3.0 < found.s[-1] < 500.0
+    assert len(found.s) == len(found.wrench) == len(found.stiffness)
+    assert len(found.bifurcations) >= 1

@@ -1,0 +1,41 @@
+"""Compensation of loaded platforms: the error left by the rigid, the linear and the loaded model."""
+
+import numpy as np
+import pytest
+
+from vjm.platform.compensation import compensated
+from vjm.vjm_engine import VjmEngine
+
+
+@pytest.mark.parametrize(("name", "pose"), [("orthoglide", "Q2"), ("3-puu", "side")])
+def test_the_loaded_models_offsets_put_the_platform_where_it_should_be(robot, name, pose):
+    machine = robot(name)
+    wrench = np.array([-300.0, 200.0, 100.0, 0.0, 0.0, 0.0])
+    found = compensated(machine, machine.displacement(pose), wrench, VjmEngine(1))
+    rigid, linear, loaded = (np.linalg.norm(e[:3]) for e in (found.rigid, found.linear, found.loaded))
+    assert loaded < 1e-7
+    # the linear model leaves what is of the second order in the deflection
+    assert loaded < linear < 0.1 * rigid
+    # a platform that the drives only shift keeps the turn that its load gives it
+    assert np.abs(found.loaded[3:]).max() > 1e-6
+    assert set(found.offsets) == {leg.name for leg in machine.legs if leg.drive}
+
+
+def test_a_drives_own_offset_is_taken_back(robot):
+    machine = robot("orthoglide").with_offsets({"y": 0.25})
+    wrench = np.array([0.0, 0.0, 1e-3, 0.0, 0.0, 0.0])
+    found = compensated(machine, np.zeros(6), wrench, VjmEngine(1))
+    assert found.rigid[1] == pytest.approx(0.25, abs=1e-4)
+    assert found.offsets["y"] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_robot_with_revolute_drives(robot):
+    machine = robot("delta")
+    found = compensated(machine, machine.displacement("side"), np.array([10.0, 0, -20.0, 0, 0, 0]), VjmEngine(1))
+    assert np.linalg.norm(found.loaded[:3]) < 1e-7
+    assert np.linalg.norm(found.rigid[:3]) > 1e-3
+
+
+def test_a_mechanism_without_drives_is_refused(robot):
+    with pytest.raises(ValueError, match="drives do not match"):
+        compensated(robot("parallelogram"), np.zeros(6), np.eye(6)[0], VjmEngine(1))

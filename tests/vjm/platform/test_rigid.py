@@ -1,0 +1,150 @@
+"""Rigid manipulators: inverse kinematics against closed forms, mobility as theory says, and what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vjm.io.manipulator_file import manipulators
+from vjm.platform.manipulator import BASE, Leg, Manipulator
+from vjm.platform.rigid import (
+    PoseError,
+    forward_kinematics,
+    freedom,
+    home_pose,
+    inverse_kinematics,
+    mobility,
+    rates,
+)
+from vjm.rotations import frame, rotation_from_vector
+
+LENGTH = 310.0
+MOBILITY = {
+    # freedom of the platform; constraints too many. One bar between universal joints leaves two constraints a leg
+    "orthoglide": (3, 0),
+    "3-puu": (3, 0),
+    # three for each planar parallelogram, and one turn of three that each leg holds and one would do
+    "orthoglide-parallelograms": (3, 12),
+    "parallelogram": (1, 3),
+    # Grübler: six rods hold six freedoms; eight rods and a coupling hold six of the platform and two free arms
+    "delta": (3, 0),
+    "par2": (2, 1),
+}
+
+
+@pytest.mark.parametrize("p", [(0, 0, 0), (40, -30, 60), (-73.65, -73.65, -73.65), (126.35, 126.35, 126.35)])
+def test_the_orthoglides_drives_are_those_of_its_closed_form(robot, p):
+    # Wenger and Chablat 2000: ρ_x = x − √(L² − y² − z²), counted here from the isotropic point; the
+    # chain's base is given to 1e-6 mm
+    pose = inverse_kinematics(robot("orthoglide"), np.array([*p, 0, 0, 0], dtype=float))
+    square = np.sum(np.square(p)) - np.square(p)
+    assert pose.drives == pytest.approx(np.array(p) - np.sqrt(LENGTH**2 - square) + LENGTH, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("corner", "share", "derived"), [("Q1", -0.25, -LENGTH / 18**0.5), ("Q2", 0.5, LENGTH / 6**0.5)]
+)
+def test_the_orthoglides_workspace_is_the_one_of_its_design_criterion(robot, corner, share, derived):
+    # Chablat and Wenger 2003: velocity transmission factors from 1/2 to 2; on the diagonal they are 1/(1+2t) and
+    # 1/(1−t) with t = c/√(L² − 2c²). The corners in the file are quoted: they lie within 0.6 mm of the derived ones
+    machine = robot("orthoglide")
+    c = float(machine.displacement(corner)[0])
+    assert np.ptp(machine.workspace, axis=0) == pytest.approx(np.full(3, 200.0))
+    assert c == pytest.approx(derived, abs=0.6)
+    factors = {}
+    for at in (c, derived):
+        pose = inverse_kinematics(machine, np.array([at] * 3 + [0.0] * 3))
+        found = 1.0 / np.linalg.svd(rates(pose, freedom(pose)), compute_uv=False)
+        t = at / np.sqrt(LENGTH**2 - 2.0 * at**2)
+        assert np.sort(found) == pytest.approx(np.sort(np.abs([1 / (1 + 2 * t), 1 / (1 - t), 1 / (1 - t)])))
+        factors[at] = found
+    assert share == pytest.approx(derived / np.sqrt(LENGTH**2 - 2.0 * derived**2))
+    # at the derived corner the largest is 2; at the far one the smallest is 1/2 too
+    assert factors[derived].max() == pytest.approx(2.0)
+    assert factors[c].max() == pytest.approx(2.0, rel=0.01)
+    assert factors[c].min() == pytest.approx({"Q1": 0.8, "Q2": 0.5}[corner], rel=0.01)
+
+
+def test_the_deltas_arms_stand_where_its_closed_form_has_them(robot):
+    # Williams 2016: each arm's end lies on the circle of the arm and the sphere of the rods
+    machine = robot("delta")
+    for label in machine.poses:
+        p = machine.displacement(label)[:3] + machine.home[:3, 3]
+        pose = inverse_kinematics(machine, machine.displacement(label))
+        for leg, angle in ((k, pose.drives[3 * k]) for k in range(3)):
+            turn = rotation_from_vector([0.0, 0.0, 2.0 * np.pi * leg / 3.0])
+            near = np.array([np.sqrt(3.0) / 6.0 * 567.0 + 524.0 * np.cos(angle), 0.0, -524.0 * np.sin(angle)])
+            far = turn.T @ p + [np.sqrt(3.0) / 3.0 * 76.0, 0.0, 0.0]
+            assert np.linalg.norm(far - near) == pytest.approx(1244.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", [entry.name for entry in manipulators()])
+def test_mobility_is_as_theory_says(robot, name):
+    machine = robot(name)
+    for label in machine.poses:
+        found = mobility(inverse_kinematics(machine, machine.displacement(label)))
+        assert (found.freedom, found.overconstraint) == MOBILITY[name]
+        assert found.idle == 0
+        assert found.loose.shape[1] == (1 if name == "parallelogram" else 0)
+
+
+def test_forward_kinematics_takes_inverse_kinematics_back(robot):
+    machine = robot("orthoglide")
+    there = inverse_kinematics(machine, np.array([10.0, 20.0, -15.0, 0, 0, 0]))
+    back = forward_kinematics(home_pose(machine), there.drives)
+    assert back.frames[0] == pytest.approx(there.frames[0], abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("pose", "words"),
+    [
+        ((300, 300, 0, 0, 0, 0), "out of reach: leg 'z' stays"),
+        ((0, 0, 0, 0, 0, 0.2), "out of reach: leg"),
+        # beyond the singular point L/√3 = 178.98 the platform answers its drives the other way
+        ((180, 180, 180, 0, 0, 0), "another branch"),
+    ],
+)
+def test_poses_that_cannot_be_taken_are_refused_with_the_reason(robot, pose, words):
+    with pytest.raises(PoseError, match=words):
+        inverse_kinematics(robot("orthoglide"), np.array(pose, dtype=float))
+
+
+def test_a_singular_pose_is_refused_with_the_motion_that_is_loose(robot):
+    c = LENGTH / np.sqrt(3.0)
+    with pytest.raises(PoseError, match=r"singular: with all drives held the platform still moves by"):
+        inverse_kinematics(robot("orthoglide"), np.array([c, c, c, 0, 0, 0]))
+
+
+def test_a_drive_beyond_its_limits_is_named(robot):
+    with pytest.raises(PoseError, match=r"the drive of leg 'a' would have to stand at .* outside its limits"):
+        inverse_kinematics(robot("3-puu"), np.array([0, 0, -250.0, 0, 0, 0]))
+
+
+def test_two_bases_at_odds_do_not_close(robot):
+    machine = robot("orthoglide")
+    x = machine.legs[0]
+    moved = replace(x, root=frame(rotation_from_vector([0.0, 0.0, 0.5])) @ x.root)
+    with pytest.raises(PoseError, match=r"leg 'x' does not close at home: its end lies .* mm and 0\.5 rad"):
+        home_pose(replace(machine, legs=(moved, *machine.legs[1:])))
+
+
+@pytest.mark.parametrize(
+    ("legs", "words"),
+    [
+        (lambda m: m.legs[:1], "only leg 'x' holds the platform"),
+        (lambda m: (*m.legs, m.legs[0]), "leg 'x' stands twice"),
+        (lambda m: (*m.legs, replace(m.legs[0], name="w", end="rod")), "leg 'w' is an open chain"),
+        (lambda m: (*m.legs, replace(m.legs[0], name="w", start="rod")), "hangs in the air"),
+        (lambda m: (*m.legs, replace(m.legs[0], name="w", start="platform", end=BASE)), "ends on the base"),
+    ],
+)
+def test_graphs_that_are_no_machine_are_refused(robot, legs, words):
+    with pytest.raises(ValueError, match=words):
+        Manipulator("wrong", legs(robot("orthoglide")))
+
+
+def test_a_drive_behind_something_soft_is_refused(robot):
+    leg = robot("orthoglide").legs[0]
+    assert leg.drive is not None
+    with pytest.raises(ValueError, match="lies before the drive 'link' but is not rigid"):
+        Leg("x", leg.chain, drive=replace(leg.drive, part="link"), posture=leg.posture)

@@ -1,0 +1,53 @@
+"""What bounds cost a hypothesis, and that nothing lies beyond them."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from vjm_updating.diagnose.equivalence_classes import distance
+from vjm_updating.diagnose.evidence import beyond_bounds, criterion
+from vjm_updating.diagnose.instrument import InstrumentZero
+from vjm_updating.diagnose.parameters import Coordinate
+from vjm_updating.mechanisms.link_lumping import LinkLumping
+
+
+@pytest.mark.parametrize("pressed", [0.1, 1.0, 5.0, 30.0])
+def test_a_bound_costs_the_evidence_beyond_it(pressed):
+    left = quad(lambda t: np.exp(-pressed * t - 0.5 * t * t), 0.0, np.inf)[0] / np.sqrt(2.0 * np.pi)
+    # quadrature's own tolerance, 1.5e-8 of the integral, which is 0.03 at least
+    assert beyond_bounds(np.array([0.0, pressed])) == pytest.approx(-2.0 * np.log(left), rel=1e-6)
+
+
+def test_what_ends_at_no_bound_costs_nothing():
+    assert beyond_bounds(np.zeros(3)) == 0.0
+
+
+@pytest.mark.parametrize(("high", "left"), [(10.0, 0.0), (2.0, 3.0), (5.0, 0.0)])
+def test_a_refit_stays_within_bounds(high, left):
+    """One reading of unit slope: the other hypothesis needs 3 more of its coordinate, if there is so much."""
+    own = Coordinate("effect", "effect", "0", 1.0, sigma=np.inf, high=high)
+    flat = SimpleNamespace(whitening=SimpleNamespace(flat=lambda raw: raw), nuisances=[])
+    truth = SimpleNamespace(hypothesis=(), at=SimpleNamespace(z=np.zeros(1), residual=np.array([3.0])))
+    at = SimpleNamespace(z=np.array([2.0]), residual=np.zeros(1))
+    other = SimpleNamespace(found=[own], at=at, jacobian=np.array([[1.0]]))
+    # rounding of a few operations on numbers about three
+    assert distance(flat, truth, other) == pytest.approx(left, abs=1e-12)
+
+
+def test_what_either_is_or_is_not_has_no_parameter_to_pay_for():
+    zero = Coordinate("zero fx_N", "zero", "fx_N", 1.0, sigma=np.inf)
+    observed = SimpleNamespace(steered="")
+    fitter = SimpleNamespace(
+        forward=SimpleNamespace(observed=observed), normal=lambda fit: np.eye(1), pressure=lambda fit: np.zeros(1)
+    )
+    causes = LinkLumping(), InstrumentZero(part="fx_N")
+    fits = (
+        SimpleNamespace(hypothesis=(e,), found=[zero], at=SimpleNamespace(z=[0.0]), objective=50.0) for e in causes
+    )
+    lumped, shifted = (criterion(fitter, fit, causes, 200.0) for fit in fits)
+    # rounding of sums of a few tens
+    assert shifted - lumped == pytest.approx(np.log(200.0), rel=1e-12)

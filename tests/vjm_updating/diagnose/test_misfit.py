@@ -1,0 +1,111 @@
+"""What a fit leaves without a name is seen: waves of any period, jumps at any time; noise is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vjm_updating.diagnose.instrument import InstrumentZero
+from vjm_updating.diagnose.model_adequacy import misfit
+from vjm_updating.diagnose.parameters import coordinates, start
+from vjm_updating.diagnose.preprocess import prepare
+from vjm_updating.diagnose.residual_basis import driven_place
+from vjm_updating.diagnose.search import Search
+from vjm_updating.diagnose.test_data import observe
+from vjm_updating.diagnose.verdict import MISFIT, STRAINED, judge
+from vjm_updating.experiment.measurement import read_measurement
+from vjm_updating.mechanisms.actuator_hardening import ActuatorHardening
+
+FORCE = 8.0
+"""Four standard deviations of a reading, N."""
+
+
+@pytest.fixture(scope="module")
+def prepared(make, tmp_path_factory):
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        files = make.made_up(tmp_path_factory.mktemp("quiet"), {}, 8, monkeypatch)
+    return prepare(observe(read_measurement(files.data, files.sheet)))
+
+
+def with_more(prepared, force):
+    """The null's fit had the first channel read so much more, N ``(n,)``."""
+    fitter, null = prepared.fitter, prepared.null
+    residual = null.at.residual.copy()
+    residual[:, 0] += np.where(fitter.whitening.present[:, 0], force, 0.0)
+    return misfit(fitter, replace(null, at=replace(null.at, residual=residual)))
+
+
+def test_noise_is_nothing(prepared):
+    rest = with_more(prepared, 0.0)
+    assert rest.p > 0.05
+    assert rest.worst == ""
+
+
+# of no period that is looked for; the last is lost between two readings
+@pytest.mark.parametrize(("period", "seen"), [(0.37, True), (0.23, True), (0.05, False)])
+def test_a_wave_along_the_ramp_is_seen(prepared, period, seen):
+    place = driven_place(prepared.fitter.forward.observed)
+    rest = with_more(prepared, FORCE * np.sin(2.0 * np.pi * place / period + 1.0))
+    assert (rest.p < MISFIT) is seen
+    assert ("fx_N: a wave" in rest.worst) is seen
+
+
+@pytest.mark.parametrize("share", [0.3, 0.55, 0.8])
+def test_a_jump_in_one_posture_is_seen(prepared, share):
+    observed = prepared.fitter.forward.observed
+    own = np.flatnonzero(observed.readings.posture == "B")
+    force = np.zeros(len(observed.pose))
+    force[own[int(share * len(own)) :]] = FORCE
+    rest = with_more(prepared, force)
+    assert rest.p < MISFIT
+    assert rest.left > 10.0
+
+
+def test_an_oscillation_in_one_channel_is_seen(prepared):
+    # a pump next door, in time and not along the ramp; of all channels together the residual is hardly larger
+    rest = with_more(prepared, 0.6 * FORCE * np.sin(2.0 * np.pi * np.arange(len(prepared.null.at.place)) / 9.3))
+    # alone it counts from 1 in 1000; of all channels together it would be 5 in 1000
+    assert rest.p < 0.001
+    assert rest.left > 50.0
+
+
+# readings that know the zero twenty times as well as the sheet: no shape tells what the sheet does not allow
+@pytest.mark.parametrize(("sigmas", "verdict"), [(1.5, "none"), (8.0, "unknown")])
+def test_a_fit_that_needs_one_nuisance_far_off_the_sheet_is_not_right(make, tmp_path, monkeypatch, sigmas, verdict):
+    sheet = make.SHEET.replace("noise = 2.0\nzero = 3.0", "noise = 2.0\nzero = 20.0")
+    files = make.made_up(tmp_path, {}, 3, monkeypatch)
+    readings = read_measurement(files.data, files.sheet).readings
+    wrench = np.nan_to_num(readings.wrench)
+    wrench[:, 0] += 20.0 * sigmas
+    files = make.write(tmp_path, make.load_case(("A", "B"), 1.5, 10), wrench, readings.pose[:, 0], sheet)
+    prepared = prepare(observe(read_measurement(files.data, files.sheet)))
+    search = Search(prepared.fitter, prepared.null, [], 100.0)
+    found = judge(search, search.run())
+    assert found.kind == verdict
+    assert found.rest.p > MISFIT
+    assert (found.rest.strained < STRAINED) is (verdict == "unknown")
+    # the drawing's own zero, a tenth of a sigma or 2 N, on top
+    assert ("zero fx_N 8.1 sigma" in found.rest.farthest) is (verdict == "unknown")
+
+
+@pytest.mark.parametrize(
+    ("ratio", "exponent", "chance"),
+    # its size may be anything; its exponent is 1 within a factor of e^0.5, one in a hundred beyond 2.576 of these
+    [(0.05, 1.0, 1.0), (1.5, np.exp(0.5 * 2.5758), 0.01), (1.5, np.exp(-0.5 * 2.5758), 0.01)],
+)
+def test_a_law_of_a_shape_that_is_never_seen_is_unusual(prepared, ratio, exponent, chance):
+    hypothesis = (InstrumentZero(part="fx_N"), ActuatorHardening())
+    nuisances = prepared.fitter.nuisances
+    found = tuple(coordinates(nuisances, hypothesis))
+    z = start(found, hypothesis, np.zeros(len(nuisances)), [[0.0], [ratio, 0.0, exponent]])
+    slopes = np.zeros((*prepared.null.jacobian.shape[:2], len(found)))
+    at = replace(prepared.null.at, z=z)
+    rest = misfit(
+        prepared.fitter, replace(prepared.null, hypothesis=hypothesis, found=found, at=at, jacobian=slopes)
+    )
+    # the quantile has five digits, which moves the chance by one in ten thousand
+    assert rest.unusual == pytest.approx(chance, rel=1e-3)
+    assert rest.shape.startswith("actuator_hardening exponent")
+    assert misfit(prepared.fitter, prepared.null).unusual == 1.0

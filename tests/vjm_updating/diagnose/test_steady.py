@@ -1,0 +1,181 @@
+"""A displacement that was steered steadily: its lines, what is not known of them, and who may not be believed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vjm_updating.calibrate.noise import memory_of
+from vjm_updating.diagnose.ramp_regression import Steady, basis, pieces, steady
+from vjm_updating.diagnose.whitening import Whitening
+
+SIGMA = 5e-4
+"""Of the gauge, mm."""
+NOISE = np.where(np.arange(6) < 1, 2.0, 1.0)
+"""Of the force along x, N."""
+STIFFNESS = 9000.0
+"""N/mm."""
+
+
+def load_case(times_over: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pairs of sequences, each out, held and back, and the times of their readings."""
+    ways = [np.linspace(0.0, 0.12, 13), np.full(5, 0.12), np.linspace(0.11, 0.0, 11)]
+    times = [np.arange(13.0), 12.0 + np.array([4.0, 9.0, 20.0, 50.0, 90.0]), 102.0 + np.arange(1.0, 12.0)]
+    u, t = np.concatenate(ways), np.concatenate(times)
+    count = 2 * times_over
+    sequence = np.repeat(np.arange(count), len(u))
+    return sequence, np.concatenate([t + 300.0 * k for k in range(count)]), np.tile(np.r_[u, -1.3 * u], times_over)
+
+
+def remembering(rng: np.random.Generator, sequence: np.ndarray, rho: float) -> np.ndarray:
+    """Noise of unit size with a memory within each sequence."""
+    e = rng.standard_normal(len(sequence))
+    for k in range(1, len(e)):
+        if sequence[k] == sequence[k - 1]:
+            e[k] = rho * e[k - 1] + np.sqrt(1.0 - rho**2) * e[k]
+    return e
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.8])
+def test_turns_and_holds_are_found_within_a_reading(rho):
+    sequence, when, u = load_case()
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        parts = pieces(sequence, when, u + SIGMA * remembering(rng, sequence, rho), SIGMA)
+        assert [slanted for _, slanted in parts] == [True, False, True] * 2
+        begins = [int(own[0]) for own, _ in parts]
+        # the last reading of a ramp lies on the hold, too
+        assert np.abs(np.array(begins) - [0, 13, 18, 29, 42, 47]).max() <= 1
+
+
+def test_without_noise_every_reading_is_on_its_line():
+    sequence, when, u = load_case()
+    Q = basis(pieces(sequence, when, u, SIGMA), when)
+    # round-off of a few dozen terms
+    assert np.allclose(Q.T @ Q, np.eye(Q.shape[1]), rtol=0.0, atol=1e-12)
+    assert np.allclose(Q @ (Q.T @ u), u, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.7])
+def test_what_is_not_known_of_the_lines_is_what_noise_makes_of_them(rho):
+    sequence, when, u = load_case()
+    own = Steady(basis(pieces(sequence, when, u, SIGMA), when), sequence, 0.0)
+    rng = np.random.default_rng(3)
+    draws = 4000
+    off = np.array([own.steered(u + remembering(rng, sequence, rho)) - u for _ in range(draws)])
+    said = own.errors(rho)
+    # a variance from that many draws is known to √(2/4000); four times that
+    size = np.sqrt(np.einsum("ns,ns->n", said, said))
+    bound = 4.0 * np.sqrt(2.0 / draws) * np.outer(size, size)
+    assert (np.abs(off.T @ off / draws - said @ said.T) < bound).all()
+
+
+def read(rng: np.random.Generator, jitter: float, times_over: int = 1) -> tuple[np.ndarray, ...]:
+    """Readings of a spring that softens, by a drive that may tremble by so many of its gauge's deviations."""
+    sequence, when, u = load_case(times_over)
+    true = u + jitter * SIGMA * rng.standard_normal(len(u))
+    force = np.full((len(u), 6), np.nan)
+    force[:, 0] = STIFFNESS * (true - 0.8 * true**2) + NOISE[0] * rng.standard_normal(len(u))
+    return sequence, when, true + SIGMA * rng.standard_normal(len(u)), force
+
+
+def test_a_drive_that_trembles_is_known_by_its_forces():
+    rng = np.random.default_rng(11)
+    for _ in range(10):
+        sequence, when, shown, force = read(rng, 0.0)
+        found = steady(sequence, when, shown, SIGMA, force, NOISE)
+        # the share's standard error is some 0.1 here; two of them are none
+        assert found is not None
+        assert found.moved < 0.35
+        # a drive that moves as much as its gauge errs: forces follow half of it and more of what else is read
+        sequence, when, shown, force = read(rng, 3.0)
+        assert steady(sequence, when, shown, SIGMA, force, NOISE) is None
+
+
+def test_the_share_that_forces_follow_is_what_the_drive_did():
+    rng = np.random.default_rng(5)
+    shares = []
+    for _ in range(20):
+        sequence, when, shown, force = read(rng, 0.6, 8)
+        found = steady(sequence, when, shown, SIGMA, force, NOISE)
+        assert found is not None
+        shares.append(found.moved)
+    # 0.36 of 1.36; the share of 370 readings is known to 0.03, of which one is off by four at most; the mean of
+    # twenty is known to 0.007, and polynomials, which take a little of both, put it 0.01 off
+    assert np.abs(np.array(shares) - 0.36 / 1.36).max() < 0.12
+    assert np.mean(shares) == pytest.approx(0.36 / 1.36, abs=0.03)
+
+
+@pytest.mark.parametrize("wild", [0, 2])
+def test_wild_forces_do_not_hide_that_a_test_was_steady(wild):
+    rng = np.random.default_rng(2)
+    sequence, when, shown, force = read(rng, 0.0)
+    force[[8, 35][:wild], 0] += 90.0
+    assert steady(sequence, when, shown, SIGMA, force, NOISE) is not None
+
+
+def test_nothing_is_believed_where_it_cannot_be_told():
+    sequence, when, shown, force = read(np.random.default_rng(4), 0.0)
+    # a force that does not feel the gauge's noise, and a displacement without any
+    assert steady(sequence, when, shown, SIGMA, force, 50.0 * NOISE) is None
+    assert steady(sequence, when, shown, 0.0, force, NOISE) is None
+    # a gauge that sticks, or swings
+    stuck = shown[3 * (np.arange(len(shown)) // 3)]
+    assert steady(sequence, when, stuck, SIGMA, force, NOISE) is None
+    swinging = shown + 3.0 * SIGMA * np.sin(2.0 * np.arange(len(when)))
+    assert steady(sequence, when, swinging, SIGMA, force, NOISE) is None
+
+
+def whitening(rho: float, moved: float) -> Whitening:
+    """Of three channels that the displacement shakes."""
+    sequence, when, u = load_case()
+    own = Steady(basis(pieces(sequence, when, u, SIGMA), when), sequence, moved)
+    present = np.zeros((len(u), 6), dtype=bool)
+    present[:, :3] = True
+    present[9, 1] = False
+    shaken = np.array([4.0, 1.5, -2.0, 0.0, 0.0, 0.0]) * (1.0 + np.abs(u[:, None]))
+    C = moved * shaken[:, :, None] * shaken[:, None, :] + np.diag([4.0, 1.0, 2.25, 1.0, 1.0, 1.0])
+    C = np.where(present[:, :, None] & present[:, None, :], C, np.where(present[:, :, None], 0.0, np.eye(6)))
+    factors = np.linalg.inv(np.linalg.cholesky(C))
+    memory = replace(memory_of(sequence, present), rho=np.full(6, rho))
+    return Whitening(factors, memory, present, own, shaken)
+
+
+def dense(own: Whitening) -> np.ndarray:
+    """The whitening of independent errors as a matrix, column by column."""
+    plain = replace(own, steady=None)
+    on = np.flatnonzero(own.present)
+    return np.column_stack([plain.flat(row.reshape(own.present.shape)) for row in np.eye(own.present.size)[on]])
+
+
+@pytest.mark.parametrize(("rho", "moved"), [(0.0, 0.0), (0.6, 0.0), (0.3, 0.2)])
+def test_residuals_become_independent_with_the_errors_of_lines_among_them(rho, moved):
+    own = whitening(rho, moved)
+    on = np.flatnonzero(own.present)
+    L = dense(own)
+    slow = own.slow.reshape(-1, own.slow.shape[2])[on]
+    covariance = np.linalg.inv(L.T @ L) + slow @ slow.T
+    whole = np.column_stack([own.flat(row.reshape(own.present.shape)) for row in np.eye(own.present.size)[on]])
+    # round-off by the covariance's condition, 5e2
+    assert np.allclose(whole @ covariance @ whole.T, np.eye(len(on)), rtol=0.0, atol=1e-12)
+    assert np.allclose(
+        own.flat(np.eye(6)[None] * own.present[:, :, None])[:, 0], own.flat(own.present * np.eye(6)[0])
+    )
+    # its determinant, but for what the memory alone makes of it; round-off of sums of some 200
+    memory = np.linalg.slogdet(L.T @ L)[1] + replace(own, steady=None).determinant
+    assert own.determinant == pytest.approx(np.linalg.slogdet(covariance)[1] + memory, abs=1e-10)
+
+
+def test_likely_errors_of_lines_are_taken_away_and_wild_samples_say_little_of_them():
+    own = whitening(0.5, 0.0)
+    rng = np.random.default_rng(8)
+    raw = own.slow @ (3.0 * rng.standard_normal(own.slow.shape[2]))
+    left = own.without_slow(raw)
+    assert np.linalg.norm(replace(own, steady=None).flat(left)) < 0.5 * np.linalg.norm(
+        replace(own, steady=None).flat(raw)
+    )
+    wild = np.zeros_like(raw)
+    wild[20, 0] = 120.0
+    assert np.abs(own.without_slow(wild) - wild).max() < 0.05 * 120.0

@@ -1,0 +1,160 @@
+"""What a test's files say when they are right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.command import GAUGE_SHEET
+
+from vjm_updating.experiment import Kind, read_measurement
+from vjm_updating.experiment.readings import Branch
+
+from .conftest import Draft
+
+
+def test_a_measurement_is_what_its_files_say(draft: Draft):
+    found = draft.read()
+    assert found.imposed
+    assert found.engine.label == "vjm-8"
+    assert found.readings.channels == ("ux_mm", "fx_N", "mx_Nmm")
+    assert len(found.readings) == 26
+    assert found.readings.row[0] == 2  # the header is line 1
+    assert set(found.readings.posture) == {"A", "B"}
+    np.testing.assert_allclose(found.readings.pose[12], [-2.0, 0, 0, 0, 0, 0])
+    assert found.readings.wrench[12, 0] < -6000.0
+    assert np.isnan(found.readings.wrench[:, 1]).all()  # no column: not measured
+
+
+def test_nuisances_are_those_that_have_a_sigma(draft: Draft):
+    found = {(n.kind, n.subject): n.sigma for n in draft.read().nuisances}
+    assert found == {
+        (Kind.ZERO, "ux_mm"): 0.002,
+        (Kind.SCALE, "ux_mm"): 0.001,
+        (Kind.ZERO, "fx_N"): 3.0,
+        (Kind.SCALE, "fx_N"): 0.003,
+        (Kind.LENGTH, "link"): 0.2,
+        (Kind.MODULUS, "foot"): 0.02,
+        (Kind.MODULUS, "link"): 0.02,
+    }
+
+
+def test_a_blank_is_a_missed_sample(draft: Draft):
+    draft.rows[3][3] = ""
+    readings = draft.read().readings
+    assert np.isnan(readings.wrench[3, 0])
+    assert not np.isnan(readings.wrench[3, 3])
+
+
+def test_comments_and_spaces_are_let_through(draft: Draft):
+    draft.rows[0][0] = " 0.0 "
+    data, sheet = draft.write()
+    data.write_text("# taken on a cold day\n" + data.read_text())
+    assert len(read_measurement(data, sheet).readings) == 26
+
+
+@pytest.mark.parametrize(
+    ("line", "part", "key", "value"),
+    [
+        ("actuator_compliance_mm_per_N = 2e-6", "actuator", "compliance_mm_per_N", 2e-6),
+        ("length_mm = 305.0", "link", "length_mm", 305.0),
+        ('"parts.foot.length_mm" = 150.0', "foot", "length_mm", 150.0),
+        ("foot.section.EA_N = 8e7", "foot", ("section", "EA_N"), 8e7),
+        ("parts.5.section.EIz_Nmm2 = 4.0e7", "link", ("section", "EIz_Nmm2"), 4.0e7),
+        ("EIz_Nmm2 = 4.1e7", "link", ("section", "EIz_Nmm2"), 4.1e7),
+        ("section.EIz_Nmm2 = 4.2e7", "link", ("section", "EIz_Nmm2"), 4.2e7),
+    ],
+)
+def test_the_sheet_overrides_the_model(draft: Draft, line: str, part: str, key, value: float):
+    draft.sheet = draft.sheet.replace("link_segments = 8", f"link_segments = 8\n{line}")
+    document = draft.read().document
+    found = next(p for p in document["parts"] if p["name"] == part)
+    for step in (key,) if isinstance(key, str) else key:
+        found = found[step]
+    assert found == value
+
+
+def test_one_segment_is_the_papers_spring(draft: Draft):
+    draft.sheet = draft.sheet.replace("link_segments = 8", "link_segments = 1\nfoot_segments = 4")
+    engine = draft.read().engine
+    assert engine.segments is None
+    assert engine.foot_segments == 4
+
+
+def test_another_section_replaces_the_models(draft: Draft):
+    draft.sheet = """
+[test]
+model = "pinned-column"
+[model]
+section = "square_tube"
+width_mm = 6.35
+wall_mm = 1.5875
+[postures]
+straight = []
+[instrument.fx_N]
+noise = 1.0
+"""
+    draft.header = ["posture", "ux_mm", "fx_N"]
+    draft.rows = [["straight", f"{-0.001 * k}", f"{-7.0 * k}"] for k in range(20)]
+    found = draft.read()
+    (beam,) = found.chain.beams
+    assert beam.section is not None
+    # E times the area of the tube's wall
+    assert beam.section.EA == pytest.approx(68948.0 * (6.35**2 - (6.35 - 2 * 1.5875) ** 2), rel=1e-12)
+    assert list(found.chain.postures["straight"]) == [0.0, 0.0]
+
+
+def test_branches_are_read_off_the_history(draft: Draft):
+    s = np.concatenate([np.linspace(0, -2, 9), np.full(4, -2.0), np.linspace(-1.75, 1, 12), np.full(3, 1.0)])
+    draft.header = ["posture", "ux_mm", "fx_N"]
+    draft.rows = [["A", f"{v}", f"{3000.0 * v}"] for v in s]
+    draft.sheet = draft.sheet.split("[instrument.mx_Nmm]")[0]
+    found = draft.read().readings.branches("ux_mm", 0.001)
+    # out, held, back to zero, out to the other side, held
+    expected = [Branch.HOLD] + [Branch.UP] * 8 + [Branch.HOLD] * 4 + [Branch.DOWN] * 8 + [Branch.UP] * 4
+    assert found == expected + [Branch.HOLD] * 3
+
+
+def test_noise_makes_no_branches(draft: Draft):
+    rng = np.random.default_rng(3)
+    draft.header = ["posture", "ux_mm", "fx_N"]
+    s = np.concatenate([np.linspace(0.0, -2.0, 81), np.full(40, -2.0)]) + 0.001 * rng.standard_normal(121)
+    draft.rows = [["A", f"{v}", f"{3000.0 * v}"] for v in s]
+    draft.sheet = draft.sheet.split("[instrument.mx_Nmm]")[0]
+    found = draft.read().readings.branches("ux_mm", 0.001)
+    assert found[1:81].count(Branch.UP) >= 79
+    assert found[81:].count(Branch.HOLD) >= 39
+
+
+MARKS = GAUGE_SHEET + 'held = "target"\n'
+
+
+def test_a_mark_that_was_steered_to_keeps_its_last_row(draft: Draft):
+    draft.sheet = MARKS
+    draft.header = ["posture", "fx_N", "mid.uy_mm"]
+    groups = [(0.0, (-3.0, -5.0)), (1.5, (-300.0, -400.0, -420.0)), (3.0, (-460.0, -470.0))]
+    draft.rows = [["straight", str(f), str(mark)] for mark, forces in groups for f in forces]
+    found = draft.read()
+    assert not found.imposed
+    settled = found.readings.settled("mid.uy_mm")
+    assert list(settled.values["mid.uy_mm"]) == [0.0, 1.5, 3.0]
+    assert list(settled.values["fx_N"]) == [-5.0, -420.0, -470.0]
+
+
+def test_force_control_takes_measured_displacements(draft: Draft):
+    draft.sheet = draft.sheet.replace('title = "two postures pushed"', 'control = "force"')
+    assert draft.read().sheet.test.control == "force"
+
+
+@pytest.mark.parametrize("name", ["column_bar_1", "column_tube_1"])
+def test_the_measured_columns_are_read(name: str):
+    folder = Path(__file__).parents[4] / "shared/measured"
+    if not (folder / f"{name}.csv").exists():
+        pytest.skip("the class data are not redistributed: put them into ../shared/measured beside the checkout")
+    found = read_measurement(folder / f"{name}.csv", folder / f"{name}.toml")
+    settled = found.readings.settled("mid.uy_mm")
+    marks = settled.values["mid.uy_mm"]
+    # a ruler of 1/16 in
+    np.testing.assert_allclose(marks / 1.5875, np.round(marks / 1.5875), atol=1e-3)
+    assert len(marks) > 30

@@ -1,0 +1,101 @@
+"""Every command that takes a model takes a manipulator."""
+
+import json
+
+import numpy as np
+import pytest
+
+from vjm_validation.cli.main import run
+
+
+def test_curve_walks_the_whole_robot(capsys, tmp_path):
+    file = tmp_path / "path.csv"
+    arguments = ["--posture", "isotropic", "--to", "1.2", "--engine", "vjm-paper", "--csv", str(file)]
+    assert run(["curve", "orthoglide", *arguments]) == 0
+    out = capsys.readouterr().out
+    assert "bifurcation at 0.813131, force 2696.2" in out
+    assert file.read_text(encoding="utf-8").startswith("# ")
+
+
+def test_buckling_of_the_whole_robot(capsys):
+    arguments = ["--posture", "isotropic", "--direction", "+", "--engine", "vjm-paper", "--to", "1.0", "--json"]
+    assert run(["buckling", "orthoglide", *arguments]) == 0
+    found = json.loads(capsys.readouterr().out)["chain"]["isotropic"]["tension"]["vjm-paper"]
+    assert found["critical"] == "bifurcation"
+    assert found["F_cr"] == pytest.approx(2696.2, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["orthoglide", "3-puu", "delta", "par2", "orthoglide-parallelograms"])
+def test_stiffness_of_every_machine_of_the_library(name, capsys):
+    arguments = ["--wrench", "5,-3,2,0,0,0", "--engine", "vjm-1", "--json"]
+    assert run(["stiffness", name, *arguments]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["stable"]
+    K, d = np.array(found["stiffness_unloaded"]), np.array(found["displacement"])
+    assert (K @ d)[:3] == pytest.approx([5.0, -3.0, 2.0], rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["orthoglide", "delta"])
+def test_an_imposed_displacement_of_a_platform(name, capsys):
+    assert run(["stiffness", name, "--displacement", "0.01,0,0,0,0,0", "--engine", "vjm-1", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["wrench"][0] == pytest.approx(0.01 * found["stiffness_unloaded"][0][0], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (
+            ["curve", "orthoglide", "--to", "1", "--posture", "A"],
+            "no pose 'A': give isotropic, Q1, Q2, or x,y,z in mm",
+        ),
+        (["curve", "orthoglide", "--to", "1", "--engine", "msa"], "walks single chains only"),
+        (["curve", "orthoglide", "--to", "1", "--gravity", "0,0,-9.81"], "gives its platform no mass"),
+        (["stiffness", "parallelogram", "--wrench", "0,0,1,0,0,0"], "is a mechanism"),
+        (["curve", "delta", "--to", "1", "--control", "rod@0.5:0,1,0"], "give ramp, arc or limit"),
+        (["curve", "par2", "--to", "1", "--imperfection", "0.1", "--engine", "exudyn"], "builds no imperfection"),
+        (["stiffness", "orthoglide", "--posture", "400,0,0"], "is out of reach: leg 'z' stays"),
+        (["map", "orthoglide-chain", "--grid", "3"], "is a single chain, and this needs a manipulator"),
+        (["stiffness", "orthoglide", "--displacement", "900,0,0,0,0,0"], "is out of reach: orthoglide's longest"),
+    ],
+)
+def test_what_a_manipulator_cannot_do_is_one_line(arguments, words, capsys):
+    assert run(arguments) == 2
+    assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_pose_may_be_given_by_its_coordinates(capsys):
+    found = []
+    for posture in ("Q1", "-73.65,-73.65,-73.65"):
+        assert run(["stiffness", "orthoglide", "--posture", posture, "--engine", "vjm-1", "--json"]) == 0
+        found.append(json.loads(capsys.readouterr().out)["stiffness_unloaded"])
+    assert np.abs(np.array(found[0]) - found[1]).max() < 1e-9 * np.abs(found[0]).max()
+    arguments = ["--posture", "-70,-60,-73", "--to", "0.2", "--engine", "vjm-paper"]
+    assert run(["curve", "orthoglide", *arguments]) == 0
+    assert run(["buckling", "orthoglide", "--posture", "10,0,0", *arguments[2:]]) == 0
+    assert "10,0,0" in capsys.readouterr().out
+    assert run(["curve", "orthoglide", "--posture", "1,2", "--to", "1"]) == 2
+    assert "give isotropic, Q1, Q2, or x,y,z in mm" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_platform_with_a_hinge_and_with_a_bow(capsys):
+    assert run(["curve", "orthoglide", "--to", "-0.5", "--free", "rz", "--engine", "vjm-4"]) == 0
+    arguments = ["--posture", "isotropic", "--to", "-1", "--imperfection", "0.2", "--engine", "vjm-4"]
+    assert run(["curve", "orthoglide", *arguments]) == 0
+
+
+@pytest.mark.parametrize("command", ["identify", "calibrate", "diagnose"])
+def test_commands_about_one_chain_say_that_a_manipulator_is_none(command, tmp_path, capsys):
+    sheet, data = tmp_path / "sheet.toml", tmp_path / "data.csv"
+    sheet.write_text('[test]\nmodel = "delta"\n[postures]\nhome = []\n[instrument.fx_N]\nnoise = 1.0\n')
+    data.write_text("posture,ux_mm,fx_N\nhome,0,0\nhome,0.1,30\nhome,0.2,60\n")
+    measured = [command, str(data), "--sheet", str(sheet), "--out", str(tmp_path / "out")]
+    assert run(["identify", "delta", "--part", "rod"] if command == "identify" else measured) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "delta.toml: is a whole manipulator, and this takes one chain" in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_list_names_the_manipulators(capsys):
+    assert run(["list"]) == 0
+    assert "orthoglide-parallelograms" in capsys.readouterr().out

@@ -1,0 +1,196 @@
+"""Maps: their values, going on after an interrupt, their files, and what is refused."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path as FilePath
+
+import jsonschema
+import numpy as np
+import pytest
+
+from vjm.continuation.load_stepping import follow
+from vjm.continuation.path import Equilibrium, Path
+from vjm.io.manipulator_file import load_manipulator
+from vjm.model.load_case import COMPONENTS, Load, LoadCase
+from vjm.platform.problem import ManipulatorProblem
+from vjm.statics.equilibrium import NoConvergenceError
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.maps import run as runner
+from vjm_updating.maps.evaluate import (
+    COLUMNS,
+    OK,
+    MapTask,
+    Quantity,
+    distinct,
+    evaluate,
+    principal,
+    stability_lost,
+)
+from vjm_updating.maps.pose_grid import parsed_grid
+from vjm_updating.maps.run import Map, run_map
+from vjm_validation.cli.main import run
+from vjm_validation.schemas import schemas
+
+SCHEMAS = FilePath(__file__).parents[3] / "docs/schemas"
+
+
+def small(quantity=Quantity.STIFFNESS, name="orthoglide", grid="x=-40:40:3,y=0:60:2,z=0", **more):
+    machine = load_manipulator(name)
+    springs = VjmEngine() if name == "orthoglide" else VjmEngine(1)
+    return Map(machine, springs, quantity, parsed_grid(grid, machine), **more)
+
+
+def test_a_grid_is_a_number_or_axes():
+    machine = load_manipulator("orthoglide")
+    assert parsed_grid("21", machine).shape == (21, 21, 21)
+    grid = parsed_grid("x=-50:50:11, z=20", machine)
+    assert grid.shape == (11, 1, 1)
+    assert grid.poses()[0].tolist() == [-50.0, 0.0, 20.0, 0.0, 0.0, 0.0]
+    # a plane's machine has one layer
+    assert parsed_grid("5", load_manipulator("par2")).shape == (5, 1, 5)
+
+
+@pytest.mark.parametrize("text", ["0", "x=1:2", "w=3", "x=1:0:4", "x=0:1:1", "x=a", "x=0:1:2.5", "x=0:1:1e9"])
+def test_a_grid_that_makes_no_sense_is_refused(text):
+    with pytest.raises(ValueError, match="--grid"):
+        parsed_grid(text, load_manipulator("orthoglide"))
+
+
+@pytest.mark.parametrize("name", ["orthoglide", "3-puu", "delta", "par2"])
+def test_stiffness_is_that_of_the_single_pose(name, tmp_path):
+    wanted = small(name=name, grid="x=-20:20:2")
+    found = run_map(wanted, tmp_path)
+    assert found.why == (OK, OK)
+    for row, pose in zip(found.values, wanted.grid.poses(), strict=True):
+        load_case = LoadCase(",".join(f"{v!r}" for v in pose.tolist()), 1.0)
+        K = ManipulatorProblem(wanted.manipulator, load_case, wanted.springs).unloaded().stiffness
+        assert row == pytest.approx(principal(K), rel=1e-6)
+
+
+def test_a_deflection_and_a_critical_force_at_the_isotropic_point(tmp_path):
+    load = small(Quantity.DEFLECTION, grid="x=0", wrench=(-1000.0, 0, 0, 0, 0, 0))
+    assert run_map(load, tmp_path / "a").values[0, 0] == pytest.approx(-1000.0 / 3300.33, rel=2e-3)
+    weak = small(Quantity.CRITICAL, grid="x=0", most=5000.0)
+    assert run_map(weak, tmp_path / "b").values[0, 0] == pytest.approx(2696.0, rel=2e-3)
+
+
+def test_a_pose_without_an_answer_says_why_and_stops_no_other(tmp_path):
+    found = run_map(small(grid="x=0,y=0:300:2,z=0:300:2"), tmp_path)
+    assert found.why[0] == OK
+    assert "out of reach" in found.why[3]
+    assert np.isnan(found.values[3]).all()
+
+
+def test_a_map_goes_on_where_it_was_cut_off(tmp_path, monkeypatch):
+    monkeypatch.setattr(runner, "COMPILED", dict.fromkeys(Quantity, 1))
+    whole = run_map(small(), tmp_path / "whole")
+    calls = []
+
+    def counted(task):
+        calls.append(task.index)
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+        return evaluate(task)
+
+    monkeypatch.setattr(runner, "evaluate", counted)
+    with pytest.raises(KeyboardInterrupt):
+        run_map(small(), tmp_path / "cut")
+    seen = []
+    again = run_map(small(), tmp_path / "cut", progress=lambda done, total: seen.append((done, total)))
+    assert calls == [0, 1, 2, 3, 3, 4, 5]
+    assert np.array_equal(again.values, whole.values)
+    assert seen[-1] == (6, 6)
+
+
+def test_a_folder_with_another_map_is_refused(tmp_path):
+    run_map(small(grid="x=0"), tmp_path)
+    with pytest.raises(ValueError, match="holds another map"):
+        run_map(small(grid="x=1"), tmp_path)
+    with pytest.raises(ValueError, match="holds another map"):
+        run_map(replace(small(grid="x=0"), springs=VjmEngine(2)), tmp_path)
+
+
+def test_the_number_of_processes_changes_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(runner, "COMPILED", dict.fromkeys(Quantity, 2))
+    one, two = (run_map(small(), tmp_path / str(jobs), jobs) for jobs in (1, 2))
+    assert np.array_equal(one.values, two.values)
+
+
+def test_the_command_writes_csv_vtk_and_a_figure(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("vjm_updating.maps.output.impossible", lambda: "no graphics in this test")
+    assert (
+        run(["map", "orthoglide", "--grid", "x=0,y=0:300:3,z=0:300:2", "--jobs", "1", "--out", str(tmp_path)]) == 0
+    )
+    assert "kt_min_N_per_mm" in capsys.readouterr().out
+    lines = (tmp_path / "map.csv").read_text(encoding="utf-8").splitlines()
+    assert lines[0].startswith("# model=orthoglide engine=vjm-paper quantity=stiffness")
+    rows = list(csv.DictReader(lines[1:]))
+    assert len(rows) == 6
+    assert list(rows[0]) == ["x_mm", "y_mm", "z_mm", *COLUMNS[Quantity.STIFFNESS], "status"]
+    assert rows[0]["status"] == OK
+    assert rows[-1]["status"] != OK
+    assert rows[-1]["kt_min_N_per_mm"] == ""
+    assert (tmp_path / "map.png").read_bytes()[:4] == b"\x89PNG"
+    import pyvista
+
+    grid = pyvista.read(tmp_path / "map.vtr")
+    assert grid.dimensions == (1, 3, 2)
+    # VTK runs x fastest
+    assert grid.point_data["kt_min_N_per_mm"][1] == pytest.approx(float(rows[2]["kt_min_N_per_mm"]))
+    for file, schema in (("map.json", "map"), ("tasks/000000.json", "map-task")):
+        document = json.loads((tmp_path / file).read_text(encoding="utf-8"))
+        published = json.loads((SCHEMAS / f"{schema}.schema.json").read_text(encoding="utf-8"))
+        assert published == schemas()[f"{schema}.schema.json"]
+        jsonschema.validate(document, published)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["orthoglide-chain"], "is a single chain"),
+        (["orthoglide", "--quantity", "deflection"], "needs one"),
+        (["orthoglide", "--wrench", "1,2"], "not three or six"),
+        (["orthoglide", "--quantity", "critical", "--wrench", "1,2,3"], "leave it out"),
+        (["orthoglide", "--grid", "x=0", "--engine", "exudyn"], "maps are made with"),
+        (["orthoglide", "--grid", "x=0", "--most", "-1"], "positive force"),
+        (["orthoglid"], "did you mean 'orthoglide'"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(arguments, words, tmp_path, capsys):
+    assert run(["map", *arguments, "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err.strip()
+    assert words in " ".join(error.split())
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["delta", pytest.param("par2", marks=pytest.mark.slow)])
+def test_the_weakest_direction_of_a_machine_with_bodies_between(name):
+    machine = load_manipulator(name)
+    pose = machine.displacement("side")
+    task = MapTask(0, machine, VjmEngine(), Quantity.CRITICAL, pose[None], (0.0,) * 6, 20_000.0)
+    rows = evaluate(task)
+    assert rows.why == [OK]
+    force, *direction = rows.values[0]
+    assert np.linalg.norm(direction) == pytest.approx(1.0)
+    for share, lost in ((0.99, []), (1.01, ["bifurcation"])):
+        load = Load((*(share * force * np.array(direction)).tolist(), 0.0, 0.0, 0.0))
+        load_case = LoadCase("side", 1.0, "load", loads=(load,), free=COMPONENTS, steps=4)
+        path = follow(ManipulatorProblem(machine, load_case, VjmEngine()), load_case)
+        assert [str(event.kind) for event in path.events] == lost
+
+
+def test_directions_of_legs_in_a_row_are_tried_once():
+    x, y = np.eye(3)[:2]
+    assert len(distinct([x, -x, x + 0.01 * y, y, y])) == 2
+
+
+def test_a_path_that_ends_without_losing_its_stability_is_no_answer():
+    point = Equilibrium(0.0, np.zeros(6), np.zeros(6), 1.0, 1.0, 0, 1, 0.0, np.zeros((1, 3)), np.zeros(1))
+    there = replace(point, s=1.0, eigenvalue=0.5, ramp=700.0)
+    path = Path("vjm", "m", LoadCase("home", 1.0), (point, there), stopped="lost its way")
+    with pytest.raises(NoConvergenceError, match="lost its way"):
+        stability_lost(path)
+    assert stability_lost(replace(path, stopped="")) is None
+    # a knee too sharp to follow
+    assert stability_lost(replace(path, points=(point, replace(there, eigenvalue=1e-5)))) == 700.0

@@ -1,0 +1,121 @@
+"""The catalogue: MEASURED's causes are all there, and a file of one's own is one of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vjm.io.model_file import load_chain
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.mechanisms.catalogue import catalogue, plug_in
+from vjm_updating.mechanisms.creep import Creep
+from vjm_updating.mechanisms.effect import Scene
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of
+
+MECHANICAL = {
+    "link_lumping", "foot_lumping", "actuator_compliance", "actuator_hardening", "actuator_backlash",
+    "joint_clearance", "joint_friction", "contact_compliance", "base_compliance", "foot_compliance",
+    "link_compliance", "link_bow", "link_length", "load_misalignment", "tension_compression_asymmetry", "gravity",
+    "creep", "plasticity",
+}  # fmt: skip
+
+
+def scene(segments=None):
+    chain = load_chain("orthoglide-chain")
+    return Scene(chain, VjmEngine(segments), force=3000.0, reach=2.0, duration=600.0, interval=2.0)
+
+
+def test_every_cause_is_there():
+    causes = {e.cause for segments in (None, 8) for e in catalogue(scene(segments))}
+    assert causes == MECHANICAL
+
+
+def test_lumping_is_a_cause_of_lumped_models_only():
+    assert "link_lumping" in {e.cause for e in catalogue(scene())}
+    assert "link_lumping" not in {e.cause for e in catalogue(scene(8))}
+    assert "link_bow" not in {e.cause for e in catalogue(scene())}
+
+
+def test_column_without_foot_or_drive_has_no_such_causes():
+    column = Scene(load_chain("pinned-column"), VjmEngine(16), force=500.0, reach=1.0)
+    found = {e.label for e in catalogue(column)}
+    assert not [label for label in found if "foot" in label or "actuator" in label]
+    assert "creep" not in {label.partition(".")[0] for label in found}
+
+
+@pytest.mark.parametrize("part", ["foot", "link"])
+@pytest.mark.parametrize(("as_drawn", "same"), [(1.0, True), (-1.0, False)])
+def test_one_way_of_an_asymmetry_may_be_as_drawn(part, as_drawn, same):
+    ratio = 1.3
+    effect = next(e for e in catalogue(scene(8)) if e.label == f"tension_compression_asymmetry.{part}")
+    nominal = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(8))
+    changed = effect.machine(nominal, (ratio, as_drawn))
+    for pulls in (True, False):
+        drawn, made = (beam_of(m.chain(pulls), effect.beam).effective_section().EA for m in (nominal, changed))
+        factor = 1.0 if pulls is same else (ratio if pulls else 1.0 / ratio)
+        # a root and a few products of doubles
+        assert made == pytest.approx(drawn * factor, rel=1e-12)
+
+
+def test_times_of_creep_are_any_between_a_readings_and_the_tests():
+    time = Creep(duration=1200.0, interval=2.0).quantities()[1]
+    logarithms = np.linspace(np.log(2.0), np.log(1200.0), 10_001)
+    # the standard deviation of n even steps is √(1 + 2/n) of an even distribution's: twice what that is more
+    assert time.spread == pytest.approx(np.std(logarithms), rel=2e-4)
+    # rounding of a sum of ten thousand logarithms
+    assert np.log(time.usual) == pytest.approx(np.mean(logarithms), rel=1e-12)
+
+
+def test_trials_lie_within_the_bounds_and_act():
+    for effect in catalogue(scene(8)):
+        for trial in effect.trials():
+            assert len(trial) == len(effect.quantities())
+            for q, v in zip(effect.quantities(), trial, strict=True):
+                assert q.low <= v <= q.high, effect.label
+                assert q.value(q.coordinate(v)) == pytest.approx(v) if v or not q.log else True
+        machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(8))
+        trial = effect.trials()[0]
+        pose = np.array([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
+        acts = (
+            effect.machine(machine, trial) != machine
+            or effect.elements(machine, trial)
+            or np.any(effect.friction(trial))
+            or not np.array_equal(effect.imposed(pose, trial), pose)
+        )
+        assert acts, effect.label
+
+
+PLUG_IN = """
+from dataclasses import dataclass
+from vjm_updating.mechanisms.effect import Effect, Quantity
+
+@dataclass(frozen=True)
+class Magnet(Effect):
+    cause = "magnet"
+    title = "a magnet pulls"
+    def quantities(self):
+        return (Quantity("pull_N", 0.0, 100.0, 1.0, neutral=0.0),)
+    def trials(self):
+        return [(5.0,)]
+
+def effects(scene):
+    return [Magnet()]
+"""
+
+
+def test_a_file_of_ones_own_is_a_cause(tmp_path):
+    file = tmp_path / "magnet.py"
+    file.write_text(PLUG_IN)
+    assert "magnet" in {e.cause for e in catalogue(scene(), [plug_in(file)])}
+
+
+@pytest.mark.parametrize(
+    ("text", "says"), [("", "no function effects"), ("1/0", "ZeroDivisionError"), (None, "no Python file")]
+)
+def test_a_bad_file_is_named(tmp_path, text, says):
+    file = tmp_path / "bad.py"
+    if text is not None:
+        file.write_text(text)
+    with pytest.raises(ValueError, match=says) as error:
+        plug_in(file)
+    assert "bad.py" in str(error.value)

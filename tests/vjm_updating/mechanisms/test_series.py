@@ -1,0 +1,162 @@
+"""Elements in series against the same thing built into the chain, and laws against their closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vjm.io.model_file import load_chain
+from vjm.statics.equilibrium import NoConvergenceError
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
+from vjm_updating.mechanisms.element_sites import foot
+from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.part_compliance import FootCompliance
+from vjm_updating.mechanisms.path_table import HalfRay, tabulate
+from vjm_updating.mechanisms.play import ActuatorBacklash, JointClearance
+from vjm_updating.mechanisms.series_elements import (
+    AlongLine,
+    Element,
+    History,
+    balance,
+    memoryless,
+    retarded,
+    together,
+    yielding,
+)
+
+X = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(8))
+
+
+def history_of(machine, posture, n, step=1.0):
+    begins = np.zeros(n, dtype=bool)
+    begins[0] = True
+    return History(step * np.arange(n), begins, np.tile(machine.line(posture), (n, 1)))
+
+
+def look_of(machine, posture, reach):
+    table = tabulate(machine, HalfRay(posture, X, reach), pulls=True)
+
+    def look(u):
+        W, K = table.at(u[:, 0])
+        off = u - np.outer(u[:, 0], X)
+        return W + np.einsum("nij,nj->ni", K, off), K
+
+    return look
+
+
+@pytest.mark.parametrize("posture", ["A", "B"])
+def test_actuator_in_series_is_the_actuator_in_the_chain(machine, posture):
+    c = 3e-5
+    u = np.outer(np.linspace(0.05, 2.0, 12), X)
+    chain = machine.nominal.with_actuator_compliance(c)
+    built_in, K = look_of(ModifiedChain(chain, machine.engine), posture, 2.2)(u)
+    elements = ActuatorCompliance().elements(machine, (c,))
+    found = balance(look_of(machine, posture, 2.2), u, elements, history_of(machine, posture, len(u)))
+    np.testing.assert_allclose(found.wrench[:, :3], built_in[:, :3], atol=0.03)
+    np.testing.assert_allclose(found.stiffness[:, 0, 0], K[:, 0, 0], rtol=1e-3)
+
+
+@pytest.mark.parametrize("posture", ["A", "B"])
+def test_softer_foot_in_series_is_the_softer_foot(machine, posture):
+    u = np.outer(np.linspace(0.05, 1.0, 8), X)
+    softer = FootCompliance().machine(machine, (1.05,))
+    built_in, _ = look_of(softer, posture, 1.1)(u)
+    law = memoryless(lambda N: (0.05 * N, np.full_like(N, 0.05)))
+    element = Element(foot(machine), law)
+    found = balance(look_of(machine, posture, 1.1), u, [element], history_of(machine, posture, len(u)))
+    change = built_in[:, 0] - look_of(machine, posture, 1.1)(u)[0][:, 0]
+    # first order in the turns of foot and link
+    np.testing.assert_allclose(found.wrench[:, 0] - built_in[:, 0], 0.0, atol=0.03 * np.abs(change).max())
+
+
+def test_play_is_half_the_travel_lost(machine):
+    look = look_of(machine, "A", 2.0)
+    u = np.outer(np.linspace(0.5, 1.5, 5), X)
+    for effect in (ActuatorBacklash(), JointClearance()):
+        elements = effect.elements(machine, (0.04, 0.0, 5.0))
+        found = balance(look, u, elements, history_of(machine, "A", len(u)))
+        expected, _ = look(u - np.outer(np.full(5, 0.02), X))
+        np.testing.assert_allclose(found.wrench[:, 0], expected[:, 0], atol=0.1)
+
+
+def test_play_bears_nothing_within_its_travel(machine):
+    look = look_of(machine, "A", 2.0)
+    u = np.outer(np.linspace(0.001, 0.015, 6), X)
+    found = balance(look, u, ActuatorBacklash().elements(machine, (0.04, 0.0, 2.0)), history_of(machine, "A", 6))
+    # by tanh(N/2) the travel is used up to 0.015/0.02 at 2 N
+    assert np.abs(found.wrench[:, 0]).max() < 3.0
+
+
+@pytest.mark.parametrize("many", [6, 40])
+def test_every_reading_is_in_balance_whenever_the_others_are(machine, many):
+    # hard ends: readings come into balance one after another, and those that are wait for the last
+    look = look_of(machine, "A", 2.0)
+    (element,) = ActuatorBacklash().elements(machine, (0.04, 0.0, 2.0))
+    history = history_of(machine, "A", many)
+    found = balance(look, np.outer(np.linspace(0.001, 0.015, many), X), [element], history)
+    wanted, _ = element.law(element.place.force(found.wrench, history), history)
+    # mm: what `balance` promises, a ten-thousandth of a gauge's noise; what was thrown out is off by 1e-3 and more
+    np.testing.assert_allclose(found.extension[:, 0], wanted, rtol=0.0, atol=1e-7)
+
+
+def test_a_balance_that_is_not_found_is_none(machine):
+    # at no force does a travel that jumps meet a chain that gives way steadily
+    jump = Element(AlongLine(), memoryless(lambda N: (np.where(N > 5.0, 0.02, 0.0), np.zeros_like(N))), most=0.03)
+    with pytest.raises(NoConvergenceError, match="off balance"):
+        balance(look_of(machine, "A", 2.0), np.outer([0.01, 0.02], X), [jump], history_of(machine, "A", 2))
+
+
+def test_retarded_element_is_the_closed_form():
+    time = np.array([0.0, 1.0, 2.0, 5.0, 9.0])
+    begins = np.array([True, False, False, False, False])
+    history = History(time, begins, np.tile([1.0, 0.0, 0.0], (5, 1)))
+    force = np.array([0.0, 10.0, 20.0, 20.0, 20.0])
+    x, slope = retarded(0.5, 3.0)(force, history)
+    # a ramp of 10 N/s for 2 s, then held
+    ramp = lambda t: 0.5 * 10.0 * (t - 3.0 * (1.0 - np.exp(-t / 3.0)))  # noqa: E731
+    at_2 = ramp(2.0)
+    expected = [0.0, ramp(1.0), at_2, *(10.0 + (at_2 - 10.0) * np.exp(-np.array([3.0, 7.0]) / 3.0))]
+    np.testing.assert_allclose(x, expected, atol=1e-12)
+    assert 0.0 < slope[1] < 0.5
+
+
+def test_yielding_leaves_a_set_and_yields_back_later():
+    force = np.array([0.0, 80.0, 150.0, 0.0, -40.0, -100.0])
+    history = History(np.zeros(6), np.arange(6) == 0, np.tile([1.0, 0.0, 0.0], (6, 1)))
+    x, slope = yielding(100.0, 1e-3)(force, history)
+    # kinematic hardening: the elastic range of 200 N has moved by 50 N
+    np.testing.assert_allclose(x, [0.0, 0.0, 0.05, 0.05, 0.05, 0.0], atol=1e-12)
+    assert slope[1] == 0.0
+    assert slope[2] == 1e-3
+
+
+def test_isotropic_hardening_widens_the_elastic_range_on_both_sides():
+    force = np.array([0.0, 150.0, 0.0, -140.0, -150.0, -170.0])
+    history = History(np.zeros(6), np.arange(6) == 0, np.tile([1.0, 0.0, 0.0], (6, 1)))
+    x, _ = yielding(100.0, 1e-3, grows=1.0)(force, history)
+    # 150 N have made it 150 N wide each way; 20 N beyond that slip back; sums of six numbers, so to rounding
+    np.testing.assert_allclose(x, [0.0, 0.05, 0.05, 0.05, 0.05, 0.03], atol=1e-12)
+
+
+def test_laws_together_add_their_extensions():
+    force = np.array([0.0, 150.0, 250.0])
+    history = History(np.zeros(3), np.arange(3) == 0, np.tile([1.0, 0.0, 0.0], (3, 1)))
+    x, slope = together(yielding(100.0, 1e-3), yielding(200.0, 2e-3))(force, history)
+    # 50 and 150 N beyond the one, 50 N beyond the other: to rounding
+    np.testing.assert_allclose(x, [0.0, 0.05, 0.15 + 0.1], atol=1e-12)
+    np.testing.assert_allclose(slope, [0.0, 1e-3, 3e-3], atol=1e-15)
+
+
+def test_the_line_is_that_of_the_force(machine):
+    history = history_of(machine, "B", 2)
+    wrench = np.zeros((2, 6))
+    wrench[0, :3] = -300.0 * history.line[0]
+    place = AlongLine()
+    assert place.force(wrench, history)[0] == pytest.approx(-300.0)
+    np.testing.assert_allclose(place.motion(wrench, history)[:, :3], history.line, atol=1e-12)

@@ -1,0 +1,155 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import jsonschema
+import pytest
+from helpers.command import validate
+
+from vjm.io.path_files import read_curve
+from vjm_validation.schemas import schemas
+
+PUBLISHED = Path(__file__).parents[2] / "docs" / "schemas"
+
+
+@pytest.mark.parametrize("name", schemas())
+def test_the_published_schemas_are_the_present_ones(name):
+    assert json.loads((PUBLISHED / name).read_text()) == schemas()[name]
+
+
+def test_list_names_models_and_engines():
+    finished = validate("list")
+    assert finished.status == 0
+    for name in (
+        "orthoglide-chain",
+        "pinned-column",
+        "vjm-paper",
+        "exudyn-footspring",
+        "link_lumping",
+        "iterations",
+    ):
+        assert name in finished.out
+
+
+def test_curve_writes_the_path(tmp_path):
+    file = tmp_path / "new" / "curve.csv"
+    finished = validate(
+        "curve", "orthoglide-chain", "--posture", "A", "--to", "2", "--engine", "vjm-paper", "--csv", str(file)
+    )
+    assert finished.status == 0, finished.err
+    assert "bifurcation at 0.813" in finished.out
+    path = read_curve(file)
+    assert path.engine == "vjm-paper"
+    assert path.s[-1] == 2.0
+    assert path.force[-1] == pytest.approx(2706.5, rel=1e-4)
+
+
+def test_buckling_prints_one_document_and_nothing_else():
+    finished = validate(
+        "buckling", "orthoglide-chain", "--posture", "A", "--direction", "-", "--engine", "vjm", "--json"
+    )
+    assert finished.status == 0, finished.err
+    document = json.loads(finished.out)
+    jsonschema.validate(document, schemas()["buckling.schema.json"])
+    assert document["chain"]["A"]["compression"]["vjm-16"]["F_cr"] == pytest.approx(8849, rel=1e-3)
+
+
+def test_stiffness_under_a_displacement():
+    finished = validate(
+        "stiffness", "orthoglide-chain", "--posture", "A", "--displacement", "-3,0,0,0,0,0", "--json"
+    )
+    assert finished.status == 0, finished.err
+    document = json.loads(finished.out)
+    jsonschema.validate(document, schemas()["stiffness.schema.json"])
+    assert document["stable"]
+    assert document["displacement"][0] == -3.0
+    # buckled: the post-critical stiffness along x, and the unloaded one beside it
+    assert document["stiffness_loaded"][0][0] == pytest.approx(14.22, rel=2e-3)
+    assert document["stiffness_unloaded"][0][0] == pytest.approx(3300, rel=1e-3)
+
+
+def test_stiffness_under_a_wrench():
+    pull = validate("stiffness", "orthoglide-chain", "--posture", "A", "--wrench", "1000,0,0,0,0,0", "--json")
+    assert pull.status == 0, pull.err
+    document = json.loads(pull.out)
+    assert document["wrench"][0] == 1000.0
+    # foot's (1,1) and half the bar's (1,1) in series
+    assert document["displacement"][0] == pytest.approx(1000.0 * (28e-5 + 23e-6), rel=1e-3)
+    push = validate("stiffness", "orthoglide-chain", "--posture", "A", "--wrench", "-1000,0,0,0,0,0", "--json")
+    assert push.status == 3
+    assert push.out == ""
+    assert "unstable" in push.err
+
+
+BAD = [
+    (["curve", "orthoglide-chain", "--posture", "E", "--to", "1"], "no posture 'E' (it has A, B, C, D)"),
+    (["curve", "orthoglide-chan", "--to", "1"], "did you mean 'orthoglide-chain'?"),
+    (["curve", "orthoglide-chain", "--to", "0"], "other than zero"),
+    (["curve", "orthoglide-chain", "--to", "nan"], "finite"),
+    (["curve", "orthoglide-chain", "--to", "500"], "out of reach"),
+    (["curve", "orthoglide-chain", "--to", "1", "--segments", "0"], "--segments: must be at least 1"),
+    (["curve", "orthoglide-chain", "--to", "1", "--csv", "/proc/none/x.csv"], "/proc/none"),
+    (["buckling", "orthoglide-chain", "--engine", "abaqus"], "unknown engine 'abaqus'"),
+    (["stiffness", "orthoglide-chain", "--wrench", "1,2"], "needs six numbers"),
+    (["stiffness", "orthoglide-chain", "--displacement", "1,2,3,4,5,x"], "is not six numbers"),
+    (["stiffness", "orthoglide-chain", "--engine", "exudyn"], "needs vjm-paper"),
+    (["all", "--only", "nothing"], "no comparison 'nothing'"),
+    (["all", "--out", "/proc/none"], "/proc/none"),
+    (["frobnicate"], "frobnicate"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD, ids=[" ".join(a) for a, _ in BAD])
+def test_bad_input_is_one_line_and_status_2(arguments, message):
+    finished = validate(*arguments)
+    assert finished.status == 2
+    assert finished.out == ""
+    assert message in finished.err
+    assert len(finished.err.strip().splitlines()) == 1
+
+
+def test_the_printed_matrix_20_is_refused_with_both_entries(tmp_path):
+    library = Path(__file__).parents[2] / "src" / "vjm" / "models" / "orthoglide-chain.toml"
+    text = library.read_text()
+    broken = text.replace(
+        "[ 0.0,  23e-2,   0.0,    0.0,    0.0,   11e-4]", "[ 0.0,  23e-2,   0.0,    0.0,    0.0,   11e-5]"
+    )
+    assert broken != text
+    file = tmp_path / "as-printed.toml"
+    file.write_text(broken)
+    finished = validate("buckling", str(file))
+    assert finished.status == 2
+    assert (
+        "as-printed.toml: part 'link': compliance is not symmetric: (2,6) = 1.1e-4 but (6,2) = 1.1e-3"
+        in finished.err
+    )
+
+
+def test_an_interrupted_run_keeps_what_is_done_and_goes_on(tmp_path):
+    folder = tmp_path / "run"
+    arguments = ["all", "--out", str(folder), "--jobs", "2", "--only", "chain", "--quick"]
+    command = [sys.executable, "-c", "from vjm_validation.cli.main import main; main()", *arguments]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    deadline = time.monotonic() + 120
+    while len(list(folder.glob("curves/*.csv"))) < 5:
+        assert process.poll() is None, "the run ended before it could be interrupted"
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    # as Ctrl-C does: to the whole group in the foreground
+    os.killpg(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "interrupted; what is finished is in" in err
+    assert "Traceback" not in err
+    kept = {file: file.stat().st_mtime_ns for file in folder.glob("curves/*.csv")}
+    assert len(kept) >= 5
+    assert not list(folder.rglob(".*.csv.*")), "a half-written file was left behind"
+    assert not (folder / "summary.json").exists()
+    again = validate(*arguments)
+    assert again.status == 0, again.err
+    assert (folder / "summary.json").exists()
+    assert all(file.stat().st_mtime_ns == stamp for file, stamp in kept.items())

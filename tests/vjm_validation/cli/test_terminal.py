@@ -1,0 +1,39 @@
+"""Progress: an interrupt ends the work wherever it strikes."""
+
+import signal
+
+import pytest
+
+from vjm_output import terminal
+
+
+def interrupted_and_swallowed():
+    """As in a callback of a library that goes on after what is raised in it."""
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_an_interrupt_that_was_swallowed_is_raised_with_the_next_progress():
+    before, told = signal.getsignal(signal.SIGINT), []
+
+    def work():
+        with terminal.progress(quiet=True) as progress:
+            for done in (1, 2, 3):
+                progress("walks", done, 3)
+                told.append(done)
+                interrupted_and_swallowed()
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert told == [1]
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_or_at_the_end():
+    with pytest.raises(KeyboardInterrupt), terminal.progress(quiet=True):
+        interrupted_and_swallowed()
+
+
+def test_without_one_nothing_is_raised():
+    with terminal.progress(quiet=True) as progress:
+        progress("walks", 3, 3)

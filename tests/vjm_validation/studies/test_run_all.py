@@ -1,0 +1,164 @@
+"""What `validate all` must show on the paper's chain; figures from published data and closed forms."""
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from vjm.model.parts import Placement
+from vjm_validation.schemas import schemas
+from vjm_validation.studies.sweeps import ENGINES
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_it_ends_well_and_says_where_the_report_is(whole_run):
+    folder, finished = whole_run
+    assert finished.status == 0, finished.err
+    assert f"report: {folder / 'index.html'}" in finished.out
+    assert (folder / "index.html").stat().st_size > 100_000
+
+
+def test_the_summary_keeps_to_the_published_schema(summary):
+    published = json.loads((ROOT / "docs" / "schemas" / "summary.schema.json").read_text())
+    assert published == schemas()["summary.schema.json"]
+    jsonschema.validate(summary, published)
+
+
+def test_every_engine_has_every_path(whole_run, summary):
+    folder, _ = whole_run
+    for posture in "ABCD":
+        for direction in ("tension", "compression"):
+            assert set(summary["chain"][posture][direction]) == set(ENGINES)
+            for engine in ENGINES:
+                lines = (folder / "curves" / f"{posture}_{direction}_{engine}.csv").read_text().splitlines()
+                assert lines[0].startswith("# model=orthoglide-chain")
+                assert len(list(csv.DictReader(lines[1:]))) >= 2
+
+
+def test_all_acceptance_rows_hold(summary):
+    assert len(summary["acceptance"]) > 10
+    assert [row for row in summary["acceptance"] if not row["passed"]] == []
+
+
+def test_the_papers_buckling_is_in_tension(summary):
+    chain = summary["chain"]
+    for posture, force, displacement in (("A", 2696, 0.813), ("C", 2334, 0.1544)):
+        found = chain[posture]["tension"]["vjm-paper"]
+        assert found["critical"] == "bifurcation"
+        # repaired data give these figures independently; three and four digits
+        assert found["F_cr"] == pytest.approx(force, rel=2e-3)
+        assert found["d_cr"] == pytest.approx(displacement, rel=2e-3)
+        assert found["K2"] == pytest.approx(8.675, rel=2e-3)
+    for posture in "BD":
+        assert chain[posture]["tension"]["vjm-paper"]["critical"] == "bend-over"
+    for posture in "ABCD":
+        assert chain[posture]["compression"]["vjm-paper"]["critical"] is None
+
+
+def test_beams_buckle_in_compression_only(summary):
+    chain = summary["chain"]
+    for posture in "ABCD":
+        for engine in ("exudyn", "exudyn-footspring", "vjm-16", "vjm-16f16"):
+            assert chain[posture]["tension"][engine]["critical"] is None, (posture, engine)
+    # Euler's load of the pair of bars, raised by their shortening; the slanted foot takes 4e-5 off
+    L, EI, EA = 310.0, 2 * 310.0 / 72e-7, 2 * 310.0 / 46e-6
+    euler = math.pi**2 * EI / L**2
+    closed = euler * (1.0 + euler / EA)
+    for engine in ("vjm-16", "vjm-16f16", "exudyn", "exudyn-footspring"):
+        a, c = chain["A"]["compression"][engine], chain["C"]["compression"][engine]
+        assert a["critical"] == c["critical"] == "bifurcation"
+        assert a["F_cr"] == pytest.approx(closed, rel=1e-3)
+        # in C the bar leans by 30°: its axial force is F_cr / cos 30°
+        assert c["F_cr"] == pytest.approx(closed * math.cos(math.pi / 6), rel=2e-3)
+        for posture in "BD":
+            assert chain[posture]["compression"][engine]["critical"] == "bend-over"
+
+
+@pytest.mark.parametrize(
+    ("posture", "engine", "d_cr", "tolerance"),
+    [
+        # figures of an independent prototype to three or four digits
+        ("A", "vjm-16", 2.723, 1e-3),
+        ("A", "vjm-16f16", 2.867, 1e-3),
+        ("A", "exudyn", 2.867, 1e-3),
+        ("A", "exudyn-footspring", 2.891, 1e-3),
+        ("C", "vjm-16", 0.5116, 1e-3),
+        ("C", "vjm-16f16", 0.5247, 1e-3),
+        ("C", "exudyn", 0.5247, 1e-3),
+        ("B", "vjm-16", 7.92, 2e-3),
+        ("D", "vjm-16", 7.20, 2e-3),
+        ("B", "vjm-16f16", 8.57, 5e-3),
+        ("D", "vjm-16f16", 8.37, 5e-3),
+    ],
+)
+def test_displacements_depend_on_the_law_of_the_foot(summary, posture, engine, d_cr, tolerance):
+    assert summary["chain"][posture]["compression"][engine]["d_cr"] == pytest.approx(d_cr, rel=tolerance)
+
+
+def test_the_linear_engines_have_a_straight_line(summary):
+    for engine in ("vjm-linear", "msa"):
+        found = summary["chain"]["A"]["compression"][engine]
+        assert found["critical"] is None
+        assert found["K0"] == found["K3"]
+        assert found["F_end"] == pytest.approx(found["K0"] * found["d_end"], rel=1e-12)
+
+
+def test_published_figures_say_whether_rounding_reaches_them(summary):
+    rows = {(r["posture"], r["quantity"]): r for r in summary["published"]}
+    assert len(rows) == 28
+    assert rows["A", "F_cr"]["inside"] is True
+    assert rows["A", "K0"]["inside"] is False
+    for row in rows.values():
+        assert row["reach_low"] <= row["ours"] <= row["reach_high"]
+        assert row["inside"] == (row["reach_low"] <= row["published"] <= row["reach_high"])
+
+
+def test_the_lumping_study_tells_the_placements_apart(summary):
+    found = {(r["direction"], r["placement"], r["springs"]): r["F_cr"] for r in summary["lumping"]}
+    assert found["compression", "end", 1] is None
+    assert found["tension", "end", 1] == pytest.approx(2688, rel=1e-3)  # L³/3EI: 6 EI/L² of one bar
+    assert found["compression", "middle", 4] < 8849 < found["compression", "end", 4]
+    assert all(found["tension", "best", n] is None for n in (4, 8, 16, 32))
+    assert {place for _, place, _ in found} == set(Placement)
+    # 32 springs by the suite's rule stand for the limit: the next coarser is 4e-8 from it
+    limit = found["compression", "best", 32]
+    assert found["compression", "best", 16] == pytest.approx(limit, rel=1e-7)
+    assert found["compression", "best", 4] == pytest.approx(limit, rel=3e-5)
+    assert found["compression", "two-thirds", 8] == pytest.approx(limit, rel=4e-4)
+
+
+def test_iterations_contract_by_the_force_over_the_critical_force(summary):
+    study = summary["iterations"]
+    assert (study["tolerance"], study["loose_tolerance"]) == (1e-11, 1e-6)
+    rows = study["rows"]
+    assert {row["posture"] for row in rows} == set("ABCD")
+    sharp = [row for row in rows if row["predicted"] is not None]
+    assert {row["posture"] for row in sharp} == {"A", "C"}
+    for row in sharp:
+        assert row["contraction"] == pytest.approx(row["predicted"], rel=1e-3)
+    assert max(row["newton"] for row in rows) <= 8
+    # on the symmetric path the start has nothing of the critical mode; behind the bifurcation (13) feels it
+    assert max(row["paper"] for row in sharp) <= 4
+    assert any(row["paper"] is None for row in rows if row["posture"] == "A" and row["predicted"] is None)
+    assert all(row["paper"] is not None for row in rows if row["posture"] == "B")
+
+
+def test_the_printed_matrices_are_examined(summary):
+    found = summary["matrices"]
+    assert any("misprint: (2,6)" in line for line in found["bar"]["findings"])
+    assert any("rigid offset" in line and "meets every entry" in line for line in found["foot"]["findings"])
+    table = found["table2"]
+    assert table["rms_fitted"] < table["rms_printed"]
+    assert {"B K3", "D K3"} <= set(table["agreements"][-1]["not_met"])
+
+
+def test_whole_robots_are_in_the_summary(summary):
+    found = summary["robots"]
+    assert {row["robot"] for row in found["stiffness"]} == {"orthoglide", "3-puu", "delta", "par2"}
+    # a second finite element program is asked where it is installed
+    assert len([row for row in found["critical"] if row["engine"] != "opensees"]) == 24
+    assert any(row["name"] == "robots: critical forces" for row in summary["acceptance"])

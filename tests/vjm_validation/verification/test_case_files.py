@@ -1,0 +1,122 @@
+"""Case files: what is wrong is refused in one line that names file, key and remedy; the library is sane."""
+
+import pytest
+
+from vjm.io.errors import ModelFileError
+from vjm_validation.verification.library import case_by_name, library, picked, read_case
+from vjm_validation.verification.references import answer, answers, named
+from vjm_validation.verification.schema import Reference
+
+CASE = """format = 1
+name = "bar"
+title = "a bar"
+group = "linear"
+kind = "exact"
+[[chain.parts]]
+kind = "beam"
+name = "bar"
+length_mm = 100.0
+[chain.parts.section]
+EA_N = 1e6
+GJ_Nmm2 = 1e6
+EIy_Nmm2 = 1e6
+EIz_Nmm2 = 1e6
+[engines.vjm]
+meshes = [2, 4, 8]
+tolerance = 1e-9
+reason = "exact"
+[[runs]]
+[runs.load case]
+to = 0.001
+[[runs.asked]]
+quantity = "stiffness"
+measure = "stiffness"
+component = "x"
+by = "x"
+[runs.asked.reference]
+source = "EA/L"
+value = 1e4
+"""
+
+
+def read(text):
+    return read_case("bar.toml", text.encode())
+
+
+def test_a_sane_case_is_read():
+    case = read(CASE)
+    assert case.name == "bar"
+    assert len(case.questions) == 1
+    assert len(case.sha256) == 64
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("meshes = [2, 4, 8]", "meshes = [4, 4, 8]", "must grow"),
+        ("meshes = [2, 4, 8]", "meshes = [4, 8]", "at least three meshes"),
+        ("meshes = [2, 4, 8]\n", "", "at least three meshes"),
+        ('reason = "exact"\n', "", "reason"),
+        ("tolerance = 1e-9", "tolerence = 1e-9", "did you mean 'tolerance'"),
+        ("value = 1e4", "", "either value or exact"),
+        ("value = 1e4", 'value = 1e4\nexact = "linear.cantilever"', "either value or exact"),
+        ('by = "x"\n', "", "second index"),
+        ('component = "x"\n', "", "needs a component"),
+        ('measure = "stiffness"', 'measure = "stiffnes"', "stiffness"),
+        ('source = "EA/L"', 'source = ""', "source"),
+        ('name = "bar"\ntitle', 'name = "rod"\ntitle', "name the file rod.toml"),
+        ("[engines.vjm]", "[engines.abaqus]", "abaqus"),
+        ("format = 1", "format = [", "not valid TOML"),
+    ],
+)
+def test_what_is_wrong_is_named(old, new, words):
+    assert old in CASE
+    with pytest.raises(ModelFileError) as refused:
+        read(CASE.replace(old, new, 1))
+    message = str(refused.value)
+    assert message.startswith("bar.toml")
+    assert words in message
+    assert "\n" not in message
+
+
+def test_the_library_is_complete_and_sane():
+    cases = library()
+    assert len(cases) >= 35
+    for case in cases:
+        assert case.file.title
+        for _, asked in case.questions:
+            assert asked.reference.source
+        for table in case.file.engines.values():
+            assert table.reason
+
+
+def test_a_wrong_name_gets_a_hint():
+    with pytest.raises(ValueError, match="did you mean 'column-pinned'"):
+        case_by_name("column-pined")
+    assert [case.name for case in picked(["toggle"])] == ["toggle"]
+    assert len(picked([], quick=True)) < len(picked([]))
+
+
+def test_references_are_numbers_or_functions_by_name():
+    made = Reference(
+        source="L³/3EI",
+        exact="linear.cantilever",
+        arguments={"bar": {"make": "linear.Bar", "length": 100.0, "EI": 1e6}},
+        take=[0, 0],
+        times=2.0,
+    )
+    assert answer(made) == pytest.approx(2.0 * 100.0**3 / 3e6)
+    assert answers([Reference(source="given", value=3.0), made])[0] == 3.0
+
+
+@pytest.mark.parametrize(
+    "name", ["linear.nothing", "os.system", "linear", "linear._private", "linear.Bar.__init__"]
+)
+def test_references_reach_nothing_but_the_exact_solutions(name):
+    with pytest.raises(ValueError, match=name.split(".")[0]):
+        named(name)
+
+
+def test_a_wrong_argument_is_an_error():
+    with pytest.raises(ValueError, match="cantilever"):
+        answer(Reference(source="?", exact="linear.cantilever", arguments={"length": 1.0}))

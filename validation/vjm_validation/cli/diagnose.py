@@ -1,0 +1,62 @@
+"""The command ``validate diagnose``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from vjm_output import terminal
+from vjm_output.documents import as_json
+from vjm_updating.diagnose.command import PAGE, diagnose
+from vjm_updating.diagnose.summary_text import lines
+
+
+def diagnose_(
+    data: Annotated[Path, Parameter(help="Readings, CSV; see docs/diagnosis.md.")],
+    *,
+    sheet: Annotated[Path, Parameter(help="Test sheet, TOML.")],
+    out: Annotated[Path, Parameter(help="Folder for diagnosis.json, diagnosis.html, extended-model.toml.")],
+    effects: Annotated[
+        tuple[Path, ...],
+        Parameter(consume_multiple=True, help="Python files with effects of your own; see docs/effects.md."),
+    ] = (),
+    only: Annotated[
+        tuple[str, ...], Parameter(consume_multiple=True, help="The causes that are thought possible; else all.")
+    ] = (),
+    without: Annotated[
+        tuple[str, ...], Parameter(consume_multiple=True, help="Causes that are ruled out beforehand.")
+    ] = (),
+    beside: Annotated[
+        tuple[Path, Path] | None,
+        Parameter(help="DATA SHEET of another specimen: what the findings are worth there, nothing fitted anew."),
+    ] = None,
+    json: Annotated[bool, Parameter(negative="", help="Print diagnosis.json and nothing else.")] = False,
+) -> int:
+    """Show what the model gets wrong, name the cause, extend the model and measure the gain."""
+    with ExitStack() as stack:
+        display: Callable[[str, int, int], None] | None = None
+        done = 0
+
+        def tell(_: str) -> None:
+            # what is refused is refused before anything is begun, in one line
+            nonlocal display, done
+            display = display or stack.enter_context(terminal.progress(quiet=json))
+            done += 1
+            display("diagnosis", done, 0)
+
+        document = diagnose(
+            data, sheet, out, plug_ins=effects, only=only, without=without, beside=beside, progress=tell
+        )
+    if json:
+        sys.stdout.write(as_json(document))
+        return 0
+    console = terminal.console()
+    for line in lines(document):
+        console.print(line, soft_wrap=True)
+    console.print(f"page: {out / PAGE}", soft_wrap=True)
+    return 0

@@ -1,0 +1,80 @@
+"""The command ``validate identify``."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from vjm.io.model_file import build_chain, load_chain, read_document
+from vjm_output import terminal
+from vjm_output.documents import as_json
+from vjm_updating.identify import summary_text as words
+from vjm_updating.identify.command import identify_matrix, identify_part, identify_path
+from vjm_updating.identify.documents import IdentificationDocument
+from vjm_updating.identify.matrix_file import matrix_names
+from vjm_updating.identify.path_file import build_path, is_path
+from vjm_validation.studies.table2_document import show as show_table2
+from vjm_validation.studies.table2_document import table2_document
+from vjm_validation.studies.table2_fit import TableFit
+
+
+def identify_(
+    model: Annotated[
+        str | None, Parameter(help="A model of the library, or a path to a model file or a beam-path file.")
+    ] = None,
+    *,
+    part: Annotated[
+        str | None,
+        Parameter(help="A part of the model, or first..last for parts in series without passive joints."),
+    ] = None,
+    matrix: Annotated[
+        str | None,
+        Parameter(
+            help=f"A 6×6 matrix: {', '.join(matrix_names())}, or a file, see docs/compliance-matrix-file.md."
+        ),
+    ] = None,
+    table2: Annotated[
+        bool,
+        Parameter(negative="", help="What the paper's Table II implies for its printed matrices, within rounding."),
+    ] = False,
+    json: Annotated[bool, Parameter(negative="", help="Print one JSON document and nothing else.")] = False,
+) -> int:
+    """A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance."""
+    if table2:
+        if model is None or part is not None or matrix is not None:
+            raise ValueError("--table2: give a model, and neither --part nor --matrix")
+        table = TableFit(load_chain(model))
+        with terminal.progress(quiet=json) as progress:
+            implied = table2_document(table, progress)
+        if json:
+            sys.stdout.write(as_json(implied))
+        else:
+            show_table2(terminal.console(), implied)
+        return 0
+    document = _document(model, part, matrix)
+    if json:
+        sys.stdout.write(as_json(document))
+    else:
+        words.show(terminal.console(), document)
+    return 0
+
+
+def _document(model: str | None, part: str | None, matrix: str | None) -> IdentificationDocument:
+    if (model is None) == (matrix is None):
+        raise ValueError("give either a model with --part, or --matrix FILE")
+    if matrix is not None:
+        if part is not None:
+            raise ValueError("--part: names a part of a model, and --matrix needs none: leave one out")
+        return identify_matrix(matrix)
+    assert model is not None
+    found = read_document(model)
+    if is_path(found.content):
+        if part is not None:
+            raise ValueError(f"--part: {found.file} is a beam path, which is taken whole: leave it out")
+        return identify_path(build_path(found.content, found.file), found.sha256)
+    chain = build_chain(found.content, found.file, found.sha256)
+    if part is None:
+        raise ValueError(f"--part: which one? {chain.name} has {', '.join(beam.name for beam in chain.beams)}")
+    return identify_part(chain, part)

@@ -1,0 +1,117 @@
+"""What the commands print: a path, metrics, acceptance and a loaded equilibrium as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
+
+from vjm.continuation.path import Path
+from vjm_validation.documents import BucklingDocument, StiffnessDocument
+from vjm_validation.metrics import travel
+from vjm_validation.report.summary import Summary
+
+ROWS = 24
+"""Points of a path that a terminal shows."""
+
+
+def path_table(path: Path) -> Table:
+    """A path's points, thinned to what a terminal shows."""
+    driven = path.load_case.load_driven
+    unit = "mm" if path.load_case.direction[:3].any() else "rad"
+    force = "N" if unit == "mm" else "N mm"
+    table = Table(title=f"{path.model}, posture {path.load_case.posture}, {path.engine}", title_justify="left")
+    columns = ["ux mm", "uy mm", "uz mm", "load factor", "its stiffness"]
+    if not driven:
+        columns = [f"displacement {unit}", f"force {force}", f"stiffness {force}/{unit}"]
+    for column in (*columns, "smallest eigenvalue", "unstable modes"):
+        table.add_column(column, justify="right")
+    n = len(path.points)
+    relative = path.eigenvalue_relative
+    for i in sorted({round(k * (n - 1) / max(ROWS - 1, 1)) for k in range(ROWS)}):
+        p = path.points[i]
+        table.add_row(
+            *([f"{u:.5g}" for u in p.displacement[:3] + 0.0] if driven else [f"{p.ramp:.5g}"]),
+            f"{path.force[i]:.6g}",
+            f"{p.tangent:.6g}",
+            _number(relative[i]),
+            "-" if p.unstable < 0 else str(p.unstable),
+        )
+    return table
+
+
+def event_lines(path: Path) -> list[str]:
+    """The critical points in words."""
+    lines = []
+    for event in path.events:
+        at = travel(path, event.point) if event.point else event.s
+        what = "load factor" if path.load_case.load_driven else "force"
+        lines.append(f"{event.kind} at {at:.6g}, {what} {event.force:.6g}")
+    if path.stopped:
+        lines.append(f"the path ends at {path.points[-1].ramp:.6g}: {path.stopped}")
+    return lines or ["no critical point on this path"]
+
+
+def metrics_table(document: BucklingDocument) -> Table:
+    """Metrics of every path."""
+    table = Table(title=f"{document.model}: N, mm, magnitudes on the driven axis", title_justify="left", box=SIMPLE)
+    table.add_column("", no_wrap=True)
+    table.add_column("critical", no_wrap=True)
+    numbers = ("K0", "K1", "F_cr", "d_cr", "K2", "F_end", "d_end", "K3")
+    for column in numbers:
+        table.add_column(column, justify="right", no_wrap=True)
+    for posture, directions in document.chain.items():
+        for direction, engines in directions.items():
+            table.add_row(f"{posture} {direction}", style="bold")
+            for engine, metrics in engines.items():
+                values = (_number(getattr(metrics, name), 5) for name in numbers)
+                table.add_row(f"  {engine}", str(metrics.critical) if metrics.critical else "none", *values)
+    return table
+
+
+def acceptance_table(summary: Summary) -> Table:
+    """What the solvers had to do, and whether they did."""
+    table = Table(title="Acceptance", title_justify="left")
+    for column in ("", "requirement", "value"):
+        table.add_column(column)
+    for row in summary.acceptance:
+        value = row.value if isinstance(row.value, str) else _number(row.value)
+        mark = "[green]met[/]" if row.passed else "[bold red]NOT MET[/]"
+        table.add_row(mark, f"{row.name}: {row.requirement}", value)
+    return table
+
+
+def stiffness(console: Console, document: StiffnessDocument) -> None:
+    """One loaded equilibrium."""
+    console.print(f"{document.model}, posture {document.posture}, {document.engine}, imposed {document.control}")
+    console.print(_row("displacement, mm rad", document.displacement))
+    console.print(_row("wrench, N N mm", document.wrench))
+    for title, matrix in (
+        ("K^F loaded (18)", document.stiffness_loaded),
+        ("K unloaded (5)", document.stiffness_unloaded),
+    ):
+        table = Table(title=f"{title}, N/mm, N/rad, N mm/rad", title_justify="left", show_header=False)
+        K = np.array(matrix)
+        # what is zero but for rounding, whatever its unit
+        size = np.sqrt(np.repeat([np.abs(K[:3, :3]).max(), np.abs(K[3:, 3:]).max()], 3))
+        K[np.abs(K) < 1e-10 * size[:, None] * size] = 0.0
+        for line in K:
+            table.add_row(*(f"{value:.5g}" for value in line))
+        console.print(table)
+    for event in document.events:
+        console.print(event)
+    console.print(
+        f"{'stable' if document.stable else 'unstable'}, smallest eigenvalue {document.eigenvalue:.4g}, "
+        f"residual {document.residual:.1e} after {document.iterations} iterations"
+    )
+
+
+def _row(title: str, values: Sequence[float]) -> str:
+    return f"{title}: " + "  ".join(f"{value:.6g}" for value in values)
+
+
+def _number(value: float | None, digits: int = 6) -> str:
+    return "-" if value is None or value != value else f"{value:.{digits}g}"

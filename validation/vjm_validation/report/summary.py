@@ -1,0 +1,249 @@
+"""``summary.json``: the numbers of a run, and the schema that they keep to."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import asdict
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from vjm.continuation.path import EventKind
+from vjm.statics.equilibrium import TOLERANCE
+from vjm_output.documents import versions
+from vjm_validation.metrics import PathMetrics, path_metrics
+from vjm_validation.report.acceptance import AcceptanceRow
+from vjm_validation.studies.discovery_results import Discovery
+from vjm_validation.studies.iterations import LIMIT, LOOSE, NOISE, STEP_MM
+from vjm_validation.studies.printed_matrices import PrintedMatrices
+from vjm_validation.studies.robots import Robots
+from vjm_validation.studies.study_results import Run
+from vjm_validation.studies.table2 import PublishedFigure
+from vjm_validation.verification.rows import TriangulationRow, VerificationRow
+from vjm_validation.verification.study import Verification
+
+
+class LumpingRow(BaseModel):
+    """Critical force of one lumped bar, or null where the path has no bifurcation."""
+
+    model_config = ConfigDict(frozen=True)
+
+    posture: str
+    direction: str
+    placement: str
+    springs: int
+    F_cr: float | None
+    reference: float | None
+
+
+class EndConditionRow(BaseModel):
+    """Compression of one posture under one end condition, N and mm, magnitudes along x."""
+
+    model_config = ConfigDict(frozen=True)
+
+    posture: str
+    condition: str
+    engine: str
+    critical: EventKind | None
+    F_cr: float | None
+    d_cr: float | None
+    F_max: float
+    """Largest force on the path, which under a dead load ends where that has a maximum or a minimum."""
+    stopped: str
+
+
+class ImperfectionRow(BaseModel):
+    """Largest dead load on a hinged end-effector that a chain with an imperfection bears."""
+
+    model_config = ConfigDict(frozen=True)
+
+    posture: str
+    size: float
+    """mm, of the deflection in the shape of the buckling mode."""
+    F_max: float
+    limit: bool
+    """Whether that is a limit point; else the force grows to the path's end."""
+
+
+class IterationRow(BaseModel):
+    """Iterations to one equilibrium on the paper's path; null where the solver did not get there."""
+
+    model_config = ConfigDict(frozen=True)
+
+    posture: str
+    direction: str
+    s: float
+    force: float
+    contraction: float
+    """By what (13) multiplies a small error there."""
+    predicted: float | None
+    """F/F_cr, before a bifurcation."""
+    paper: int | None
+    """By (13) from the neighbouring point."""
+    paper_loose: int | None
+    disturbed: int | None
+    """By (13) from a disturbed start."""
+    disturbed_loose: int | None
+    newton: int | None
+    """By Newton-Raphson from the neighbouring point."""
+    newton_loose: int | None
+
+
+class Iterations(BaseModel):
+    """How many iterations the paper's (13) and Newton-Raphson take along the paper's paths."""
+
+    model_config = ConfigDict(frozen=True)
+
+    tolerance: float = TOLERANCE
+    """Scaled residual to which an equilibrium is found."""
+    loose_tolerance: float = LOOSE
+    """The same for the columns that end in ``_loose``."""
+    limit: int = LIMIT
+    """Iterations after which a solver has failed."""
+    step: float = STEP_MM
+    """Distance of the start from the point sought."""
+    noise: float = NOISE
+    """Standard deviation of the disturbed start, in units of the model's coordinates."""
+    rows: list[IterationRow]
+
+
+class Timings(BaseModel):
+    """Seconds of wall time."""
+
+    model_config = ConfigDict(frozen=True)
+
+    paths: dict[str, float]
+    """Of each path, by the name of its files."""
+    engines: dict[str, float]
+    """Of all paths of an engine."""
+    total: float
+
+
+class Summary(BaseModel):
+    """The content of ``summary.json``; N, mm."""
+
+    model_config = ConfigDict(frozen=True)
+
+    command: str
+    """How to run it again."""
+    chain: dict[str, dict[str, dict[str, PathMetrics]]]
+    """By posture, ``tension`` or ``compression``, and engine label."""
+    published: list[PublishedFigure]
+    lumping: list[LumpingRow]
+    end_conditions: list[EndConditionRow]
+    imperfections: list[ImperfectionRow]
+    matrices: PrintedMatrices | None
+    """The printed matrices as beams and Table II; null where they were left out."""
+    robots: Robots | None = None
+    """Whole robots beside Exudyn's; null where they were left out."""
+    discovery: Discovery | None = None
+    """A diagnosis of finite elements' data under the paper's model; null where it was left out."""
+    iterations: Iterations | None
+    """Null where they were left out."""
+    verification: list[VerificationRow]
+    """Cases with known answers, on every engine."""
+    triangulation: list[TriangulationRow] = Field(default_factory=list)
+    """The paper's chain on every pair of engines."""
+    acceptance: list[AcceptanceRow]
+    timings: Timings
+    versions: dict[str, str]
+    hashes: dict[str, str]
+    """SHA-256 of the model file and of every curve file, by name."""
+    notes: list[str] = Field(default_factory=list)
+    """What was left out of this run, and why."""
+
+
+def summarise(
+    run: Run,
+    *,
+    command: str,
+    published: Sequence[PublishedFigure],
+    verification: Verification,
+    acceptance: Sequence[AcceptanceRow],
+    curves: dict[str, bytes],
+    seconds: float,
+    notes: Sequence[str] = (),
+) -> Summary:
+    """Gather a run's numbers.
+
+    Args:
+        run: its paths and studies.
+        command: how to run it again.
+        published: figures of Table II.
+        verification: cases with known answers, and three engines side by side.
+        acceptance: rows that decide the exit status.
+        curves: content of the curve files by name.
+        seconds: wall time of the run so far.
+        notes: what was left out, and why.
+    """
+    chain: dict[str, dict[str, dict[str, PathMetrics]]] = {}
+    engines: dict[str, float] = {}
+    for key, path in run.paths.items():
+        chain.setdefault(key.posture, {}).setdefault(str(key.direction), {})[key.engine] = path_metrics(path)
+        engines[key.engine] = engines.get(key.engine, 0.0) + path.seconds
+    hashes = {run.chain.name: run.chain.sha256}
+    hashes |= {name: hashlib.sha256(content).hexdigest() for name, content in sorted(curves.items())}
+    return Summary(
+        command=command,
+        chain=chain,
+        published=list(published),
+        lumping=[
+            LumpingRow(
+                posture=study.posture,
+                direction=study.direction,
+                placement=placement,
+                springs=n,
+                F_cr=force,
+                reference=study.reference,
+            )
+            for study in run.lumping
+            for placement, n, force in study.rows
+        ],
+        end_conditions=_end_conditions(run),
+        imperfections=_imperfections(run),
+        matrices=run.matrices,
+        robots=run.robots.rows if run.robots is not None else None,
+        discovery=run.discovery.rows if run.discovery is not None else None,
+        iterations=_iterations(run),
+        verification=verification.rows,
+        triangulation=verification.triangulation,
+        acceptance=list(acceptance),
+        timings=Timings(paths={k.stem: p.seconds for k, p in run.paths.items()}, engines=engines, total=seconds),
+        versions=versions(),
+        hashes=hashes,
+        notes=list(notes),
+    )
+
+
+def _end_conditions(run: Run) -> list[EndConditionRow]:
+    if run.end_conditions is None:
+        return []
+    rows = []
+    for (posture, condition, engine), path in run.end_conditions.paths.items():
+        m = path_metrics(path)
+        rows.append(
+            EndConditionRow(
+                posture=posture, condition=condition, engine=engine, critical=m.critical, F_cr=m.F_cr, d_cr=m.d_cr,
+                F_max=max([float(path.force.max()), *(event.force for event in path.events)]), stopped=m.stopped,
+            )
+        )  # fmt: skip
+    return rows
+
+
+def _imperfections(run: Run) -> list[ImperfectionRow]:
+    if run.end_conditions is None:
+        return []
+    return [
+        ImperfectionRow(posture=posture, size=float(size), F_max=float(force), limit=bool(limit))
+        for posture, curve in run.end_conditions.imperfections.items()
+        for size, force, limit in zip(curve.size, curve.force, curve.limit, strict=True)
+    ]
+
+
+def _iterations(run: Run) -> Iterations | None:
+    rows = [
+        IterationRow(posture=study.posture, direction=study.direction, **asdict(point))
+        for study in run.iterations
+        for point in study.points
+    ]
+    return Iterations(rows=rows) if rows else None

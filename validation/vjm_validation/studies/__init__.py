@@ -1,0 +1,1 @@
+"""The comparisons of `validate all`, and how a run of them is kept."""

@@ -1,0 +1,346 @@
+"""Whole robots, the virtual joint method against Exudyn: stiffness, critical forces, misfits, mobility."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from vjm.batch import map_all
+from vjm.continuation.arc_length import ArcControl, trace
+from vjm.continuation.path import EventKind, Path
+from vjm.io.manipulator_file import load_manipulator
+from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
+from vjm.platform.manipulator import Manipulator
+from vjm.platform.problem import ManipulatorEngine, ManipulatorProblem
+from vjm.platform.rigid import inverse_kinematics, mobility
+from vjm.rotations import Array
+from vjm.vjm_engine import VjmEngine
+from vjm_fea.common.manipulator_sum import SummedPlatform
+from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine, platform_stiffness
+from vjm_fea.opensees import OpenSeesEngine
+from vjm_fea.opensees.backend import available
+
+ROBOT, REAL = "orthoglide", "orthoglide-parallelograms"
+OTHERS = ("3-puu", "delta", "par2")
+SPRINGS = VjmEngine(16, 16)
+EXUDYN = ManipulatorExudynEngine(6)
+"""Within 1e-4 of the beam where it does not buckle, and 7e-4 where it does."""
+ENGINES = (
+    ManipulatorEngine(),
+    ManipulatorEngine(VjmEngine(16)),
+    ManipulatorEngine(SPRINGS),
+    ManipulatorExudynEngine(8),
+)
+"""That are asked for critical forces; the first has the paper's one spring a link."""
+PAPER, COMPARED = ENGINES[0].label, tuple(engine.label for engine in ENGINES[1:])
+CURVES = (ENGINES[0], ENGINES[2], EXUDYN)
+SECOND = OpenSeesEngine(8)
+"""A second finite element program: it knows single chains, whose sum is the robot; where it is installed."""
+LOAD = 1000.0
+"""N on the free platform."""
+LARGEST = 12_000.0
+"""N up to which it is pulled and pressed."""
+REACH = 4.0
+"""mm along x, the rest of the pose held."""
+TOO_LONG = 0.2
+"""mm."""
+MISFIT_POSE = "Q1"
+FELT = 1.0
+"""N below which an isostatic robot counts as free of stress; the misfit times a leg's stiffness is some 700 N."""
+THEORY = {
+    # freedom of the platform, constraints too many, rank of K with the drives held. Three constraints for each
+    # planar parallelogram too many, and one turn of three that each leg of the Orthoglide holds and one would do
+    ROBOT: (3, 0, 6),
+    REAL: (3, 12, 6),
+    "3-puu": (3, 0, 6),
+    # Grübler: six rods hold six freedoms; eight rods and a coupling hold six of the platform and two free arms
+    "delta": (3, 0, 6),
+    "par2": (2, 1, 6),
+    # has no drive: what it is free in has no stiffness
+    "parallelogram": (1, 3, 5),
+}
+NO_STIFFNESS = 1e-9
+"""Singular value of K over its largest, turns over the characteristic length, that is none."""
+
+
+class Row(BaseModel):
+    """One row of the study."""
+
+    model_config = ConfigDict(frozen=True)
+
+
+class StiffnessRow(Row):
+    """The platform's stiffness at one pose: eigenvalues, turns over the characteristic length, N/mm."""
+
+    robot: str
+    pose: str
+    load: str
+    """On the free platform: ``none``, or such as ``-x`` for 1 kN against x."""
+    vjm: list[float]
+    exudyn: list[float]
+    difference: float
+    """Largest, relative."""
+
+
+class CriticalRow(Row):
+    """The force along x at which the free platform of the Orthoglide first loses its stability."""
+
+    pose: str
+    direction: str
+    engine: str
+    kind: EventKind | None
+    """Where the engine follows no path, ``bifurcation`` stands for any loss of stability."""
+    F_cr: float | None
+    """N, a magnitude; null where it is stable up to the largest force tried."""
+    stopped: str
+    """Why the path ends before; empty where it does not."""
+    shares: dict[str, float]
+    """Each leg's share of the mode, their squares adding up to one."""
+
+    @property
+    def first_leg(self) -> str | None:
+        """The leg that gives way, None where none does."""
+        return max(self.shares, key=lambda leg: self.shares[leg]) if self.shares else None
+
+
+class MisfitRow(Row):
+    """What a part that is too long does."""
+
+    robot: str
+    what: str
+    """The part, and the load on the platform."""
+    quantity: str
+    vjm: float
+    exudyn: float
+    scale: float
+    """By which the difference is measured: the largest of its kind."""
+
+    @property
+    def difference(self) -> float:
+        """Over the scale."""
+        return abs(self.vjm - self.exudyn) / self.scale
+
+
+class MobilityRow(Row):
+    """Freedom of a platform and rank of its stiffness at one pose, found and by theory."""
+
+    robot: str
+    pose: str
+    freedom: int
+    overconstraint: int
+    rank: int
+    theory: tuple[int, int, int]
+    """Freedom, constraints too many, rank."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether theory is met."""
+        return (self.freedom, self.overconstraint, self.rank) == self.theory
+
+
+class Robots(BaseModel):
+    """The study as ``summary.json`` has it."""
+
+    model_config = ConfigDict(frozen=True)
+
+    stiffness: list[StiffnessRow]
+    critical: list[CriticalRow]
+    misfit: list[MisfitRow]
+    mobility: list[MobilityRow]
+
+
+@dataclass(frozen=True)
+class RobotStudy:
+    """Rows and curves.
+
+    Attributes:
+        rows: what was compared.
+        curves: by pose, sign along x and engine.
+    """
+
+    rows: Robots
+    curves: Mapping[tuple[str, int, str], Path] = field(default_factory=dict)
+
+
+Task = tuple[str, ...]
+
+
+def tasks(robots: Sequence[str] = (ROBOT, *OTHERS)) -> list[Task]:
+    """All pieces of the study, the longest first."""
+    poses = list(load_manipulator(ROBOT).poses)
+    curves = [("curve", pose, sign) for pose, sign in product(poses, "+-")]
+    critical: list[Task] = [("critical", pose, sign) for pose, sign in product(poses, "+-")]
+    if available():
+        critical += [("summed", pose) for pose in poses]
+    loaded = [("stiffness", ROBOT, pose, sign + axis) for pose, sign, axis in product(poses, "+-", "xyz")]
+    plain = [("stiffness", name, pose, "none") for name in robots for pose in load_manipulator(name).poses]
+    misfits = [("misfit", ROBOT, "x", "link"), ("misfit", REAL, "bar-x1", "bar")]
+    return [*curves, *critical, *misfits, *loaded, *plain, *(("mobility", name) for name in THEORY)]
+
+
+def study(jobs: int = 1, done: Callable[[int, int], None] | None = None) -> RobotStudy:
+    """Compare the robots.
+
+    Args:
+        jobs: processes.
+        done: called with how many pieces are done, and of how many.
+    """
+    rows: list[Row] = []
+    curves: dict[tuple[str, int, str], Path] = {}
+    asked = tasks()
+    for task, found in zip(asked, map_all(piece, asked, jobs, done), strict=True):
+        if task[0] == "curve":
+            curves |= {(task[1], int(task[2] + "1"), path.engine): path for path in found if isinstance(path, Path)}
+        else:
+            rows += [row for row in found if isinstance(row, Row)]
+    return RobotStudy(gathered(rows), curves)
+
+
+def gathered(rows: Sequence[Row]) -> Robots:
+    """Rows by their kind."""
+    return Robots(
+        stiffness=[row for row in rows if isinstance(row, StiffnessRow)],
+        critical=[row for row in rows if isinstance(row, CriticalRow)],
+        misfit=[row for row in rows if isinstance(row, MisfitRow)],
+        mobility=[row for row in rows if isinstance(row, MobilityRow)],
+    )
+
+
+def piece(task: Task) -> list[Row] | list[Path]:
+    """One piece of the study, see `tasks`."""
+    work: dict[str, Callable[..., list[Row] | list[Path]]] = {
+        "curve": curve, "critical": critical, "summed": summed, "stiffness": stiffness, "misfit": misfit,
+        "mobility": freedoms,
+    }  # fmt: skip
+    return work[task[0]](*task[1:])
+
+
+def curve(pose: str, sign: str) -> list[Path]:
+    """Force-displacement curves of the Orthoglide along x, the rest of the pose held."""
+    machine = load_manipulator(ROBOT)
+    load_case = LoadCase(pose, float(sign + "1") * REACH, "x")
+    return [engine.trace(machine, load_case) for engine in CURVES]
+
+
+def under(pose: str, force: float, axis: str = "x", control: str = "ramp", steps: int | None = None) -> LoadCase:
+    """A dead force on the free platform."""
+    load = Load(tuple(np.eye(6)[COMPONENTS.index(axis)]))
+    return LoadCase(pose, force, "load", loads=(load,), free=COMPONENTS, control=control, steps=steps)
+
+
+def critical(pose: str, sign: str) -> list[Row]:
+    """Critical forces of the Orthoglide along x, and which leg gives way."""
+    machine = load_manipulator(ROBOT)
+    load_case = under(pose, float(sign + "1") * LARGEST, control=TO_LIMIT)
+    rows: list[Row] = []
+    for engine in ENGINES:
+        problem = engine.problem(machine, load_case)
+        path = trace(problem, load_case, ArcControl(last=EventKind.BIFURCATION))
+        event = next((e for e in path.events if e.kind in (EventKind.BIFURCATION, EventKind.LIMIT)), None)
+        shares = problem.giving_way(event.point) if event is not None and event.point is not None else {}
+        rows.append(
+            CriticalRow(
+                pose=pose, direction=sign + "x", engine=engine.label, kind=event and event.kind,
+                F_cr=event and event.force, stopped=path.stopped, shares=shares,
+            )
+        )  # fmt: skip
+    return rows
+
+
+def summed(pose: str) -> list[Row]:
+    """The critical force against x by the sum over OpenSees' chains, by bisection to 0.2 %."""
+    machine = load_manipulator(ROBOT)
+    platform = SummedPlatform(inverse_kinematics(machine, machine.displacement(pose)), SECOND.problem)
+    force = platform.critical_force(np.array([-1.0, 0.0, 0.0]), 2.0 * LOAD, LARGEST, 2e-3)
+    kind = EventKind.BIFURCATION if force is not None else None
+    return [
+        CriticalRow(
+            pose=pose, direction="-x", engine=SECOND.label, kind=kind, F_cr=force, stopped="", shares={}
+        )
+    ]  # fmt: skip
+
+
+def eigenvalues(K: Array | None, machine: Manipulator) -> Array:
+    """Eigenvalues ``(6,)`` of the symmetric part, turns over the characteristic length, N/mm."""
+    assert K is not None
+    unit = np.repeat([1.0, machine.characteristic_length], 3)
+    return np.asarray(np.linalg.eigvalsh(0.5 * (K + K.T) / unit[:, None] / unit))
+
+
+def stiffness(name: str, pose: str, load: str) -> list[Row]:
+    """The platform's stiffness, unloaded or under 1 kN on the free platform."""
+    machine = load_manipulator(name)
+    at = np.zeros(6)
+    if load == "none":
+        K = ManipulatorProblem(machine, LoadCase(pose, 1.0), SPRINGS).unloaded().stiffness
+    else:
+        load_case = under(pose, float(load[0] + "1") * LOAD, load[1], steps=2)
+        K = trace(ManipulatorProblem(machine, load_case, SPRINGS), load_case).points[-1].stiffness
+        at = EXUDYN.trace(machine, load_case).points[-1].displacement
+    ours = eigenvalues(K, machine)
+    theirs = eigenvalues(platform_stiffness(EXUDYN, machine, pose, at), machine)
+    return [
+        StiffnessRow(
+            robot=name, pose=pose, load=load, vjm=ours.tolist(), exudyn=theirs.tolist(),
+            difference=float(np.max(np.abs(ours / theirs - 1.0))),
+        )
+    ]  # fmt: skip
+
+
+def misfit(name: str, leg: str, part: str) -> list[Row]:
+    """A part too long: where the platform goes, and what the beams bear, without a load and with one."""
+    machine = load_manipulator(name).with_errors({leg: {part: TOO_LONG}})
+    beams = {each.name: each.chain.beams[-1].name for each in machine.legs if each.chain.beams}
+    elastic = [each.name in beams for each in machine.legs]
+    rows: list[Row] = []
+    for load in (0.0, -LOAD):
+        load_case = under(MISFIT_POSE, load or LOAD, steps=2)
+        problem, other = ManipulatorProblem(machine, load_case, SPRINGS), EXUDYN.problem(machine, load_case)
+        if load:
+            ours, theirs = (trace(each, load_case).points[-1] for each in (problem, other))
+        else:
+            ours, theirs = problem.unloaded(), other.unloaded()
+        what = f"{leg}, {part} {TOO_LONG:g} mm too long" + (f", {-load:g} N against x" if load else "")
+        forces = np.linalg.norm(problem.leg_wrenches(ours)[elastic, :3], axis=1)
+        borne = [np.linalg.norm(other.beam_force(*beam, theirs)) for beam in beams.items()]
+        d, fe, tilt = ours.displacement, theirs.displacement, TOO_LONG / machine.characteristic_length
+        rows += _misfit_rows(name, what, [f"platform, {n}, mm" for n in "xyz"], d[:3], fe[:3], TOO_LONG)
+        rows += _misfit_rows(name, what, [f"platform, r{n}, rad" for n in "xyz"], d[3:], fe[3:], tilt)
+        rows += _misfit_rows(name, what, [f"force in {n}, N" for n in beams], forces, np.array(borne), FELT)
+    return rows
+
+
+def _misfit_rows(
+    name: str, what: str, quantities: Sequence[str], ours: Array, theirs: Array, least: float
+) -> list[Row]:
+    """Rows of one kind, compared over the largest of them, or over what would count as something."""
+    scale = max(float(np.abs(theirs).max()), least)
+    return [
+        MisfitRow(robot=name, what=what, quantity=quantity, vjm=float(a), exudyn=float(b), scale=scale)
+        for quantity, a, b in zip(quantities, ours, theirs, strict=True)
+    ]
+
+
+def freedoms(name: str) -> list[Row]:
+    """Freedom, constraints too many and rank of the stiffness at every pose."""
+    machine = load_manipulator(name)
+    unit = np.repeat([1.0, machine.characteristic_length], 3)
+    rows: list[Row] = []
+    for pose in machine.poses:
+        problem = ManipulatorProblem(machine, LoadCase(pose, 1.0), VjmEngine())
+        found = mobility(problem.model.pose)
+        K = problem.unloaded().stiffness
+        assert K is not None
+        values = np.linalg.svd(K / unit[:, None] / unit, compute_uv=False)
+        rank = int(np.count_nonzero(values > NO_STIFFNESS * values[0]))
+        rows.append(
+            MobilityRow(
+                robot=name, pose=pose, freedom=found.freedom, overconstraint=found.overconstraint, rank=rank,
+                theory=THEORY[name],
+            )
+        )  # fmt: skip
+    return rows

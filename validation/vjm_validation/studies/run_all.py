@@ -1,0 +1,239 @@
+"""``validate all``: every comparison on the paper's chain, from the model file to the report."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path as FilePath
+
+from vjm.batch import map_all
+from vjm.continuation.direction import Direction, ramp_end
+from vjm.continuation.path import Path
+from vjm.io.files import check_writable, write_whole
+from vjm.io.model_file import load_chain
+from vjm.model.chain import Chain
+from vjm.model.parts import Placement
+from vjm_output.documents import as_json
+from vjm_validation.engines import engine_by_name
+from vjm_validation.report.acceptance import (
+    agreement_rows,
+    discovery_rows,
+    end_rows,
+    ladder_rows,
+    robot_rows,
+    solver_rows,
+)
+from vjm_validation.report.summary import Summary, summarise
+from vjm_validation.studies import parallelogram, robots
+from vjm_validation.studies.end_conditions import end_condition_study
+from vjm_validation.studies.iterations import iteration_study
+from vjm_validation.studies.lumping import SPRINGS, lumping_study
+from vjm_validation.studies.printed_matrices import printed_matrices
+from vjm_validation.studies.study_results import EndConditionStudy, IterationStudy, Key, LumpingStudy, Run
+from vjm_validation.studies.sweeps import ENGINES, PathStore, chain_tasks, run_sweep
+from vjm_validation.studies.table2 import TABLE_II, PublishedFigure, published_figures
+from vjm_validation.studies.table2_reach import reach
+from vjm_validation.verification.study import Verification, verify
+
+MODEL = "orthoglide-chain"
+COMPARISONS = {
+    "chain": "force-displacement paths of every engine in postures A to D, both directions",
+    "table2": "every figure of the paper's Table II, and what the rounding of its inputs can reach",
+    "link_lumping": "critical force against number and placement of the bar's springs",
+    "end_conditions": "critical points under dead loads and with free rotations, and what imperfections cost",
+    "matrices": "the beams behind the printed matrices (19), (20), and what Table II implies for them",
+    "parallelogram": "two bars at their distance against the paper's one of double stiffness",
+    "robots": "whole robots against finite elements: stiffness, critical forces, errors of assembly, mobility",
+    "discovery": "finite elements' readings under the paper's model, diagnosed: what is wrong, and the gain",
+    "iterations": "iterations of the paper's (13) and of Newton-Raphson along the paper's paths",
+    "verification": "cases with a known answer on every engine, and three engines on the paper's chain",
+}
+"""What ``--only`` can pick."""
+STUDIED_POSTURE = "A"
+END_ENGINES = ("vjm-16f16", "exudyn")
+"""Of the end conditions: the lumped one first."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What ``validate all`` was asked for.
+
+    Attributes:
+        out: the run's folder.
+        jobs: processes.
+        quick: without the reach of the rounding, postures A and B only.
+        only: names of `COMPARISONS` and of verification cases; empty for all comparisons.
+        steps: equal steps of every path; None where they adapt.
+        command: how to run it again.
+    """
+
+    out: FilePath
+    jobs: int = 1
+    quick: bool = False
+    only: tuple[str, ...] = ()
+    steps: int | None = None
+    command: str = "validate all"
+
+    def wants(self, comparison: str) -> bool:
+        """Whether a comparison is asked for."""
+        return not self.only or comparison in self.only
+
+    @property
+    def cases(self) -> tuple[str, ...]:
+        """Verification cases that are asked for by name; none where all of them are."""
+        named = tuple(name for name in self.only if name not in COMPARISONS)
+        return () if "verification" in self.only else named
+
+
+Progress = Callable[[str, int, int], None]
+"""Called with a stage's name, how much of it is done, and of how much."""
+
+
+def run_all(options: Options, progress: Progress) -> Summary:
+    """Run the comparisons and write the run's folder.
+
+    What an earlier, interrupted run in the same folder has finished is used again.
+
+    Raises:
+        OSError: the folder cannot be written to.
+    """
+    started = time.perf_counter()
+    check_writable(options.out)
+    chain = load_chain(MODEL)
+    postures = ["A", "B"] if options.quick else list(chain.postures)
+    run = Run(chain)
+    notes: list[str] = []
+    store = PathStore(options.out)
+
+    if options.wants("chain"):
+        run.paths = _paths(chain, postures, options, store, progress)
+    else:
+        notes.append("the chain's paths were left out by --only")
+    if options.wants("link_lumping"):
+        run.lumping = _lumping(run, progress)
+    if options.wants("end_conditions"):
+        run.end_conditions = _end_conditions(chain, postures, options, progress)
+    if options.wants("matrices") and not options.quick:
+        progress("matrices", 0, 3)
+        run.matrices = printed_matrices(chain, options.jobs, partial(progress, "matrices"))
+    if options.wants("parallelogram") and not options.quick:
+        progress("parallelogram", 0, 1)
+        run.parallelogram = parallelogram.study()
+        progress("parallelogram", 1, 1)
+    if options.wants("robots") and not options.quick:
+        run.robots = robots.study(options.jobs, partial(progress, "robots"))
+    if options.wants("discovery") and not options.quick:
+        progress("discovery", 0, 1)
+        from vjm_validation.studies import (
+            link_lumping_discovery as discovery,  # reads the whole diagnosis, which no other comparison needs
+        )
+
+        run.discovery = discovery.study(options.out)
+        progress("discovery", 1, 1)
+    if options.wants("iterations"):
+        run.iterations = _iterations(chain, postures, options, progress)
+    published: list[PublishedFigure] = []
+    if options.wants("table2"):
+        published = _table2(chain, options, progress)
+        if options.quick:
+            notes.append(
+                "--quick: without the rounding's reach, the matrices, whole robots, the discovery, postures C and D"
+            )
+    verification = Verification()
+    if options.wants("verification") or options.cases:
+        verification = verify(
+            chain,
+            cases=options.cases,
+            quick=options.quick,
+            jobs=options.jobs,
+            folder=options.out,
+            progress=progress,
+        )
+        if options.quick:
+            notes.append("--quick: verification without the cases that take long, and A and B only of the engines")
+
+    acceptance = [
+        *solver_rows(run.paths),
+        *agreement_rows(run.paths),
+        *end_rows(run.end_conditions),
+        *robot_rows(run.robots),
+        *discovery_rows(run.discovery),
+        *ladder_rows(verification),
+    ]
+    run.summary = summarise(
+        run,
+        command=options.command,
+        published=published,
+        verification=verification,
+        acceptance=acceptance,
+        curves={key.stem + ".csv": store.curve(key).read_bytes() for key in run.paths},
+        seconds=time.perf_counter() - started,
+        notes=notes,
+    ).model_dump(mode="json")
+    progress("report", 0, 1)
+    from vjm_validation.report import write_report  # matplotlib and pyvista take seconds to import
+
+    write_report(run, options.out)
+    summary = Summary.model_validate(run.summary)
+    write_whole(options.out / "summary.json", as_json(summary))
+    progress("report", 1, 1)
+    return summary
+
+
+def _paths(
+    chain: Chain, postures: Sequence[str], options: Options, store: PathStore, progress: Progress
+) -> dict[Key, Path]:
+    tasks = chain_tasks(chain, postures, ENGINES, options.steps)
+    finished = 0
+
+    def done(key: Key, path: Path) -> None:
+        nonlocal finished
+        finished += 1
+        progress("paths", finished, len(tasks))
+
+    progress("paths", 0, len(tasks))
+    return run_sweep(tasks, store, options.jobs, done)
+
+
+def _lumping(run: Run, progress: Progress) -> tuple[LumpingStudy, ...]:
+    studies = []
+    total = len(Direction) * len(Placement) * len(SPRINGS)
+    finished = 0
+
+    def done() -> None:
+        nonlocal finished
+        finished += 1
+        progress("link lumping", finished, total)
+
+    for direction in Direction:
+        elements = run.paths.get(Key(STUDIED_POSTURE, direction, "exudyn-footspring"))
+        event = elements.critical if elements is not None else None
+        reference = event.force if event is not None else None
+        studies.append(lumping_study(run.chain, STUDIED_POSTURE, direction, reference, done))
+    return tuple(studies)
+
+
+def _end_conditions(
+    chain: Chain, postures: Sequence[str], options: Options, progress: Progress
+) -> EndConditionStudy:
+    reaches = {posture: abs(ramp_end(chain, posture, Direction.COMPRESSION)) for posture in postures}
+    engines = [engine_by_name(name) for name in END_ENGINES]
+    return end_condition_study(chain, reaches, engines, options.jobs, partial(progress, "end conditions"))
+
+
+def _iterations(
+    chain: Chain, postures: Sequence[str], options: Options, progress: Progress
+) -> tuple[IterationStudy, ...]:
+    progress("iterations", 0, len(postures))
+    study = partial(iteration_study, chain)
+    return tuple(map_all(study, postures, options.jobs, partial(progress, "iterations")))
+
+
+def _table2(chain: Chain, options: Options, progress: Progress) -> list[PublishedFigure]:
+    if options.quick:
+        return published_figures(chain)
+    progress("rounding", 0, len(TABLE_II))
+    intervals = map_all(partial(reach, chain), list(TABLE_II), options.jobs, partial(progress, "rounding"))
+    return published_figures(chain, dict(zip(TABLE_II, intervals, strict=True)))

@@ -1,0 +1,274 @@
+"""What Table II implies for the matrices (19) and (20): a JSON document, and tables and sentences for people."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import combinations
+
+import numpy as np
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
+
+from vjm import __version__
+from vjm.io.errors import printed
+from vjm_updating.identify.documents import Frozen
+from vjm_updating.identify.matrix_file import entry_name
+from vjm_validation.studies.table2 import QUANTITIES, TABLE_II
+from vjm_validation.studies.table2_fit import Figure, Point, TableFit
+from vjm_validation.studies.table2_reach import reach
+
+TOLERANCES = (0.01, 0.02, 0.05, 0.1)
+WIDER = (1.0, 2.0, 4.0)
+"""Half units by which entries may move in the fit: one is the rounding, more shows what it holds up."""
+BINDING = 0.999
+"""Share of the largest miss from which a figure is one that keeps it from being smaller."""
+AT_LIMIT = 0.999
+
+
+class TableFigure(Frozen):
+    """A published figure, and ours for the matrices as printed and for those fitted to the table."""
+
+    posture: str
+    quantity: str
+    unit: str
+    published: float
+    printed: float
+    """Ours for the matrices as printed."""
+    fitted: float
+    reach_low: float
+    """Lowest value within the rounding of (19) and (20), each figure by itself."""
+    reach_high: float
+    inside: bool
+    """Whether the published figure lies in the reach."""
+
+
+class ImpliedEntry(Frozen):
+    """A printed entry, and what the fit to the whole table makes of it within its rounding."""
+
+    part: str
+    entry: str
+    printed: float
+    implied: float
+    moved: float
+    """Half units of the last printed digit."""
+    at_limit: bool
+
+
+class RowsTogether(Frozen):
+    """How well some rows can be met by one choice of the matrices within their rounding."""
+
+    rows: list[str]
+    largest_miss: float
+    """Of any of their figures, relative, beyond the figure's own rounding; no choice makes it smaller."""
+    binding: list[str]
+    """Figures that have this miss."""
+
+
+class FiguresTogether(Frozen):
+    """The largest set of figures that one choice of the matrices meets."""
+
+    tolerance: float
+    """Relative, beyond the figures' own rounding."""
+    met: list[str]
+    not_met: list[str]
+
+
+class WiderFit(Frozen):
+    """The fit where entries may move by more than their rounding."""
+
+    half_units: float
+    rms: float
+    largest_miss: float
+
+
+class Table2Document(Frozen):
+    """What ``validate identify MODEL --table2 --json`` prints."""
+
+    version: str
+    model: str
+    sha256: str
+    figures: list[TableFigure]
+    entries: list[ImpliedEntry]
+    rms_printed: float
+    """Root mean square of the relative misses of all figures, the matrices as printed."""
+    rms_fitted: float
+    """The smallest that the rounding allows."""
+    rows: list[RowsTogether]
+    agreements: list[FiguresTogether]
+    wider: list[WiderFit]
+    findings: list[str]
+    """The same in words."""
+
+
+def table2_document(table: TableFit, progress: Callable[[str, int, int], None] | None = None) -> Table2Document:
+    """Fit (19) and (20) to Table II within their rounding.
+
+    Args:
+        table: of the paper's chain.
+        progress: called with a stage's name, how much of it is done, and of how much.
+
+    Raises:
+        ValueError: the paper's model has no critical point in some row.
+    """
+    chain = table.chain
+    postures = list(dict.fromkeys(posture for posture, _ in table.figures))
+    groups = [group for k in range(1, len(postures) + 1) for group in combinations(postures, k)]
+    total, finished = len(groups) + len(TOLERANCES) + len(WIDER) + 1, 0
+
+    def done() -> None:
+        nonlocal finished
+        finished += 1
+        if progress is not None:
+            progress("Table II", finished, total)
+
+    rows = []
+    for group in groups:
+        found = table.level([figure for figure in table.figures if figure[0] in group])
+        rows.append(_together(group, found))
+        done()
+    agreements = []
+    for tolerance in TOLERANCES:
+        met = table.most(tolerance).misses
+        agreements.append(
+            FiguresTogether(
+                tolerance=tolerance,
+                met=[_name(figure) for figure in table.figures if figure in met],
+                not_met=[_name(figure) for figure in table.figures if figure not in met],
+            )
+        )
+        done()
+    fits = []
+    for box in WIDER:
+        fits.append(TableFit(chain, box).fit(table.figures) if box > 1.0 else table.fit(table.figures))
+        done()
+    document = Table2Document(
+        version=__version__,
+        model=chain.name,
+        sha256=chain.sha256,
+        figures=_figures(table, fits[0]),
+        entries=_entries(table, fits[0]),
+        rms_printed=table.printed.rms,
+        rms_fitted=fits[0].rms,
+        rows=rows,
+        agreements=agreements,
+        wider=[
+            WiderFit(half_units=box, rms=fit.rms, largest_miss=fit.worst)
+            for box, fit in zip(WIDER, fits, strict=True)
+        ],
+        findings=[],
+    )
+    done()
+    return document.model_copy(update={"findings": findings(document)})
+
+
+def _name(figure: Figure) -> str:
+    return f"{figure[0]} {figure[1]}"
+
+
+def _together(group: Sequence[str], found: Point) -> RowsTogether:
+    binding = [_name(figure) for figure in found.misses if found.beyond(figure) >= BINDING * found.worst]
+    return RowsTogether(rows=list(group), largest_miss=found.worst, binding=binding)
+
+
+def _figures(table: TableFit, fit: Point) -> list[TableFigure]:
+    spans = {posture: reach(table.chain, posture) for posture in {posture for posture, _ in table.figures}}
+    rows = []
+    for figure in table.figures:
+        posture, quantity = figure
+        published = float(getattr(TABLE_II[posture], quantity))
+        low, high = spans[posture][quantity]
+        rows.append(
+            TableFigure(
+                posture=posture,
+                quantity=quantity,
+                unit=QUANTITIES[quantity],
+                published=published,
+                printed=published * (1.0 + table.printed.misses[figure]),
+                fitted=published * (1.0 + fit.misses[figure]),
+                reach_low=low,
+                reach_high=high,
+                inside=low <= published <= high,
+            )
+        )
+    return rows
+
+
+def _entries(table: TableFit, fit: Point) -> list[ImpliedEntry]:
+    compliances = {beam.name: beam.compliance for beam in table.chain.beams}
+    rows = []
+    for entry, moved in zip(table.entries, fit.amounts, strict=True):
+        C = compliances[entry.part]
+        assert C is not None
+        value = float(C[entry.row, entry.column])
+        rows.append(
+            ImpliedEntry(
+                part=entry.part,
+                entry=entry_name(entry.row, entry.column),
+                printed=value,
+                implied=value + float(moved) * entry.half_unit,
+                moved=float(moved),
+                at_limit=bool(abs(moved) > AT_LIMIT),
+            )
+        )
+    return rows
+
+
+def findings(document: Table2Document) -> list[str]:
+    """Sentences on what the table implies."""
+    lines = []
+    alone = {row.rows[0]: row for row in document.rows if len(row.rows) == 1}
+    for label, row in alone.items():
+        lines.append(
+            f"row {label} by itself can be met to {_percent(row.largest_miss)}, held up by {', '.join(row.binding)}"
+        )
+    together = [row for row in document.rows if len(row.rows) > 1]
+    worse = [
+        row for row in together if BINDING * row.largest_miss > max(alone[one].largest_miss for one in row.rows)
+    ]
+    lines += [f"rows {', '.join(row.rows)} at once only to {_percent(row.largest_miss)}" for row in worse]
+    if len(worse) < len(together):
+        lines.append(("no other" if worse else "no") + " rows do worse at once than the worst of them does alone")
+    for one in document.agreements:
+        out = f"all but {', '.join(one.not_met)}" if one.not_met else "all"
+        count = f"{len(one.met)} of {len(one.met) + len(one.not_met)}"
+        lines.append(f"within {_percent(one.tolerance)} at most {count} figures can be met at once: {out}")
+    outside = [f"{figure.posture} {figure.quantity}" for figure in document.figures if not figure.inside]
+    if outside:
+        lines.append(f"out of reach of the rounding even by themselves: {', '.join(outside)}")
+    held = [f"{one.part} {one.entry}" for one in document.entries if one.at_limit]
+    lines.append(
+        f"the fit to the whole table lowers the root mean square miss from {_percent(document.rms_printed)} to "
+        f"{_percent(document.rms_fitted)}; {len(held)} of {len(document.entries)} entries end at their rounding's "
+        f"limit: {', '.join(held) or 'none'}"
+    )
+    for wide in document.wider[1:]:
+        lines.append(
+            f"entries free by {wide.half_units:g} half units, more than their rounding: {_percent(wide.rms)}"
+        )
+    return lines
+
+
+def _percent(value: float) -> str:
+    return f"{printed(100.0 * value, 3)} %"
+
+
+def show(console: Console, document: Table2Document) -> None:
+    """Print a document."""
+    figures = Table(title="Table II and the rounding of (19), (20)", title_justify="left", box=SIMPLE)
+    for name in ("", "published", "ours, as printed", "ours, fitted", "reach", ""):
+        figures.add_column(name, justify="right")
+    for one in document.figures:
+        values = (printed(value, 5) for value in (one.published, one.printed, one.fitted))
+        span = f"{printed(one.reach_low, 4)} to {printed(one.reach_high, 4)}"
+        figures.add_row(f"{one.posture} {one.quantity}", *values, span, "inside" if one.inside else "outside")
+    console.print(figures)
+    entries = Table(title="Entries that the table implies", title_justify="left", box=SIMPLE)
+    for name in ("", "printed", "implied", "moved, half units"):
+        entries.add_column(name, justify="right")
+    for row in document.entries:
+        moved = printed(float(np.round(row.moved, 3)) + 0.0, 3)
+        entries.add_row(f"{row.part} {row.entry}", printed(row.printed), printed(row.implied, 4), moved)
+    console.print(entries)
+    for line in document.findings:
+        console.print(line, soft_wrap=True, highlight=False, markup=False)

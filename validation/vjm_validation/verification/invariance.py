@@ -1,0 +1,207 @@
+"""Frame invariance: a chain whose base is turned, with all that is done to it, answers the same, turned.
+
+The world's axes enter every solver in many places, and none of them may show. Cases whose end-effector is free in
+some components of the world's axes and held in others cannot be turned as a load case, and are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.batch import map_all
+from vjm.continuation.direction import Direction, ramp_end
+from vjm.continuation.path import Path
+from vjm.io.model_file import load_chain
+from vjm.model.chain import Chain
+from vjm.model.load_case import COMPONENTS, LoadCase, PointControl
+from vjm.rotations import Array, frame, rotate_matrix6, rotation_from_vector
+from vjm.statics.equilibrium import NoConvergenceError
+from vjm_fea.opensees.backend import available
+from vjm_validation.verification.families import MESHED, engine
+from vjm_validation.verification.geometry import chain_of, load_case_of
+from vjm_validation.verification.judging import matching_digits
+from vjm_validation.verification.library import Case
+from vjm_validation.verification.rows import VerificationRow
+from vjm_validation.verification.schema import BASELINES, Family
+from vjm_validation.verification.triangulation import MODEL
+
+TURN = rotation_from_vector([0.7, -1.1, 0.4])
+"""A rotation with no axis of the world in it, ``(3, 3)``."""
+TOLERANCE = 1e-9
+MESH = 4
+"""Springs or elements of every beam; the mesh is nothing to the axes."""
+LINEAR_MM = 1.0
+"""End of the ramp in cases that ask for small displacements only."""
+SIDES = 8
+"""Of an arc."""
+GROUP = "invariance"
+SAME_PLACE = 1e-13
+"""Difference of two path parameters that are one, over the path's length."""
+FORCES_ONLY = ("exudyn",)
+"""Families of which forces and displacements are compared. Exudyn's 6×6 stiffness moves by 5e-9 of its largest
+entry when the base is turned, by rounding as its inner coordinates are condensed, and events by 3e-9 of a path."""
+
+
+def turnable(load_case: LoadCase) -> bool:
+    """Whether the load case can be said in turned axes."""
+    return len(load_case.free) in (0, len(COMPONENTS))
+
+
+def turned(chain: Chain, load_case: LoadCase, R: Array) -> tuple[Chain, LoadCase]:
+    """The chain on a base turned by ``R`` (3, 3), and its load case likewise.
+
+    Raises:
+        ValueError: the end-effector is free in some of the world's axes and held in others.
+    """
+    if not turnable(load_case):
+        raise ValueError(f"free in {', '.join(load_case.free)} of the world's axes: cannot be turned")
+    changes: dict[str, object] = {
+        "loads": tuple(replace(load, wrench=tuple(_turned6(np.array(load.wrench), R))) for load in load_case.loads)
+    }
+    if load_case.gravity is not None:
+        changes["gravity"] = tuple(R @ np.array(load_case.gravity))
+    if isinstance(load_case.control, PointControl):
+        along = tuple(R @ np.array(load_case.control.direction))
+        changes["control"] = replace(load_case.control, direction=along)
+    if not load_case.load_driven:
+        # the sign is in `to`
+        changes["axis"] = tuple(_turned6(load_case.sign * load_case.direction, R))
+    return replace(chain, base=frame(R) @ chain.base), replace(load_case, **changes)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Turned:
+    """One chain and load case to be turned, and the engine that walks both."""
+
+    name: str
+    family: Family
+    chain: Chain
+    load_case: LoadCase
+    mesh: int = MESH
+
+
+def invariance_rows(
+    cases: Sequence[Case],
+    families: Sequence[Family] = ("vjm",),
+    chains: Sequence[Family] = MESHED,
+    jobs: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[VerificationRow]:
+    """The paper's chain in every posture and direction on every engine, and every case that can be turned.
+
+    Args:
+        cases: of the library.
+        families: engines that take the cases.
+        chains: engines that take the paper's chain.
+        jobs: processes.
+        progress: called with how many items are done, and of how many.
+    """
+    items = []
+    chain = load_chain(MODEL)
+    for family in (family for family in chains if family != "opensees" or available()):
+        for posture in sorted(chain.postures):
+            for way in Direction:
+                load_case = LoadCase(posture, ramp_end(chain, posture, way), steps=8)
+                items.append(Turned(f"{MODEL} {posture}, {way}", family, chain, load_case))
+    items += [item for family in families for case in cases for item in _of_case(case, family)]
+    return map_all(_row, items, jobs, progress)
+
+
+def _of_case(case: Case, family: Family) -> list[Turned]:
+    table = case.file.engines.get(family)
+    if table is None or family in BASELINES:
+        return []
+    mesh = SIDES if case.file.arc is not None else MESH
+    found = []
+    for run in case.file.runs:
+        load_case = load_case_of(run, mesh)
+        if case.file.group == "linear":
+            # its ramp is next to nothing, and the force behind it rounding
+            load_case = replace(load_case, to=float(np.copysign(LINEAR_MM, load_case.to)))
+        if turnable(load_case):
+            name = " ".join(filter(None, [case.name, run.name]))
+            elements = 1 if case.file.arc is not None else MESH
+            found.append(Turned(name, family, chain_of(case, mesh), load_case, elements))
+    return found
+
+
+def _row(item: Turned) -> VerificationRow:
+    solver = engine(item.family, item.mesh)
+    here = solver.trace(item.chain, item.load_case)
+    there = solver.trace(*turned(item.chain, item.load_case, TURN))
+    whole = item.family not in FORCES_ONLY
+    error, failure = None, ""
+    try:
+        error = difference(here, there, TURN, whole=whole)
+        if error > TOLERANCE and here.events:
+            # which of two mirrored branches is taken is said in the world's axes
+            mirrored = solver.trace(item.chain, replace(item.load_case, branch=-item.load_case.branch))
+            error = min(error, difference(mirrored, there, TURN, whole=whole))
+    except NoConvergenceError as different:
+        failure = str(different)
+    return VerificationRow(
+        name=f"{item.name}, base turned, {item.family}",
+        kind="exact",
+        quantity=f"largest change of {'stiffness, event, ' if whole else ''}force or displacement, relative",
+        reference=0.0,
+        source="mechanics knows no preferred axes",
+        value=error,
+        error=error,
+        tolerance=TOLERANCE,
+        order=None,
+        passed=error is not None and error <= TOLERANCE,
+        case=GROUP,
+        group=GROUP,
+        engine=item.family,
+        reason="rounding, and events' places, which are found to 1e-9 of the path",
+        digits=None if error is None else matching_digits(error),
+        not_run=failure,
+    )
+
+
+def difference(here: Path, there: Path, R: Array, *, whole: bool = True) -> float:
+    """Largest change of stiffness, forces, events and displacements, each over its largest.
+
+    Args:
+        here: the path as it was.
+        there: with the base turned by ``R``.
+        R: ``(3, 3)``.
+        whole: whether stiffness and the forces of events are compared; the number of events always is.
+
+    Raises:
+        NoConvergenceError: the paths do not correspond: another number of events, or no point in common.
+    """
+    if len(here.events) != len(there.events) or here.complete != there.complete:
+        raise NoConvergenceError(
+            f"{len(here.events)} events and {here.stopped or 'complete'}, turned {len(there.events)} and "
+            f"{there.stopped or 'complete'}"
+        )
+    pairs = zip(here.events, there.events, strict=True)
+    changes = [_relative(np.array([a.force]), np.array([b.force])) for a, b in pairs if whole]
+    first = here.points[0].stiffness, there.points[0].stiffness
+    if whole and first[0] is not None and first[1] is not None:
+        changes.append(_relative(rotate_matrix6(first[0], R), first[1]))
+    # points that an event or an adaptive step has put elsewhere are not compared
+    rows = [(i, int(np.argmin(np.abs(there.s - s)))) for i, s in enumerate(here.s)]
+    rows = [(i, j) for i, j in rows if abs(here.s[i] - there.s[j]) <= SAME_PLACE * here.s[-1]]
+    if len(rows) > 1:
+        a, b = (list(column) for column in zip(*rows, strict=True))
+        moved = np.array([R @ u[:3] for u in here.displacement[a]])
+        changes += [_relative(here.force[a], there.force[b])]
+        changes += [_relative(moved, there.displacement[b, :3])]
+    if not changes:
+        raise NoConvergenceError("the paths have nothing in common to be compared")
+    return max(changes)
+
+
+def _relative(a: Array, b: Array) -> float:
+    size = float(np.max(np.abs(a)))
+    return float(np.max(np.abs(a - b))) / size if size > 0.0 else float(np.max(np.abs(b)))
+
+
+def _turned6(vector: Array, R: Array) -> Array:
+    result: Array = np.concatenate([R @ vector[:3], R @ vector[3:]])
+    return result
