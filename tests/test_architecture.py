@@ -17,21 +17,31 @@ import vjm
 ROOT = Path(__file__).parents[1]
 SOURCES = {
     "vjm": ROOT / "src/vjm",
+    "vjm_output": ROOT / "src/vjm_output",
+    "vjm_updating": ROOT / "src/vjm_updating",
     "vjm_fea": ROOT / "fea/vjm_fea",
     "vjm_validation": ROOT / "validation/vjm_validation",
 }
+TEST_BENCH = ROOT / "tests/hidden_effects"
 
 # What a package may import besides itself and the standard library. Its absence from this table is what
 # forbids a name: `vjm_fea` in `vjm`, say, or `tests` anywhere.
 MAY_IMPORT = {
     "vjm": {"numpy", "scipy", "numba"},
     "vjm.io": {"numpy", "scipy", "pydantic", "pydantic_core"},  # pydantic's error types live in its core
+    "vjm_output": {"vjm", "numpy", "pydantic", "matplotlib", "jinja2", "rich"},
     "vjm_fea": {"vjm", "numpy", "scipy", "exudyn", "openseespy"},
+    "vjm_updating": {
+        *("vjm", "vjm_output", "vjm_fea", "numpy", "scipy", "numba", "pydantic"),
+        *("matplotlib", "pyvista", "rich", "distributed"),
+    },
     "vjm_validation": {
-        *("vjm", "vjm_fea", "numpy", "scipy", "pydantic"),
-        *("matplotlib", "pyvista", "jinja2", "cyclopts", "rich", "distributed"),
+        *("vjm", "vjm_output", "vjm_fea", "vjm_updating", "numpy", "scipy", "pydantic"),
+        *("matplotlib", "pyvista", "cyclopts", "rich"),
     },
 }
+# Rooms of `vjm` from the lowest up: a room imports from those before it only.
+ROOMS = ("rotations", "kernels", "model", "statics", "sensitivity", "continuation", "platform", "baselines")
 
 LONGEST_MODULE = 400
 
@@ -133,6 +143,15 @@ def test_install_holds_every_file_of_the_source(package: str, folder: Path):
     files = files_in(installed(package))
     assert files == files_in(folder)
     assert "py.typed" in files
+
+
+def test_no_file_of_the_test_bench_is_installed():
+    """The wheel holds what the packages' folders hold, and none of these is the test bench's."""
+    assert importlib.metadata.version("vjm-stiffness")
+    bench = {path.name for path in TEST_BENCH.glob("*.py")} - {"__init__.py", "__main__.py"}
+    listed = importlib.metadata.files("vjm-stiffness") or []
+    assert [file for file in listed if "hidden_effects" in file.parts] == []
+    assert len(bench) > 20
 
 
 def test_model_files_are_installed():

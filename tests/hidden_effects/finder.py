@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import hashlib
 import io
@@ -20,6 +21,9 @@ from vjm.io.files import write_whole
 PATIENCE = 240.0
 """Seconds of a processor that a diagnosis may take before it counts as failed."""
 DOCUMENT = "diagnosis.json"
+ENTRY = "vjm_updating.diagnose.command"
+PAGES = ("page", "figures", "summary_text")
+"""Names of modules that draw and write what was found."""
 
 
 class TooLongError(Exception):
@@ -28,17 +32,50 @@ class TooLongError(Exception):
 
 @cache
 def identity() -> str:
-    """Digest of the sources by which readings are diagnosed."""
-    own = Path(__file__).parent
-    mechanics = find_spec("vjm")
-    assert mechanics is not None
-    assert mechanics.origin is not None
+    """Digest of the sources by which readings are diagnosed: what the command's search imports, and nothing else.
+
+    Modules that only draw and write are left out, so that a caption does not discard a campaign.
+    """
     digest = hashlib.sha256()
-    for package in (Path(mechanics.origin).parent, own.parent):
-        for file in sorted(package.rglob("*.py")):
-            if own not in file.parents:
-                digest.update(file.read_bytes())
+    for file in sorted(_sources(ENTRY)):
+        digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def _sources(entry: str) -> set[Path]:
+    """Files of a module and of all that it imports of the suite, but for its pages."""
+    found: dict[str, Path] = {}
+    waiting = [entry]
+    while waiting:
+        name = waiting.pop()
+        if name in found or name.startswith("vjm_output") or name.rpartition(".")[2] in PAGES:
+            continue
+        spec = find_spec(name)
+        if spec is None or spec.origin is None:
+            continue
+        found[name] = Path(spec.origin)
+        waiting += _imported(found[name])
+    return set(found.values())
+
+
+def _imported(file: Path) -> Iterator[str]:
+    """Modules of the suite that a source imports, wherever in it the import stands."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        for name in names:
+            if name.split(".")[0].startswith("vjm") and _is_module(name):
+                yield name
+
+
+def _is_module(name: str) -> bool:
+    try:
+        return find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False
 
 
 def diagnosed(data: Path, sheet: Path, out: Path, options: Sequence[str] = ()) -> dict[str, Any]:

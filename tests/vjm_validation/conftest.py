@@ -4,14 +4,6 @@ from pathlib import Path
 import pytest
 from helpers.command import Finished, validate
 
-from vjm.io.model_file import load_chain
-from vjm.model.chain import Chain
-
-
-@pytest.fixture(scope="session")
-def chain() -> Chain:
-    return load_chain("orthoglide-chain")
-
 
 @pytest.fixture(scope="session")
 def whole_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Finished]:

@@ -12,7 +12,7 @@ MAY = (
     "vjm.model.chain", "vjm.model.parts", "vjm.rotations", "vjm.kernels.compilation", "vjm.io.model_file",
     "vjm.io.files", "vjm.batch", "vjm.model.load_case", "vjm.vjm_engine",
 )  # fmt: skip
-"""Numbers, files, compilation; `drawing` alone takes the lumped model, for sheets whose link is one spring."""
+"""Numbers, files, compilation; `truth_models` alone takes the lumped model, for sheets whose link is one spring."""
 FINDER = (
     "vjm_updating.mechanisms",
     "vjm_updating.diagnose",
@@ -44,7 +44,7 @@ def test_no_module_takes_mechanics_from_the_suite(path):
     foreign = {n for n in modules if not any(n == m or n.startswith(f"{m}.") for m in MAY)}
     assert foreign == set()
     lumped = {n for n in modules if n.startswith(("vjm.vjm_engine", "vjm.model.load_case"))}
-    assert not lumped or path.stem == "drawing"
+    assert not lumped or path.stem == "truth_models"
 
 
 def test_only_the_runner_calls_the_command():

@@ -13,7 +13,7 @@ from helpers.command import validate
 from vjm.io.path_files import read_curve
 from vjm_validation.schemas import schemas
 
-PUBLISHED = Path(__file__).parents[2] / "docs" / "schemas"
+PUBLISHED = Path(__file__).parents[3] / "docs" / "schemas"
 
 
 @pytest.mark.parametrize("name", schemas())
@@ -113,7 +113,7 @@ def test_bad_input_is_one_line_and_status_2(arguments, message):
 
 
 def test_the_printed_matrix_20_is_refused_with_both_entries(tmp_path):
-    library = Path(__file__).parents[2] / "src" / "vjm" / "models" / "orthoglide-chain.toml"
+    library = Path(__file__).parents[3] / "src" / "vjm" / "models" / "orthoglide-chain.toml"
     text = library.read_text()
     broken = text.replace(
         "[ 0.0,  23e-2,   0.0,    0.0,    0.0,   11e-4]", "[ 0.0,  23e-2,   0.0,    0.0,    0.0,   11e-5]"

@@ -12,7 +12,7 @@ from vjm.model.parts import Placement
 from vjm_validation.schemas import schemas
 from vjm_validation.studies.sweeps import ENGINES
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def test_it_ends_well_and_says_where_the_report_is(whole_run):

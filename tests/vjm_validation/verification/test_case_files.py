@@ -26,7 +26,7 @@ meshes = [2, 4, 8]
 tolerance = 1e-9
 reason = "exact"
 [[runs]]
-[runs.load case]
+[runs.load_case]
 to = 0.001
 [[runs.asked]]
 quantity = "stiffness"

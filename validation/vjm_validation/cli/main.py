@@ -54,7 +54,7 @@ LATER = {
 }
 """Commands of modules that are read when they are called: what they need takes seconds to import."""
 for name, text in LATER.items():
-    app.command(f"vjm_validation.cli_{name}:{name}_", name=name, help=text)
+    app.command(f"vjm_validation.cli.{name}:{name}_", name=name, help=text)
 
 Segments = Annotated[
     int | None, Parameter(name="--segments", help="Springs or elements in every beam but the foot.")
