@@ -25,9 +25,9 @@ from typing import Any, Generic, TypeVar
 
 from vjm.continuation.path import Path
 from vjm.engine import Engine
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
-from vjm.statics.equilibrium import NoConvergenceError
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

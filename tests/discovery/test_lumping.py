@@ -9,7 +9,7 @@ import pytest
 from hidden_effects.finder import diagnosed
 
 from vjm.io.model_file import load_chain
-from vjm_validation.report.acceptance import discovery_rows
+from vjm_validation.acceptance import discovery_rows
 from vjm_validation.report.discovery_chapter import discovery_tables
 from vjm_validation.report.findings import discovery
 from vjm_validation.studies.link_lumping_discovery import study, write_data

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from vjm.continuation.path import EventKind
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import Load, LoadCase
 from vjm.model.parts import Beam, PassiveJoint, Section
 from vjm.rotations import AXES
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm.vjm_engine import VjmEngine
 
 Z = AXES["z"]

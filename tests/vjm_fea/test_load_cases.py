@@ -10,11 +10,11 @@ from scipy.optimize import brentq
 from scipy.special import jv
 
 from vjm.continuation.path import EventKind
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, Load, LoadCase, PointControl
 from vjm.model.parts import Beam, PassiveJoint, RigidOffset, Section
 from vjm.rotations import AXES, translation
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_fea import ExudynEngine
 from vjm_fea.opensees import OpenSeesEngine, available
 from vjm_validation.exact import elastica

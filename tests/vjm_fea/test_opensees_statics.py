@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from vjm.continuation.path import StationLabel
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.model.parts import Actuator, Beam, PassiveJoint, Section
 from vjm.rotations import AXES, rotation_from_vector
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_fea.opensees import OpenSeesEngine, available
 from vjm_fea.opensees.backend import opensees
 from vjm_fea.opensees.beams import Beams, Element

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from vjm.continuation.path import StationLabel
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.model.parts import Actuator, Beam, PassiveJoint, Section
 from vjm.rotations import rotation_from_vector
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_fea import ExudynEngine
 from vjm_fea.common.quaternions import quaternion, rotation_matrices
 

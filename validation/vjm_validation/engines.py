@@ -6,13 +6,10 @@ import re
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-from vjm.baselines import LinearEngine, MsaEngine, UnloadedJacobianEngine
 from vjm.engine import Engine
 from vjm.model.chain import Chain
 from vjm.model.parts import Placement
 from vjm.vjm_engine import VjmEngine
-from vjm_fea.exudyn.engine import ExudynEngine
-from vjm_fea.opensees import OpenSeesEngine
 
 DESCRIPTIONS = {
     "vjm-paper": "the paper's model: one spring a link, at its far end, with the printed matrices",
@@ -27,6 +24,8 @@ DESCRIPTIONS = {
 """Every engine's name and what it is."""
 
 DEFAULT_SEGMENTS = 16
+FROZEN = "vjm-unloaded-jacobian"
+"""The engine that stops at its first event by its nature."""
 
 
 @dataclass(frozen=True)
@@ -57,29 +56,16 @@ def engine_by_name(name: str, options: EngineOptions = EngineOptions(), chain: o
     Raises:
         ValueError: there is none; the message lists those that there are.
     """
-    split = re.fullmatch(r"vjm-(\d+)(?:f(\d+))?(?:-(end|middle|best))?", name)
+    split = re.fullmatch(r"vjm-(\d+)(?:f(\d+))?(?:-(end|middle|two-thirds|best))?", name)
     if split:
         n, m, placement = split.groups()
         return VjmEngine(int(n), int(m) if m else options.foot_segments, Placement(placement or options.placement))
-    match name:
-        case "vjm-paper":
-            return VjmEngine()
-        case "vjm":
-            return _vjm(options, chain)
-        case "vjm-linear":
-            return LinearEngine()
-        case "vjm-unloaded-jacobian":
-            return UnloadedJacobianEngine()
-        case "msa":
-            return MsaEngine()
-        case "exudyn" | "exudyn-footspring":
-            return ExudynEngine(
-                foot_spring=name.endswith("footspring"),
-                elements=options.segments or DEFAULT_SEGMENTS,
-                shear=options.shear,
-            )
-        case "opensees":
-            return OpenSeesEngine(elements=options.segments or DEFAULT_SEGMENTS)
+    if name in ("vjm-paper", "vjm"):
+        return VjmEngine() if name == "vjm-paper" else _vjm(options, chain)
+    if name in ("vjm-linear", "vjm-unloaded-jacobian", "msa"):
+        return _baseline(name)
+    if name in ("exudyn", "exudyn-footspring", "opensees"):
+        return _finite_elements(name, options)
     near = get_close_matches(name, DESCRIPTIONS, 1)
     hint = f"; did you mean '{near[0]}'?" if near else ""
     raise ValueError(f"unknown engine '{name}'{hint} (there are {', '.join(DESCRIPTIONS)})")
@@ -91,3 +77,28 @@ def _vjm(options: EngineOptions, chain: object) -> VjmEngine:
     if options.segments is None and link is not None:
         return VjmEngine.of(link, foot or 1, options.placement)
     return VjmEngine(options.segments or DEFAULT_SEGMENTS, foot, options.placement)
+
+
+# Each family is imported when it is asked for: one command needs one of them, and each takes a third of a second.
+
+
+def _baseline(name: str) -> Engine:
+    from vjm.baselines import LinearEngine, MsaEngine, UnloadedJacobianEngine
+
+    known: dict[str, Engine] = {
+        "vjm-linear": LinearEngine(),
+        "vjm-unloaded-jacobian": UnloadedJacobianEngine(),
+        "msa": MsaEngine(),
+    }
+    return known[name]
+
+
+def _finite_elements(name: str, options: EngineOptions) -> Engine:
+    elements = options.segments or DEFAULT_SEGMENTS
+    if name == "opensees":
+        from vjm_fea.opensees import OpenSeesEngine
+
+        return OpenSeesEngine(elements=elements)
+    from vjm_fea.exudyn.engine import ExudynEngine
+
+    return ExudynEngine(foot_spring=name.endswith("footspring"), elements=elements, shear=options.shear)

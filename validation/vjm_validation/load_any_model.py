@@ -1,26 +1,19 @@
-"""Manipulators where commands take a model: their engines, and one loaded equilibrium."""
+"""Chains and manipulators where commands take a model: loading, engines, postures."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
-import numpy as np
-
-from vjm import __version__
-from vjm.continuation.load_stepping import follow
-from vjm.continuation.path import Equilibrium
 from vjm.engine import Engine
 from vjm.io.manipulator_file import load_model
 from vjm.model.chain import Chain
-from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.platform.manipulator import Manipulator
-from vjm.platform.problem import ManipulatorEngine, ManipulatorProblem
-from vjm.statics.equilibrium import NoConvergenceError
+from vjm.platform.problem import ManipulatorEngine
 from vjm.vjm_engine import VjmEngine
-from vjm_fea.exudyn.engine import ExudynEngine
-from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine
-from vjm_validation.documents import StiffnessDocument
+
+if TYPE_CHECKING:
+    from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine
 
 
 def loaded(name_or_path: str) -> tuple[Chain, Callable[[Engine], Engine]]:
@@ -65,68 +58,13 @@ def solver(engine: Engine) -> ManipulatorEngine | ManipulatorExudynEngine:
     """
     if isinstance(engine, VjmEngine):
         return ManipulatorEngine(engine)
-    if isinstance(engine, ExudynEngine) and not engine.foot_spring:
+    if engine.label == "exudyn":
+        # imported late: finite elements take a third of a second that the lumped model does not need
+        from vjm_fea.exudyn.engine import ExudynEngine
+        from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine
+
+        assert isinstance(engine, ExudynEngine)
         return ManipulatorExudynEngine(engine.elements, engine.shear)
     raise ValueError(
         f"--engine {engine.label}: walks single chains only; manipulators take vjm, vjm-paper and exudyn"
-    )
-
-
-def stiffness_document(
-    manipulator: Manipulator, engine: VjmEngine, pose: str, control: str, values: Sequence[float]
-) -> StiffnessDocument:
-    """A stable equilibrium of a platform under an imposed displacement or, free, under a dead wrench.
-
-    Args:
-        manipulator: the machine.
-        engine: how beams become springs.
-        pose: label of the unloaded pose.
-        control: ``displacement`` or ``wrench``.
-        values: ``(6,)`` mm, rad or N, N mm.
-
-    Raises:
-        NoConvergenceError: there is none; the message says how far the path goes.
-    """
-    at_rest = ManipulatorProblem(manipulator, LoadCase(pose, 1.0), engine)
-    K0 = at_rest.unloaded().stiffness
-    if not np.any(values):
-        point, events = at_rest.unloaded(), []
-    else:
-        load_case = LoadCase(pose, 1.0, axis=tuple(values))
-        if control == "wrench":
-            load_case = LoadCase(pose, 1.0, "load", loads=(Load(tuple(values)),), free=COMPONENTS)
-        path = follow(ManipulatorProblem(manipulator, load_case, engine, at_rest.model.pose), load_case)
-        if not path.complete:
-            raise NoConvergenceError(f"the {control} is reached only to {path.points[-1].s:.1%}: {path.stopped}")
-        point = path.points[-1]
-        events = [f"{e.kind} at {e.s:.4%} of the {control}" for e in path.events]
-    return _document(manipulator, engine, pose, control, point, np.asarray(K0), events)
-
-
-def _document(
-    manipulator: Manipulator,
-    engine: VjmEngine,
-    pose: str,
-    control: str,
-    point: Equilibrium,
-    K0: np.ndarray,
-    events: list[str],
-) -> StiffnessDocument:
-    assert point.stiffness is not None
-    return StiffnessDocument(
-        model=manipulator.name,
-        model_sha256=manipulator.sha256,
-        version=__version__,
-        engine=engine.label,
-        posture=pose,
-        control=control,
-        displacement=point.displacement.tolist(),
-        wrench=point.wrench.tolist(),
-        stiffness_loaded=point.stiffness.tolist(),
-        stiffness_unloaded=K0.tolist(),
-        stable=point.unstable <= 0,
-        eigenvalue=point.eigenvalue,
-        iterations=point.iterations,
-        residual=point.residual,
-        events=events,
     )

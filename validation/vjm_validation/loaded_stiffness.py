@@ -7,40 +7,68 @@ from collections.abc import Sequence
 import numpy as np
 
 from vjm import __version__
-from vjm.continuation.load_stepping import follow
-from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.engine import Engine
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
-from vjm.model.load_case import LoadCase
-from vjm.model.lumped import LumpedModel
-from vjm.rotations import Array, displacement_between
-from vjm.statics.equilibrium import Configuration, NoConvergenceError, solve_under_wrench
-from vjm.statics.stability import Stability, free_stability, stability
+from vjm.model.load_case import COMPONENTS, Load, LoadCase
+from vjm.rotations import displacement_between
+from vjm.statics.equilibrium import solve_under_wrench
+from vjm.statics.stability import free_stability
 from vjm.statics.stiffness import loaded_stiffness, unloaded_stiffness
 from vjm.vjm_engine import VjmEngine
 from vjm_validation.documents import StiffnessDocument
 
+NEARLY_NOTHING = 1e-6
+"""mm: end of a path of which only the unloaded beginning is wanted."""
 
-def under_displacement(
-    chain: Chain, engine: VjmEngine, posture: str, displacement: Sequence[float]
-) -> StiffnessDocument:
-    """The stable equilibrium at an imposed displacement ``(6,)`` mm, rad, reached on a straight path.
+
+def traced(model: Chain, engine: Engine, posture: str, control: str, values: Sequence[float]) -> StiffnessDocument:
+    """The stable equilibrium at the end of a straight path, by any engine that computes K^F.
+
+    Args:
+        model: a chain, or a manipulator under its protocol.
+        engine: that traces its paths.
+        posture: label.
+        control: ``displacement``: the pose is imposed; ``wrench``: the end-effector is free under a dead wrench.
+        values: ``(6,)`` mm, rad or N, N mm, at the path's end.
 
     Raises:
         NoConvergenceError: the path ends before; the message says where and why.
+        ValueError: the engine computes no 6×6 stiffness.
     """
-    model = engine.model(chain)
-    if not any(displacement):
-        at = Configuration(model, model.configuration(chain.posture(posture)), np.zeros(6), 0.0, 0)
-        return _document(engine, posture, "displacement", np.zeros(6), at, stability(at), [])
-    load_case = LoadCase(posture, 1.0, axis=tuple(displacement))
-    problem = LumpedProblem(model, load_case, engine.label)
-    path = follow(problem, load_case)
-    if not path.complete:
-        raise NoConvergenceError(f"the displacement is reached only to {path.points[-1].s:.1%}: {path.stopped}")
-    at = problem.configuration(path.points[-1])
-    events = [f"{e.kind} at {e.s:.4%} of the displacement, driven force times displacement {e.force:.6g} N mm"
-              for e in path.events]  # fmt: skip
-    return _document(engine, posture, "displacement", np.array(displacement), at, stability(at), events)
+    path = engine.trace(model, _straight(posture, control, values))
+    if any(values) and not path.complete:
+        raise NoConvergenceError(f"the {control} is reached only to {path.points[-1].s:.1%}: {path.stopped}")
+    first, last = path.points[0], path.points[-1 if any(values) else 0]
+    if first.stiffness is None or last.stiffness is None:
+        raise ValueError(f"--engine {engine.label}: computes forces along a path, but no 6×6 stiffness")
+    events = [f"{e.kind} at {e.s:.4%} of the {control}" for e in path.events] if any(values) else []
+    return StiffnessDocument(
+        model=model.name,
+        model_sha256=model.sha256,
+        version=__version__,
+        engine=engine.label,
+        posture=posture,
+        control=control,
+        displacement=last.displacement.tolist(),
+        wrench=last.wrench.tolist(),
+        stiffness_loaded=last.stiffness.tolist(),
+        stiffness_unloaded=first.stiffness.tolist(),
+        stable=last.unstable <= 0,
+        eigenvalue=last.eigenvalue,
+        iterations=last.iterations,
+        residual=last.residual,
+        events=events,
+    )
+
+
+def _straight(posture: str, control: str, values: Sequence[float]) -> LoadCase:
+    """The load case that ends at the values; without any, one that begins at the unloaded posture."""
+    if not any(values):
+        return LoadCase(posture, NEARLY_NOTHING, steps=1)
+    if control == "displacement":
+        return LoadCase(posture, 1.0, axis=tuple(values))
+    return LoadCase(posture, 1.0, "load", loads=(Load(tuple(values)),), free=COMPONENTS)
 
 
 def under_wrench(chain: Chain, engine: VjmEngine, posture: str, wrench: Sequence[float]) -> StiffnessDocument:
@@ -59,28 +87,14 @@ def under_wrench(chain: Chain, engine: VjmEngine, posture: str, wrench: Sequence
             f"under this wrench the free end-effector has an equilibrium, but it is unstable in "
             f"{verdict.unstable} motions; hold the pose with --displacement instead"
         )
-    return _document(engine, posture, "wrench", moved, at, verdict, [])
-
-
-def _document(
-    engine: VjmEngine,
-    posture: str,
-    control: str,
-    displacement: Array,
-    at: Configuration,
-    verdict: Stability,
-    events: list[str],
-) -> StiffnessDocument:
-    model: LumpedModel = at.model
-    chain = model.chain
     return StiffnessDocument(
         model=chain.name,
         model_sha256=chain.sha256,
         version=__version__,
         engine=engine.label,
         posture=posture,
-        control=control,
-        displacement=displacement.tolist(),
+        control="wrench",
+        displacement=moved.tolist(),
         wrench=at.wrench.tolist(),
         stiffness_loaded=loaded_stiffness(at).tolist(),
         stiffness_unloaded=unloaded_stiffness(model, chain.posture(posture)).tolist(),
@@ -88,5 +102,5 @@ def _document(
         eigenvalue=verdict.eigenvalue,
         iterations=at.iterations,
         residual=at.residual,
-        events=events,
+        events=[],
     )

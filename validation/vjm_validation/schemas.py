@@ -19,8 +19,8 @@ from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.identify.documents import IdentificationDocument
 from vjm_updating.maps.documents import MapDocument, MapTaskDocument
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
-from vjm_validation.report.summary import Summary
 from vjm_validation.studies.table2_document import Table2Document
+from vjm_validation.summary import Summary
 
 
 def schemas() -> dict[str, dict[str, Any]]:

@@ -9,11 +9,11 @@ import numpy as np
 
 from vjm.continuation.lumped_problem import STEPS_OF_CONSTANT_LOADS
 from vjm.continuation.path import Equilibrium, StationLabel
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.end_condition import displacement_from
 from vjm.model.load_case import LoadCase, PointControl
 from vjm.rotations import Array, frame
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_fea.common import branches
 from vjm_fea.common.beam_statics import BeamStatics
 from vjm_fea.common.linearized_statics import Border, Tangent

@@ -13,8 +13,8 @@ import numpy as np
 
 from vjm.continuation.lumped_problem import DIRECTIONS, ENTRY
 from vjm.continuation.path import Equilibrium
+from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_fea.common.linearized_statics import Border
 
 if TYPE_CHECKING:

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.continuation.path import Equilibrium
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.platform.closure import RigidPose
 from vjm.platform.leg_topology import carried
 from vjm.platform.manipulator import BASE, PLATFORM
 from vjm.rotations import Array, displaced, displacement_between, skew
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_fea.common.beam_problem import BeamProblem
 
 TOLERANCE = 1e-9

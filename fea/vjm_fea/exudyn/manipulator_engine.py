@@ -9,6 +9,7 @@ import numpy as np
 
 from vjm.continuation.arc_length import trace
 from vjm.continuation.path import Equilibrium, Path
+from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.model.parts import PassiveJoint
 from vjm.platform.closure import RigidPose
@@ -16,7 +17,6 @@ from vjm.platform.manipulator import Manipulator
 from vjm.platform.problem import on_platform
 from vjm.platform.rigid import inverse_kinematics
 from vjm.rotations import AXES, Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_fea.common.beam_problem import BeamProblem, refuse_imperfection
 from vjm_fea.common.branches import TINY
 from vjm_fea.common.mesh import Mesh

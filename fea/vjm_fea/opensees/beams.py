@@ -13,9 +13,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.model.parts import Section
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_fea.opensees.backend import opensees
 
 POINTS = 2

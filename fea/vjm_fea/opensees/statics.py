@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_fea.common.applied_loads import loading_of
 from vjm_fea.common.beam_statics import BeamStatics
 from vjm_fea.common.linearized_statics import Tangent

@@ -20,11 +20,12 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase, refuse_unless_pose_only
 from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
-from vjm.statics.equilibrium import Configuration, NoConvergenceError
+from vjm.statics.equilibrium import Configuration
 from vjm.statics.stability import stability
 from vjm.statics.stiffness import loaded_stiffness
 

@@ -16,9 +16,9 @@ import numpy as np
 
 from vjm.continuation.load_stepping import Problem, bifurcation, follow, locate, walked
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
+from vjm.errors import NoConvergenceError
 from vjm.model.load_case import TO_LIMIT, LoadCase
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 
 EVENT_TOLERANCE = 1e-9
 """Events are located to this length of the arc."""

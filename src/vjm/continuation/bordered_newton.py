@@ -7,10 +7,11 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
-from vjm.statics.equilibrium import TOLERANCE, Configuration, NoConvergenceError
+from vjm.statics.equilibrium import TOLERANCE, Configuration
 
 MAX_ITERATIONS = 30
 DIVERGED = 1e6

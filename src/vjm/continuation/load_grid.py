@@ -13,9 +13,10 @@ import numpy as np
 from vjm.continuation.load_stepping import EVENT_TOLERANCE, StepControl, bifurcation
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium
+from vjm.errors import NoConvergenceError
 from vjm.kernels.compiled_model import March
 from vjm.rotations import Array
-from vjm.statics.equilibrium import TOLERANCE, NoConvergenceError
+from vjm.statics.equilibrium import TOLERANCE
 
 MAX_ITERATIONS = 30
 

@@ -16,9 +16,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, StationLabel, driven_force
+from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 
 EVENT_TOLERANCE = 1e-9
 """Events are located to this fraction of the path's length; INTERFACES promise 1e-4 of the event's value."""

@@ -9,12 +9,13 @@ import numpy as np
 
 from vjm.continuation.bordered_newton import Border, solve_bordered
 from vjm.continuation.path import Equilibrium, StationLabel
+from vjm.errors import NoConvergenceError
 from vjm.model.applied_loads import NO_LOADS, loading_of
 from vjm.model.end_condition import held
 from vjm.model.load_case import LoadCase, PointControl
 from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array, displaced
-from vjm.statics.equilibrium import Configuration, NoConvergenceError, solve_newton
+from vjm.statics.equilibrium import Configuration, solve_newton
 from vjm.statics.stability import Stability, critical_modes, stability
 from vjm.statics.stiffness import loaded_stiffness
 

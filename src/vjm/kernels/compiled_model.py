@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from vjm.kernels.entry_points import (
     place_loads,
     respond,
 )
+from vjm.kernels.march import March
 from vjm.kernels.packed_model import buffers, work_of
 from vjm.kernels.recursion import positions
 from vjm.rotations import Array
@@ -34,29 +35,6 @@ BASIS = 16
 """Vectors of Lanczos's method: from a neighbour's mode it takes five."""
 SHARE = 0.01
 """Of all modes in the vector that it starts from."""
-
-
-class March(NamedTuple):
-    """What a march along a grid found.
-
-    Attributes:
-        good: number of points that are stable equilibria.
-        why: it ended there: ``unstable`` where the next point, which is given too, is an unstable equilibrium;
-            empty at the grid's end.
-        x: coordinates ``(g, n)``.
-        wrench: ``(g, 6)``.
-        stiffness: K^F ``(g, 6, 6)``.
-        residual: scaled ``(g,)``.
-        iterations: ``(g,)``.
-    """
-
-    good: int
-    why: str
-    x: Array
-    wrench: Array
-    stiffness: Array
-    residual: Array
-    iterations: np.ndarray
 
 
 class CompiledModel:

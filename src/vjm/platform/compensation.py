@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.platform.closure import RigidPose
 from vjm.platform.manipulator import Manipulator
 from vjm.platform.problem import ManipulatorProblem
 from vjm.platform.rigid import freedom, inverse_kinematics, rates
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm.vjm_engine import VjmEngine
 
 ITERATIONS = 12

@@ -12,6 +12,7 @@ from vjm.continuation.arc_length import trace
 from vjm.continuation.imperfections import BuildsProblems, buckling_shape
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium, Path
+from vjm.errors import NoConvergenceError
 from vjm.model.applied_loads import NO_LOADS
 from vjm.model.chain import Chain
 from vjm.model.end_condition import EndCondition
@@ -22,7 +23,7 @@ from vjm.platform.loaded_manipulator import LoadedManipulator
 from vjm.platform.manipulator import Manipulator
 from vjm.platform.rigid import SINGULAR, inverse_kinematics, mobility
 from vjm.rotations import Array
-from vjm.statics.equilibrium import Configuration, NoConvergenceError, solve_newton
+from vjm.statics.equilibrium import Configuration, solve_newton
 from vjm.statics.stability import critical_modes, stability
 from vjm.vjm_engine import VjmEngine
 

@@ -11,15 +11,12 @@ from functools import cached_property
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.model.lumped import Kinematics, LumpedModel
 from vjm.rotations import Array, displacement_between
 
 TOLERANCE = 1e-11
 """Scaled residual at which an equilibrium counts as found: some hundred times what rounding leaves of it."""
-
-
-class NoConvergenceError(RuntimeError):
-    """A solver stopped before the residual was small; the message says how far it came."""
 
 
 @dataclass(frozen=True)

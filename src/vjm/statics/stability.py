@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm.statics.equilibrium import Configuration, NoConvergenceError
+from vjm.statics.equilibrium import Configuration
 
 NEUTRAL = 1e-12
 """Eigenvalues below this fraction of the largest are zero but for rounding."""

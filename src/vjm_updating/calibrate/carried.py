@@ -15,12 +15,12 @@ import numpy as np
 
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Path
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.parameters import Parameter, compliance_entry, section_value
 from vjm.rotations import Array
 from vjm.sensitivity.gradients import Sensitivity
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibrate.fit import Fit
 from vjm_updating.calibrate.parameters import split_parts, unknowns

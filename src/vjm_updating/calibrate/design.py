@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.continuation.direction import Direction
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_updating.calibrate.carried import QUANTITIES, Predicted
 from vjm_updating.calibrate.fit import Fit
 from vjm_updating.calibrate.noise import memory_of

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import TwoSlopeNorm
 
+from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_output.plot_style import Picture, figure, png
 from vjm_updating.calibrate.document import Calibration
 from vjm_updating.calibrate.fit import WILD, Fit

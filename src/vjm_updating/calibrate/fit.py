@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_updating.calibrate.noise import Memory
 from vjm_updating.calibrate.prediction import Branches
 from vjm_updating.calibrate.problem import Evaluation, Problem

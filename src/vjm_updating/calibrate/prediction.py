@@ -16,11 +16,11 @@ import numpy as np
 from vjm.continuation.load_grid import GridPath, trace_grid
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium, Path
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 from vjm.sensitivity.gradients import Sensitivity
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibrate.parameters import Unknowns
 from vjm_updating.calibrate.rays import Ray

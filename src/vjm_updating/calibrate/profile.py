@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_updating.calibrate.fit import Fit
 
 CHI2_95 = 3.841458820694124

@@ -13,11 +13,11 @@ import numpy as np
 
 from vjm.continuation.arc_length import trace
 from vjm.continuation.direction import DEFAULT_REACH_MM
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.parameters import compliance_factor
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibrate.rays import Ray
 from vjm_updating.diagnose.column import ColumnForward

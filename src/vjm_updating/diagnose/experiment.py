@@ -14,9 +14,9 @@ from math import ceil
 import numpy as np
 
 from vjm.continuation.path import EventKind
+from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_updating.calibrate.noise import memory_of
 from vjm_updating.calibrate.rays import Ray
 from vjm_updating.diagnose.fitting import Fit, Fitter

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_updating.diagnose.forward import Evaluation, Predictor, values_of
 from vjm_updating.diagnose.normal_equations import bounded_step, inverse
 from vjm_updating.diagnose.parameters import Coordinate, Hypothesis, coordinates, start

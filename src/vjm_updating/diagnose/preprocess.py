@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.io.errors import did_you_mean
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_updating.diagnose.column import ColumnForward, column_effects, with_noise_found
 from vjm_updating.diagnose.fitting import Fit, Fitter, prior
 from vjm_updating.diagnose.forward import Evaluation, Forward, Predictor

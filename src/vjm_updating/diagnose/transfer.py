@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm.statics.equilibrium import NoConvergenceError
+from vjm.errors import NoConvergenceError
 from vjm_updating.diagnose.column import ColumnForward, is_column, observe_column
 from vjm_updating.diagnose.fitting import Fit
 from vjm_updating.diagnose.forward import Forward, Predictor

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment.channels import POSE, TIME, WRENCH, split_point
 from vjm_updating.experiment.readings import DataError, Readings

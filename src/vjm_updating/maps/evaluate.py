@@ -12,6 +12,7 @@ import numpy as np
 from vjm.continuation.arc_length import ArcControl, trace
 from vjm.continuation.load_stepping import follow
 from vjm.continuation.path import Equilibrium, EventKind, Path
+from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.platform.batch_equilibria import packed_machine, platforms, weakest
 from vjm.platform.closure import RigidPose
@@ -20,7 +21,6 @@ from vjm.platform.manipulator import BASE, PLATFORM, Manipulator
 from vjm.platform.problem import ManipulatorProblem
 from vjm.platform.rigid import PoseError, inverse_kinematics
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm.vjm_engine import VjmEngine
 
 OK = "ok"

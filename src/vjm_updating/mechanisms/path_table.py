@@ -14,9 +14,10 @@ import numpy as np
 
 from vjm.continuation.load_grid import MAX_ITERATIONS, trace_grid
 from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
-from vjm.statics.equilibrium import TOLERANCE, NoConvergenceError
+from vjm.statics.equilibrium import TOLERANCE
 from vjm_updating.mechanisms.history_kernel import Packed, interpolated, looked_up
 from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, ModifiedChain, bowed
 

@@ -16,8 +16,8 @@ from typing import Protocol
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_updating.mechanisms.history_kernel import decaying, flowing
 
 TOLERANCE = 1e-7

@@ -7,10 +7,10 @@ import pytest
 
 from vjm.continuation.load_stepping import follow
 from vjm.continuation.path import Equilibrium, EventKind
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.parts import Beam
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm.statics.stability import stability
 from vjm.vjm_engine import VjmEngine
 

@@ -6,19 +6,13 @@ import re
 import numpy as np
 import pytest
 
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.lumped import LumpedModel
 from vjm.model.parts import Actuator, PassiveJoint
 from vjm.rotations import AXES, displaced
 from vjm.statics import equilibrium
-from vjm.statics.equilibrium import (
-    TOLERANCE,
-    NoConvergenceError,
-    residual,
-    solve_newton,
-    solve_paper,
-    solve_under_wrench,
-)
+from vjm.statics.equilibrium import TOLERANCE, residual, solve_newton, solve_paper, solve_under_wrench
 from vjm.statics.stability import critical_modes
 
 CRITICAL_FORCE = 2696.0

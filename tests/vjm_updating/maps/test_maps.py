@@ -11,10 +11,10 @@ import pytest
 
 from vjm.continuation.load_stepping import follow
 from vjm.continuation.path import Equilibrium, Path
+from vjm.errors import NoConvergenceError
 from vjm.io.manipulator_file import load_manipulator
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.platform.problem import ManipulatorProblem
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps import run as runner
 from vjm_updating.maps.evaluate import (
@@ -118,7 +118,7 @@ def test_the_number_of_processes_changes_nothing(tmp_path, monkeypatch):
 
 
 def test_the_command_writes_csv_vtk_and_a_figure(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("vjm_updating.maps.output.impossible", lambda: "no graphics in this test")
+    monkeypatch.setattr("vjm_updating.maps.output.why_not_rendered", lambda: "no graphics in this test")
     assert (
         run(["map", "orthoglide", "--grid", "x=0,y=0:300:3,z=0:300:2", "--jobs", "1", "--out", str(tmp_path)]) == 0
     )

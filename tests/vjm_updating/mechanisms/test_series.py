@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vjm.errors import NoConvergenceError
 from vjm.io.model_file import load_chain
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.element_sites import foot

@@ -2,8 +2,8 @@
 
 import pytest
 
-from vjm_validation.report import write_report
 from vjm_validation.report.ladder_figures import digits_table, ladder_picture, verified
+from vjm_validation.report.page import write_report
 from vjm_validation.report.words import Tone
 from vjm_validation.verification.judging import case_rows
 from vjm_validation.verification.library import case_by_name

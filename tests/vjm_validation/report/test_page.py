@@ -49,7 +49,7 @@ def text(folder):
 @pytest.fixture
 def bare(monkeypatch):
     """No pictures: for tests of the words around them."""
-    monkeypatch.setattr(page, "impossible", lambda: "a test says so")
+    monkeypatch.setattr(page, "why_not_rendered", lambda: "a test says so")
     monkeypatch.setattr(page, "posture_pictures", lambda run, posture: [])
     monkeypatch.setattr(page, "lumping_pictures", lambda run: [])
     monkeypatch.setattr(page, "foot_picture", lambda run: None)
@@ -154,7 +154,7 @@ def test_a_failed_row_is_prominent(run, bare, tmp_path):
 
 
 def test_a_machine_without_graphics_gets_a_complete_report(run, monkeypatch, tmp_path):
-    monkeypatch.setattr(page, "impossible", lambda: "exit status -11, no message")
+    monkeypatch.setattr(page, "why_not_rendered", lambda: "exit status -11, no message")
     text = write_report(run, tmp_path).read_text()
     assert "Off-screen rendering is impossible on this machine: exit status -11" in text
     assert (tmp_path / "figures" / "force_A.png").exists()
@@ -165,13 +165,13 @@ def test_a_renderer_that_fails_after_the_probe_does_not_fail_the_report(run, bar
     def fail(_):
         raise RuntimeError("lost the context")
 
-    monkeypatch.setattr(page, "impossible", lambda: "")
+    monkeypatch.setattr(page, "why_not_rendered", lambda: "")
     monkeypatch.setattr(page, "render_pictures", fail)
     assert "RuntimeError: lost the context" in write_report(run, tmp_path).read_text()
 
 
 def test_an_empty_run_has_a_page(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(page, "impossible", lambda: "a test says so")
+    monkeypatch.setattr(page, "why_not_rendered", lambda: "a test says so")
     run.paths, run.lumping, run.iterations, run.summary = {}, (), (), {}
     text = write_report(run, tmp_path).read_text()
     assert "no rows in this run" in text

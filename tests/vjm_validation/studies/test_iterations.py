@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import displacement_between
 from vjm.statics import equilibrium
-from vjm.statics.equilibrium import NoConvergenceError, residual, scaled_norm, solve_newton, solve_paper
+from vjm.statics.equilibrium import residual, scaled_norm, solve_newton, solve_paper
 from vjm.vjm_engine import VjmEngine
 from vjm_validation.studies import iterations
 from vjm_validation.studies.iterations import (

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from vjm.io.model_file import load_chain
-from vjm_validation.report.acceptance import robot_rows
+from vjm_validation.acceptance import robot_rows
 from vjm_validation.report.findings import no_finite_elements
 from vjm_validation.report.robots_chapter import robot_pictures, robot_tables, robots
 from vjm_validation.schemas import schemas

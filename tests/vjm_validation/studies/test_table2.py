@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vjm.statics.equilibrium import NoConvergenceError
+from vjm.errors import NoConvergenceError
 from vjm_updating.identify.rounding import perturbed, printed_entries
 from vjm_validation.studies.table2 import QUANTITIES, TABLE_II, published_figures, table_figures
 from vjm_validation.studies.table2_reach import reach

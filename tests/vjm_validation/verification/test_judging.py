@@ -2,7 +2,7 @@
 
 import pytest
 
-from vjm_validation.report.acceptance import ladder_rows
+from vjm_validation.acceptance import ladder_rows
 from vjm_validation.verification.judging import case_rows, matching_digits
 from vjm_validation.verification.library import case_by_name
 from vjm_validation.verification.runner import AnswerStore, answered, run_cases

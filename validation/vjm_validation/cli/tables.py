@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.box import SIMPLE
@@ -12,7 +13,10 @@ from rich.table import Table
 from vjm.continuation.path import Path
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
 from vjm_validation.metrics import travel
-from vjm_validation.report.summary import Summary
+
+if TYPE_CHECKING:
+    # of every comparison, which takes seconds to import
+    from vjm_validation.summary import Summary
 
 ROWS = 24
 """Points of a path that a terminal shows."""

@@ -16,8 +16,7 @@ from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
 from vjm.model.parts import Placement
 from vjm_output.documents import as_json
-from vjm_validation.engines import engine_by_name
-from vjm_validation.report.acceptance import (
+from vjm_validation.acceptance import (
     agreement_rows,
     discovery_rows,
     end_rows,
@@ -25,7 +24,7 @@ from vjm_validation.report.acceptance import (
     robot_rows,
     solver_rows,
 )
-from vjm_validation.report.summary import Summary, summarise
+from vjm_validation.engines import engine_by_name
 from vjm_validation.studies import parallelogram, robots
 from vjm_validation.studies.end_conditions import end_condition_study
 from vjm_validation.studies.iterations import iteration_study
@@ -35,6 +34,7 @@ from vjm_validation.studies.study_results import EndConditionStudy, IterationStu
 from vjm_validation.studies.sweeps import ENGINES, PathStore, chain_tasks, run_sweep
 from vjm_validation.studies.table2 import TABLE_II, PublishedFigure, published_figures
 from vjm_validation.studies.table2_reach import reach
+from vjm_validation.summary import Summary, summarise
 from vjm_validation.verification.study import Verification, verify
 
 MODEL = "orthoglide-chain"
@@ -173,7 +173,7 @@ def run_all(options: Options, progress: Progress) -> Summary:
         notes=notes,
     ).model_dump(mode="json")
     progress("report", 0, 1)
-    from vjm_validation.report import write_report  # matplotlib and pyvista take seconds to import
+    from vjm_validation.report.page import write_report  # matplotlib and pyvista take seconds to import
 
     write_report(run, options.out)
     summary = Summary.model_validate(run.summary)

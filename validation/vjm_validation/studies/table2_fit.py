@@ -16,9 +16,9 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, linprog, milp
 
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_updating.identify.constrained import smallest
 from vjm_updating.identify.matrix_file import half_unit
 from vjm_updating.identify.rounding import DIFFERENCE_STEP, Cone, perturbed, printed_entries

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_updating.identify.rounding import DIFFERENCE_STEP, Cone, perturbed, printed_entries
 from vjm_validation.studies.table2 import QUANTITIES, table_figures
 

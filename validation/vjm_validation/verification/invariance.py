@@ -14,11 +14,11 @@ import numpy as np
 from vjm.batch import map_all
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Path
+from vjm.errors import NoConvergenceError
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, LoadCase, PointControl
 from vjm.rotations import Array, frame, rotate_matrix6, rotation_from_vector
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_fea.opensees.backend import available
 from vjm_validation.verification.families import MESHED, engine
 from vjm_validation.verification.geometry import chain_of, load_case_of

@@ -8,10 +8,10 @@ import numpy as np
 
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
 from vjm.engine import Engine
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_validation.verification.geometry import place, unloaded_position
 from vjm_validation.verification.schema import Asked
 

@@ -10,8 +10,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from vjm import __version__
 from vjm.batch import map_all
+from vjm.errors import NoConvergenceError
 from vjm.io.files import write_whole
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_validation.verification.families import engine
 from vjm_validation.verification.geometry import chain_of, load_case_of
 from vjm_validation.verification.library import Case

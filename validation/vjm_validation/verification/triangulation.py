@@ -19,10 +19,10 @@ import numpy as np
 from vjm.batch import map_all
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Event, EventKind, Path
+from vjm.errors import NoConvergenceError
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm_validation.verification.convergence import Convergence, convergence
 from vjm_validation.verification.families import MESHED, engine
 from vjm_validation.verification.rows import TriangulationRow

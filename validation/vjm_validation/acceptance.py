@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from vjm.continuation.direction import Direction
 from vjm.continuation.path import EventKind, Path
 from vjm_validation.comparison import force_difference, shape_difference
+from vjm_validation.engines import FROZEN
 from vjm_validation.metrics import PathMetrics, path_metrics
 from vjm_validation.studies.discovery_results import CAUSE, DiscoveryStudy
 from vjm_validation.studies.robots import COMPARED, ROBOT, SECOND, SPRINGS, CriticalRow, RobotStudy
@@ -22,8 +23,6 @@ from vjm_validation.verification.study import Verification
 
 RESIDUAL = 1e-8
 """Scaled equilibrium residual; the lumped solver stops at 1e-11, Exudyn at 1e-9 of its own norm."""
-FROZEN = "vjm-unloaded-jacobian"
-"""The engine that stops at its first event by its nature."""
 SHARP_POSTURES = ("A", "C")
 """Postures of the paper's chain whose compression has a sharp critical point."""
 LOAD_AGREEMENT = 1e-3

@@ -11,8 +11,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from vjm.continuation.path import EventKind
 from vjm.statics.equilibrium import TOLERANCE
 from vjm_output.documents import versions
+from vjm_validation.acceptance import AcceptanceRow
 from vjm_validation.metrics import PathMetrics, path_metrics
-from vjm_validation.report.acceptance import AcceptanceRow
 from vjm_validation.studies.discovery_results import Discovery
 from vjm_validation.studies.iterations import LIMIT, LOOSE, NOISE, STEP_MM
 from vjm_validation.studies.printed_matrices import PrintedMatrices

@@ -1,0 +1,5 @@
+"""What a solver raises when it gives up."""
+
+
+class NoConvergenceError(RuntimeError):
+    """A solver stopped before the residual was small; the message says how far it came."""

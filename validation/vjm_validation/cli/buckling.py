@@ -1,0 +1,99 @@
+"""The command ``validate buckling``."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from vjm import __version__
+from vjm.batch import Failure, Task, trace_all
+from vjm.continuation.direction import Direction, ramp_end
+from vjm.continuation.path import Path
+from vjm.errors import NoConvergenceError
+from vjm.model.load_case import RAMP, TO_LIMIT
+from vjm.model.parts import Placement
+from vjm_output import terminal
+from vjm_output.documents import as_json
+from vjm_validation.cli import tables
+from vjm_validation.cli.load_case_options import parsed_load_case
+from vjm_validation.cli.options import (
+    FootSegments,
+    Force,
+    Free,
+    Json,
+    Model,
+    PlacementOption,
+    Segments,
+    Shear,
+    engine_options,
+    gave_up,
+    processes,
+    within_reach,
+)
+from vjm_validation.cli.status import UsageError
+from vjm_validation.documents import BucklingDocument
+from vjm_validation.engines import engine_by_name
+from vjm_validation.load_any_model import loaded, postures
+from vjm_validation.metrics import PathMetrics, path_metrics
+
+
+def buckling_(
+    model: Model,
+    *,
+    posture: Annotated[tuple[str, ...], Parameter(consume_multiple=True, help="Labels; all by default.")] = (),
+    direction: Annotated[
+        Literal["+", "-"] | None,
+        Parameter(allow_leading_hyphen=True, help="Tension or compression; both by default."),
+    ] = None,
+    engine: Annotated[tuple[str, ...], Parameter(consume_multiple=True, help="See `validate list`.")] = ("vjm",),
+    segments: Segments = None,
+    foot_segments: FootSegments = None,
+    placement: PlacementOption = Placement.BEST,
+    shear: Shear = False,
+    to: Annotated[
+        float | None, Parameter(help="How far to go, mm, with --force N; 4 mm by default, 14 where that says more.")
+    ] = None,
+    free: Free = "",
+    force: Force = False,
+    jobs: Annotated[int, Parameter(help="Processes; 0 is one a core.")] = 1,
+    json: Json = False,
+) -> int:
+    """Stiffness, critical points and post-buckling stiffness."""
+    if to is not None and not to > 0.0:
+        raise UsageError(f"--to: the reach must be positive, not {to}; --direction gives the sign")
+    if force and to is None:
+        raise UsageError("--to: with --force say up to how many N")
+    chain, whole = loaded(model)
+    options = engine_options(segments, foot_segments, placement, shear)
+    solvers = [whole(engine_by_name(name, options, chain)) for name in engine]
+    directions = (
+        [Direction.TENSION if direction == "+" else Direction.COMPRESSION] if direction else list(Direction)
+    )
+    labels = postures(chain, posture)
+    cases = [(label, way, solver) for label in labels for way in directions for solver in solvers]
+    tasks = []
+    for label, way, solver in cases:
+        end = way.sign * to if to is not None else ramp_end(chain, label, way)
+        load_case = parsed_load_case(label, end, force=force, free=free, control=TO_LIMIT if force else RAMP)
+        within_reach("--to", chain, load_case.displacement(load_case.length).tolist())
+        tasks.append(Task(solver, chain, load_case))
+    with terminal.progress(quiet=json) as progress:
+        results = trace_all(
+            tasks, min(processes(jobs), len(tasks)), lambda done, total: progress("paths", done, total)
+        )
+    found: dict[str, dict[str, dict[str, PathMetrics]]] = {}
+    paths: list[Path] = []
+    for (label, way, solver), path in zip(cases, results, strict=True):
+        if isinstance(path, Failure):
+            no_solution = path.kind == NoConvergenceError.__name__
+            raise NoConvergenceError(path.message) if no_solution else UsageError(path.message)
+        paths.append(path)
+        found.setdefault(label, {}).setdefault(str(way), {})[solver.label] = path_metrics(path)
+    document = BucklingDocument(model=chain.name, model_sha256=chain.sha256, version=__version__, chain=found)
+    if json:
+        sys.stdout.write(as_json(document))
+    else:
+        terminal.console().print(tables.metrics_table(document))
+    return gave_up(paths)

@@ -1,0 +1,98 @@
+"""The command ``validate curve``."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from vjm.io.files import check_writable
+from vjm.io.path_files import write_curve
+from vjm.model.parts import Placement
+from vjm_output import terminal
+from vjm_validation.cli import tables
+from vjm_validation.cli.load_case_options import parsed_load_case
+from vjm_validation.cli.options import (
+    FootSegments,
+    Force,
+    Free,
+    Model,
+    PlacementOption,
+    Posture,
+    Segments,
+    Shear,
+    engine_options,
+    gave_up,
+    positive,
+    within_reach,
+)
+from vjm_validation.engines import engine_by_name
+from vjm_validation.load_any_model import loaded, postures
+
+
+def curve_(
+    model: Model,
+    *,
+    to: Annotated[float, Parameter(help="End of the ramp, mm or rad; -4 is compression for posture A.")],
+    posture: Posture = None,
+    axis: Annotated[
+        str,
+        Parameter(help="x, y, z, rx, ry, rz, a direction dx,dy,dz, or load: the factor on every --load."),
+    ] = "x",
+    steps: Annotated[int | None, Parameter(help="Equal steps; adaptive by default.")] = None,
+    engine: Annotated[str, Parameter(help="See `validate list`.")] = "vjm",
+    segments: Segments = None,
+    foot_segments: FootSegments = None,
+    placement: PlacementOption = Placement.BEST,
+    shear: Shear = False,
+    branch: Annotated[
+        Literal["+", "-", "0"],
+        Parameter(
+            allow_leading_hyphen=True, help="Which of two mirrored branches; 0 stays where stability is lost."
+        ),
+    ] = "+",
+    free: Free = "",
+    force: Force = False,
+    load: Annotated[
+        tuple[str, ...],
+        Parameter(
+            allow_leading_hyphen=True,
+            help="[part@fraction:]fx,fy,fz[,mx,my,mz][:follower][:constant], N and N mm; may be repeated.",
+        ),
+    ] = (),
+    gravity: Annotated[
+        str, Parameter(allow_leading_hyphen=True, help="gx,gy,gz in m/s2: the parts get their weight.")
+    ] = "",
+    control: Annotated[
+        str,
+        Parameter(help="What the path follows: ramp, arc, limit (arc to its first limit), part@fraction:dx,dy,dz."),
+    ] = "ramp",
+    imperfection: Annotated[
+        float, Parameter(help="mm of bow in the shape of the buckling mode, free of stress.")
+    ] = 0.0,
+    csv: Annotated[FilePath | None, Parameter(help="Write the path to this file.")] = None,
+) -> int:
+    """Walk one load path and show it."""
+    positive("--steps", steps)
+    chain, whole = loaded(model)
+    label = postures(chain, (posture,) if posture else ())[0]
+    load_case = parsed_load_case(
+        label, to, axis=axis, force=force, steps=steps, branch={"+": 1, "-": -1, "0": 0}[branch], free=free,
+        loads=load, gravity=gravity, control=control, imperfection=imperfection,
+    )  # fmt: skip
+    within_reach("--to", chain, load_case.displacement(load_case.length).tolist())
+    solver = whole(engine_by_name(engine, engine_options(segments, foot_segments, placement, shear), chain))
+    if csv is not None:
+        check_writable(csv.parent)
+    with terminal.progress() as progress:
+        path = solver.trace(chain, load_case, lambda done: progress("path", round(100 * done), 100))
+    if csv is not None:
+        write_curve(path, csv)
+    console = terminal.console()
+    console.print(tables.path_table(path))
+    for line in tables.event_lines(path):
+        console.print(line, soft_wrap=True)
+    if csv is not None:
+        console.print(f"path: {csv}", soft_wrap=True)
+    return gave_up([path])

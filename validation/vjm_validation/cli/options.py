@@ -1,0 +1,92 @@
+"""Options that several commands share, and how they are checked."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from vjm.continuation.path import Path
+from vjm.model.chain import Chain
+from vjm.model.parts import Placement
+from vjm_output import terminal
+from vjm_validation.cli.status import GAVE_UP, OK, UsageError
+from vjm_validation.engines import FROZEN, EngineOptions
+
+ZERO = "0,0,0,0,0,0"
+
+Segments = Annotated[
+    int | None, Parameter(name="--segments", help="Springs or elements in every beam but the foot.")
+]
+FootSegments = Annotated[int | None, Parameter(name="--foot-segments", help="Springs in the foot; 1 by default.")]
+PlacementOption = Annotated[
+    Placement,
+    Parameter(name="--placement", help="Where a spring sits in its segment: end, middle, two-thirds or best."),
+]
+Shear = Annotated[bool, Parameter(name="--shear", negative="", help="Let finite elements shear.")]
+Free = Annotated[str, Parameter(help="Components of the pose that are let go, such as rx,ry,rz.")]
+Force = Annotated[
+    bool, Parameter(negative="", help="Drive a dead force or moment along --axis, N or N mm, instead of the pose.")
+]
+Jobs = Annotated[int, Parameter(help="Processes; one a core by default.")]
+Json = Annotated[bool, Parameter(name="--json", negative="", help="Print one JSON document and nothing else.")]
+Posture = Annotated[
+    str | None,
+    Parameter(allow_leading_hyphen=True, help="Label of a posture; of a manipulator also x,y,z from home in mm."),
+]
+Model = Annotated[str, Parameter(help="A model of the library, or a path to a model file.")]
+
+
+def engine_options(
+    segments: int | None, foot_segments: int | None, placement: Placement, shear: bool
+) -> EngineOptions:
+    """What the command line says about an engine, checked."""
+    positive("--segments", segments)
+    positive("--foot-segments", foot_segments)
+    return EngineOptions(segments, foot_segments, placement, shear)
+
+
+def positive(name: str, value: int | None) -> None:
+    """Refuse a number below one."""
+    if value is not None and value < 1:
+        raise UsageError(f"{name}: must be at least 1, not {value}")
+
+
+def processes(jobs: int) -> int:
+    """Number of processes; one a core for zero."""
+    if jobs < 0:
+        raise UsageError(f"--jobs: must be at least 1, not {jobs}")
+    return jobs or len(os.sched_getaffinity(0))
+
+
+def six(name: str, text: str) -> list[float]:
+    """Six finite numbers from text."""
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError:
+        raise UsageError(f"{name}: '{text}' is not six numbers separated by commas") from None
+    if len(values) != 6:
+        raise UsageError(f"{name}: needs six numbers separated by commas, got {len(values)}")
+    if not all(abs(value) < float("inf") for value in values):
+        raise UsageError(f"{name}: must be finite, got '{text}'")
+    return values
+
+
+def within_reach(name: str, chain: Chain, displacement: Sequence[float]) -> None:
+    """Refuse displacements that leave the machine's own size: no spring is linear there."""
+    size, reach = max(abs(v) for v in displacement[:3]), chain.characteristic_length
+    if size > reach:
+        raise UsageError(f"{name}: {size:g} mm is out of reach: {chain.name}'s longest part has {reach:g} mm")
+    turn = max(abs(v) for v in displacement[3:])
+    if turn > 3.0:
+        raise UsageError(f"{name}: {turn:g} rad is out of reach: rotations end short of half a turn, at 3 rad")
+
+
+def gave_up(paths: Sequence[Path]) -> int:
+    """Say where paths ended early; an engine that stops at its first event by its nature has not given up."""
+    early = [path for path in paths if not path.complete and path.engine != FROZEN]
+    for path in early:
+        terminal.error(f"{path.engine}, posture {path.load_case.posture}: {path.stopped}")
+    return GAVE_UP if early else OK

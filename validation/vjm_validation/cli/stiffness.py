@@ -1,0 +1,72 @@
+"""The command ``validate stiffness``."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from vjm.model.chain import Chain
+from vjm.model.parts import Placement
+from vjm.vjm_engine import VjmEngine
+from vjm_output import terminal
+from vjm_output.documents import as_json
+from vjm_validation.cli import tables
+from vjm_validation.cli.options import (
+    ZERO,
+    FootSegments,
+    Json,
+    Model,
+    PlacementOption,
+    Posture,
+    Segments,
+    Shear,
+    engine_options,
+    six,
+    within_reach,
+)
+from vjm_validation.cli.status import OK, UsageError
+from vjm_validation.engines import engine_by_name
+from vjm_validation.load_any_model import loaded, postures
+from vjm_validation.loaded_stiffness import traced, under_wrench
+
+
+def stiffness_(
+    model: Model,
+    *,
+    posture: Posture = None,
+    wrench: Annotated[
+        str | None,
+        Parameter(allow_leading_hyphen=True, help="fx,fy,fz,mx,my,mz in N and N mm on the free end-effector."),
+    ] = None,
+    displacement: Annotated[
+        str | None, Parameter(allow_leading_hyphen=True, help="ux,uy,uz,rx,ry,rz in mm and rad, imposed.")
+    ] = None,
+    engine: Annotated[str, Parameter(help="See `validate list`.")] = "vjm",
+    segments: Segments = None,
+    foot_segments: FootSegments = None,
+    placement: PlacementOption = Placement.BEST,
+    shear: Shear = False,
+    json: Json = False,
+) -> int:
+    """The loaded equilibrium: deflection, wrench, 6×6 stiffness (18) and the unloaded one, stability."""
+    if wrench is not None and displacement is not None:
+        raise UsageError("give --wrench or --displacement, not both: one imposes the other")
+    chain, whole = loaded(model)
+    solver = engine_by_name(engine, engine_options(segments, foot_segments, placement, shear), chain)
+    label = postures(chain, (posture,) if posture else ())[0]
+    if wrench is not None and isinstance(chain, Chain) and isinstance(solver, VjmEngine):
+        # a single chain swings under its passive joints: Newton on the free end goes where no straight path does
+        document = under_wrench(chain, solver, label, six("--wrench", wrench))
+    else:
+        control, text = ("wrench", wrench) if wrench is not None else ("displacement", displacement or ZERO)
+        numbers = six(f"--{control}", text)
+        if control == "displacement":
+            within_reach("--displacement", chain, numbers)
+        document = traced(chain, whole(solver), label, control, numbers)
+    if json:
+        sys.stdout.write(as_json(document))
+    else:
+        tables.stiffness(terminal.console(), document)
+    return OK
