@@ -14,7 +14,7 @@ from vjm.continuation.load_stepping import EVENT_TOLERANCE, StepControl, bifurca
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium
 from vjm.errors import NoConvergenceError
-from vjm.kernels.compiled_model import March
+from vjm.kernels.march import March
 from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE
 

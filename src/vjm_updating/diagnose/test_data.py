@@ -12,6 +12,7 @@ from vjm_updating.calibrate.rays import Ray, rays
 from vjm_updating.diagnose.ramp_regression import Steady, steady
 from vjm_updating.experiment import Measurement, Readings
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH
+from vjm_updating.experiment.thermometer import smoothed
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.series_elements import History
 
@@ -122,6 +123,8 @@ def observe(measurement: Measurement) -> Observed:
     begins = np.ones(len(readings), dtype=bool)
     begins[1:] = readings.posture[1:] != readings.posture[:-1]
     heat = readings.values.get(TEMPERATURE)
+    if heat is not None and TEMPERATURE in sheet.instrument:
+        heat = smoothed(heat, sheet.instrument[TEMPERATURE].noise)
     warmth = None if heat is None or np.isnan(heat).any() or np.ptp(heat) == 0.0 else heat - heat[0]
     history = History(
         np.zeros(len(readings)) if clock is None else clock,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
@@ -13,7 +14,7 @@ from pydantic import Field, field_validator, model_validator
 from vjm.io.errors import one_line
 from vjm.io.schema import Label
 from vjm.io.sections import Table
-from vjm_updating.experiment.channels import POSE, WRENCH, split_point
+from vjm_updating.experiment.channels import POSE, TEMPERATURE, WRENCH, split_point
 
 Sigma = Annotated[float, Field(ge=0.0, le=1e9)]
 
@@ -47,7 +48,8 @@ class Test(Table):
 class Instrument(Table):
     """One channel's errors, 1-sigma: of one reading, of a constant zero error, of the scale factor.
 
-    A reading is ``(1 + scale) · true + zero + noise``.
+    A reading is ``(1 + scale) · true + zero + noise``. That of ``temperature_C`` is the thermometer: its noise is
+    smoothed away; a constant zero error changes nothing, for drifts count from the first reading.
     """
 
     noise: Sigma
@@ -88,9 +90,10 @@ class Sheet(Table):
     def _instruments(self) -> Sheet:
         for name in self.instrument:
             point, channel = split_point(name)
-            if channel not in POSE and (point or channel not in WRENCH):
+            if channel not in POSE and (point or channel not in (*WRENCH, TEMPERATURE)):
+                known = ", ".join((*POSE, *WRENCH, TEMPERATURE))
                 raise ValueError(
-                    f'[instrument."{name}"] is no channel: write one of {", ".join((*POSE, *WRENCH))}, '
+                    f'[instrument."{name}"] is no channel: write one of {known}, '
                     "in quotes behind a point's name where it has one"
                 )
             if point and point not in self.points:
@@ -116,7 +119,8 @@ def read_sheet(path: Path) -> Sheet:
         SheetError: no such file, no TOML, or no sheet; one line.
     """
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        text = path.read_text(encoding="utf-8-sig")
+        content = tomllib.loads(text)
     except OSError as error:
         raise SheetError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -128,7 +132,20 @@ def read_sheet(path: Path) -> Sheet:
     try:
         return Sheet.model_validate(content | {"file": path.name})
     except pydantic.ValidationError as error:
-        raise SheetError(f"{path.name}: {one_line(error, content, _known_keys)}") from error
+        said = one_line(error, content, _known_keys)
+        raise SheetError(f"{path.name}{_line_of(said, text)}: {said}") from error
+
+
+def _line_of(said: str, text: str) -> str:
+    """Where the table stands that a message names by its header: ``, line 12``; empty where it names none."""
+    header = re.search(r'\[\w+\."?[^"\]]+"?\]', said)
+    if header is None:
+        return ""
+    bare = header.group().replace('"', "")
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.replace('"', "").replace(" ", "").startswith(bare):
+            return f", line {number}"
+    return ""
 
 
 def _known_keys(_: str) -> Iterable[str]:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from helpers.command import GAUGE_SHEET
 
-from vjm_updating.experiment import read_measurement
+from vjm_updating.experiment import read_measurement, read_sheet
+from vjm_updating.experiment.sheet import SheetError
 
 from .conftest import Draft, times
 
@@ -212,3 +213,16 @@ def test_forces_of_a_column_in_kilonewtons(draft: Draft):
     assert "is it in kN instead of N" in draft.refused()
     draft.column("fx_N", times(1e6))
     assert "is it in mN instead of N" in draft.refused()
+
+
+def test_an_unknown_instrument_is_refused_with_its_line(tmp_path):
+    sheet = tmp_path / "sheet.toml"
+    sheet.write_text('[test]\nmodel = "orthoglide-chain"\n\n[instrument.fx_kN]\nnoise = 1.0\n')
+    with pytest.raises(SheetError, match=r"sheet\.toml, line 4: .*fx_kN.* is no channel"):
+        read_sheet(sheet)
+
+
+def test_a_thermometer_is_an_instrument(tmp_path):
+    sheet = tmp_path / "sheet.toml"
+    sheet.write_text('[test]\nmodel = "orthoglide-chain"\n[instrument.temperature_C]\nnoise = 0.05\nzero = 0.5\n')
+    assert read_sheet(sheet).instrument["temperature_C"].noise == 0.05
