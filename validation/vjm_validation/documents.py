@@ -42,8 +42,9 @@ class StiffnessDocument(BaseModel):
     """K of eq. (5)."""
     stable: bool
     """Under the control named above. An unstable equilibrium is never reported."""
-    eigenvalue: float
-    """Smallest eigenvalue of the second variation, in units of the model's energy scale."""
+    eigenvalue: float | None
+    """Smallest eigenvalue of the second variation, in units of the model's energy scale; null where the engine
+    computes none."""
     iterations: int
     residual: float
     """Largest scaled component of the equilibrium equations."""

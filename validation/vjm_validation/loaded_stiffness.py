@@ -55,7 +55,7 @@ def traced(model: Chain, engine: Engine, posture: str, control: str, values: Seq
         stiffness_loaded=last.stiffness.tolist(),
         stiffness_unloaded=first.stiffness.tolist(),
         stable=last.unstable <= 0,
-        eigenvalue=last.eigenvalue,
+        eigenvalue=None if np.isnan(last.eigenvalue) else last.eigenvalue,
         iterations=last.iterations,
         residual=last.residual,
         events=events,

@@ -108,7 +108,7 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
     for event in document.events:
         console.print(event)
     console.print(
-        f"{'stable' if document.stable else 'unstable'}, smallest eigenvalue {document.eigenvalue:.4g}, "
+        f"{'stable' if document.stable else 'unstable'}, smallest eigenvalue {_number(document.eigenvalue, 4)}, "
         f"residual {document.residual:.1e} after {document.iterations} iterations"
     )
 
