@@ -55,7 +55,7 @@ bench: $(VENV)/.test $(VENV)/.project
 
 # An interrupted campaign goes on where it was.
 blind: $(VENV)/.project
-	$(BIN)/python -m hidden_effects --readme README.md $(ARGS)
+	PYTHONPATH=tests $(BIN)/python -m hidden_effects --readme README.md $(ARGS)
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check

@@ -202,3 +202,37 @@ def test_names_of_one_machine_are_found(text: str):
 @pytest.mark.parametrize("text", ["https://example.org/work/1", "frame/work/x", "~/work/x", "PyPI.", "home/a"])
 def test_ordinary_names_are_let_through(text: str):
     assert not LOCAL_NAMES.search(text)
+
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
+def test_files_that_a_page_names_are_there(page: Path):
+    text = page.read_text(encoding="utf-8")
+    named = set(re.findall(r"`((?:src|fea|validation|tests|docs)/[\w/.-]+)`", text))
+    linked = {link for link in re.findall(r"\]\(([\w/.-]+)(?:#[\w-]*)?\)", text) if "." in link}
+    missing = {name for name in named if not (ROOT / name).exists()}
+    missing |= {link for link in linked if not (page.parent / link).exists()}
+    assert missing == set()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
+def test_modules_that_a_page_names_are_there(page: Path):
+    names = set(re.findall(r"\b(vjm(?:_\w+)?(?:\.[a-z_]+)+)", page.read_text(encoding="utf-8")))
+    assert {name for name in names if not _is_there(name)} == set()
+
+
+def _is_there(name: str) -> bool:
+    """Whether it is a module of the suite, or something in one."""
+    try:
+        if importlib.util.find_spec(name) is not None:
+            return True
+    except ModuleNotFoundError:
+        pass
+    module, _, attribute = name.rpartition(".")
+    try:
+        spec = importlib.util.find_spec(module)
+    except ModuleNotFoundError:
+        return False
+    return spec is not None and hasattr(importlib.import_module(module), attribute)
