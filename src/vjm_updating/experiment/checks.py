@@ -20,6 +20,8 @@ ALIKE = 3.0
 """Quotient of the ratio's outer quartiles below which it is one factor, and not another shape of the curve."""
 OPPOSITE = -0.2
 """Ratio of measured to predicted below which the sign is the other one."""
+LARGEST, FULL_TURN = 1e12, 2.0 * np.pi
+"""Above these no reading is one of a machine: N, N mm, mm; rad."""
 REACH = 0.01
 """End of the ramp over the longest part's length on which the force is sought that a chain cannot exceed."""
 
@@ -84,7 +86,7 @@ def check_postures(readings: Readings, control: str) -> None:
 
 
 def check_reach(readings: Readings, chain: Chain) -> None:
-    """Refuse displacements that leave the machine's own size.
+    """Refuse displacements that leave the machine's own size, and what no instrument reads.
 
     Raises:
         DataError: naming row and column.
@@ -92,6 +94,10 @@ def check_reach(readings: Readings, chain: Chain) -> None:
     length = chain.characteristic_length
     for name, values in readings.values.items():
         point, channel = split_point(name)
+        far = np.flatnonzero(np.abs(values) > (FULL_TURN if channel in POSE[3:] else LARGEST))
+        if len(far):
+            why = "rad is more than a full turn: is it in degrees?" if channel in POSE[3:] else "is no reading"
+            raise DataError(f"{readings.file}: row {readings.row[far[0]]}, column {name}: {values[far[0]]:g} {why}")
         if channel not in POSE[:3]:
             continue
         # the end-effector is held, a point between may swing out
