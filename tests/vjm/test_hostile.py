@@ -43,7 +43,8 @@ def test_a_step_far_too_large_finds_the_first_bifurcation(chain, to):
     path = VjmEngine(8).trace(chain, LoadCase("A", to, steps=1))
     fine = VjmEngine(8).trace(chain, LoadCase("A", -4.0))
     assert path.complete
-    assert path.critical.s == pytest.approx(fine.critical.s, rel=1e-6)
+    # the error measured is rounding alone
+    assert path.critical.s == pytest.approx(fine.critical.s, rel=5e-9)
     # the straight column has five unstable modes at 100 mm, but it loses them one after the other
     assert path.critical.multiplicity == 1
     assert path.points[-1].unstable == 0
@@ -101,8 +102,10 @@ def test_directions_that_do_not_give_way_are_rigid(chain):
         rigid[k, :] = rigid[:, k] = 0.0
     path = VjmEngine().trace(single_spring(chain, rigid), LoadCase("A", 3.0))
     assert path.complete
-    assert path.critical.force == pytest.approx(full.critical.force, rel=1e-9)
-    assert path.tangent[0] == pytest.approx(full.tangent[0], rel=1e-9)
+    # the error measured is rounding alone
+    assert path.critical.force == pytest.approx(full.critical.force, rel=1e-10)
+    # the error measured is rounding alone
+    assert path.tangent[0] == pytest.approx(full.tangent[0], rel=1e-10)
     assert len(path.points[0].state) == len(full.points[0].state) - 3
 
 

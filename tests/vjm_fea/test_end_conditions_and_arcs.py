@@ -130,7 +130,7 @@ def test_the_paper_s_chain_answers_as_the_lumped_model(orthoglide, engine, name)
     # measured 3e-5 behind the bend, and half of that in a follower's share
     assert ours.wrench / ARM / scale == pytest.approx(lumped.wrench / ARM / scale, abs=2e-4)
     assert ours.displacement == pytest.approx(
-        lumped.displacement, abs=1e-3 * np.abs(lumped.displacement).max() + 1e-9
+        lumped.displacement, abs=2e-4 * np.abs(lumped.displacement).max() + 1e-9
     )
     # the driven stiffness, or the load's, is where the wrench's error has grown
     assert ours.tangent == pytest.approx(lumped.tangent, rel=2e-3)
@@ -163,7 +163,8 @@ def test_a_chain_s_own_slide_is_one_of_the_hand_s(engine):
     scale = np.abs(lumped.wrench / ARM).max()
     assert ours.wrench / ARM / scale == pytest.approx(lumped.wrench / ARM / scale, abs=1e-4)
     assert ours.displacement == pytest.approx(lumped.displacement, abs=1e-5)
-    assert ours.shape[0] == pytest.approx(lumped.shape[0], abs=1e-3)
+    # the error measured is 1e-5
+    assert ours.shape[0] == pytest.approx(lumped.shape[0], abs=2e-4)
 
 
 def test_a_foot_known_by_its_matrix_bears_loads_as_in_the_lumped_model(orthoglide):
@@ -178,7 +179,8 @@ def test_a_foot_known_by_its_matrix_bears_loads_as_in_the_lumped_model(orthoglid
         load_case = LoadCase("D", 50.0 * size, "load", free=("x", "rx"), loads=loads, steps=1)
         engines = (VjmEngine(16), ExudynEngine(foot_spring=True))
         lumped, ours = (e.trace(orthoglide, load_case).points[-1] for e in engines)
-        assert ours.wrench == pytest.approx(lumped.wrench, abs=1e-2 * size)
+        # the error measured is 3e-5
+        assert ours.wrench == pytest.approx(lumped.wrench, abs=5e-4 * size)
         apart.append(np.abs(ours.displacement - lumped.displacement).max())
     # turns of 7e-4 on an arm of 146 mm, squared
     assert apart[0] < 1e-4
@@ -238,7 +240,8 @@ def test_behind_its_limit_the_arch_is_unstable_and_a_device_holds_it():
     limits = [event for event in held.events if event.kind is EventKind.LIMIT]
     assert held.complete
     assert set(held.unstable) == {0}
-    assert limits[0].force == pytest.approx(path.events[-1].force, rel=1e-7)
+    # the error measured is rounding alone
+    assert limits[0].force == pytest.approx(path.events[-1].force, rel=1e-9)
     assert held.force[-1] < 0.99 * limits[0].force
     dead = LoadCase("-", 1600.0, "load", loads=(force,), control=ARC)
     problem = ExudynEngine(elements=1).problem(arch(6), dead)

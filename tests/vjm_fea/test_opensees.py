@@ -144,7 +144,8 @@ def test_what_joints_leave_free_has_no_stiffness(orthoglide):
 
 def test_the_two_branches_mirror_each_other(trace):
     up, down = (trace("A", -4.0, 8, *branch) for branch in ((), (-1,)))
-    assert down.force[-1] == pytest.approx(up.force[-1], rel=1e-8)
+    # the error measured is rounding alone
+    assert down.force[-1] == pytest.approx(up.force[-1], rel=1e-9)
     for path, sign in ((up, 1.0), (down, -1.0)):
         change = path.points[-1].shape - path.critical.point.shape
         row, component = np.unravel_index(np.argmax(np.abs(change)), change.shape)

@@ -88,7 +88,8 @@ def test_oblique_postures_bend_over(trace, posture, force, displacement):
     assert event.kind is EventKind.BEND_OVER
     assert event.force == pytest.approx(force, rel=3e-3)
     assert event.s == pytest.approx(displacement, rel=3e-3)
-    assert event.point.tangent == pytest.approx(0.5 * path.tangent[0], rel=1e-6)
+    # the error measured is rounding alone
+    assert event.point.tangent == pytest.approx(0.5 * path.tangent[0], rel=4e-9)
 
 
 @pytest.mark.parametrize(("posture", "forces"), [("B", (7095.0, 7942.0)), ("D", (6446.0, 7010.0))])
@@ -117,7 +118,7 @@ def test_tension_has_no_critical_point(trace, label, posture):
 def test_the_two_branches_mirror_each_other(trace, posture):
     up, down = (trace("exudyn-footspring", posture, -4.0, *branch) for branch in ((), (-1,)))
     # mirror images in the chain's plane of symmetry: equal forces, opposite deflections
-    assert down.force[-1] == pytest.approx(up.force[-1], rel=1e-8)
+    assert down.force[-1] == pytest.approx(up.force[-1], rel=1e-9)
     first = np.searchsorted(up.s, up.critical.s)
     for path, sign in ((up, 1.0), (down, -1.0)):
         change = path.points[first].shape - path.critical.point.shape
@@ -140,7 +141,7 @@ def test_eigenvalue_passes_zero_smoothly_along_the_straight_branch(orthoglide):
     assert [unstable for _, unstable in values] == [0, 0, 0, 1, 1, 1, 1]
     # nearly straight, hence a cubic through seven points leaves little
     fit = np.polyval(np.polyfit(places, eigenvalues, 3), places)
-    assert eigenvalues == pytest.approx(fit, abs=1e-3 * np.ptp(eigenvalues))
+    assert eigenvalues == pytest.approx(fit, abs=4e-7 * np.ptp(eigenvalues))
     crossing = np.interp(0.0, -eigenvalues, places)
     assert crossing == pytest.approx(2.891, abs=5e-3)
 
@@ -154,5 +155,5 @@ def test_mesh_is_fine_enough(orthoglide):
             point = problem.solve(s, point)
         forces[n] = -point.wrench[0]
     # of second order in bending with torsion: 16 elements are a third of this difference off
-    assert forces[16] == pytest.approx(forces[8], rel=3e-4)
+    assert forces[16] == pytest.approx(forces[8], rel=4e-5)
     assert forces[16] != pytest.approx(forces[8], rel=1e-6)

@@ -58,7 +58,8 @@ def test_the_arc_leads_through_both_limit_points_of_a_truss(truss_limit):
     limit, depth = truss_limit
     path = VjmEngine(1).trace(truss(), crown_load_case(1.5 * limit, ARC))
     assert path.complete
-    assert path.points[-1].ramp == pytest.approx(1.5 * limit, rel=1e-9)
+    # the error measured is rounding alone
+    assert path.points[-1].ramp == pytest.approx(1.5 * limit, rel=1e-10)
     w = crown(path)
     assert np.abs(path.force - truss_load(w)).max() < 1e-8 * limit
     assert w[-1] > 2.0 * HEIGHT
@@ -66,7 +67,7 @@ def test_the_arc_leads_through_both_limit_points_of_a_truss(truss_limit):
     # a limit load is flat: it is as good as the square of its place's tolerance, 1e-9 of the arc, and rounding
     assert (first.kind, second.kind) == (EventKind.LIMIT, EventKind.LIMIT)
     assert first.force == pytest.approx(limit, rel=1e-8)
-    assert second.force == pytest.approx(-limit, rel=1e-8)
+    assert second.force == pytest.approx(-limit, rel=1e-10)
     # between the limits, where the load falls, it is unstable
     falling = (w > depth) & (w < 2.0 * HEIGHT - depth)
     assert np.array_equal(path.unstable == 1, falling)
@@ -82,7 +83,8 @@ def test_a_device_that_imposes_the_depth_keeps_the_truss_stable(truss_limit):
     assert np.abs(path.force - truss_load(path.s)).max() < 1e-8 * limit
     assert set(path.unstable) == {0}
     top = next(event for event in path.events if event.kind is EventKind.LIMIT)
-    assert top.force == pytest.approx(limit, rel=1e-8)
+    # the error measured is rounding alone
+    assert top.force == pytest.approx(limit, rel=1e-10)
 
 
 def test_a_gauge_that_only_watches_does_not_keep_the_truss_stable():
@@ -125,10 +127,11 @@ def test_a_driven_displacement_snaps_back_where_the_spring_is_soft():
     assert path.complete
     found = [event for event in path.events if event.kind is EventKind.FOLD]
     # the table's own grid: flat at a fold, so the square of its step
-    assert [event.point.ramp for event in found] == pytest.approx(driven[folds], rel=1e-7)
-    assert [event.force for event in found] == pytest.approx(0.5 * truss_load(w[folds]), rel=1e-3)
+    assert [event.point.ramp for event in found] == pytest.approx(driven[folds], rel=7e-10)
+    assert [event.force for event in found] == pytest.approx(0.5 * truss_load(w[folds]), rel=2e-4)
     limits = [event for event in path.events if event.kind is EventKind.LIMIT]
-    assert limits[0].force == pytest.approx(0.5 * truss_load(w).max(), rel=1e-8)
+    # the error measured is rounding alone
+    assert limits[0].force == pytest.approx(0.5 * truss_load(w).max(), rel=1e-10)
     # stable up to the first fold and behind the second
     counts = path.unstable
     between = (path.s > found[0].s) & (path.s < found[1].s)
@@ -167,7 +170,7 @@ def test_a_subcritical_branch_is_followed_backwards():
     fallen = np.array([p.displacement[0] for p in branch])
     cosine = 1.0 + fallen / HIGH
     # up to the bar's own compression
-    assert np.array([p.ramp for p in branch]) == pytest.approx(K * HIGH * cosine, abs=1e-5 * K * HIGH)
+    assert np.array([p.ramp for p in branch]) == pytest.approx(K * HIGH * cosine, abs=2e-7 * K * HIGH)
     assert {p.unstable for p in branch} == {1}
 
 
@@ -198,9 +201,11 @@ def test_an_imperfect_column_bends_as_its_mode_grows(column):
     assert bow == pytest.approx(size / (1.0 - load / 1000.0), rel=2e-2)
     assert bow[-1] > 9.0 * size
     assert set(path.unstable) == {0}
-    assert path.points[0].wrench == pytest.approx(np.zeros(6), abs=1e-6)
+    # the error measured is rounding alone
+    assert path.points[0].wrench == pytest.approx(np.zeros(6), abs=1e-9)
     other = VjmEngine(8).trace(column, replace(load_case, branch=-1))
-    assert other.points[0].shape[middle][1] == pytest.approx(-bow[0], rel=1e-9)
+    # the error measured is rounding alone
+    assert other.points[0].shape[middle][1] == pytest.approx(-bow[0], rel=1e-10)
 
 
 def test_an_imperfection_needs_a_mode(column):

@@ -36,7 +36,7 @@ def test_both_branches_are_mirrored_and_carry_the_same_force(trace, posture, to)
     # the first points behind the bifurcation may differ in s: compare at the grid's
     common = np.linspace(0.0, abs(to), 51)
     forces = [path.force[[np.abs(path.s - s).argmin() for s in common]] for path in (plus, minus)]
-    assert forces[0] == pytest.approx(forces[1], rel=1e-9)
+    assert forces[0] == pytest.approx(forces[1], rel=1e-10)
 
 
 @pytest.mark.parametrize(("posture", "to", "segments"), [("A", 2.0, None), ("C", 0.3, None), ("A", -4.0, 4)])
@@ -109,7 +109,7 @@ def test_fixed_steps_visit_nothing_but_the_grid_and_the_branch_entry(trace, post
 def test_adaptive_and_fixed_steps_meet(trace):
     adaptive, fixed = trace("B", 4.0), trace("B", 4.0, steps=100)
     # both ends are solved to 1e-11 of forces of 1e4 N, whatever way led there
-    assert adaptive.force[-1] == pytest.approx(fixed.force[-1], rel=1e-9)
+    assert adaptive.force[-1] == pytest.approx(fixed.force[-1], rel=2e-10)
     assert adaptive.critical.s == pytest.approx(fixed.critical.s, abs=2e-9 * 4.0)
 
 
@@ -188,8 +188,10 @@ def test_limit_and_bend_over_are_located_where_the_formula_has_them():
     assert [s for _, s, _ in kinds] == pytest.approx([np.pi / 3, np.pi / 2], abs=2e-9)
     assert [f for _, _, f in kinds] == pytest.approx([np.sin(np.pi / 3), 1.0], abs=2e-9)
     limit = path.events[1]
-    assert limit.stiffness_before == pytest.approx(np.cos(0.99 * np.pi / 2), abs=1e-8)
-    assert limit.stiffness_after == pytest.approx(np.cos(1.01 * np.pi / 2), abs=1e-8)
+    # the error measured is rounding alone
+    assert limit.stiffness_before == pytest.approx(np.cos(0.99 * np.pi / 2), abs=1e-9)
+    # the error measured is rounding alone
+    assert limit.stiffness_after == pytest.approx(np.cos(1.01 * np.pi / 2), abs=1e-9)
 
 
 def test_bifurcation_is_located_and_left_on_the_crossing_branch():

@@ -25,7 +25,7 @@ def test_turned_base_turns_the_path_with_it(chain, trace, posture, to, segments,
     here, there = (p.force[[np.abs(p.s - s).argmin() for s in grid]] for p in (path, original))
     # the solver's tolerance of 1e-11 of 1e4 N, over forces of 1e3 N
     assert here == pytest.approx(there, rel=1e-9, abs=1e-6)
-    assert path.critical.force == pytest.approx(original.critical.force, rel=1e-7)
+    assert path.critical.force == pytest.approx(original.critical.force, rel=1e-10)
 
 
 def in_metres(part):
@@ -55,8 +55,10 @@ def test_metres_give_the_forces_that_millimetres_give(chain, trace, posture, to,
         p.force[[np.abs(p.s * unit - s).argmin() for s in grid]] for p, unit in ((path, 1000.0), (original, 1.0))
     )
     assert here == pytest.approx(there, rel=1e-9, abs=1e-6)
-    assert path.critical.force == pytest.approx(original.critical.force, rel=1e-7)
-    assert path.tangent[-1] / 1000.0 == pytest.approx(original.tangent[-1], rel=1e-7)
+    # the error measured is rounding alone
+    assert path.critical.force == pytest.approx(original.critical.force, rel=1e-10)
+    # the error measured is rounding alone
+    assert path.tangent[-1] / 1000.0 == pytest.approx(original.tangent[-1], rel=1e-10)
 
 
 def test_rotating_a_matrix_part_and_its_frame_changes_nothing(chain, trace):
@@ -69,4 +71,4 @@ def test_rotating_a_matrix_part_and_its_frame_changes_nothing(chain, trace):
         for part in chain.parts
     )  # fmt: skip
     path = VjmEngine().trace(replace(chain, parts=parts), LoadCase("A", 2.0))
-    assert path.critical.force == pytest.approx(trace("A", 2.0).critical.force, rel=1e-7)
+    assert path.critical.force == pytest.approx(trace("A", 2.0).critical.force, rel=1e-10)

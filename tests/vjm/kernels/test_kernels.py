@@ -63,7 +63,7 @@ def test_everything_about_a_state_agrees_with_the_dense_equations(chain, engine,
     found, modes = compiled.modes(at.x, at.wrench, 2)
     # equal segments without load have one eigenvalue many times, which a random state splits by per milles: the
     # iteration ends among them. Where one is alone, beside critical points, `test_stability` asks for all digits.
-    assert np.abs(found) == pytest.approx(np.abs(nearest[:2]), rel=3e-3)
+    assert np.abs(found) == pytest.approx(np.abs(nearest[:2]), rel=6e-5)
     assert np.abs(at.kinematics.jacobian @ modes / np.repeat([310.0, 1.0], 3)[:, None]).max() < 1e-7
     assert np.abs(compiled.shape(at.x) - model.shape(at.kinematics)).max() < 1e-9
 
@@ -101,7 +101,8 @@ def test_a_grid_is_walked_as_one_by_one(chain, engine, posture, to):
     found = trace_grid(problem, np.linspace(0.0, load_case.length, 401))
     path = engine.trace(chain, load_case)
     assert found.stopped == path.stopped == ""
-    assert found.bifurcations == pytest.approx([e.s for e in path.events if e.switched], rel=1e-7)
+    # the error measured is rounding alone
+    assert found.bifurcations == pytest.approx([e.s for e in path.events if e.switched], rel=1e-10)
     assert len(found.s) == 401
     at = {round(p.s, 9): p for p in path.points}
     unit = problem.model.wrench_scale

@@ -80,7 +80,8 @@ def test_an_external_wrench_is_the_converse_of_an_imposed_pose(robot, name):
     )
     back = follow(held, held.load_case).points[-1]
     size = np.repeat([np.abs(wrench[:3]).max(), np.abs(wrench[:3]).max() * machine.characteristic_length], 3)
-    assert (back.wrench - wrench) / size == pytest.approx(np.zeros(6), abs=1e-8)
+    # the error measured is rounding alone
+    assert (back.wrench - wrench) / size == pytest.approx(np.zeros(6), abs=1e-9)
 
 
 def test_pulled_along_its_axis_the_robot_of_the_papers_chains_buckles_in_tension(robot):
@@ -96,7 +97,8 @@ def test_pulled_along_its_axis_the_robot_of_the_papers_chains_buckles_in_tension
         found[sign] = [event for event in path.events if event.kind is EventKind.BIFURCATION]
         assert path.complete
     assert not found[-1]
-    assert found[1][0].force == pytest.approx(2696.2, rel=1e-4)
+    # the error measured is 3e-7
+    assert found[1][0].force == pytest.approx(2696.2, rel=5e-6)
     assert found[1][0].switched
     share = problem.giving_way(found[1][0].point)
     assert share["x"] > 0.99
@@ -135,7 +137,8 @@ def test_a_chain_too_long_shifts_an_isostatic_robot_and_strains_an_overconstrain
     plain = robot("orthoglide").with_errors({"x": {"link": 0.2}})
     problem = ManipulatorProblem(plain, free, VjmEngine(2))
     at_rest = problem.unloaded()
-    assert at_rest.displacement[0] == pytest.approx(0.2, abs=1e-5)
+    # the error measured is rounding alone
+    assert at_rest.displacement[0] == pytest.approx(0.2, abs=1e-9)
     assert np.abs(problem.leg_wrenches(at_rest)).max() < 1e-4
     real = robot("orthoglide-parallelograms").with_errors({"bar-x1": {"bar": 0.2}})
     problem = ManipulatorProblem(real, free, VjmEngine(2))
@@ -153,7 +156,8 @@ def test_a_chain_too_long_shifts_an_isostatic_robot_and_strains_an_overconstrain
 def test_a_drive_that_is_off_moves_the_platform(robot):
     free = LoadCase("isotropic", 1.0, "load", loads=(Load((1e-3, 0, 0, 0, 0, 0)),), free=COMPONENTS, steps=1)
     problem = ManipulatorProblem(robot("orthoglide").with_offsets({"y": -0.3}), free, VjmEngine(2))
-    assert problem.unloaded().displacement[:3] == pytest.approx([-1.45e-4, -0.3, -1.45e-4], abs=1e-4)
+    # the error measured is 2e-7
+    assert problem.unloaded().displacement[:3] == pytest.approx([-1.45e-4, -0.3, -1.45e-4], abs=4e-6)
 
 
 @pytest.mark.parametrize(
@@ -182,7 +186,8 @@ def test_a_machine_without_drives_that_is_let_go_is_a_mechanism(robot):
     held = LoadCase("straight", 10.0, "load", loads=pulled.loads, free=("x", "z", "rx", "ry", "rz"), steps=1)
     L, EA = 310.0, 6.7391304e6
     point = ManipulatorEngine(VjmEngine(2)).trace(robot("parallelogram"), held).points[-1]
-    assert point.displacement[0] == pytest.approx(10.0 * L / (2.0 * EA), rel=1e-4)
+    # the error measured is rounding alone
+    assert point.displacement[0] == pytest.approx(10.0 * L / (2.0 * EA), rel=1e-10)
 
 
 def test_bows_built_into_the_legs_grow_as_timoshenko_says(robot):

@@ -39,7 +39,8 @@ def test_compiled_platforms_are_the_whole_machines(robot, name):
         load_case = LoadCase(label(pose), 1.0, "load", loads=(load,), free=COMPONENTS, steps=3)
         problem = ManipulatorProblem(robot(name), load_case, engine)
         point = follow(problem, load_case).points[-1]
-        assert found.drives[k] == pytest.approx(problem.model.pose.drives, abs=1e-7)
+        # the error measured is rounding alone
+        assert found.drives[k] == pytest.approx(problem.model.pose.drives, abs=1e-8)
         assert found.displacement[k] == pytest.approx(point.displacement, abs=1e-7)
         assert np.abs(found.stiffness[k] - point.stiffness).max() < 1e-7 * np.abs(point.stiffness).max()
         size = np.linalg.norm(problem.leg_wrenches(point)[:, :3], axis=1)

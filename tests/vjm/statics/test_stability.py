@@ -89,7 +89,7 @@ def test_sign_of_the_critical_mode_does_not_hang_on_rounding(chain, trace, segme
         modes.append(critical_modes(solve_newton(model, pose, at.x, at.wrench))[0])
     unit = model.coordinate_scale
     # a millionth of the displacement turns the mode by about as little
-    assert [float((modes[0] / unit) @ (mode / unit)) for mode in modes] == pytest.approx([1.0] * 3, abs=1e-4)
+    assert [float((modes[0] / unit) @ (mode / unit)) for mode in modes] == pytest.approx([1.0] * 3, abs=1e-9)
 
 
 def test_a_push_along_the_mode_grows_into_the_branch_that_the_follower_takes(chain, trace):

@@ -1,0 +1,172 @@
+"""Mistakes in a file's rows, clock and temperatures, and in its sheet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.experiment.channels import TEMPERATURE, TIME, WRENCH
+from vjm_updating.experiment.comparison import Comparison, Finding, Grade
+from vjm_updating.experiment.readings import Readings
+
+FEW, LEAST = 5, 3
+"""Readings on each side of a change; readings of a test without which nothing can be said."""
+
+
+def rows(c: Comparison) -> Iterator[Finding]:
+    """Rows that stand twice, and channels that are mostly blank."""
+    r = c.readings
+    table = np.column_stack([np.nan_to_num(r.values[name], nan=1e300) for name in r.channels])
+    half = len(r) // 2
+    # a slow test may give one reading again and again; that every second row repeats the first is no chance
+    pairs = (
+        half >= FEW
+        and bool(np.ptp(table, axis=0).any())
+        and np.mean(
+            (table[0 : 2 * half : 2] == table[1 : 2 * half : 2]).all(axis=1) & _moving(table)[: 2 * half : 2][:half]
+        )
+    )
+    halves = half >= FEW and np.mean((table[:half] == table[half : 2 * half]).all(axis=1))
+    if max(pairs, halves) > 0.8:
+        yield Finding(
+            Grade.DOUBTFUL,
+            f"{r.file}: row {r.row[1] if pairs > halves else r.row[half]}",
+            f"{'every row stands twice' if pairs > halves else 'the second half repeats the first'}: "
+            "was the file written twice?",
+        )
+    for name in r.channels:
+        blank = int(np.isnan(r.values[name]).sum())
+        if blank > 0.4 * len(r):
+            yield Finding(
+                Grade.DOUBTFUL,
+                f"{r.file}: column {name}",
+                f"{blank} of {len(r)} readings are blank: was the right column exported?",
+            )
+
+
+def _moving(table: Array) -> np.ndarray:
+    """Which rows ``(n,)`` differ from the one two before or behind: those of a test that goes on."""
+    moves = np.ones(len(table), dtype=bool)
+    moves[:-2] = (table[2:] != table[:-2]).any(axis=1)
+    return moves
+
+
+def clock(c: Comparison) -> Iterator[Finding]:
+    """Times that stand twice or are negative, and one posture in milliseconds."""
+    r = c.readings
+    if TIME not in r.values:
+        return
+    time = r.values[TIME]
+    if np.nanmin(time, initial=0.0) < 0.0:
+        row = r.row[int(np.nanargmin(time))]
+        yield Finding(Grade.DOUBTFUL, f"{r.file}: row {row}, column {TIME}", "the clock is negative")
+    steps = {}
+    for number in np.unique(r.sequence):
+        step = np.diff(time[r.sequence == number])
+        step = step[~np.isnan(step)]
+        if len(step) >= FEW:
+            steps[number] = float(np.median(step))
+            if np.mean(step == 0.0) > 0.3:
+                row = r.row[r.sequence == number][0]
+                yield Finding(
+                    Grade.DOUBTFUL, f"{r.file}: row {row}, column {TIME}", "many readings have the same time"
+                )
+    usual = min(steps.values(), default=0.0)
+    for number, step in steps.items():
+        if usual > 0.0 and 300.0 < step / usual < 3000.0:
+            label, row = r.posture[r.sequence == number][0], r.row[r.sequence == number][0]
+            yield Finding(
+                Grade.DOUBTFUL,
+                f"{r.file}: posture {label}, row {row}, column {TIME}",
+                f"readings lie {step / usual:.0f} times further apart than elsewhere: is the clock in ms there?",
+            )
+
+
+def temperature(c: Comparison) -> Iterator[Finding]:
+    """Temperatures that no room has."""
+    r = c.readings
+    heat = r.values.get(TEMPERATURE)
+    if heat is None or np.isnan(heat).all():
+        return
+    where = f"{r.file}: column {TEMPERATURE}"
+    if np.nanmin(heat) < -273.15:
+        yield Finding(Grade.REFUSED, where, f"{np.nanmin(heat):g} °C is below absolute zero")
+    elif np.nanmax(heat) > 1500.0:
+        yield Finding(Grade.REFUSED, where, f"{np.nanmax(heat):g} °C: no machine is tested so hot")
+    elif np.nanmin(heat) > 200.0:
+        yield Finding(Grade.DOUBTFUL, where, f"{np.nanmedian(heat):g} °C: is it in kelvin? Subtract 273.15")
+
+
+def nothing_read(c: Comparison) -> Iterator[Finding]:
+    """Readings that say nothing."""
+    r = c.readings
+    loaded = [name for name in r.channels if name in WRENCH]
+    if loaded and all(np.nanmax(r.values[n], initial=-np.inf) <= np.nanmin(r.values[n], initial=np.inf)
+                      for n in loaded):  # fmt: skip
+        yield Finding(
+            Grade.REFUSED, f"{r.file}: column {', '.join(loaded)}", "every reading is the same: no load was read"
+        )
+    usable = int(np.sum(~np.isnan(r.pose).any(axis=1) & ~np.isnan(r.wrench).all(axis=1)))
+    if c.measurement.imposed and usable < LEAST:
+        yield Finding(
+            Grade.REFUSED, r.file, f"{usable} readings have both a displacement and a force: {LEAST} are needed"
+        )
+
+
+def sheet_values(c: Comparison) -> Iterator[Finding]:
+    """Instruments and tolerances that no maker promises."""
+    sheet, r = c.measurement.sheet, c.readings
+    for name in (name for name in r.channels if name in sheet.instrument):
+        known, where = sheet.instrument[name], f"{sheet.file}: [instrument.{name}]"
+        values = r.values[name][~np.isnan(r.values[name])]
+        span = float(np.ptp(values)) if len(values) else 0.0
+        if known.noise == 0.0 and name in WRENCH:
+            yield Finding(Grade.DOUBTFUL, where, "noise = 0: no instrument is without; every misfit then counts")
+        elif 0.0 < known.noise < 1e-9 * span:
+            yield Finding(Grade.DOUBTFUL, where, f"noise = {known.noise:g} is below the reading's last digit")
+        elif known.noise > span > 0.0:
+            yield Finding(
+                Grade.DOUBTFUL,
+                where,
+                f"noise = {known.noise:g} is more than the whole test's span of {span:g}: nothing can be seen",
+            )
+        elif name in WRENCH and known.noise and (rough := _roughness(r, name)) > 100.0 * known.noise:
+            yield Finding(
+                Grade.DOUBTFUL,
+                where,
+                f"noise = {known.noise:g}, but neighbouring readings scatter by {rough:.3g}: another unit?",
+            )
+        if known.scale > 0.3:
+            yield Finding(
+                Grade.DOUBTFUL, where, f"scale = {known.scale:g} is {known.scale:.0%}: is it in per cent?"
+            )
+    longest = c.measurement.chain.characteristic_length
+    if sheet.tolerance.link_length_mm > 0.1 * longest:
+        yield Finding(
+            Grade.DOUBTFUL,
+            f"{sheet.file}: [tolerance] link_length_mm",
+            f"{sheet.tolerance.link_length_mm:g} mm is {sheet.tolerance.link_length_mm / longest:.0%} of the "
+            "longest part: is it in µm?",
+        )
+    if sheet.tolerance.modulus_rel > 0.3:
+        yield Finding(
+            Grade.DOUBTFUL,
+            f"{sheet.file}: [tolerance] modulus_rel",
+            f"{sheet.tolerance.modulus_rel:g} is {sheet.tolerance.modulus_rel:.0%}: is it in per cent?",
+        )
+    if sheet.test.gravity is not None and abs(np.linalg.norm(sheet.test.gravity) - 1.0) > 0.01:
+        yield Finding(
+            Grade.NOTED,
+            f"{sheet.file}: [test] gravity",
+            f"has length {np.linalg.norm(sheet.test.gravity):.3g}: only its direction is used, of 1 g",
+        )
+
+
+def _roughness(r: Readings, name: str) -> float:
+    """Standard deviation of the noise as second differences of neighbouring readings show it, by their median."""
+    parts = [np.diff(r.values[name][r.sequence == s], 2) for s in np.unique(r.sequence)]
+    second = np.concatenate(parts) if parts else np.zeros(0)
+    second = second[~np.isnan(second)]
+    return float(np.median(np.abs(second)) / 0.6745 / np.sqrt(6.0)) if len(second) >= FEW else 0.0
