@@ -12,6 +12,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+LONGEST_WORD, LONGEST_MESSAGE = 160, 1200
+"""Characters: a path or a value that is repeated to the user, and a whole message."""
+
 
 def console() -> Console:
     """Standard output, wide enough for the tables also where it is no terminal."""
@@ -21,7 +24,14 @@ def console() -> Console:
 
 def error(message: str) -> None:
     """One line on standard error."""
-    Console(stderr=True, highlight=False, markup=False).print(f"validate: {message}", soft_wrap=True)
+    Console(stderr=True, highlight=False, markup=False).print(f"validate: {shortened(message)}", soft_wrap=True)
+
+
+def shortened(message: str) -> str:
+    """A message in which no word of the user's is longer than `LONGEST_WORD`, and which ends somewhere."""
+    words = (w if len(w) <= LONGEST_WORD else f"{w[: LONGEST_WORD - 20]}…{w[-15:]}" for w in message.split(" "))
+    text = " ".join(words)
+    return text if len(text) <= LONGEST_MESSAGE else f"{text[:LONGEST_MESSAGE]}…"
 
 
 def one_line(failure: Exception) -> str:

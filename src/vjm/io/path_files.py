@@ -5,10 +5,11 @@ from __future__ import annotations
 import csv
 import io
 import json
+import struct
 import zlib
 from dataclasses import asdict, fields
 from pathlib import Path as FilePath
-from zipfile import BadZipFile
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
@@ -101,6 +102,8 @@ def _point(row: dict[str, str], load_case: LoadCase) -> Equilibrium:
     )
 
 
+LARGEST_RECORD = 2**30
+"""Bytes to which a record of a path may unpack: thousands of points of hundreds of springs have a tenth of it."""
 _POINT_ARRAYS = [f.name for f in fields(Equilibrium) if f.name != "stiffness"]
 
 
@@ -139,6 +142,9 @@ def load_path(file: FilePath) -> Path:
         ValueError: the file is damaged or of another kind.
     """
     try:
+        with ZipFile(file) as members:
+            if sum(member.file_size for member in members.infolist()) > LARGEST_RECORD:
+                raise ValueError(f"it unpacks to more than {LARGEST_RECORD} bytes")
         with file.open("rb") as stream, np.load(stream) as archive:
             arrays = {name: archive[name] for name in archive.files}
         meta = json.loads(str(arrays.pop("meta")))
@@ -167,5 +173,9 @@ def load_path(file: FilePath) -> Path:
             tuple(StationLabel(**s) for s in meta["stations"]), meta["stopped"], meta["seconds"],
             meta["model_sha256"],
         )  # fmt: skip
-    except (OSError, EOFError, KeyError, TypeError, ValueError, BadZipFile, zlib.error) as error:
+    # a damaged archive fails in many ways, unknown compression and encryption among them
+    except (
+        OSError, EOFError, LookupError, TypeError, ValueError, AttributeError, NotImplementedError, RuntimeError,
+        BadZipFile, zlib.error, struct.error, MemoryError, OverflowError,
+    ) as error:  # fmt: skip
         raise ValueError(f"{file}: no record of a path: {error}") from error

@@ -125,7 +125,7 @@ def read_sheet(path: Path) -> Sheet:
         raise SheetError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise SheetError(f"{path.name}: not UTF-8 text; save it as UTF-8") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise SheetError(f"{path.name}: not valid TOML: {error}") from error
     if not content:
         raise SheetError(f"{path.name}: the file is empty; a sheet needs at least [test] with its model")

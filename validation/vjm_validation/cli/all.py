@@ -11,6 +11,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from vjm.io.errors import did_you_mean
+from vjm.io.files import locked
 from vjm_output import terminal
 from vjm_validation.cli import tables
 from vjm_validation.cli.options import (
@@ -49,7 +50,7 @@ def all_(
     folder = out or FilePath("reports") / "runs" / time.strftime("%Y%m%d-%H%M%S")
     options = Options(folder, processes(jobs), quick, only, steps, _command(quick, only, steps))
     try:
-        with terminal.progress() as progress:
+        with locked(folder), terminal.progress() as progress:
             summary = run_all(options, progress)
     except KeyboardInterrupt:
         terminal.error(

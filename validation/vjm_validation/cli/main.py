@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 from collections.abc import Sequence
 
@@ -36,7 +38,15 @@ for name, text in COMMANDS.items():
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command and exit with its status."""
-    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+    # whoever stops a run politely gets what Ctrl-C gives: finished work stays, and one line says so
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    status = run(sys.argv[1:] if arguments is None else arguments)
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # whoever read the output has gone; what the interpreter flushes at its end goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(status)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -49,6 +59,8 @@ def run(arguments: Sequence[str]) -> int:
     except NoConvergenceError as error:
         terminal.error(str(error))
         return GAVE_UP
+    except BrokenPipeError:
+        return OK
     except (ValueError, OSError, ImportError) as error:
         terminal.error(terminal.one_line(error))
         return BAD_INPUT

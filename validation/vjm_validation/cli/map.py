@@ -11,6 +11,7 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
+from vjm.io.files import locked
 from vjm.io.manipulator_file import load_manipulator
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
@@ -56,7 +57,7 @@ def map_(
     wanted = Map(machine, springs, quantity, parsed_grid(grid, machine), _wrench(wrench, quantity), most)
     folder = out or Path("reports") / "maps" / f"{machine.name}-{quantity}-{time.strftime('%Y%m%d-%H%M%S')}"
     try:
-        with terminal.progress() as progress:
+        with locked(folder), terminal.progress() as progress:
             result = run_map(
                 wanted, folder, jobs or len(os.sched_getaffinity(0)), scheduler,
                 lambda done, total: progress("poses", done, total),

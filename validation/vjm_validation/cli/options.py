@@ -16,6 +16,8 @@ from vjm_validation.cli.status import GAVE_UP, OK, UsageError
 from vjm_validation.engines import FROZEN, EngineOptions
 
 ZERO = "0,0,0,0,0,0"
+MOST = 100_000
+"""Of springs, elements and steps: more fit in no memory, and tell nothing that these do not."""
 
 Segments = Annotated[
     int | None, Parameter(name="--segments", help="Springs or elements in every beam but the foot.")
@@ -52,6 +54,8 @@ def positive(name: str, value: int | None) -> None:
     """Refuse a number below one."""
     if value is not None and value < 1:
         raise UsageError(f"{name}: must be at least 1, not {value}")
+    if value is not None and value > MOST:
+        raise UsageError(f"{name}: must be at most {MOST}, not {value:g}")
 
 
 def processes(jobs: int) -> int:

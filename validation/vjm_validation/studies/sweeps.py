@@ -13,6 +13,7 @@ from vjm.errors import NoConvergenceError
 from vjm.io.path_files import load_path, save_path, write_curve
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm_output import terminal
 from vjm_validation.engines import engine_by_name
 from vjm_validation.studies.study_results import Key
 
@@ -85,7 +86,9 @@ class PathStore:
         """A finished path of the same task, if there is one."""
         try:
             path = load_path(self.record(task.key))
-        except ValueError:
+        except ValueError as error:
+            if self.record(task.key).exists():
+                terminal.error(f"{error}; the path is computed anew")
             return None
         same = path.load_case == task.load_case and path.model_sha256 == task.chain.sha256
         if not same or not task.chain.sha256:
