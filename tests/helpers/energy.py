@@ -163,7 +163,7 @@ class Energy:
             size = np.abs(step).max()
             x = x - step * min(1.0, 0.3 / max(size, 1e-300))
             # until rounding stops it
-            if size == 0.0 or (size < 1e-10 and size > 0.3 * before):
+            if size == 0.0 or (size < 1e-7 and size > 0.3 * before):
                 return x
             before = size
         raise AssertionError("the energy has no minimum near the unloaded posture")

@@ -58,7 +58,15 @@ class Chain:
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"{self.name}: part names must differ, but {', '.join(twice)} stands twice")
-        before = {""}
+        self._check_references()
+
+    def _check_references(self) -> None:
+        """Refuse names of parts that are not there.
+
+        Raises:
+            ValueError: naming them.
+        """
+        before, joints = {""}, set[str]()
         for part in self.parts:
             where = self.after.get(part.name, "")
             if where not in before:
@@ -66,6 +74,18 @@ class Chain:
                     f"{self.name}: part '{part.name}' begins after '{where}', which is no part before it"
                 )
             before.add(part.name)
+            for name, _ in part.ratios if isinstance(part, CoupledJoint) else ():
+                if name not in joints:
+                    raise ValueError(f"joint '{part.name}' is coupled to '{name}', which is no joint before it")
+            if isinstance(part, HeldJoint | PassiveJoint):
+                joints.add(part.name)
+        for end, behind in self.ends.items():
+            if behind not in before:
+                raise ValueError(f"{self.name}: end frame '{end}' lies behind '{behind}', which is no part")
+        for spring in self.point_springs:
+            for name in spring.parts:
+                if name not in before:
+                    raise ValueError(f"{self.name}: spring '{spring.name}' is fixed to '{name}', which is no part")
 
     @property
     def beams(self) -> tuple[Beam, ...]:

@@ -191,6 +191,7 @@ class Beam:
     segments: int | None = None
     placement: Placement = Placement.BEST
     bow: tuple[float, float] = (0.0, 0.0)
+    own_segments: int | None = None
 
     @property
     def tip(self) -> Array:

@@ -120,21 +120,12 @@ def commands(chain: Chain, names: list[str], held: dict[int, str], joints: int) 
 
     Returns:
         ``(m, n)`` and ``(m,)``: values are ``C q + c``.
-
-    Raises:
-        ValueError: a joint is coupled to one that does not stand before it.
     """
     rows: dict[str, tuple[Array, float]] = {name: (np.eye(len(names))[i], 0.0) for i, name in enumerate(names)}
-    seen: set[str] = set()
     for part in chain.parts:
         if isinstance(part, CoupledJoint):
-            other = next((name for name, _ in part.ratios if name not in seen), None)
-            if other is not None:
-                raise ValueError(f"joint '{part.name}' is coupled to '{other}', which is no joint before it")
             row = sum((ratio * rows[name][0] for name, ratio in part.ratios), np.zeros(len(names)))
             rows[part.name] = row, part.offset + sum(ratio * rows[name][1] for name, ratio in part.ratios)
-        if isinstance(part, HeldJoint | PassiveJoint):
-            seen.add(part.name)
     C, c = np.zeros((joints, len(names))), np.zeros(joints)
     for joint, name in held.items():
         C[joint], c[joint] = rows[name]

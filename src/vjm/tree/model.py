@@ -141,10 +141,7 @@ class TreeModel:
 
     def _end(self, name: str) -> Site:
         last = self.chain.parts[-1].name if self.chain.parts else ""
-        part = self.chain.ends.get(name, last)
-        if part not in self._built.ends:
-            raise ValueError(f"{self.chain.name}: end frame '{name}' lies behind '{part}', which is no part")
-        return self._built.ends[part]
+        return self._built.ends[self.chain.ends.get(name, last)]
 
     def arrays(self, gravity: Gravity | None = None, loads: Sequence[Load] = ()) -> TreeArrays:
         """The machine under weight, m/s², and loads, all in full.
@@ -208,10 +205,6 @@ class TreeModel:
         joints, points, laws = [], [], []
         for spring in self.chain.point_springs:
             for part, point in zip(spring.parts, np.asarray(spring.points, dtype=float), strict=True):
-                if part not in self._built.begins:
-                    raise ValueError(
-                        f"{self.chain.name}: spring '{spring.name}' is fixed to '{part}', which is no part"
-                    )
                 site = self._built.begins[part]
                 joints.append(site.joint)
                 points.append(site.frame[:3, :3] @ point + site.frame[:3, 3])
