@@ -186,8 +186,8 @@ class ModelFile(Table):
             raise ValueError("nothing deflects: no part has kind = 'beam', and no joint a compliance; add one")
         for part in self.parts:
             one = self.springs.foot_segments if part.name == FOOT else self.springs.link_segments
-            if isinstance(part, BeamTable) and any(part.bow_mm) and 1 in (one, part.segments):
-                where = "segments = 1" if part.segments else "[springs] one spring"
+            if isinstance(part, BeamTable) and any(part.bow_mm) and (one or part.segments) == 1:
+                where = "[springs] one spring" if one else "segments = 1"
                 raise ValueError(f"part '{part.name}' has a bow, and {where}, which has no shape: give 2")
         for label in self.postures:
             self._given(label)

@@ -12,7 +12,7 @@ from vjm.model.parts import Actuator, Beam, Part, PassiveJoint, Placement
 from vjm.rotations import Array
 
 FOOT = "foot"
-"""Name of the beam that ``foot_segments`` splits; ``segments`` splits every other beam."""
+"""Name of the beam that ``foot_segments`` splits."""
 
 
 @dataclass(frozen=True)
@@ -168,15 +168,16 @@ class Chain:
         """The same machine with its beams split into virtual springs.
 
         Args:
-            segments: number of segments by beam name; one number for every beam but the foot. A beam that is
-                not named stays as it is.
+            segments: number of segments by beam name; one number for every beam without a number of its own. A
+                beam that is not named stays as it is; 1 leaves a beam whole that has a number of its own, or a
+                compliance matrix alone.
             placement: where the spring sits in its segment.
 
         Raises:
             ValueError: no such beam, fewer than one segment, or a beam known by its compliance only.
         """
         if isinstance(segments, int):
-            segments = {beam.name: segments for beam in self.beams if beam.name != FOOT}
+            segments = {beam.name: beam.own_segments or segments for beam in self.beams}
         names = {beam.name for beam in self.beams}
         for name, n in segments.items():
             if name not in names:
@@ -186,6 +187,8 @@ class Chain:
 
         def split(part: Part) -> Part:
             if not isinstance(part, Beam) or part.name not in segments:
+                return part
+            if segments[part.name] == 1 and part.own_segments is not None:
                 return part
             part.effective_section()
             return replace(part, segments=segments[part.name], placement=Placement(placement))

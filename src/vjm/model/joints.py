@@ -158,6 +158,54 @@ class CoupledJoint(HeldJoint):
 
 
 @dataclass(frozen=True)
+class ElementarySpring:
+    """One direction in which a joint deflects, behind those before it.
+
+    Attributes:
+        axis: unit vector ``(3,)`` in the chain frame.
+        slides: along it; else it turns about it.
+        compliance: mm/N or rad/(N mm).
+        stretch: coordinate at which it is free of stress.
+    """
+
+    axis: Array
+    slides: bool
+    compliance: float
+    stretch: float = 0.0
+
+
+def elementary_springs(joint: HeldJoint, engine: str) -> list[ElementarySpring]:
+    """What deflects in a held joint one direction after the other, for engines that set up joints one by one.
+
+    Raises:
+        ValueError: its springs are coupled with each other or with another joint's.
+    """
+    match joint:
+        case SprungJoint():
+            return [ElementarySpring(joint.axis, joint.slides, 1.0 / joint.stiffness, joint.stretch)]
+        case CoupledJoint(as_bent=True):
+            raise ValueError(
+                f"joint '{joint.name}': {engine} does not pass on what bends; write coupling = 'as commanded'"
+            )
+        case ActuatedJoint(matrix=matrix) if matrix is not None:
+            if np.any(matrix - np.diag(np.diag(matrix))):
+                raise ValueError(
+                    f"joint '{joint.name}': {engine} takes a 6×6 compliance of a joint only if diagonal"
+                )
+            return [
+                ElementarySpring(np.eye(3)[k % 3], k < 3, float(c))
+                for k, c in enumerate(np.diag(matrix))
+                if c > 0.0
+            ]
+        case ActuatedJoint() | CoupledJoint():
+            axes = joint_axes(joint.axis).T
+            found = [ElementarySpring(axes[k], False, c) for k, c in enumerate(joint.lateral) if c > 0.0]
+            own = ElementarySpring(joint.axis, joint.slides, joint.compliance)
+            return [*found, own] if joint.compliance > 0.0 else found
+    raise ValueError(f"joint '{joint.name}': {engine} does not know its kind")
+
+
+@dataclass(frozen=True)
 class PointSpring:
     """A spring between a point of one part and a point of another, such as a gravity compensator.
 
