@@ -20,15 +20,17 @@ class VjmEngine:
     """The virtual joint method with any number of springs.
 
     Attributes:
-        segments: springs in every beam but the foot; None: one spring with the printed 6×6 compliance at the
-            far end of each link, the paper's model.
-        foot_segments: springs in the foot; None or 1: its 6×6 compliance at its tip, by (22).
+        segments: springs in every beam that has no number of its own; None: one spring with the printed 6×6
+            compliance at the far end of each link, the paper's model.
+        foot_segments: springs in the part named "foot", as ``parts`` says it of any; None: its own number.
         placement: where a spring sits in its segment.
+        parts: springs by the name of the beam, before all else; 1: its compliance at its tip, by (22).
     """
 
     segments: int | None = None
     foot_segments: int | None = None
     placement: Placement = Placement.BEST
+    parts: tuple[tuple[str, int], ...] = ()
 
     @classmethod
     def of(cls, link: int, foot: int = 1, placement: Placement = Placement.BEST) -> VjmEngine:
@@ -38,26 +40,35 @@ class VjmEngine:
     @property
     def label(self) -> str:
         """``vjm-paper``, ``vjm-16`` or ``vjm-16f16``, with the placement where it is not the best."""
+        named = "".join(f"-{name}{n}" for name, n in self.parts)
         if self.segments is None:
-            return "vjm-paper"
+            return f"vjm-paper{named}"
         foot = f"f{self.foot_segments}" if self.foot_segments and self.foot_segments > 1 else ""
         place = "" if self.placement is Placement.BEST else f"-{self.placement}"
-        return f"vjm-{self.segments}{foot}{place}"
+        return f"vjm-{self.segments}{foot}{place}{named}"
 
     def model(self, chain: Chain) -> LumpedModel:
         """The chain with this engine's springs.
 
         Raises:
-            ValueError: a beam that is to be split has no section.
+            ValueError: a beam that is to be split has no section, or there is none of a name.
         """
-        if self.segments is not None:
-            chain = chain.refined(self.segments, self.placement)
-        if self.foot_segments is not None and self.foot_segments > 1:
-            chain = chain.refined({FOOT: self.foot_segments}, self.placement)
-        return LumpedModel(chain)
+        return LumpedModel(self.split(chain))
+
+    def split(self, chain: Chain) -> Chain:
+        """The chain with its beams split into this engine's springs.
+
+        Raises:
+            ValueError: as `model`.
+        """
+        named = {FOOT: self.foot_segments} if self.foot_segments and self.foot_segments > 1 else {}
+        named.update(self.parts)
+        numbers = {beam.name: beam.own_segments or self.segments for beam in chain.beams} | named
+        return chain.refined({name: n for name, n in numbers.items() if n is not None}, self.placement)
 
     def problem(self, chain: Chain, load_case: LoadCase) -> LumpedProblem:
         """The chain with this engine's springs under a load case, ready to be followed."""
+        chain = chain.at(load_case.posture)
         if load_case.imperfection == 0.0:
             return LumpedProblem(self.model(chain), load_case, self.label)
         bow = load_case.imperfection * buckling_shape(self, chain, load_case)

@@ -10,10 +10,16 @@ import numpy as np
 from vjm.continuation.load_grid import trace_grid
 from vjm.io.manipulator_file import load_manipulator
 from vjm.io.model_file import load_chain
+from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint
 from vjm.model.load_case import ARC, Load, LoadCase
-from vjm.model.parameters import compliance_factor
+from vjm.model.parameters import compliance_factor, orientation
+from vjm.model.parts import RigidOffset
 from vjm.platform.batch_equilibria import packed_machine, platforms, weakest
+from vjm.rotations import AXES
 from vjm.sensitivity.gradients import wrench_sensitivity
+from vjm.tree.equilibria import equilibria, sensitivities, unloaded_frames
+from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
 
 
@@ -26,6 +32,10 @@ def main() -> None:
     trace_grid(engine.problem(chain, load_case), np.linspace(0.0, 0.1, 5))
     follower = Load((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), "link", 0.5, follower=True)
     engine.trace(chain, LoadCase("A", 1.0, "load", loads=(follower,), control=ARC))
+    hinge = Chain("hinge", (ActuatedJoint("q", AXES["z"], compliance=1e-8), RigidOffset("link", mass=1.0)))
+    found = equilibria(TreeModel(hinge), np.zeros(1), wrench=np.ones(6))
+    unloaded_frames(found.model, found.q)
+    sensitivities(found, [orientation(hinge, "link", "x")], wrench=np.ones(6))
     machine = packed_machine(load_manipulator("orthoglide"), VjmEngine())
     platforms(machine, np.zeros((1, 6)), np.zeros(6))
     weakest(machine, np.zeros(6), 1.0)

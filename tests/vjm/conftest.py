@@ -54,6 +54,7 @@ def paper_chain() -> Chain:
         end_offset=np.array([17.57, -8.74, 0.0]),
         compliance=symmetric(FOOT_ENTRIES),
         section=Section(EA=7.5e7, GJ=6.40e8, EIy=6.32e8, EIz=1.744e9),
+        own_segments=1,
     )  # fmt: skip
     link = Beam(
         "link", L,

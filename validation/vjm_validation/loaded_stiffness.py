@@ -77,6 +77,7 @@ def under_wrench(chain: Chain, engine: VjmEngine, posture: str, wrench: Sequence
     Raises:
         NoConvergenceError: there is none near, or it is unstable.
     """
+    chain = chain.at(posture)
     model = engine.model(chain)
     x = model.configuration(chain.posture(posture))
     at = solve_under_wrench(model, np.array(wrench, dtype=float), x)

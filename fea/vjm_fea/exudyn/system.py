@@ -16,6 +16,7 @@ import numpy as np
 
 from vjm.continuation.path import StationLabel
 from vjm.model.chain import FOOT, Chain
+from vjm.model.joints import ElementarySpring, HeldJoint, elementary_springs
 from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
 from vjm.rotations import Array, frame, inverse_frame, translation, turn
 from vjm_fea.common.end_condition import joint_axes
@@ -117,6 +118,7 @@ class ExudynSystem:
             raise ValueError(
                 f"{chain.name}: {len(chain.joints)} passive joints but {len(q)} coordinates in the posture"
             )
+        chain.refuse_tree("exudyn")
         self._begin(mesh)
         self._chain, self._points = chain, points
         self._frame = chain.base
@@ -150,12 +152,16 @@ class ExudynSystem:
         match part:
             case RigidOffset():
                 self._mark(part.name, 0.0)
-                along = self._frame[:3, :3] @ part.transform[:3, 3]
-                self._piece(part.name, self._frame[:3, 3], along, part.mass)
+                R, p = self._frame[:3, :3], self._frame[:3, 3]
+                self._piece(part.name, p, R @ part.transform[:3, 3], part.mass, centre=p + R @ part.centre_of_mass)
                 self._frame = self._frame @ part.transform
             case Actuator() | Mount():
                 if part.compliance > 0.0:
                     self._add_drive(part)
+            case HeldJoint():
+                self._frame = self._frame @ part.motion(part.held_at)
+                for spring in elementary_springs(part, "exudyn"):
+                    self._add_sprung(spring)
             case Beam() if self.mesh.foot_spring and part.name == FOOT:
                 self._add_spring(part)
             case Beam():
@@ -224,6 +230,24 @@ class ExudynSystem:
             self.mbs.AddObject(
                 items.RigidBodySpringDamper(
                     markerNumbers=[before, behind], stiffness=np.diag([1.0 / drive.compliance] + [0.0] * 5)
+                )
+            )  # fmt: skip
+
+        self._leave_open(at, connect)
+
+    def _add_sprung(self, spring: ElementarySpring) -> None:
+        column = 0 if spring.slides else 2
+        at = self._frame @ frame(_axes_with(spring.axis, column))
+        before = self._marker(self._at(), at)
+        stiffness, offset = np.zeros(6), np.zeros(6)
+        where = column if spring.slides else 3 + column
+        stiffness[where], offset[where] = 1.0 / spring.compliance, spring.stretch
+
+        def connect(behind: Item) -> None:
+            self._joint(before, behind, PRISMATIC if spring.slides else REVOLUTE)
+            self.mbs.AddObject(
+                items.RigidBodySpringDamper(
+                    markerNumbers=[before, behind], stiffness=np.diag(stiffness), offset=offset.tolist()
                 )
             )  # fmt: skip
 
@@ -352,10 +376,18 @@ class ExudynSystem:
 
         self._when_closed(place)
 
-    def _piece(self, part: str, root: Array, along: Array, mass: float = 0.0, start: float = 0.0) -> None:
+    def _piece(
+        self,
+        part: str,
+        root: Array,
+        along: Array,
+        mass: float = 0.0,
+        start: float = 0.0,
+        centre: Array | None = None,
+    ) -> None:
         def place() -> None:
-            centre = root + 0.5 * along
-            self.pieces.append(Piece(part, start, 1.0, self._rigid.node, root, along, mass, centre))
+            at = root + 0.5 * along if centre is None else centre
+            self.pieces.append(Piece(part, start, 1.0, self._rigid.node, root, along, mass, at))
 
         self._when_closed(place)
 

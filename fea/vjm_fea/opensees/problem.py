@@ -33,6 +33,7 @@ class OpenSeesProblem(BeamProblem):
                 that the engine cannot walk.
         """
         refuse_imperfection(label, load_case)
+        chain = chain.at(load_case.posture)
         q, points = chain.posture(load_case.posture), wanted(load_case)
         system = ChainSystem(chain, q, elements, points, hand_joints(chain, load_case))
         control = load_case.control

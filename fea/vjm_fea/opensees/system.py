@@ -15,6 +15,7 @@ import numpy as np
 
 from vjm.continuation.path import StationLabel
 from vjm.model.chain import Chain
+from vjm.model.joints import HeldJoint, elementary_springs
 from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
 from vjm.rotations import Array, translation, turn
 from vjm_fea.common.mesh import grid, lumped_mass
@@ -79,6 +80,7 @@ class ChainSystem:
         """
         if elements < 1:
             raise ValueError(f"a beam needs at least one element, not {elements}")
+        chain.refuse_tree("opensees")
         if not chain.beams:
             raise ValueError(f"{chain.name}: there is no beam to mesh")
         if len(q) != len(chain.joints):
@@ -109,6 +111,12 @@ class ChainSystem:
                 case Actuator() | Mount():
                     if part.compliance > 0.0:
                         self._add_joint(part.axis, slides=True, stiffness=1.0 / part.compliance)
+                case HeldJoint():
+                    self._frame = self._frame @ part.motion(part.held_at)
+                    for spring in elementary_springs(part, "opensees"):
+                        if spring.stretch:
+                            raise ValueError(f"joint '{part.name}': opensees does not know preloads")
+                        self._add_joint(spring.axis, slides=spring.slides, stiffness=1.0 / spring.compliance)
                 case PassiveJoint():
                     angle = next(angles)
                     self._add_joint(part.axis, slides=part.slides)
@@ -182,7 +190,7 @@ class ChainSystem:
         body = (len(self.linkages), len(self._open))
         root, along = self._frame[:3, 3], self._frame[:3, :3] @ offset.transform[:3, 3]
         on_ground = self._start[0] is None and not self._open
-        centre = root + 0.5 * along
+        centre = root + self._frame[:3, :3] @ offset.centre_of_mass
         self.pieces.append(
             Piece(offset.name, 0.0, 1.0, None if on_ground else body, root, along, offset.mass, centre)
         )

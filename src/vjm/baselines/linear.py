@@ -57,5 +57,5 @@ class LinearEngine:
         """Straight line through the unloaded state; it knows no critical points."""
         refuse_unless_pose_only(self.label, load_case)
         started = time.perf_counter()
-        K = unloaded_stiffness(LumpedModel(chain), chain.posture(load_case.posture))
+        K = unloaded_stiffness(LumpedModel(chain.at(load_case.posture)), chain.posture(load_case.posture))
         return straight_path(self.label, chain, load_case, K, time.perf_counter() - started)

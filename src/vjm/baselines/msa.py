@@ -13,7 +13,7 @@ import numpy as np
 
 from vjm.baselines.linear import straight_path
 from vjm.continuation.path import Path
-from vjm.model.chain import FOOT, Chain
+from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase, refuse_unless_pose_only
 from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset, Section
 from vjm.rotations import Array, frame, rotate_matrix6, skew, translation, turn
@@ -140,7 +140,7 @@ def msa_stiffness(chain: Chain, posture: Array) -> Array:
 
 def _add_beam(assembly: _Assembly, beam: Beam) -> None:
     beam.refuse_bow("msa")
-    if beam.section is not None and beam.name != FOOT:
+    if beam.section is not None and beam.own_segments != 1:
         axes = assembly.T[:3, :3] @ beam.own_frame @ beam.section_frame
         along = beam.own_frame @ beam.section_frame @ np.array([beam.length, 0.0, 0.0])
         element = beam_element(beam.effective_section(), beam.length)

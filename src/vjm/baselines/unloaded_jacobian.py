@@ -48,7 +48,7 @@ class UnloadedJacobianEngine:
         """
         refuse_unless_pose_only(self.label, load_case)
         started = time.perf_counter()
-        model = LumpedModel(chain)
+        model = LumpedModel(chain.at(load_case.posture))
         x0 = model.configuration(chain.posture(load_case.posture))
         direction = load_case.direction
 

@@ -67,8 +67,10 @@ class LumpedProblem:
         self.model = self._end_condition.model.under(self._loading)
         self._x0 = self.model.configuration(self.model.chain.posture(load_case.posture))
         if bow is not None:
-            self.model = self.model.bent(bow)
+            self.model = self.model.bent(self.model.natural + bow)
             self._x0 = self._x0 + bow
+        # springs that are strained in the posture as drawn
+        self._preload = (self.model.natural - self._x0) * np.isin(np.arange(self.model.size), self.model.elastic)
         self.stations = tuple(StationLabel(s.part, s.fraction) for s in model.stations)
         as_drawn = bow is None and not self._end_condition.joints
         self._pose0 = self._end_condition.tool if as_drawn else self.model.kinematics(self._x0).end
@@ -93,7 +95,7 @@ class LumpedProblem:
         Raises:
             NoConvergenceError: they are more than the chain bears.
         """
-        if np.any(self._loading.constant):
+        if np.any(self._loading.constant) or np.any(self._preload):
             return self._settled()
         return Configuration(self.model, self._x0, np.zeros(6), 0.0, 0)
 
@@ -301,11 +303,12 @@ class LumpedProblem:
         )
 
     def _settled(self) -> Configuration:
-        """The drawn pose under the constant loads, which are put on step by step."""
-        model = self.model.under(self._loading.gradual())
-        at, step = Configuration(model, self._x0, np.zeros(6), 0.0, 0, 0.0), 1.0
+        """The drawn pose under the constant loads and the springs' preloads, which are put on step by step."""
+        loaded = self.model.under(self._loading.gradual())
+        at, step = Configuration(loaded, self._x0, np.zeros(6), 0.0, 0, 0.0), 1.0
         while at.load < 1.0:
             load = min(at.load + step, 1.0)
+            model = loaded.bent(loaded.natural - (1.0 - load) * self._preload) if np.any(self._preload) else loaded
             try:
                 there = solve_newton(model, self._pose0, at.x, at.wrench, load=load)
                 lost = stability(there).unstable > 0

@@ -72,6 +72,21 @@ def checked_compliance(matrix: Array) -> Array:
     return result
 
 
+def checked_joint_compliance(matrix: Array) -> Array:
+    """A joint's compliance ``(6, 6)``, whose rigid directions have zeros in their row and column.
+
+    Raises:
+        ValueError: as `checked_compliance`, of what is not zero.
+    """
+    gives = matrix.any(axis=0) | matrix.any(axis=1)
+    if not gives.any():
+        raise ValueError("is zero: leave it out for a rigid joint")
+    filled = matrix.copy()
+    # rigid directions are made regular and uncoupled, to be judged with the others
+    filled[~gives, ~gives] = np.abs(np.diag(matrix)).max()
+    return np.where(np.outer(gives, gives), checked_compliance(filled), 0.0)
+
+
 def _culprit(matrix: Array, scaled: Array, vector: Array) -> str:
     """Which entries make a matrix indefinite: a pair above its diagonal, or the rows of the bad mode."""
     coupling = np.abs(scaled - np.diag(np.diag(scaled)))
@@ -163,13 +178,15 @@ def check_postures(chain: Chain) -> None:
     Raises:
         ValueError: naming the posture and the joints.
     """
-    # a bow asks for more springs than one, and moves no joint
-    straight = tuple(replace(part, bow=(0.0, 0.0)) if isinstance(part, Beam) else part for part in chain.parts)
-    model = LumpedModel(replace(chain, parts=straight))
     names = [joint.name for joint in chain.joints]
     if not names:
         return
+    if chain.after or chain.point_springs:
+        return  # a tree is judged where its equilibrium is sought
+    # a bow asks for more springs than one, and moves no joint
+    straight = tuple(replace(part, bow=(0.0, 0.0)) if isinstance(part, Beam) else part for part in chain.parts)
     for label, q in chain.postures.items():
+        model = LumpedModel(replace(chain, parts=straight).at(label))
         J = model.kinematics(model.configuration(q)).jacobian[:, model.passive].copy()
         J[:3] /= chain.characteristic_length
         values, right = np.linalg.svd(J)[1:]

@@ -70,7 +70,7 @@ def _sentence(detail: ErrorDetails, document: Mapping[str, Any], known_keys: Cal
 def _place(loc: tuple[int | str, ...], document: Mapping[str, Any]) -> tuple[str, list[int | str], str]:
     """Where an error lies: the part or table in words, the path of keys inside it, the table's tag."""
     path = list(loc)
-    if len(path) >= 2 and path[0] in ("parts", "pieces"):
+    if len(path) >= 2 and path[0] in ("parts", "pieces", "point_springs"):
         index, word = int(path[1]), str(path[0])[:-1]
         raw = document[str(path[0])][index]
         name = raw.get("name") if isinstance(raw, dict) else None
@@ -84,10 +84,16 @@ def _place(loc: tuple[int | str, ...], document: Mapping[str, Any]) -> tuple[str
         return where, inner, table
     if len(path) >= 2 and path[0] == "postures":
         # pydantic's way to say that the key itself is wrong
-        return f"posture '{path[1]}'", ["its label" if step == "[key]" else step for step in path[2:]], ""
+        return f"posture '{path[1]}'", _in_posture(path[2:]), ""
     if len(path) >= 2 and path[0] in ("units", "base", "springs"):
         return f"[{path[0]}]", path[1:], "turn" if "turns" in path[:-1] else str(path[0])
     return "", path, ""
+
+
+def _in_posture(path: list[int | str]) -> list[int | str]:
+    """Without the kind of the posture, which pydantic names on the way."""
+    inner = path[1:] if path and path[0] in ("row", "table") else path
+    return ["its label" if step == "[key]" else step for step in inner]
 
 
 def _key(path: list[int | str]) -> str:

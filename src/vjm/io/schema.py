@@ -7,183 +7,45 @@ unit; lengths are mm, forces N, joint coordinates rad. ``source`` is free text a
 from __future__ import annotations
 
 import math
-import reprlib
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    Field,
-    PlainValidator,
-    StringConstraints,
-    WithJsonSchema,
-    field_validator,
-    model_validator,
-)
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from vjm.io import checks
 from vjm.io.errors import printed
-from vjm.io.sections import (
-    LONGEST_MM,
-    AnySection,
-    LengthMM,
-    Rectangle,
-    SquareTube,
-    StiffnessSection,
-    Table,
+from vjm.io.fields import Axis, Label, Matrix6, Turn, Turns, VectorMM, rotation
+from vjm.io.joint_tables import (
+    ActuatedTable,
+    ActuatorTable,
+    CoupledTable,
+    JointTable,
+    MountTable,
+    MovingTable,
+    Offset,
+    PartTable,
+    PayloadTable,
+    PointSpringTable,
+    given_coordinates,
 )
+from vjm.io.sections import AnySection, LengthMM, Rectangle, SquareTube, StiffnessSection, Table
 from vjm.model import parts
 from vjm.model.chain import FOOT, Chain
-from vjm.rotations import AXES, Array, frame, rotation_from_vector
+from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.rotations import frame
 
-Label = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
-"""A name that can stand in a dotted path and in a file name."""
-
-
-def _unit_vector(raw: object) -> Array:
-    if isinstance(raw, str) and raw in AXES:
-        return AXES[raw]
-    if not isinstance(raw, list) or len(raw) != 3 or not all(type(v) in (int, float) and abs(v) < 1e6 for v in raw):
-        raise ValueError(f"must be 'x', 'y', 'z' or a unit vector [x, y, z], got {reprlib.repr(raw)}")
-    vector = np.array(raw, dtype=float)
-    length = float(np.linalg.norm(vector))
-    if length == 0.0:
-        raise ValueError(f"= {raw} gives no direction: write 'x', 'y', 'z' or a unit vector")
-    if abs(length - 1.0) > 1e-6:
-        unit = ", ".join(f"{v:.7g}" for v in vector / length)
-        raise ValueError(f"= {raw} has length {printed(length)}: write the unit vector [{unit}]")
-    result: Array = vector / length
-    return result
+__all__ = ["Axis", "BeamTable", "Label", "ModelFile", "Turn", "Turns", "VectorMM", "known_keys", "rotation"]
 
 
-def _six_by_six(raw: object) -> object:
-    """Refuse another shape before the entries are looked at; what is no list at all is left to the type."""
-    if isinstance(raw, list):
-        if len(raw) != 6:
-            raise ValueError(f"must be 6×6, got {len(raw)} rows")
-        for i, row in enumerate(raw):
-            if isinstance(row, list) and len(row) != 6:
-                raise ValueError(f"must be 6×6, but row {i + 1} has {len(row)} entries")
-    return raw
-
-
-def _near(vector: list[float]) -> list[float]:
-    for value in vector:
-        if abs(value) > LONGEST_MM:
-            raise ValueError(f"= {vector} goes beyond {printed(LONGEST_MM)} mm: write it in mm")
-    return vector
-
-
-Axis = Annotated[
-    Any,
-    PlainValidator(_unit_vector),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                {"enum": ["x", "y", "z"]},
-                {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3},
-            ]
-        }
-    ),
-]
-VectorMM = Annotated[list[float], Field(min_length=3, max_length=3), AfterValidator(_near)]
-Row = Annotated[list[Annotated[float, Field(ge=-1e9, le=1e9)]], Field(min_length=6, max_length=6)]
-Matrix6 = Annotated[list[Row], Field(min_length=6, max_length=6), BeforeValidator(_six_by_six)]
-
-
-class Turn(Table):
-    """A turn about an axis of the frame as the turns before it left it."""
-
-    turn_about: Axis
-    angle_deg: float = Field(ge=-360.0, le=360.0)
-
-
-Turns = list[Turn]
-
-
-def rotation(turns: Turns) -> Array:
-    """Rotation ``(3, 3)`` of turns one after another, each about the axes that the one before it left."""
-    R = np.eye(3)
-    for turn in turns:
-        R = R @ rotation_from_vector(turn.turn_about * np.deg2rad(turn.angle_deg))
-    return R
-
-
-class Offset(Table):
-    """A rigid piece: shifted first, then turned."""
-
-    kind: Literal["offset"]
-    name: Label
-    source: str = ""
-    translation_mm: VectorMM = Field([0.0, 0.0, 0.0])
-    turns: Turns = Field([])
-
-    def part(self) -> parts.RigidOffset:
-        """The part that the table describes."""
-        return parts.RigidOffset(self.name, frame(rotation(self.turns), self.translation_mm))
-
-
-class ActuatorTable(Table):
-    """A drive, held at its coordinate."""
-
-    kind: Literal["actuator"]
-    name: Label
-    source: str = ""
-    axis: Axis
-    compliance_mm_per_N: float = Field(0.0, ge=0.0, le=1e3)  # noqa: N815
-
-    def part(self) -> parts.Actuator:
-        """The part that the table describes."""
-        return parts.Actuator(self.name, self.axis, self.compliance_mm_per_N)
-
-
-class MountTable(Table):
-    """What carries the chain and gives way along one axis: a frame, a guide."""
-
-    kind: Literal["mount"]
-    name: Label
-    source: str = ""
-    axis: Axis
-    compliance_mm_per_N: float = Field(ge=0.0, le=1e3)  # noqa: N815
-
-    def part(self) -> parts.Mount:
-        """The part that the table describes."""
-        return parts.Mount(self.name, self.axis, self.compliance_mm_per_N)
-
-
-class JointTable(Table):
-    """A perfect passive revolute joint."""
-
-    kind: Literal["joint"]
-    name: Label
-    source: str = ""
-    axis: Axis
-    limits_rad: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
-
-    @field_validator("limits_rad")
-    @classmethod
-    def _ordered(cls, limits: list[float] | None) -> list[float] | None:
-        if limits is not None and limits[0] >= limits[1]:
-            raise ValueError(f"= {limits} must be [lower, upper]")
-        return limits
-
-    def part(self) -> parts.PassiveJoint:
-        """The part that the table describes."""
-        return parts.PassiveJoint(self.name, self.axis)
-
-
-class BeamTable(Table):
+class BeamTable(PartTable):
     """An elastic part: a section, a compliance matrix, or both.
 
     The matrix is that of one member at the tip, in the own axes, rows and columns x, y, z, φx, φy, φz.
     """
 
     kind: Literal["beam"]
-    name: Label
-    source: str = ""
     length_mm: LengthMM
     own_axes: Turns = Field([], description="from the chain frame to the part's own axes")
     section_axes: Turns = Field([], description="from the own axes to the section's, x along the beam")
@@ -196,6 +58,9 @@ class BeamTable(Table):
         [0.0, 0.0], description="mid-span, along the section's y and z, of the half sine wave that it is unloaded"
     )
     mass_kg: float | None = Field(None, ge=0.0, le=1e4, description="of all members, in place of a density")
+    segments: int | None = Field(
+        None, ge=1, le=1000, description="springs that it is always computed with; 1: one spring at its far end"
+    )
 
     @field_validator("compliance")
     @classmethod
@@ -242,6 +107,7 @@ class BeamTable(Table):
             compliance=None if self.compliance is None else np.array(self.compliance, dtype=float),
             count=self.count,
             bow=(self.bow_mm[0], self.bow_mm[1]),
+            own_segments=self.segments,
         )
 
 
@@ -269,7 +135,27 @@ class Base(Table):
     turns: Turns = Field([])
 
 
-AnyPart = Annotated[Offset | ActuatorTable | MountTable | BeamTable | JointTable, Field(discriminator="kind")]
+AnyPart = Annotated[
+    Annotated[Offset, Tag("offset")]
+    | Annotated[PayloadTable, Tag("payload")]
+    | Annotated[ActuatorTable, Tag("actuator")]
+    | Annotated[MountTable, Tag("mount")]
+    | Annotated[BeamTable, Tag("beam")]
+    | Annotated[JointTable, Tag("joint")]
+    | Annotated[ActuatedTable, Tag("actuated")]
+    | Annotated[CoupledTable, Tag("coupled")],
+    Field(discriminator="kind"),
+]
+
+
+def _kind_of_posture(raw: object) -> str:
+    return "table" if isinstance(raw, dict) else "row"
+
+
+Posture = Annotated[
+    Annotated[list[float], Tag("row")] | Annotated[dict[Label, float], Tag("table")],
+    Discriminator(_kind_of_posture),
+]
 
 
 class ModelFile(Table):
@@ -283,9 +169,11 @@ class ModelFile(Table):
     base: Base = Base()
     springs: Springs = Springs()
     parts: list[AnyPart] = Field(min_length=1)
-    postures: dict[Label, list[float]] = Field(
-        min_length=1, description="passive joint coordinates in rad, base to tool"
+    postures: dict[Label, Posture] = Field(
+        min_length=1, description="joint coordinates in rad or mm: by name, or of all joints base to tool"
     )
+    point_springs: list[PointSpringTable] = Field([])
+    ends: dict[Label, Label] = Field({}, description="end frames by name: the part behind which each lies")
 
     @model_validator(mode="after")
     def _chain(self) -> ModelFile:
@@ -294,18 +182,24 @@ class ModelFile(Table):
             if names.count(name) > 1:
                 places = " and ".join(str(i + 1) for i, other in enumerate(names) if other == name)
                 raise ValueError(f"part name '{name}' stands twice, as parts {places}: rename one")
-        if not any(isinstance(part, BeamTable) for part in self.parts):
-            raise ValueError("no part has kind = 'beam': a chain needs at least one, or nothing gives way")
+        if not any(_deflects(part.part()) for part in self.parts):
+            raise ValueError("nothing deflects: no part has kind = 'beam', and no joint a compliance; add one")
         for part in self.parts:
             one = self.springs.foot_segments if part.name == FOOT else self.springs.link_segments
-            if isinstance(part, BeamTable) and any(part.bow_mm) and one == 1:
-                raise ValueError(
-                    f"part '{part.name}' has a bow, and [springs] one spring, which has no shape: give 2"
-                )
-        joints = [part for part in self.parts if isinstance(part, JointTable)]
-        for label, q in self.postures.items():
-            _check_coordinates(label, q, joints)
+            if isinstance(part, BeamTable) and any(part.bow_mm) and (one or part.segments) == 1:
+                where = "[springs] one spring" if one else "segments = 1"
+                raise ValueError(f"part '{part.name}' has a bow, and {where}, which has no shape: give 2")
+        for label in self.postures:
+            self._given(label)
         return self
+
+    @property
+    def _moving(self) -> list[MovingTable]:
+        """The joints whose coordinates a posture has to give."""
+        return [part for part in self.parts if isinstance(part, MovingTable) and not isinstance(part, CoupledTable)]
+
+    def _given(self, label: str) -> dict[str, float]:
+        return given_coordinates(label, self.postures[label], self._moving)
 
     def chain(self, sha256: str = "") -> Chain:
         """The chain that the file describes.
@@ -313,11 +207,18 @@ class ModelFile(Table):
         Raises:
             ValueError: a posture leaves the passive joints dependent.
         """
+        made = tuple(part.part() for part in self.parts)
+        passive = [part.name for part in made if isinstance(part, parts.PassiveJoint)]
+        given = {label: self._given(label) for label in self.postures}
         chain = Chain(
             name=self.name,
-            parts=tuple(part.part() for part in self.parts),
+            parts=made,
             base=frame(rotation(self.base.turns), self.base.position_mm),
-            postures={label: np.array(q, dtype=float) for label, q in self.postures.items()},
+            postures={label: np.array([q[name] for name in passive], dtype=float) for label, q in given.items()},
+            held={label: {k: v for k, v in q.items() if k not in passive} for label, q in given.items()},
+            after={part.name: part.after for part in self.parts if part.after is not None},
+            point_springs=tuple(table.spring() for table in self.point_springs),
+            ends=dict(self.ends),
             title=self.title,
             source=self.source,
             sha256=sha256,
@@ -328,24 +229,15 @@ class ModelFile(Table):
         return chain
 
 
-def _check_coordinates(label: str, q: list[float], joints: list[JointTable]) -> None:
-    where = f"posture '{label}':"
-    if len(q) != len(joints):
-        named = f" ({', '.join(joint.name for joint in joints)})" if joints else ""
-        raise ValueError(f"{where} {len(q)} coordinates for {len(joints)} passive joints{named}: give one each")
-    for joint, value in zip(joints, q, strict=True):
-        if abs(value) > np.pi:
-            raise ValueError(f"{where} {joint.name} = {printed(value)} rad is beyond ±π: is it in degrees?")
-        if joint.limits_rad is not None:
-            low, high = joint.limits_rad
-            if value < low:
-                raise ValueError(
-                    f"{where} out of reach: {joint.name} = {printed(value)} is below its limit {printed(low)}"
-                )
-            if value > high:
-                raise ValueError(
-                    f"{where} out of reach: {joint.name} = {printed(value)} exceeds its limit {printed(high)}"
-                )
+def _deflects(part: parts.Part) -> bool:
+    match part:
+        case parts.Beam() | SprungJoint():
+            return True
+        case ActuatedJoint():
+            return part.elastic
+        case CoupledJoint():
+            return part.compliance > 0.0 or any(part.lateral)
+    return False
 
 
 _TABLES: dict[str, type[Table]] = {
@@ -359,6 +251,11 @@ _TABLES: dict[str, type[Table]] = {
     "mount": MountTable,
     "beam": BeamTable,
     "joint": JointTable,
+    "link": Offset,
+    "payload": PayloadTable,
+    "actuated": ActuatedTable,
+    "coupled": CoupledTable,
+    "point_spring": PointSpringTable,
     "stiffness": StiffnessSection,
     "rectangle": Rectangle,
     "square_tube": SquareTube,

@@ -81,7 +81,7 @@ def loading_of(model: LumpedModel, x: Array, load_case: LoadCase) -> tuple[Appli
             if piece.mass > 0.0:
                 weight = np.concatenate([piece.mass * np.array(load_case.gravity), np.zeros(3)])
                 parts = (nothing, load_case.sign * weight) if load_case.weight_ramped else (weight, nothing)
-                rows.append((piece.joint, piece.at(piece.centre), False, *parts, False, False))
+                rows.append((piece.joint, piece.centre_of_mass, False, *parts, False, False))
     if isinstance(load_case.control, PointControl):
         joint, offset = model.find(load_case.control.part, load_case.control.at)
         if joint < 0:

@@ -10,8 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint, joint_axes
 from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, Placement, RigidOffset
 from vjm.model.springs import BeamColumnSpring, LinearSpring, Spring
 from vjm.rotations import AXES, Array, frame, rotation_from_vector, translation
@@ -47,6 +49,7 @@ class Piece:
         along: ``(3,)`` mm per unit of the fraction.
         mass: kg.
         centre: fraction at which its weight acts.
+        weight_at: position ``(3,)`` mm at which it acts, where that is off the stretch.
     """
 
     part: str
@@ -57,6 +60,12 @@ class Piece:
     along: Array
     mass: float = 0.0
     centre: float = 0.5
+    weight_at: Array | None = None
+
+    @property
+    def centre_of_mass(self) -> Array:
+        """Where its weight acts ``(3,)``, mm, in the frame behind the joint."""
+        return self.at(self.centre) if self.weight_at is None else self.weight_at
 
     def at(self, fraction: float) -> Array:
         """Position ``(3,)`` mm of a fraction of the part, in the frame behind the joint."""
@@ -66,6 +75,8 @@ class Piece:
 
 DEFINITE = 1e-12
 """Smallest eigenvalue of a compliance scaled to a unit diagonal; less is rounding."""
+LARGEST_BLOCK = 6
+"""Coordinates of one block of springs in the kernels."""
 NOWHERE = np.eye(4)
 """The transform between joints that meet in a point; shared, never written to."""
 
@@ -84,6 +95,7 @@ class Assembly:
         passive: indices of the passive joints' coordinates.
         elastic: indices of the virtual springs' coordinates.
         springs: the springs' laws.
+        natural: coordinates at which springs are free of stress.
         stations: points that show the chain's shape.
         pieces: straight stretches of the rigid bodies.
     """
@@ -99,27 +111,107 @@ class Assembly:
         self.passive: list[int] = []
         self.elastic: list[int] = []
         self.springs: list[Spring] = []
+        self.natural: dict[int, float] = {}
+        self._own: dict[str, int | None] = {}
         self.stations: list[Station] = []
         self.pieces: list[Piece] = []
         for part in chain.parts:
+            self._begin(part)
             first = self.size
             self._add(part)
             (self.passive if isinstance(part, PassiveJoint) else self.elastic).extend(range(first, self.size))
+
+    def _begin(self, part: Part) -> None:
+        """Called before a part is added: a chain goes on where it is."""
 
     def _add(self, part: Part) -> None:
         match part:
             case RigidOffset():
                 self._mark(part.name, 0.0)
-                self._piece(part.name, 0.0, 1.0, part.transform[:3, 3], part.mass)
+                self._piece(part.name, 0.0, 1.0, part.transform[:3, 3], part.mass, centre=part.centre)
                 self._move(part.transform)
             case PassiveJoint():
-                self._coordinate_joint(part.axis, rotary=not part.slides)
+                self._add_passive(part)
+            case ActuatedJoint() | SprungJoint() | CoupledJoint():
+                self._hold(part)
+                self._add_springs(part)
             case Actuator() | Mount():
                 if part.compliance > 0.0:
                     self._coordinate_joint(part.axis, rotary=False)
                     self.springs.append(LinearSpring(np.array([[part.compliance]])))
             case Beam():
                 self._add_beam(part)
+
+    def _add_passive(self, joint: PassiveJoint) -> None:
+        self._coordinate_joint(joint.axis, rotary=not joint.slides)
+
+    def _hold(self, joint: HeldJoint) -> None:
+        """Stand at the joint's coordinate."""
+        self._mark(joint.name, 0.0)
+        self._piece(joint.name, 0.0, 0.0, np.zeros(3))
+        self._move(joint.motion(joint.held_at))
+
+    def _add_springs(self, joint: ActuatedJoint | SprungJoint | CoupledJoint) -> None:
+        """What deflects in a held joint: across its axis first, as (22) has it, then about or along it."""
+        self._own[joint.name] = None
+        match joint:
+            case SprungJoint():
+                self._add_sprung(joint)
+            case ActuatedJoint(matrix=matrix) if matrix is not None:
+                self._spring_of_22(matrix, joint.name)
+            case ActuatedJoint() | CoupledJoint():
+                if isinstance(joint, CoupledJoint) and joint.as_bent:
+                    self._pass_on(joint)
+                for axis, compliance in zip(joint_axes(joint.axis).T, joint.lateral, strict=False):
+                    if compliance > 0.0:
+                        self._coordinate_joint(axis, rotary=True)
+                        self.springs.append(LinearSpring(np.array([[compliance]])))
+                if joint.compliance > 0.0:
+                    self._own_spring(joint, joint.compliance)
+        self._piece(joint.name, 1.0, 1.0, np.zeros(3))
+
+    def _add_sprung(self, joint: SprungJoint) -> None:
+        self._own_spring(joint, 1.0 / joint.stiffness)
+        self.natural[self.size - 1] = joint.stretch
+
+    def _own_spring(self, joint: HeldJoint, compliance: float) -> None:
+        self._own[joint.name] = self.size
+        self._coordinate_joint(joint.axis, rotary=not joint.slides)
+        self.springs.append(LinearSpring(np.array([[compliance]])))
+
+    def _pass_on(self, joint: CoupledJoint) -> None:
+        """Move a coupled joint by what the springs of the others add about their own axes."""
+        for name, ratio in joint.ratios:
+            if name not in self._own:
+                raise ValueError(
+                    f"joint '{joint.name}' is coupled to '{name}', which must be a held joint before it"
+                )
+            coordinate = self._own[name]
+            if coordinate is not None:
+                self._merge(coordinate, joint.name)
+                self._joint(joint.axis, coordinate, ratio, rotary=not joint.slides)
+
+    def _merge(self, coordinate: int, joint: str) -> None:
+        """Make one block of all springs from a coordinate on: a block's joints stand together in the kernels.
+
+        Raises:
+            ValueError: there is more between than fits a block.
+        """
+        merged: list[Array] = []
+        first = self.size
+        while first > coordinate:
+            spring = self.springs.pop()
+            first -= len(spring.unloaded)
+            merged.insert(0, spring.unloaded)
+            if not isinstance(spring, LinearSpring) or self.size - first > LARGEST_BLOCK:
+                first = -1
+                break
+        if first < 0 or any(coordinate < c for c in self.passive):
+            raise ValueError(
+                f"joint '{joint}': between it and what it is coupled to lie more than {LARGEST_BLOCK} spring "
+                f"coordinates, a passive joint or a beam, which paths do not take: write coupling = 'as commanded'"
+            )
+        self.springs.append(LinearSpring(block_diag(*merged)))
 
     def _add_beam(self, beam: Beam) -> None:
         own = frame(beam.own_frame)
@@ -220,11 +312,24 @@ class Assembly:
         self.springs.append(law)
 
     def _piece(
-        self, part: str, start: float, stop: float, along: Array, mass: float = 0.0, lever: float = 0.5
+        self,
+        part: str,
+        start: float,
+        stop: float,
+        along: Array,
+        mass: float = 0.0,
+        lever: float = 0.5,
+        centre: Array | None = None,
     ) -> None:
         root, R = self.rigid[:3, 3].copy(), self.rigid[:3, :3]
-        centre = start + lever * (stop - start)
-        self.pieces.append(Piece(part, start, stop, len(self.rotary) - 1, root, R @ along, mass, centre))
+        fraction = start + lever * (stop - start)
+        weight_at = None if centre is None else root + R @ centre
+        self.pieces.append(Piece(part, start, stop, self.last, root, R @ along, mass, fraction, weight_at))
+
+    @property
+    def last(self) -> int:
+        """Index of the last joint, −1 at the base."""
+        return len(self.rotary) - 1
 
     def _mark(self, part: str, fraction: float) -> None:
-        self.stations.append(Station(part, fraction, len(self.rotary) - 1, self.rigid[:3, 3].copy()))
+        self.stations.append(Station(part, fraction, self.last, self.rigid[:3, 3].copy()))

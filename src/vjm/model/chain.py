@@ -7,11 +7,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from vjm.model.joints import CoupledJoint, HeldJoint, PointSpring
 from vjm.model.parts import Actuator, Beam, Part, PassiveJoint, Placement
 from vjm.rotations import Array
 
 FOOT = "foot"
-"""Name of the beam that ``foot_segments`` splits; ``segments`` splits every other beam."""
+"""Name of the beam that ``foot_segments`` splits."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,13 @@ class Chain:
         link_segments: springs in every beam but the foot that its model file asks for; 1: the paper's one spring
             at the far end. None where it leaves that to the engine.
         foot_segments: likewise in the foot.
+        held: coordinates of the held joints (`vjm.model.joints`) by their names, mm or rad, by posture label.
+            Coupled joints follow from the others.
+        after: for a tree: name of the part behind which a part begins, by its name, empty for the base. A part that
+            is not named begins behind the part before it.
+        point_springs: springs between points of two parts.
+        ends: end frames of a tree by name: the name of the part behind which each lies. Behind the last part lies
+            the end-effector, whose name is empty.
     """
 
     name: str
@@ -40,12 +48,44 @@ class Chain:
     sha256: str = ""
     link_segments: int | None = None
     foot_segments: int | None = None
+    held: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    after: Mapping[str, str] = field(default_factory=dict)
+    point_springs: tuple[PointSpring, ...] = ()
+    ends: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         names = [part.name for part in self.parts]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"{self.name}: part names must differ, but {', '.join(twice)} stands twice")
+        self._check_references()
+
+    def _check_references(self) -> None:
+        """Refuse names of parts that are not there.
+
+        Raises:
+            ValueError: naming them.
+        """
+        before, joints = {""}, set[str]()
+        for part in self.parts:
+            where = self.after.get(part.name, "")
+            if where not in before:
+                raise ValueError(
+                    f"{self.name}: part '{part.name}' begins after '{where}', which is no part before it"
+                )
+            before.add(part.name)
+            for name, _ in part.ratios if isinstance(part, CoupledJoint) else ():
+                if name not in joints:
+                    raise ValueError(f"joint '{part.name}' is coupled to '{name}', which is no joint before it")
+            if isinstance(part, HeldJoint | PassiveJoint):
+                joints.add(part.name)
+        for end, behind in self.ends.items():
+            if behind not in before:
+                raise ValueError(f"{self.name}: end frame '{end}' lies behind '{behind}', which is no part")
+        for spring in self.point_springs:
+            for name in spring.parts:
+                if name not in before:
+                    raise ValueError(f"{self.name}: spring '{spring.name}' is fixed to '{name}', which is no part")
 
     @property
     def beams(self) -> tuple[Beam, ...]:
@@ -56,6 +96,58 @@ class Chain:
     def joints(self) -> tuple[PassiveJoint, ...]:
         """The passive joints, from base to tool."""
         return tuple(part for part in self.parts if isinstance(part, PassiveJoint))
+
+    @property
+    def held_joints(self) -> tuple[HeldJoint, ...]:
+        """The joints that stand at a coordinate which the data give: actuated and sprung ones, base to tool."""
+        return tuple(
+            part for part in self.parts if isinstance(part, HeldJoint) and not isinstance(part, CoupledJoint)
+        )
+
+    def at(self, label: str) -> Chain:
+        """The machine with its held joints at the coordinates of a posture; itself where it has none.
+
+        Raises:
+            KeyError: no such posture.
+        """
+        if not any(isinstance(part, HeldJoint) for part in self.parts):
+            return self
+        self.posture(label)
+        return self.locked(self.held.get(label, {}))
+
+    def locked(self, values: Mapping[str, float]) -> Chain:
+        """The machine with its held joints at coordinates by name, mm or rad.
+
+        Raises:
+            ValueError: a coordinate is missing or unknown, or a joint is coupled to one that is not before it.
+        """
+        known = {joint.name for joint in self.held_joints}
+        unknown, missing = sorted(set(values) - known), sorted(known - set(values))
+        if unknown or missing:
+            what = f"no held joint '{unknown[0]}'" if unknown else f"no coordinate for the joint '{missing[0]}'"
+            raise ValueError(f"{self.name}: {what}; it has {', '.join(sorted(known)) or 'none'}")
+        at = dict(values)
+        parts: list[Part] = []
+        for part in self.parts:
+            if isinstance(part, CoupledJoint):
+                other = next((name for name, _ in part.ratios if name not in at), None)
+                if other is not None:
+                    raise ValueError(
+                        f"joint '{part.name}' is coupled to '{other}', which is no held joint before it"
+                    )
+                at[part.name] = part.offset + sum(ratio * at[name] for name, ratio in part.ratios)
+            parts.append(replace(part, value=float(at[part.name])) if isinstance(part, HeldJoint) else part)
+        return replace(self, parts=tuple(parts))
+
+    def refuse_tree(self, what: str) -> None:
+        """For whatever takes parts in series only.
+
+        Raises:
+            ValueError: the machine has branches, or springs between two parts.
+        """
+        if self.after or self.point_springs:
+            why = "branches" if self.after else "springs between two parts"
+            raise ValueError(f"{self.name}: {what} is for parts in series, but it has {why}; vjm.tree takes it")
 
     @property
     def characteristic_length(self) -> float:
@@ -76,15 +168,16 @@ class Chain:
         """The same machine with its beams split into virtual springs.
 
         Args:
-            segments: number of segments by beam name; one number for every beam but the foot. A beam that is
-                not named stays as it is.
+            segments: number of segments by beam name; one number for every beam without a number of its own. A
+                beam that is not named stays as it is; 1 leaves a beam whole that has a number of its own, or a
+                compliance matrix alone.
             placement: where the spring sits in its segment.
 
         Raises:
             ValueError: no such beam, fewer than one segment, or a beam known by its compliance only.
         """
         if isinstance(segments, int):
-            segments = {beam.name: segments for beam in self.beams if beam.name != FOOT}
+            segments = {beam.name: beam.own_segments or segments for beam in self.beams}
         names = {beam.name for beam in self.beams}
         for name, n in segments.items():
             if name not in names:
@@ -94,6 +187,8 @@ class Chain:
 
         def split(part: Part) -> Part:
             if not isinstance(part, Beam) or part.name not in segments:
+                return part
+            if segments[part.name] == 1 and part.own_segments is not None:
                 return part
             part.effective_section()
             return replace(part, segments=segments[part.name], placement=Placement(placement))

@@ -85,12 +85,14 @@ class LumpedModel:
     def __init__(self, chain: Chain) -> None:
         self.chain = chain
         self.applied_loads = NO_LOADS
+        chain.refuse_tree("an equilibrium path")
         built = Assembly(chain)
         self.size = built.size
         self.springs: list[Spring] = built.springs
         self.stations: list[Station] = built.stations
         self.pieces: list[Piece] = built.pieces
         self.natural = np.zeros(self.size)
+        self.natural[list(built.natural)] = list(built.natural.values())
         self.passive = np.array(built.passive, dtype=int)
         self.elastic = np.array(built.elastic, dtype=int)
         self.joint_rotary = np.array(built.rotary, dtype=bool)

@@ -12,6 +12,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
 from vjm.rotations import Array, frame, rotate_matrix6, shift_compliance
 
 
@@ -100,16 +101,23 @@ class Section:
 
 @dataclass(frozen=True)
 class RigidOffset:
-    """A rigid piece.
+    """A rigid piece: a link, a tool, or a payload where its transform is the identity.
 
     Attributes:
         transform: constant ``(4, 4)``, mm.
-        mass: kg, its centre half-way along the transform's shift.
+        mass: kg.
+        centre: of mass ``(3,)`` mm, where the piece begins; None: half-way along the transform's shift.
     """
 
     name: str
     transform: Array = field(default_factory=lambda: np.eye(4))
     mass: float = 0.0
+    centre: Array | None = None
+
+    @property
+    def centre_of_mass(self) -> Array:
+        """``(3,)`` mm, in the frame where the piece begins."""
+        return 0.5 * self.transform[:3, 3] if self.centre is None else self.centre
 
 
 @dataclass(frozen=True)
@@ -183,6 +191,7 @@ class Beam:
     segments: int | None = None
     placement: Placement = Placement.BEST
     bow: tuple[float, float] = (0.0, 0.0)
+    own_segments: int | None = None
 
     @property
     def tip(self) -> Array:
@@ -241,5 +250,5 @@ class Beam:
         return self.beam_compliance() if self.compliance is None else self.compliance / self.count
 
 
-Part = RigidOffset | Actuator | Mount | PassiveJoint | Beam
+Part = RigidOffset | Actuator | Mount | PassiveJoint | Beam | ActuatedJoint | SprungJoint | CoupledJoint
 """Anything that a chain is made of."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.io.errors import did_you_mean
-from vjm.model.chain import FOOT, Chain
+from vjm.model.chain import Chain
 from vjm.model.parameters import SECTION_VALUES, Parameter
 from vjm.model.parts import Actuator, Beam, Part
 from vjm.rotations import Array
@@ -139,11 +139,7 @@ class Unknowns:
 def split_parts(engine: VjmEngine, chain: Chain) -> set[str]:
     """Names of the beams whose section counts, because the engine splits them; of the others the 6×6 does."""
     names = {beam.name for beam in chain.beams if beam.compliance is None}
-    if engine.segments is not None:
-        names |= {beam.name for beam in chain.beams if beam.name != FOOT}
-    if engine.foot_segments is not None and engine.foot_segments > 1:
-        names.add(FOOT)
-    return names & {beam.name for beam in chain.beams}
+    return names | {beam.name for beam in engine.split(chain).beams if beam.segments is not None}
 
 
 def default_parameters(engine: VjmEngine, chain: Chain) -> list[str]:

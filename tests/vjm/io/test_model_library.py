@@ -194,7 +194,7 @@ def test_schema_names_every_kind():
     schema = model_schema()
     assert schema["additionalProperties"] is False
     assert set(schema["properties"]["parts"]["items"]["discriminator"]["mapping"]) == {
-        "offset", "actuator", "mount", "beam", "joint",
+        "offset", "actuator", "mount", "beam", "joint", "link", "payload", "actuated", "coupled",
     }  # fmt: skip
     assert set(schema["required"]) == {"format", "name", "title", "source", "units", "parts", "postures"}
     assert "youngs_modulus_MPa" in schema["$defs"]["Rectangle"]["required"]

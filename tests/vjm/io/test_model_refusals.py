@@ -53,7 +53,8 @@ REFUSALS = {
     "unknown key": ("parts/4/lenght_mm", 310.0, "part 'link': unknown key 'lenght_mm'; did you mean 'length_mm'?"),
     "unknown top key": (
         "zzz", 1,
-        "unknown key 'zzz'; known are format, name, title, source, units, base, springs, parts, postures",
+        "unknown key 'zzz'; known are format, name, title, source, units, base, springs, parts, postures, "
+        "point_springs, ends",
     ),
     "unknown unit key": ("units/mass", "kg", "[units]: unknown key 'mass'; known are length, force, angle"),
     "unknown turn key": (
@@ -98,7 +99,8 @@ REFUSALS = {
     "format": ("format", 2, "format must be 1, got 2: this release reads no other"),
     "kind": (
         "parts/2/kind", "hinge",
-        "part 'q1': kind must be one of 'offset', 'actuator', 'mount', 'beam', 'joint', got 'hinge'",
+        "part 'q1': kind must be one of 'offset', 'link', 'payload', 'actuator', 'mount', 'beam', 'joint', "
+        "'actuated', 'coupled', got 'hinge'",
     ),
     "no kind": ("parts/2/kind", ..., "part 'q1': kind is missing: add it"),
     "part name": (
@@ -171,7 +173,7 @@ REFUSALS = {
         "part 'link': needs a [parts.section], a compliance, or both"),
     "duplicate": ("parts/2/name", "q2", "part name 'q2' stands twice, as parts 3 and 4: rename one"),
     "no beam": ("parts", [ORTHOGLIDE["parts"][Q1]],
-        "no part has kind = 'beam': a chain needs at least one, or nothing gives way"),
+        "nothing deflects: no part has kind = 'beam', and no joint a compliance; add one"),
     "no parts": ("parts", [], "parts must have at least 1 entry, got 0"),
     "actuator": ("parts/0/compliance_mm_per_N", -1e-6,
         "part 'actuator': compliance_mm_per_N must be at least 0, got -1e-6"),

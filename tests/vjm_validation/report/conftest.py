@@ -39,6 +39,7 @@ def make_chain():
     foot = Beam(
         "foot", 146.5, own_frame=quarter.T, section_frame=rotation_from_vector([0.0, 0.0, math.radians(50.3)]),
         end_offset=np.array([17.57, -8.74, 0.0]), section=Section(7.5e7, 6.40e8, 6.32e8, 1.744e9),
+        own_segments=1,
     )  # fmt: skip
     bar = Beam("bar", 310.0, own_frame=quarter, count=2, section=Section(6.74e6, 1.07e7, 2.07e8, 4.31e7))
     y, z = np.eye(3)[1], np.eye(3)[2]

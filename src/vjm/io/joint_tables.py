@@ -1,0 +1,318 @@
+"""Tables of a model file that are no beams: rigid links, payloads, drives, joints and springs between points."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from vjm.io import checks
+from vjm.io.errors import printed
+from vjm.io.fields import Axis, Label, Matrix6, Turns, VectorMM, rotation
+from vjm.io.sections import Table
+from vjm.model import joints, parts
+from vjm.rotations import frame
+
+Mass = Annotated[float, Field(ge=0.0, le=1e4, description="kg")]
+Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+Compliance = Annotated[float, Field(ge=0.0, le=1e3)]
+
+
+class PartTable(Table):
+    """What every part may have."""
+
+    name: Label
+    source: str = ""
+    after: str | None = Field(
+        None, description="name of the part behind which this one begins, '' for the base; else the part before it"
+    )
+
+
+class Offset(PartTable):
+    """A rigid piece: shifted first, then turned."""
+
+    kind: Literal["offset", "link"]
+    translation_mm: VectorMM = Field([0.0, 0.0, 0.0])
+    turns: Turns = Field([])
+    mass_kg: Mass = 0.0
+    centre_of_mass_mm: VectorMM | None = Field(None, description="in the frame where the piece begins")
+
+    @model_validator(mode="after")
+    def _weighed(self) -> Offset:
+        if self.mass_kg and self.centre_of_mass_mm is None:
+            raise ValueError("has mass_kg but no centre_of_mass_mm: add it, mm from where the part begins")
+        return self
+
+    def part(self) -> parts.RigidOffset:
+        """The part that the table describes."""
+        centre = None if self.centre_of_mass_mm is None else np.array(self.centre_of_mass_mm, dtype=float)
+        return parts.RigidOffset(
+            self.name,
+            frame(rotation(self.turns), self.translation_mm),
+            self.mass_kg,
+            centre if self.mass_kg else None,
+        )
+
+
+class PayloadTable(PartTable):
+    """A mass on the body that the part before it ends on."""
+
+    kind: Literal["payload"]
+    mass_kg: Mass
+    centre_of_mass_mm: VectorMM
+
+    def part(self) -> parts.RigidOffset:
+        """The part that the table describes."""
+        return parts.RigidOffset(self.name, np.eye(4), self.mass_kg, np.array(self.centre_of_mass_mm, dtype=float))
+
+
+class ActuatorTable(PartTable):
+    """A drive, held at its coordinate."""
+
+    kind: Literal["actuator"]
+    axis: Axis
+    compliance_mm_per_N: Compliance = 0.0  # noqa: N815
+
+    def part(self) -> parts.Actuator:
+        """The part that the table describes."""
+        return parts.Actuator(self.name, self.axis, self.compliance_mm_per_N)
+
+
+class MountTable(PartTable):
+    """What carries the chain and gives way along one axis: a frame, a guide."""
+
+    kind: Literal["mount"]
+    axis: Axis
+    compliance_mm_per_N: Compliance  # noqa: N815
+
+    def part(self) -> parts.Mount:
+        """The part that the table describes."""
+        return parts.Mount(self.name, self.axis, self.compliance_mm_per_N)
+
+
+class MovingTable(PartTable):
+    """What joints have: an axis, how they move, and limits."""
+
+    axis: Axis
+    motion: Literal["turns", "slides"] = Field("turns", description="about the axis, or along it")
+    limits_rad: Pair | None = None
+    limits_mm: Pair | None = None
+
+    @field_validator("limits_rad", "limits_mm")
+    @classmethod
+    def _ordered(cls, limits: list[float] | None) -> list[float] | None:
+        if limits is not None and limits[0] >= limits[1]:
+            raise ValueError(f"= {limits} must be [lower, upper]")
+        return limits
+
+    @property
+    def slides(self) -> bool:
+        """Whether it slides along its axis."""
+        return self.motion == "slides"
+
+    @property
+    def limits(self) -> tuple[float, float] | None:
+        """Of the coordinate, mm or rad."""
+        pair = self.limits_mm if self.slides else self.limits_rad
+        return None if pair is None else (pair[0], pair[1])
+
+    def refuse_other_motion(self, *keys: tuple[str, str]) -> None:
+        """Refuse keys of the other kind of motion; pairs are the key of a joint that turns and of one that slides.
+
+        Raises:
+            ValueError: one is given.
+        """
+        for turning, sliding in (("limits_rad", "limits_mm"), *keys):
+            wrong, right = (turning, sliding) if self.slides else (sliding, turning)
+            if getattr(self, wrong):
+                raise ValueError(f"has {wrong}, but it {self.motion}: give {right}")
+
+
+class ActuatedTable(MovingTable):
+    """A joint with a drive that holds the posture's coordinate; elastic about or along its axis, or all round."""
+
+    kind: Literal["actuated"]
+    compliance_rad_per_Nmm: Compliance = Field(0.0, description="about its axis, where it turns")  # noqa: N815
+    compliance_mm_per_N: Compliance = Field(0.0, description="along its axis, where it slides")  # noqa: N815
+    lateral_rad_per_Nmm: Pair = Field(  # noqa: N815
+        [0.0, 0.0], description="about the two other axes in cyclic order: x and y of a joint about z"
+    )
+    compliance: Matrix6 | None = Field(
+        None, description="in place of these: 6×6 in the chain frame behind the joint, mm/N, 1/N, rad/(N mm)"
+    )
+
+    @field_validator("compliance")
+    @classmethod
+    def _definite(cls, rows: list[list[float]] | None) -> list[list[float]] | None:
+        return None if rows is None else checks.checked_joint_compliance(np.array(rows, dtype=float)).tolist()
+
+    @model_validator(mode="after")
+    def _sane(self) -> ActuatedTable:
+        self.refuse_other_motion(("compliance_rad_per_Nmm", "compliance_mm_per_N"))
+        if min(self.lateral_rad_per_Nmm) < 0.0:
+            raise ValueError(f"has lateral_rad_per_Nmm = {self.lateral_rad_per_Nmm}: a compliance is zero or more")
+        if self.compliance is not None and (self.own or any(self.lateral_rad_per_Nmm)):
+            raise ValueError("has a 6×6 compliance and another one: give one of them")
+        return self
+
+    @property
+    def own(self) -> float:
+        """Compliance about or along its axis."""
+        return self.compliance_mm_per_N if self.slides else self.compliance_rad_per_Nmm
+
+    def part(self) -> joints.ActuatedJoint:
+        """The part that the table describes."""
+        first, second = self.lateral_rad_per_Nmm
+        matrix = None if self.compliance is None else np.array(self.compliance, dtype=float)
+        return joints.ActuatedJoint(
+            self.name, self.axis, self.slides, self.own, (first, second), matrix, limits=self.limits
+        )
+
+
+class JointTable(MovingTable):
+    """A passive joint, free or with a spring."""
+
+    kind: Literal["joint"]
+    stiffness_Nmm_per_rad: float = Field(0.0, ge=0.0, le=1e15)  # noqa: N815
+    stiffness_N_per_mm: float = Field(0.0, ge=0.0, le=1e12)  # noqa: N815
+    preload_Nmm: float = Field(  # noqa: N815
+        0.0, ge=-1e12, le=1e12, description="torque towards larger coordinates where the posture has the joint"
+    )
+    preload_N: float = Field(0.0, ge=-1e9, le=1e9)  # noqa: N815
+    rest_rad: float | None = Field(None, description="coordinate at which the spring is free of stress")
+    rest_mm: float | None = None
+
+    @model_validator(mode="after")
+    def _sane(self) -> JointTable:
+        self.refuse_other_motion(
+            ("stiffness_Nmm_per_rad", "stiffness_N_per_mm"), ("preload_Nmm", "preload_N"), ("rest_rad", "rest_mm")
+        )
+        strained = bool(self.preload_Nmm or self.preload_N) + (self.rest is not None)
+        if strained and not self.stiffness:
+            key = "stiffness_N_per_mm" if self.slides else "stiffness_Nmm_per_rad"
+            raise ValueError(f"has a preload or a rest position but no spring: add {key}")
+        if strained > 1:
+            raise ValueError("has a rest position and a preload, which say the same: give one")
+        return self
+
+    @property
+    def stiffness(self) -> float:
+        """Of its spring, zero where it has none."""
+        return self.stiffness_N_per_mm if self.slides else self.stiffness_Nmm_per_rad
+
+    @property
+    def rest(self) -> float | None:
+        """Where its spring is free of stress."""
+        return self.rest_mm if self.slides else self.rest_rad
+
+    def part(self) -> parts.PassiveJoint | joints.SprungJoint:
+        """The part that the table describes."""
+        if not self.stiffness:
+            return parts.PassiveJoint(self.name, self.axis, self.slides)
+        preload = self.preload_N if self.slides else self.preload_Nmm
+        return joints.SprungJoint(
+            self.name, self.axis, self.slides, self.stiffness, preload, self.rest, limits=self.limits
+        )
+
+
+class CoupledTable(MovingTable):
+    """A joint whose coordinate follows from others'."""
+
+    kind: Literal["coupled"]
+    to: dict[Label, float] = Field(min_length=1, description="ratios to other joints by their names")
+    offset_rad: float = 0.0
+    offset_mm: float = 0.0
+    coupling: Literal["as bent", "as commanded"] = Field(
+        "as bent", description="whether what the others' springs add about their own axes is passed on"
+    )
+    compliance_rad_per_Nmm: Compliance = 0.0  # noqa: N815
+    compliance_mm_per_N: Compliance = 0.0  # noqa: N815
+    lateral_rad_per_Nmm: Pair = Field([0.0, 0.0])  # noqa: N815
+
+    @model_validator(mode="after")
+    def _sane(self) -> CoupledTable:
+        self.refuse_other_motion(("compliance_rad_per_Nmm", "compliance_mm_per_N"), ("offset_rad", "offset_mm"))
+        if self.name in self.to:
+            raise ValueError("is coupled to itself: name another joint")
+        return self
+
+    def part(self) -> joints.CoupledJoint:
+        """The part that the table describes."""
+        first, second = self.lateral_rad_per_Nmm
+        return joints.CoupledJoint(
+            self.name, self.axis, self.slides, tuple(self.to.items()),
+            self.offset_mm if self.slides else self.offset_rad, self.coupling == "as bent",
+            self.compliance_mm_per_N if self.slides else self.compliance_rad_per_Nmm, (first, second),
+            limits=self.limits,
+        )  # fmt: skip
+
+
+class PointSpringTable(Table):
+    """A spring between a point of one part and a point of another, such as a gravity compensator."""
+
+    name: Label
+    source: str = ""
+    between: Annotated[list[str], Field(min_length=2, max_length=2, description="two parts; '' is the base")]
+    points_mm: Annotated[list[VectorMM], Field(min_length=2, max_length=2)] = Field(
+        description="in the frames where the parts begin (of joints behind them); the world's for the base"
+    )
+    stiffness_N_per_mm: float = Field(ge=0.0, le=1e9)  # noqa: N815
+    free_length_mm: float = Field(0.0, ge=0.0, le=1e5)
+    preload_N: float = Field(0.0, ge=-1e9, le=1e9, description="at the free length, pulling the points together")  # noqa: N815
+
+    def spring(self) -> joints.PointSpring:
+        """The spring that the table describes."""
+        return joints.PointSpring(
+            self.name, (self.between[0], self.between[1]), np.array(self.points_mm, dtype=float),
+            self.stiffness_N_per_mm, self.free_length_mm, self.preload_N,
+        )  # fmt: skip
+
+
+LARGEST_TURN = 2.0 * np.pi
+"""rad; a coordinate beyond it is taken for degrees. Passive joints turn half as far."""
+
+
+def check_coordinate(label: str, joint: MovingTable, value: float) -> None:
+    """Refuse a coordinate of a posture that is in another unit or beyond the joint's limits.
+
+    Raises:
+        ValueError: it is.
+    """
+    where = f"posture '{label}':"
+    if not joint.slides:
+        bound, name = (np.pi, "±π") if isinstance(joint, JointTable) else (LARGEST_TURN, "±2π")
+        if abs(value) > bound:
+            raise ValueError(f"{where} {joint.name} = {printed(value)} rad is beyond {name}: is it in degrees?")
+    if joint.limits is None:
+        return
+    low, high = joint.limits
+    if value < low:
+        raise ValueError(f"{where} out of reach: {joint.name} = {printed(value)} is below its limit {printed(low)}")
+    if value > high:
+        raise ValueError(f"{where} out of reach: {joint.name} = {printed(value)} exceeds its limit {printed(high)}")
+
+
+def given_coordinates(
+    label: str, posture: list[float] | dict[str, float], moving: list[MovingTable]
+) -> dict[str, float]:
+    """Coordinates by name of the joints that a posture has to give, every one checked.
+
+    Raises:
+        ValueError: too few, too many, unknown or implausible ones.
+    """
+    where, names = f"posture '{label}':", [joint.name for joint in moving]
+    if isinstance(posture, list):
+        if len(posture) != len(moving):
+            named = f" ({', '.join(names)})" if names else ""
+            what = "passive joints" if all(isinstance(joint, JointTable) for joint in moving) else "joints"
+            raise ValueError(f"{where} {len(posture)} coordinates for {len(moving)} {what}{named}: give one each")
+        posture = dict(zip(names, posture, strict=True))
+    unknown, missing = sorted(set(posture) - set(names)), [name for name in names if name not in posture]
+    if unknown:
+        raise ValueError(f"{where} no joint '{unknown[0]}' to be given; it has {', '.join(names) or 'none'}")
+    if missing:
+        raise ValueError(f"{where} no coordinate for the joint '{missing[0]}': give one")
+    for joint in moving:
+        check_coordinate(label, joint, posture[joint.name])
+    return posture

@@ -1,0 +1,1 @@
+"""Machines whose parts branch: equilibria under loads over many postures at once, with K^F and derivatives."""

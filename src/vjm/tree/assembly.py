@@ -1,0 +1,132 @@
+"""How a tree of parts becomes one-degree joints between rigid links, its held joints among them.
+
+Held joints stay joints here, for their coordinates change from posture to posture. So the arrays are made once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.model.assembly import Assembly
+from vjm.model.chain import Chain
+from vjm.model.joints import CoupledJoint, HeldJoint, SprungJoint
+from vjm.model.parts import Part, PassiveJoint
+from vjm.model.springs import LinearSpring
+from vjm.rotations import Array
+
+
+@dataclass(frozen=True)
+class Site:
+    """A frame on a body: behind a joint (−1: the base), ``(4, 4)`` mm from there."""
+
+    joint: int
+    frame: Array
+
+
+class TreeAssembly(Assembly):
+    """The joints and bodies of a machine, parents before children.
+
+    Attributes:
+        parent: joint before each joint, −1 for the base.
+        held: name of the part that gives a joint its coordinate, by the index of the joint.
+        begins: where each part begins, held joints behind what deflects in them, by name.
+        ends: where each part ends.
+        rests: coordinates of sprung joints with a rest position of their own: the part's name and that position.
+    """
+
+    def __init__(self, chain: Chain) -> None:
+        self.parent: list[int] = []
+        self.held: dict[int, str] = {}
+        self.begins: dict[str, Site] = {"": Site(-1, np.eye(4))}
+        self.ends: dict[str, Site] = {"": Site(-1, chain.base)}
+        self.rests: dict[int, tuple[str, float]] = {}
+        self._after = chain.after
+        self._last = -1
+        self._open = ""
+        super().__init__(chain)
+        self._close()
+
+    @property
+    def last(self) -> int:
+        """Index of the last joint, −1 at the base."""
+        return self._last
+
+    def _close(self) -> None:
+        self.ends[self._open] = Site(self._last, self.rigid)
+
+    def _begin(self, part: Part) -> None:
+        if self._open:
+            self._close()
+        site = self.ends[self._after.get(part.name, self._open)]
+        self._last, self.rigid = site.joint, site.frame
+        self._open = part.name
+        self.begins[part.name] = Site(self._last, self.rigid)
+
+    def _joint(self, axis: Array, coordinate: int, factor: float, *, rotary: bool) -> None:
+        self.parent.append(self._last)
+        super()._joint(axis, coordinate, factor, rotary=rotary)
+        self._last = len(self.rotary) - 1
+
+    def _stand(self, name: str, axis: Array, *, rotary: bool) -> None:
+        self._joint(axis, -1, 0.0, rotary=rotary)
+        self.held[self._last] = name
+
+    def _hold(self, joint: HeldJoint) -> None:
+        self._mark(joint.name, 0.0)
+        self._piece(joint.name, 0.0, 0.0, np.zeros(3))
+        self._stand(joint.name, joint.axis, rotary=not joint.slides)
+
+    def _add_passive(self, joint: PassiveJoint) -> None:
+        self._stand(joint.name, joint.axis, rotary=not joint.slides)
+        self._own[joint.name] = self.size
+        super()._add_passive(joint)
+        self.begins[joint.name] = Site(self._last, self.rigid)
+
+    def _own_spring(self, joint: HeldJoint, compliance: float) -> None:
+        if self._last < 0 or self.held.get(self._last) != joint.name:
+            super()._own_spring(joint, compliance)
+            return
+        # nothing lies between the coordinate that it stands at and its spring: they are one joint
+        self._own[joint.name] = self.coordinate[self._last] = self.size
+        self.factor[self._last] = 1.0
+        self.springs.append(LinearSpring(np.array([[compliance]])))
+        self.size += 1
+
+    def _add_sprung(self, joint: SprungJoint) -> None:
+        self._own_spring(joint, 1.0 / joint.stiffness)
+        if joint.rest is None:
+            self.natural[self.size - 1] = joint.stretch
+        else:
+            self.rests[self.size - 1] = (joint.name, joint.rest)
+
+    def _add_springs(self, joint: object) -> None:
+        super()._add_springs(joint)  # type: ignore[arg-type]
+        self.begins[self._open] = Site(self._last, self.rigid)
+
+    def _merge(self, coordinate: int, joint: str) -> None:
+        """Nothing: in a tree a coordinate may drive joints anywhere."""
+
+
+def commands(chain: Chain, names: list[str], held: dict[int, str], joints: int) -> tuple[Array, Array]:
+    """How the joints' values follow from the coordinates that the data give.
+
+    Args:
+        chain: the machine.
+        names: of the n joints whose coordinates the data give.
+        held: part by joint, see `TreeAssembly`.
+        joints: number of one-degree joints m.
+
+    Returns:
+        ``(m, n)`` and ``(m,)``: values are ``C q + c``.
+    """
+    rows: dict[str, tuple[Array, float]] = {name: (np.eye(len(names))[i], 0.0) for i, name in enumerate(names)}
+    for part in chain.parts:
+        if isinstance(part, CoupledJoint):
+            row = sum((ratio * rows[name][0] for name, ratio in part.ratios), np.zeros(len(names)))
+            rows[part.name] = row, part.offset + sum(ratio * rows[name][1] for name, ratio in part.ratios)
+    C, c = np.zeros((joints, len(names))), np.zeros(joints)
+    for joint, name in held.items():
+        C[joint], c[joint] = rows[name]
+    return C, c

@@ -1,0 +1,186 @@
+"""Equilibria of a machine in many postures at once, their loaded stiffness K^F, and derivatives by parameters.
+
+    model = TreeModel(chain)
+    found = equilibria(model, q, gravity=(0.0, 0.0, -9.81))
+
+`q` has a row for each posture and a column for each of ``model.joints``. The end frames are free, under the weight
+of all parts, wrenches on the end frames, and loads on any part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.model.load_case import Load
+from vjm.model.parameters import Parameter
+from vjm.rotations import Array
+from vjm.statics.equilibrium import NoConvergenceError
+from vjm.tree.entry_points import LOST, STABLE, equilibria_of, residuals_of, responses_of
+from vjm.tree.model import Gravity, TreeModel
+
+STEP = 1e-3
+"""Change of a parameter, over its scale, by which residuals are differenced: errors of its fourth power,
+1e-12, and of rounding over it, 1e-13."""
+
+
+@dataclass(frozen=True)
+class Equilibria:
+    """Equilibria of g postures of a machine with e end frames.
+
+    Attributes:
+        model: the machine.
+        q: ``(g, n_joints)`` coordinates of its joints as commanded, mm and rad.
+        x: ``(g, n)`` what the springs add, and what passive joints have turned by.
+        found: ``(g,)`` whether an equilibrium was found; rows of what was not are nan.
+        stable: ``(g,)`` whether it is stable with the end frames free.
+        torques: ``(g, n_joints)`` what holds each joint, N mm or N; for an actuated joint the drive's torque.
+        rotation: ``(g, e, 3, 3)`` and
+        position: ``(g, e, 3)`` of the end frames in the world, mm.
+        deflection: ``(g, e, 6)`` from the unloaded posture: shift and rotation vector, mm and rad, world axes.
+        compliance: ``(g, e, 6, 6)`` of the end frames by (18), mm/N, 1/N, rad/(N mm); None where not asked for.
+        stiffness: ``K^F`` ``(g, e, 6, 6)`` of (18), N/mm, N, N mm; nan where fewer than six springs move the end,
+            so that it is infinite in some direction.
+    """
+
+    model: TreeModel
+    q: Array
+    x: Array
+    found: np.ndarray
+    stable: np.ndarray
+    torques: Array
+    rotation: Array
+    position: Array
+    deflection: Array
+    compliance: Array | None
+    stiffness: Array | None
+
+
+def equilibria(
+    model: TreeModel,
+    q: Array | Mapping[str, float],
+    *,
+    gravity: Gravity | None = None,
+    wrench: Array | None = None,
+    loads: Sequence[Load] = (),
+    compliance: bool = True,
+    start: Array | None = None,
+) -> Equilibria:
+    """Equilibria of a machine in many postures under the same loads, or each under its own wrench.
+
+    Args:
+        model: the machine.
+        q: coordinates of ``model.joints``: rows ``(g, n_joints)``, one row, or values by name; mm and rad.
+        gravity: ``(3,)`` m/s², world axes.
+        wrench: on the end frames, N and N mm, fixed in the world: ``(6,)`` on the only one, ``(e, 6)``, or
+            ``(g, e, 6)`` for each posture.
+        loads: on any parts; they act in full.
+        compliance: whether it and the stiffness are wanted.
+        start: coordinates ``(g, n)`` from which Newton's method begins, such as those of a neighbour.
+
+    Raises:
+        ValueError: an array of another shape, or a load on no point of the machine.
+    """
+    q = model.coordinates(q)
+    g, n, e, arrays = len(q), model.size, len(model.ends), model.arrays(gravity, loads)
+    x = np.zeros((g, n)) if start is None else np.array(start, dtype=float).reshape(g, n)
+    verdict, forces = np.zeros(g, dtype=np.int64), np.zeros((g, len(arrays.parent)))
+    R, p, moved = np.zeros((g, e, 3, 3)), np.zeros((g, e, 3)), np.zeros((g, e, 6))
+    C, K = (np.zeros((g if compliance else 0, e, 6, 6)) for _ in range(2))
+    equilibria_of(
+        arrays, model.values(q), model.naturals(q), _wrenches(wrench, g, e), x, verdict, forces, R, p, moved, C, K
+    )
+    lost = verdict == LOST
+    for each in (x, forces, R, p, moved, C, K):
+        if len(each):
+            each[lost] = np.nan
+    return Equilibria(
+        model, q, x, ~lost, verdict == STABLE, model.torques(forces), R, p, moved,
+        C if compliance else None, K if compliance else None,
+    )  # fmt: skip
+
+
+def sensitivities(
+    found: Equilibria,
+    parameters: Sequence[Parameter],
+    *,
+    gravity: Gravity | None = None,
+    wrench: Array | None = None,
+    loads: Sequence[Load] = (),
+) -> Array:
+    """Derivatives of the end frames of `equilibria` by parameters of the machine, at the same loads.
+
+    By the implicit function theorem: ``A dx/dp = ∂r/∂p`` with the tangent A; what the residual r and the frames
+    change by at constant coordinates is differenced.
+
+    Returns:
+        ``(g, e, 6, n_p)``: velocity of the end frame and its angular velocity, world axes, mm and rad per unit of
+        the parameter.
+
+    Raises:
+        ValueError: a parameter changes which coordinates the machine has.
+        NoConvergenceError: a posture has no equilibrium.
+    """
+    if not found.found.all():
+        raise NoConvergenceError(f"posture {int(np.argmin(found.found))} has no equilibrium: no derivatives")
+    model, q, x = found.model, found.q, found.x
+    g, n, e, k = len(q), model.size, len(model.ends), len(parameters)
+    F = _wrenches(wrench, g, e)
+    right, own = np.zeros((g, k, n)), np.zeros((g, k, e, 6))
+    for i, parameter in enumerate(parameters):
+        # Richardson's extrapolation of two central differences
+        for h, share in ((STEP * parameter.scale, -1.0 / 3.0), (0.5 * STEP * parameter.scale, 4.0 / 3.0)):
+            (r1, R1, p1), (r0, R0, p0) = (
+                _residuals(
+                    TreeModel(parameter.apply(model.chain, parameter.value + s)), model, q, x, F, gravity, loads
+                )
+                for s in (h, -h)
+            )
+            share /= 2.0 * h
+            right[:, i] += share * (r1 - r0)
+            own[:, i, :, :3] += share * (p1 - p0)
+            spin = (R1 - R0) @ np.swapaxes(found.rotation, -1, -2)
+            pairs = [spin[..., c, b] - spin[..., b, c] for b, c in ((1, 2), (2, 0), (0, 1))]
+            own[:, i, :, 3:] += 0.5 * share * np.stack(pairs, axis=-1)
+    moved = np.zeros((g, k, e, 6))
+    responses_of(model.arrays(gravity, loads), model.values(q), model.naturals(q), F, x, right, moved)
+    return np.moveaxis(moved + own, 1, -1)
+
+
+def _residuals(
+    changed: TreeModel, model: TreeModel, q: Array, x: Array, wrench: Array, gravity: Gravity | None,
+    loads: Sequence[Load],
+) -> tuple[Array, Array, Array]:  # fmt: skip
+    if changed.size != model.size or changed.joints != model.joints:
+        raise ValueError(f"{model.chain.name}: a parameter that adds or takes away a spring has no derivative")
+    g, e = len(q), len(model.ends)
+    r, R, p = np.zeros_like(x), np.zeros((g, e, 3, 3)), np.zeros((g, e, 3))
+    residuals_of(changed.arrays(gravity, loads), changed.values(q), changed.naturals(q), wrench, x, r, R, p, False)
+    return r, R, p
+
+
+def unloaded_frames(model: TreeModel, q: Array | Mapping[str, float]) -> tuple[Array, Array]:
+    """End frames without load and without deflection: rotations ``(g, e, 3, 3)``, positions ``(g, e, 3)`` mm."""
+    q = model.coordinates(q)
+    g, e, n = len(q), len(model.ends), model.size
+    R, p, r = np.zeros((g, e, 3, 3)), np.zeros((g, e, 3)), np.zeros((g, n))
+    residuals_of(
+        model.arrays(), model.values(q), np.zeros((g, n)), np.zeros((1, e, 6)), np.zeros((g, n)), r, R, p, True
+    )
+    return R, p
+
+
+def _wrenches(wrench: Array | None, g: int, e: int) -> Array:
+    """Rows ``(g or 1, e, 6)``."""
+    if wrench is None:
+        return np.zeros((1, e, 6))
+    given = np.asarray(wrench, dtype=float)
+    if given.shape == (6,) and e == 1:
+        given = given[None]
+    if given.shape == (e, 6):
+        given = given[None]
+    if given.shape not in ((1, e, 6), (g, e, 6)) or not np.all(np.isfinite(given)):
+        raise ValueError(f"wrench has the shape {given.shape}; give finite numbers as ({e}, 6) or ({g}, {e}, 6)")
+    return np.ascontiguousarray(given)

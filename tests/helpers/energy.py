@@ -1,0 +1,185 @@
+"""An independent solver: the energy of a machine minimised with its own kinematics, gradients by complex steps.
+
+It shares no code with the package but the description of the parts. Rotations are Rodrigues' formula on complex
+angles, so that a gradient is exact to rounding; second derivatives are differences of gradients.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.model.load_case import Load
+from vjm.model.parts import Beam, RigidOffset
+
+TINY = 1e-30
+"""Complex step: its square is lost in rounding."""
+STEP = 1e-4
+"""Step of the differences of gradients: an error of its fourth power, 1e-16, and of rounding over it, 1e-12."""
+
+
+def rotated(axis, angle):
+    """Rotations ``(k, 3, 3)`` about an axis by complex angles ``(k,)``."""
+    x, y, z = axis
+    S = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], dtype=float)
+    s, c = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
+    return np.eye(3) + s * S + (1 - c) * (S @ S)
+
+
+class Energy:
+    """Potential energy of a chain or tree of linear springs under weight, dead forces and end forces."""
+
+    def __init__(self, chain: Chain, values: dict[str, float], gravity, loads=(), ends=None):
+        self.chain, self.values, self.gravity, self.loads = chain, values, np.array(gravity, dtype=float), loads
+        self.ends = dict(chain.ends) or {"": chain.parts[-1].name}
+        self.force = np.zeros((len(self.ends), 3))
+        self.size = 0
+        self.places(np.zeros((1, 200)))
+        self.size = self.used
+
+    def places(self, x):
+        """Strain energy, weights' energy, and where parts begin and end, at rows ``x`` (k, n)."""
+        k = len(x)
+        self.used, strain = 0, np.zeros(k, dtype=complex)
+        weight = np.zeros(k, dtype=complex)
+        begin, end, own, held = {}, {}, {}, dict(self.values)
+        R, p = np.broadcast_to(self.chain.base[:3, :3], (k, 3, 3)), np.broadcast_to(self.chain.base[:3, 3], (k, 3))
+        end[""] = (R, p)
+        begin[""] = (np.broadcast_to(np.eye(3), (k, 3, 3)), np.zeros((k, 3)))
+        last = ""
+
+        def take(count):
+            first = self.used
+            self.used += count
+            return x[:, first : first + count]
+
+        def spring6(R, p, compliance):
+            nonlocal strain
+            gives = np.flatnonzero(compliance.any(axis=0))
+            theta = take(len(gives))
+            K = np.linalg.inv(compliance[np.ix_(gives, gives)])
+            strain = strain + 0.5 * np.einsum("ki,ij,kj->k", theta, K, theta)
+            for column, i in zip(theta.T, gives, strict=True):
+                axis = np.eye(3)[i % 3]
+                if i < 3:
+                    p = p + (R @ axis) * column[:, None]
+                else:
+                    R = R @ rotated(axis, column)
+            return R, p
+
+        def move(R, p, axis, slides, amount):
+            amount = np.broadcast_to(amount, (k,))
+            if slides:
+                return R, p + (R @ axis) * amount[:, None]
+            return R @ rotated(axis, amount), p
+
+        def one(R, p, axis, slides, compliance, rest=0.0):
+            nonlocal strain
+            theta = take(1)[:, 0]
+            strain = strain + 0.5 * (theta - rest) ** 2 / compliance
+            R, p = move(R, p, axis, slides, theta)
+            return R, p, theta
+
+        for part in self.chain.parts:
+            where = self.chain.after.get(part.name, last)
+            R, p = end[where]
+            begin[part.name] = (R, p)
+            if isinstance(part, RigidOffset):
+                if part.mass:
+                    centre = p + R @ part.centre_of_mass
+                    weight = weight - part.mass * centre @ self.gravity
+                p = p + R @ part.transform[:3, 3]
+                R = R @ part.transform[:3, :3]
+            elif isinstance(part, Beam):
+                # the spring of the whole part at its tip, in its own axes
+                p = p + R @ part.tip
+                R, p = spring6(R @ part.own_frame, p, part.compliance)
+                R = R @ part.own_frame.T
+            elif isinstance(part, SprungJoint):
+                R, p = move(R, p, part.axis, part.slides, held[part.name])
+                rest = part.preload / part.stiffness if part.rest is None else part.rest - held[part.name]
+                R, p, own[part.name] = one(R, p, part.axis, part.slides, 1.0 / part.stiffness, rest)
+            elif isinstance(part, ActuatedJoint) and part.matrix is not None:
+                R, p = move(R, p, part.axis, part.slides, held[part.name])
+                R, p = spring6(R, p, part.matrix)
+            else:
+                assert isinstance(part, ActuatedJoint | CoupledJoint)
+                if isinstance(part, CoupledJoint):
+                    held[part.name] = part.offset + sum(r * held[name] for name, r in part.ratios)
+                R, p = move(R, p, part.axis, part.slides, held[part.name])
+                if isinstance(part, CoupledJoint) and part.as_bent:
+                    for name, ratio in part.ratios:
+                        if name in own:
+                            R, p = move(R, p, part.axis, part.slides, ratio * own[name])
+                i = int(np.argmax(np.abs(part.axis)))
+                across = [np.eye(3)[(i + 1) % 3], np.eye(3)[(i + 2) % 3]]
+                for axis, compliance in zip(across, part.lateral, strict=True):
+                    if compliance:
+                        R, p, _ = one(R, p, axis, False, compliance)
+                if part.compliance:
+                    R, p, own[part.name] = one(R, p, part.axis, part.slides, part.compliance)
+            if not isinstance(part, RigidOffset | Beam):
+                begin[part.name] = (R, p)
+            end[part.name] = (R, p)
+            last = part.name
+        return strain, weight, begin, end
+
+    def __call__(self, x):
+        strain, energy, begin, end = self.places(x)
+        energy = energy + strain
+        for spring in self.chain.point_springs:
+            a, b = (
+                begin[name][1] + begin[name][0] @ point
+                for name, point in zip(spring.parts, spring.points, strict=True)
+            )
+            length = np.sqrt(np.sum((b - a) ** 2, axis=1))
+            energy = energy + 0.5 * spring.stiffness * (length - spring.free_length) ** 2 + spring.preload * length
+        for load in self.loads:
+            energy = energy - end[load.part][1] @ np.array(load.wrench[:3])
+        for force, part in zip(self.force, self.ends.values(), strict=True):
+            energy = energy - end[part][1] @ force
+        return energy
+
+    def gradient(self, x):
+        """Gradient ``(n,)`` at ``x`` (n,)."""
+        steps = x + 1j * TINY * np.eye(self.size)
+        return self(steps).imag / TINY
+
+    def hessian(self, x):
+        """Second derivatives ``(n, n)``."""
+        unit = np.eye(self.size) * STEP
+        slopes = [[(self.gradient(x + s * d) - self.gradient(x - s * d)) / s for d in unit] for s in (1, 2)]
+        H = (4 * np.array(slopes[0]) - np.array(slopes[1])) / (6 * STEP)
+        return 0.5 * (H + H.T)
+
+    def minimum(self, x, hessian=None):
+        """Where the energy is least, near ``x``."""
+        before = np.inf
+        for turn in range(60):
+            if hessian is None or turn % 8 == 7:
+                hessian = self.hessian(x)
+            step = np.linalg.solve(hessian, self.gradient(x))
+            size = np.abs(step).max()
+            x = x - step * min(1.0, 0.3 / max(size, 1e-300))
+            # until rounding stops it
+            if size == 0.0 or (size < 1e-7 and size > 0.3 * before):
+                return x
+            before = size
+        raise AssertionError("the energy has no minimum near the unloaded posture")
+
+    def position(self, x, end):
+        """Position ``(3,)`` of an end frame."""
+        _, _, _, ends = self.places(x[None])
+        return ends[self.ends[end]][1][0].real
+
+    def force_compliance(self, x, end):
+        """Compliance ``(3, 3)`` of an end frame under forces, from the second derivatives of the energy."""
+        _, _, _, ends = self.places(x + 1j * TINY * np.eye(self.size))
+        rates = ends[self.ends[end]][1].imag / TINY
+        return rates.T @ np.linalg.solve(self.hessian(x), rates)
+
+
+def load_on(part, force):
+    """A dead force at the end of a part."""
+    return Load((*force, 0.0, 0.0, 0.0), part)

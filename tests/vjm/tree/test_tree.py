@@ -1,0 +1,307 @@
+"""Trees: against an independent minimiser of the energy, Pinocchio's statics and closed forms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio
+import pytest
+from helpers.energy import load_on
+from helpers.random_machines import GRAVITY, energy_of, random_machine
+
+from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring, SprungJoint
+from vjm.model.load_case import Load
+from vjm.model.lumped import LumpedModel
+from vjm.model.parameters import Parameter
+from vjm.model.parts import Beam, PassiveJoint, RigidOffset, Section
+from vjm.rotations import AXES, frame, rotation_from_vector, translation
+from vjm.statics.equilibrium import solve_under_wrench
+from vjm.statics.stiffness import loaded_stiffness
+from vjm.tree.equilibria import equilibria, sensitivities, unloaded_frames
+from vjm.tree.model import TreeModel
+
+WEIGHT = (0.0, 0.0, -9.81)
+
+
+def close_to_minimiser(seed: int) -> None:
+    """An equilibrium and its force compliance against the minimiser's; both to 1e-7 of their size."""
+    chain, values = random_machine(seed)
+    ends = list(chain.ends)
+    loads = (load_on(chain.parts[-1].name, (20.0, -35.0, 12.0)),)
+    found = equilibria(TreeModel(chain), values, gravity=GRAVITY, loads=loads)
+    energy = energy_of(chain, values, loads)
+    # from there, as soft machines have several equilibria; the energy moves on unless its gradient vanishes
+    x = energy.minimum(found.x[0])
+    assert found.found.all()
+    assert bool(found.stable[0]) == bool(np.linalg.eigvalsh(energy.hessian(x))[0] > 0.0)
+    moved = max(float(np.abs(found.deflection[0, :, :3]).max()), 1e-3)
+    for k, end in enumerate(ends):
+        # both solve to rounding: 1e-12 of positions of a metre
+        assert found.position[0, k] == pytest.approx(energy.position(x, end), abs=1e-7 * moved)
+        C = energy.force_compliance(x, end)
+        # the minimiser's second derivatives are differences, to some 1e-10 of the largest
+        assert found.compliance[0, k, :3, :3] == pytest.approx(C, abs=1e-7 * np.abs(C).max())
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_machines_against_a_minimiser_of_the_energy(seed: int):
+    close_to_minimiser(seed)
+
+
+@pytest.mark.slow
+def test_five_hundred_random_machines_against_a_minimiser_of_the_energy():
+    for seed in range(500):
+        close_to_minimiser(seed)
+
+
+def arm(count: int = 6, compliance: float = 1e-8, lateral: float = 0.0, seed: int = 3) -> Chain:
+    """A serial arm with random links."""
+    rng = np.random.default_rng(seed)
+    parts: list = []
+    for i in range(count):
+        axis = AXES["zyx"[int(rng.integers(3))]]
+        parts.append(ActuatedJoint(f"q{i}", axis, compliance=compliance, lateral=(lateral, lateral)))
+        T = frame(rotation_from_vector(rng.normal(size=3)), rng.uniform(-300, 300, 3))
+        parts.append(RigidOffset(f"l{i}", T, float(rng.uniform(1, 9)), rng.uniform(-100, 100, 3)))
+    return Chain("arm", tuple(parts))
+
+
+def test_torques_are_pinocchios():
+    chain = arm(compliance=1e-18)
+    model = pinocchio.Model()
+    model.gravity.linear = np.array(WEIGHT)
+    parent, placement = 0, pinocchio.SE3.Identity()
+    for part in chain.parts:
+        if isinstance(part, HeldJoint):
+            parent = model.addJoint(parent, pinocchio.JointModelRevoluteUnaligned(part.axis), placement, part.name)
+            placement = pinocchio.SE3.Identity()
+        else:
+            inertia = pinocchio.Inertia(part.mass, 1e-3 * placement.act(part.centre), np.eye(3))
+            model.appendBodyToJoint(parent, inertia, pinocchio.SE3.Identity())
+            placement = placement * pinocchio.SE3(part.transform[:3, :3], 1e-3 * part.transform[:3, 3])
+    q = np.random.default_rng(1).uniform(-3, 3, (5, 6))
+    found = equilibria(TreeModel(chain), q, gravity=WEIGHT)
+    data = model.createData()
+    for row, torque in zip(q, found.torques, strict=True):
+        # N m to N mm; the arm bends by 1e-12, which is what its torques differ by
+        expected = 1e3 * pinocchio.computeGeneralizedGravity(model, data, row)
+        assert torque == pytest.approx(expected, abs=1e-10 * np.abs(expected).max())
+
+
+def test_a_serial_arm_is_the_chains_virtual_joint_model():
+    chain = arm(lateral=3e-9)
+    names = [joint.name for joint in chain.held_joints]
+    q = np.random.default_rng(2).uniform(-2, 2, 6)
+    wrench = np.array([120.0, -80.0, 200.0, 3e4, -2e4, 1e4])
+    found = equilibria(TreeModel(chain), q, wrench=wrench)
+    model = LumpedModel(chain.locked(dict(zip(names, q, strict=True))))
+    at = solve_under_wrench(model, wrench, np.zeros(model.size))
+    # two solvers to 1e-11 of the scaled residual
+    assert found.x[0] == pytest.approx(at.x, abs=1e-9 * np.abs(at.x).max())
+    K = loaded_stiffness(at)
+    scale = np.sqrt(np.outer(np.diag(K), np.diag(K)))
+    assert found.stiffness[0, 0] / scale == pytest.approx(K / scale, abs=1e-8)
+
+
+def test_split_beams_are_the_chains():
+    section = Section(EA=7e6, GJ=2e8, EIy=3e8, EIz=2e8)
+    chain = Chain("beams", (Beam("upper", 500.0, section=section), Beam("fore", 400.0, section=section)))
+    chain = chain.refined({"upper": 4, "fore": 6})
+    wrench = np.array([-50.0, 300.0, -200.0, 0.0, 0.0, 0.0])
+    found = equilibria(TreeModel(chain), np.zeros((1, 0)), wrench=wrench)
+    model = LumpedModel(chain)
+    at = solve_under_wrench(model, wrench, np.zeros(model.size))
+    # both to 1e-11 of the scaled residual, over 60 coordinates
+    assert found.x[0] == pytest.approx(at.x, abs=1e-8 * np.abs(at.x).max())
+
+
+def test_followers_and_end_moments_have_their_tangent():
+    chain = arm(lateral=2e-9)
+    loads = (Load((40.0, 90.0, -60.0, 2e4, -3e4, 5e3), "l3", follower=True),)
+    model, q = TreeModel(chain), np.random.default_rng(5).uniform(-2, 2, 6)
+    wrench = np.array([10.0, -20.0, 30.0, 1e4, 2e4, -1e4])
+    found = equilibria(model, q, gravity=WEIGHT, wrench=wrench, loads=loads)
+    for i in range(6):
+        size = np.where(np.arange(6) < 3, 1.0, 300.0)[i]
+        ahead, behind = (
+            equilibria(model, q, gravity=WEIGHT, wrench=wrench + s * size * np.eye(6)[i], loads=loads)
+            for s in (1.0, -1.0)
+        )
+        shift = (ahead.position - behind.position)[0, 0] / (2.0 * size)
+        # central difference over 1 N: its error is the cube of 1e-4 rad
+        assert found.compliance[0, 0, :3, i] == pytest.approx(shift, abs=2e-8 * np.abs(shift).max())
+
+
+def test_a_sprung_column_buckles_at_its_closed_form():
+    # three links of a mm on springs of k N mm/rad under a dead axial load: P a / k is the smallest eigenvalue of
+    # the springs' matrix over that of the load, 0.1981 for three links (a discrete cantilever column)
+    k, a = 2e5, 100.0
+    stiff = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]]) * k
+    critical = float(np.linalg.eigvalsh(stiff / a)[0])
+    parts: list = []
+    for i in range(3):
+        parts += [
+            ActuatedJoint(f"q{i}", AXES["z"], compliance=1.0 / k),
+            RigidOffset(f"l{i}", translation([a, 0, 0])),
+        ]
+    model = TreeModel(Chain("column", tuple(parts)))
+    for factor, stable in ((1.0 - 1e-9, True), (1.0 + 1e-9, False)):
+        found = equilibria(model, np.zeros(3), wrench=np.array([-factor * critical, 0, 0, 0, 0, 0]))
+        assert bool(found.stable[0]) is stable
+
+
+def test_a_preload_holds_a_pendulum_and_its_spring_is_in_the_stiffness():
+    # a bar of 100 mm with 2 kg at its end, held level by a preload: the torque is the weight's exactly
+    k, torque = 5e4, 2.0 * 9.81 * 100.0
+    parts = (
+        SprungJoint("q", AXES["y"], stiffness=k, preload=-torque),
+        RigidOffset("bar", translation([100.0, 0.0, 0.0]), 2.0, np.array([100.0, 0.0, 0.0])),
+    )
+    found = equilibria(TreeModel(Chain("held", parts)), np.zeros(1), gravity=WEIGHT)
+    assert np.abs(found.x).max() < 1e-15
+    assert found.compliance[0, 0, 2, 2] == pytest.approx(100.0**2 / k, rel=1e-12)
+
+
+def test_a_passive_pendulum_hangs():
+    parts = (
+        PassiveJoint("q", AXES["y"]),
+        RigidOffset("rod", translation([0.0, 0.0, -200.0]), 1.5, np.array([0.0, 0.0, -200.0])),
+    )
+    found = equilibria(TreeModel(Chain("pendulum", parts)), np.array([0.7]), gravity=WEIGHT)
+    assert found.position[0, 0] == pytest.approx([0.0, 0.0, -200.0], abs=1e-9)
+    # m g / l
+    assert 1.0 / found.compliance[0, 0, 0, 0] == pytest.approx(1.5 * 9.81 / 200.0, rel=1e-12)
+
+
+def test_a_zero_length_spring_balances_a_link_in_every_posture():
+    # the gravity compensator of the lamps: m g l = k a b with a spring of free length zero
+    a, b, l_mm, mass = 150.0, 200.0, 500.0, 6.0
+    spring = PointSpring("lamp", ("", "link"), np.array([[0, 0, a], [0, 0, b]]), mass * 9.81 * l_mm / (a * b))
+    parts = (
+        ActuatedJoint("q", AXES["y"], compliance=1e-7),
+        RigidOffset("link", translation([0, 0, l_mm]), mass, np.array([0, 0, l_mm])),
+    )
+    model = TreeModel(Chain("lamp", parts, point_springs=(spring,)))
+    found = equilibria(model, np.linspace(-2.5, 2.5, 7)[:, None], gravity=WEIGHT)
+    # N mm, of a weight's torque of 29430
+    assert np.abs(found.torques).max() < 1e-9
+    assert np.abs(found.deflection).max() < 1e-12
+    assert 1.0 / np.linalg.norm(found.compliance[:, 0, :3, :3], axis=(1, 2)) * l_mm**2 * 1e-7 == pytest.approx(1.0)
+
+
+def test_a_coupling_as_bent_passes_on_what_bends():
+    def machine(as_bent: bool) -> TreeModel:
+        parts = (
+            ActuatedJoint("tilt", AXES["y"], compliance=1e-6),
+            RigidOffset("a", translation([0, 0, 300.0])),
+            CoupledJoint("chest", AXES["y"], ratios=(("tilt", -1.0),), as_bent=as_bent),
+            RigidOffset("b", translation([0, 0, 300.0]), 4.0, np.array([0, 0, 300.0])),
+        )
+        return TreeModel(Chain("torso", parts))
+
+    bent, commanded = (equilibria(machine(b), np.array([0.5]), gravity=WEIGHT) for b in (True, False))
+    assert bent.deflection[0, 0, 3:] == pytest.approx(np.zeros(3), abs=1e-15)
+    assert commanded.deflection[0, 0, 4] == pytest.approx(commanded.x[0, 0], rel=1e-12)
+    # upright chest: a parallelogram, so the weight's torque on the tilt has the first link's lever alone
+    lever = 300.0 * np.sin(0.5 + bent.x[0, 0])
+    assert bent.torques[0, 0] == pytest.approx(-4.0 * 9.81 * lever, rel=1e-12)
+    lever = 300.0 * (np.sin(0.5 + commanded.x[0, 0]) + np.sin(commanded.x[0, 0]))
+    assert commanded.torques[0, 0] == pytest.approx(-4.0 * 9.81 * lever, rel=1e-12)
+
+
+def test_derivatives_are_differences_of_equilibria():
+    chain = arm(lateral=2e-9)
+
+    def parameter(index: int, **changes) -> Parameter:
+        ((key, (value, scale, unit)),) = changes.items()
+
+        def apply(machine: Chain, v: float) -> Chain:
+            part = machine.parts[index]
+            new = (
+                replace(part, **{key: v})
+                if key != "shift"
+                else replace(part, transform=part.transform @ translation([v, 0, 0]))
+            )
+            return replace(machine, parts=(*machine.parts[:index], new, *machine.parts[index + 1 :]))
+
+        return Parameter(f"{index} {key}", unit, value, scale, apply)
+
+    parameters = [
+        parameter(2, compliance=(1e-8, 1e-8, "rad/(N mm)")),
+        parameter(3, mass=(chain.parts[3].mass, 1.0, "kg")),
+        parameter(5, shift=(0.0, 100.0, "mm")),
+    ]
+    q = np.random.default_rng(4).uniform(-2, 2, (3, 6))
+    wrench = np.array([50.0, 20.0, -300.0, 1e4, 0.0, -2e4])
+    found = equilibria(TreeModel(chain), q, gravity=WEIGHT, wrench=wrench)
+    D = sensitivities(found, parameters, gravity=WEIGHT, wrench=wrench)
+    assert D.shape == (3, 1, 6, 3)
+    for i, p in enumerate(parameters):
+        slopes = []
+        for h in (0.02 * p.scale, 0.01 * p.scale):
+            ahead, behind = (
+                equilibria(TreeModel(p.apply(chain, p.value + s)), q, gravity=WEIGHT, wrench=wrench)
+                for s in (h, -h)
+            )
+            turned = 0.5 * (ahead.rotation @ np.swapaxes(behind.rotation, -1, -2))
+            spin = [turned[..., c, b] - turned[..., b, c] for b, c in ((1, 2), (2, 0), (0, 1))]
+            slopes.append(
+                np.concatenate([ahead.position - behind.position, np.stack(spin, axis=-1)], axis=-1) / 2 / h
+            )
+        expected = (4.0 * slopes[1] - slopes[0]) / 3.0
+        unit = np.repeat([np.abs(expected[..., :3]).max(), max(np.abs(expected[..., 3:]).max(), 1e-12)], 3)
+        # the fourth power of a hundredth, 1e-8, of what is not linear, and rounding, 1e-12 of a metre, over h
+        assert D[..., i] / unit == pytest.approx(expected / unit, abs=1e-8)
+
+
+def test_two_hands_on_one_torso_bend_it_together():
+    def side(sign: int, name: str) -> list:
+        return [
+            ActuatedJoint(f"{name}-shoulder", AXES["x"], compliance=1e-7),
+            RigidOffset(f"{name}-arm", translation([0.0, 300.0 * sign, 0.0]), 3.0),
+        ]
+
+    parts = (ActuatedJoint("pan", AXES["x"], compliance=1e-7), RigidOffset("torso", translation([0, 0, 600.0])))
+    tree = Chain(
+        "two", (*parts, *side(1, "left"), *side(-1, "right")), after={"right-shoulder": "torso"},
+        ends={"left": "left-arm", "right": "right-arm"},
+    )  # fmt: skip
+    q = np.array([0.0, 0.4, 0.4])
+    found = equilibria(TreeModel(tree), q, gravity=WEIGHT)
+    alone = equilibria(TreeModel(Chain("one", (*parts, *side(1, "left")))), q[:2], gravity=WEIGHT)
+    both = equilibria(TreeModel(tree), np.array([0.0, 0.4, -0.4]), gravity=WEIGHT)
+    # mirrored arms leave the torso straight; one arm alone bends it
+    assert abs(both.x[0, 0]) < 1e-18
+    assert abs(alone.x[0, 0]) > 1e-4
+    assert found.torques.shape == (1, 3)
+    R, p = unloaded_frames(TreeModel(tree), q)
+    assert p[0, 0] == pytest.approx([0.0, 300 * np.cos(0.4), 600 + 300 * np.sin(0.4)])
+    assert R.shape == (1, 2, 3, 3)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: TreeModel(Chain("rigid", (RigidOffset("a"),))), "nothing deflects"),
+        (lambda: CoupledJoint("c", AXES["z"], ratios=(("c", 1.0),)), "coupled to itself"),
+        (lambda: ActuatedJoint("a", np.zeros(3)), "axis has length 0"),
+        (lambda: TreeModel(arm()).coordinates(np.zeros((2, 5))), "a column for each of its 6 joints"),
+        (lambda: TreeModel(arm()).coordinates(np.full((2, 6), np.nan)), "row 0 of q is not finite"),
+        (lambda: equilibria(TreeModel(arm()), np.zeros(6), wrench=np.zeros(5)), "wrench has the shape"),
+        (lambda: Chain("t", (RigidOffset("a"),), after={"a": "b"}), "begins after 'b'"),
+        (lambda: LumpedModel(arm()), "no coordinate yet"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(make, says):
+    with pytest.raises(ValueError, match=says):
+        make()
+
+
+def test_more_load_than_an_arm_bears_is_found_in_steps_or_said():
+    # a soft arm: a radian and more of deflection, where Newton from the unloaded posture needs steps
+    chain = arm(compliance=2e-6)
+    found = equilibria(TreeModel(chain), np.random.default_rng(9).uniform(-2, 2, (20, 6)), gravity=WEIGHT)
+    assert found.found.any()
+    assert np.isnan(found.position[~found.found]).all()
