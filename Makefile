@@ -19,7 +19,7 @@ export MKL_NUM_THREADS = 1
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help validate report test test-all bench blind lint schemas lock clean
+.PHONY: help validate report test test-all bench blind fuzz lint schemas lock clean
 
 help:
 	@echo 'make validate   every comparison (validate all $$ARGS); says where the report is'
@@ -28,6 +28,7 @@ help:
 	@echo 'make test-all   ruff, mypy and all tests'
 	@echo 'make bench      the benchmarks; writes bench.json'
 	@echo 'make blind      hides causes in made-up readings and scores their diagnoses ($$ARGS; --sample is quick)'
+	@echo 'make fuzz       mutated files for every loader ($$SECONDS; an hour)'
 	@echo 'make lint       ruff and mypy only'
 	@echo 'make schemas    the JSON schemas in docs/schemas anew'
 	@echo 'make lock       constraints.txt anew, from the ranges in pyproject.toml'
@@ -56,6 +57,10 @@ bench: $(VENV)/.test $(VENV)/.project
 # An interrupted campaign goes on where it was.
 blind: $(VENV)/.project
 	PYTHONPATH=tests $(BIN)/python -m hidden_effects --readme README.md $(ARGS)
+
+# Mutated files for every loader, for SECONDS (an hour).
+fuzz: $(VENV)/.project
+	PYTHONPATH=tests $(BIN)/python -m fuzz $(or $(SECONDS),3600)
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check

@@ -39,7 +39,7 @@ def one_line(failure: Exception) -> str:
     if isinstance(failure, OSError) and failure.strerror:
         where = f"{failure.filename}: " if failure.filename else ""
         return f"{where}{failure.strerror[:1].lower()}{failure.strerror[1:]}"
-    return " ".join(str(failure).split())
+    return shortened(" ".join(str(failure).split()))
 
 
 @contextmanager

@@ -1,0 +1,31 @@
+"""``python -m fuzz SECONDS``: mutated files for as long as is said; what went wrong, and a line of figures."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from fuzz.harness import answer, prepare, subjects
+
+
+def main() -> int:
+    """Number of wrong answers, at most 1."""
+    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 3600.0
+    end, seed, wrong = time.monotonic() + seconds, 0, 0
+    with tempfile.TemporaryDirectory() as folder:
+        prepare(Path(folder))
+        while time.monotonic() < end:
+            for subject in subjects():
+                said = answer(subject, seed, Path(folder))
+                if said:
+                    wrong += 1
+                    print(said)
+                seed += 1
+    print(f"{seed} inputs, {wrong} wrong answers (tracebacks, hangs over 20 s, or lines without an end)")
+    return min(wrong, 1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
