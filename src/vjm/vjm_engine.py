@@ -40,7 +40,8 @@ class VjmEngine:
     @property
     def label(self) -> str:
         """``vjm-paper``, ``vjm-16`` or ``vjm-16f16``, with the placement where it is not the best."""
-        named = "".join(f"-{name}{n}" for name, n in self.parts)
+        named = ",".join(f"{name}={n}" for name, n in self.parts)
+        named = f"[{named}]" if named else ""
         if self.segments is None:
             return f"vjm-paper{named}"
         foot = f"f{self.foot_segments}" if self.foot_segments and self.foot_segments > 1 else ""

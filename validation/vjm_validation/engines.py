@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
 from vjm.engine import Engine
@@ -33,16 +33,18 @@ class EngineOptions:
     """What the command line can say about an engine.
 
     Attributes:
-        segments: springs or elements in every beam but the foot; None for the engine's own default.
+        segments: springs or elements in every beam that has no number of its own; None for the engine's default.
         foot_segments: springs in the foot; None for one. Finite elements split it like any beam.
         placement: where a spring sits in its segment.
         shear: whether finite element sections keep their shear flexibility.
+        parts: springs by the name of the beam, for the virtual joint method.
     """
 
     segments: int | None = None
     foot_segments: int | None = None
     placement: Placement = Placement.BEST
     shear: bool = False
+    parts: tuple[tuple[str, int], ...] = ()
 
 
 def engine_by_name(name: str, options: EngineOptions = EngineOptions(), chain: object = None) -> Engine:
@@ -56,12 +58,17 @@ def engine_by_name(name: str, options: EngineOptions = EngineOptions(), chain: o
     Raises:
         ValueError: there is none; the message lists those that there are.
     """
+    by_part = re.fullmatch(r"(vjm[^\[]*)\[((?:[^=,\]]+=[1-9]\d*,?)+)\]", name)
+    if by_part:
+        parts = tuple((part, int(n)) for part, n in (word.split("=") for word in by_part[2].split(",") if word))
+        return engine_by_name(by_part[1], replace(options, parts=parts), chain)
     split = re.fullmatch(r"vjm-(\d+)(?:f(\d+))?(?:-(end|middle|two-thirds|best))?", name)
     if split:
         n, m, placement = split.groups()
-        return VjmEngine(int(n), int(m) if m else options.foot_segments, Placement(placement or options.placement))
+        foot = int(m) if m else options.foot_segments
+        return VjmEngine(int(n), foot, Placement(placement or options.placement), options.parts)
     if name in ("vjm-paper", "vjm"):
-        return VjmEngine() if name == "vjm-paper" else _vjm(options, chain)
+        return VjmEngine(parts=options.parts) if name == "vjm-paper" else _vjm(options, chain)
     if name in ("vjm-linear", "vjm-unloaded-jacobian", "msa"):
         return _baseline(name)
     if name in ("exudyn", "exudyn-footspring", "opensees"):
@@ -75,8 +82,8 @@ def _vjm(options: EngineOptions, chain: object) -> VjmEngine:
     link, foot = (chain.link_segments, chain.foot_segments) if isinstance(chain, Chain) else (None, None)
     foot = options.foot_segments or foot
     if options.segments is None and link is not None:
-        return VjmEngine.of(link, foot or 1, options.placement)
-    return VjmEngine(options.segments or DEFAULT_SEGMENTS, foot, options.placement)
+        return replace(VjmEngine.of(link, foot or 1, options.placement), parts=options.parts)
+    return VjmEngine(options.segments or DEFAULT_SEGMENTS, foot, options.placement, options.parts)
 
 
 # Each family is imported when it is asked for: one command needs one of them, and each takes a third of a second.
@@ -94,6 +101,8 @@ def _baseline(name: str) -> Engine:
 
 
 def _finite_elements(name: str, options: EngineOptions) -> Engine:
+    if options.parts:
+        raise ValueError(f"--segments: {name} takes one number of elements for all beams, not numbers by part")
     elements = options.segments or DEFAULT_SEGMENTS
     if name == "opensees":
         from vjm_fea.opensees import OpenSeesEngine

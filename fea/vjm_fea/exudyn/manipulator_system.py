@@ -17,7 +17,8 @@ from vjm_fea.common.mesh import Mesh
 from vjm_fea.common.points import NO_POINTS
 from vjm_fea.common.quaternions import quaternion
 from vjm_fea.exudyn.backend import items
-from vjm_fea.exudyn.system import ExudynSystem, Rigid, _crossing
+from vjm_fea.exudyn.joint_kinds import crossing
+from vjm_fea.exudyn.system import ExudynSystem, Rigid
 
 LOCKED = (1, 1, 1, 1, 1, 1)
 CLOSED = 1e-7
@@ -110,7 +111,7 @@ class ManipulatorSystem(ExudynSystem):
                 continue
             if part.name in hinges:
                 self._add_coupled(part, next(angles), *hinges[part.name])
-            elif isinstance(behind, PassiveJoint) and _crossing(part, behind):
+            elif isinstance(behind, PassiveJoint) and crossing(part, behind):
                 parts.pop(0)
                 self._add_universal(part, next(angles), behind, next(angles))
             else:

@@ -24,16 +24,7 @@ from vjm_fea.common.mesh import Mesh, lumped_mass
 from vjm_fea.common.points import NO_POINTS, Piece, Place, find
 from vjm_fea.common.quaternions import quaternion
 from vjm_fea.exudyn.backend import Item, exu, items
-
-REVOLUTE = (1, 1, 1, 1, 1, 0)
-"""Turns about z of the markers."""
-UNIVERSAL = (1, 1, 1, 1, 0, 0)
-"""Keeps y of the first marker at right angles to z of the second: two revolute joints that cross."""
-PRISMATIC = (0, 1, 1, 1, 1, 1)
-"""Slides along x of the markers."""
-
-PERPENDICULAR = 1e-9
-"""Cosine below which two revolute axes in a row make a universal joint."""
+from vjm_fea.exudyn.joint_kinds import PRISMATIC, REVOLUTE, UNIVERSAL, axes_with, crossing
 
 
 @dataclass(frozen=True)
@@ -131,7 +122,7 @@ class ExudynSystem:
             behind = parts[0] if parts else None
             if not isinstance(part, PassiveJoint):
                 self._add(part)
-            elif isinstance(behind, PassiveJoint) and _crossing(part, behind):
+            elif isinstance(behind, PassiveJoint) and crossing(part, behind):
                 parts.pop(0)
                 self._add_universal(part, next(angles), behind, next(angles))
             else:
@@ -222,7 +213,7 @@ class ExudynSystem:
         self._mark(beam.name, 1.0)
 
     def _add_drive(self, drive: Actuator | Mount) -> None:
-        at = self._frame @ frame(_axes_with(drive.axis, 0))
+        at = self._frame @ frame(axes_with(drive.axis, 0))
         before = self._marker(self._at(), at)
 
         def connect(behind: Item) -> None:
@@ -237,7 +228,7 @@ class ExudynSystem:
 
     def _add_sprung(self, spring: ElementarySpring) -> None:
         column = 0 if spring.slides else 2
-        at = self._frame @ frame(_axes_with(spring.axis, column))
+        at = self._frame @ frame(axes_with(spring.axis, column))
         before = self._marker(self._at(), at)
         stiffness, offset = np.zeros(6), np.zeros(6)
         where = column if spring.slides else 3 + column
@@ -254,7 +245,7 @@ class ExudynSystem:
         self._leave_open(at, connect)
 
     def _add_joint(self, joint: PassiveJoint, value: float) -> None:
-        axes = frame(_axes_with(joint.axis, 0 if joint.slides else 2))
+        axes = frame(axes_with(joint.axis, 0 if joint.slides else 2))
         before = self._marker(self._at(), self._frame @ axes)
         move = translation(joint.axis * value) if joint.slides else turn(joint.axis, value)
         behind = self._frame @ move @ axes
@@ -397,15 +388,3 @@ class ExudynSystem:
             self._waiting.append(place)
         else:
             place()
-
-
-def _crossing(a: PassiveJoint, b: PassiveJoint) -> bool:
-    return not (a.slides or b.slides) and abs(float(np.dot(a.axis, b.axis))) < PERPENDICULAR
-
-
-def _axes_with(axis: Array, column: int) -> Array:
-    """A rotation ``(3, 3)`` with the unit vector ``axis`` as one of its columns."""
-    side = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    side /= np.linalg.norm(side)
-    cyclic = [np.asarray(axis, dtype=float), side, np.cross(axis, side)]
-    return np.column_stack([cyclic[(i - column) % 3] for i in range(3)])

@@ -246,7 +246,7 @@ class _Import:
         if self._ends_with[link] == "":
             return  # what stands on the base moves nothing
         centre = _origin(found.inertial.origin)[:3, 3]
-        table = {"kind": "payload", "name": self._name(f"{link}-mass"), **self._after(link)}
+        table: dict[str, Any] = {"kind": "payload", "name": self._name(f"{link}-mass"), **self._after(link)}
         table |= {"mass_kg": self._mass(found), "centre_of_mass_mm": _numbers(centre)}
         self._parts.append(table)
         self._ends_with[link] = table["name"]

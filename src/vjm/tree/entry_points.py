@@ -6,8 +6,9 @@ import numpy as np
 
 from vjm.kernels.compilation import entry, kernel
 from vjm.kernels.packed_model import Floats, Ints
+from vjm.tree.arrays import TreeArrays, TreeWork, workspace
 from vjm.tree.dense import definite, factor, solve
-from vjm.tree.kernel import TreeArrays, TreeWork, evaluate, jacobian, place, turn_followers, workspace
+from vjm.tree.kernel import evaluate, jacobian, place, turn_followers
 
 STABLE, UNSTABLE, LOST = 0, 1, 2
 """What became of a posture: a stable or an unstable equilibrium, or none found."""

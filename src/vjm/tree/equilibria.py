@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.model.load_case import Load
 from vjm.model.parameters import Parameter
 from vjm.rotations import Array
-from vjm.statics.equilibrium import NoConvergenceError
 from vjm.tree.entry_points import LOST, STABLE, equilibria_of, residuals_of, responses_of
 from vjm.tree.model import Gravity, TreeModel
 

@@ -14,8 +14,8 @@ from vjm.model.load_case import Load
 from vjm.model.parts import PassiveJoint
 from vjm.model.springs import BeamColumnSpring, LinearSpring, Spring
 from vjm.rotations import Array
+from vjm.tree.arrays import TreeArrays
 from vjm.tree.assembly import Site, TreeAssembly, commands
-from vjm.tree.kernel import TreeArrays
 
 Gravity = tuple[float, float, float]
 

@@ -328,7 +328,7 @@ def test_file_that_is_no_model(tmp_path):
 
 
 def test_missing_file_and_directory(tmp_path):
-    known = "orthoglide-chain, pinned-column"
+    known = "orthoglide-chain, pinned-column, planar-2r, ur10"
     missing = tmp_path / "none.toml"
     assert said_of(missing) == f"{missing}: no such file; give a path to a TOML file or one of {known}"
     assert said_of(str(missing)) == said_of(missing)

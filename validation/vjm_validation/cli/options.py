@@ -20,7 +20,11 @@ MOST = 100_000
 """Of springs, elements and steps: more fit in no memory, and tell nothing that these do not."""
 
 Segments = Annotated[
-    int | None, Parameter(name="--segments", help="Springs or elements in every beam but the foot.")
+    str | None,
+    Parameter(
+        name="--segments",
+        help="Springs or elements in every beam that has no number of its own, or by part: link=16,foot=4.",
+    ),
 ]
 FootSegments = Annotated[int | None, Parameter(name="--foot-segments", help="Springs in the foot; 1 by default.")]
 PlacementOption = Annotated[
@@ -42,12 +46,31 @@ Model = Annotated[str, Parameter(help="A model of the library, or a path to a mo
 
 
 def engine_options(
-    segments: int | None, foot_segments: int | None, placement: Placement, shear: bool
+    segments: str | None, foot_segments: int | None, placement: Placement, shear: bool
 ) -> EngineOptions:
     """What the command line says about an engine, checked."""
-    positive("--segments", segments)
+    number, parts = segments_of(segments)
     positive("--foot-segments", foot_segments)
-    return EngineOptions(segments, foot_segments, placement, shear)
+    return EngineOptions(number, foot_segments, placement, shear, parts)
+
+
+def segments_of(text: str | None) -> tuple[int | None, tuple[tuple[str, int], ...]]:
+    """``16``, ``link=16,foot=4`` or ``8,foot=4``: the number for every beam, and the numbers by part."""
+    number, parts = None, []
+    for word in text.split(",") if text is not None else ():
+        part, equals, count = word.rpartition("=")
+        try:
+            value = int(count)
+        except ValueError:
+            raise UsageError(
+                f"--segments: '{word}' is no whole number and no part=number, such as link=16"
+            ) from None
+        positive("--segments", value)
+        if equals:
+            parts.append((part.strip(), value))
+        else:
+            number = value
+    return number, tuple(parts)
 
 
 def positive(name: str, value: int | None) -> None:
