@@ -51,6 +51,13 @@ def one_line(
     return _sentence(details[0], document, known_keys) + more
 
 
+def every_line(
+    details: Iterable[ErrorDetails], document: Mapping[str, Any], known_keys: Callable[[str], Iterable[str]]
+) -> list[str]:
+    """All that is wrong with a document, a line each; see `one_line`."""
+    return [_sentence(detail, document, known_keys) for detail in details]
+
+
 def _sentence(detail: ErrorDetails, document: Mapping[str, Any], known_keys: Callable[[str], Iterable[str]]) -> str:
     where, path, table = _place(detail["loc"], document)
     if detail["type"] == "extra_forbidden":

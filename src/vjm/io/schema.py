@@ -30,7 +30,18 @@ from vjm.io.joint_tables import (
     PointSpringTable,
     given_coordinates,
 )
-from vjm.io.sections import AnySection, LengthMM, Rectangle, SquareTube, StiffnessSection, Table
+from vjm.io.sections import (
+    AnySection,
+    IBeam,
+    LengthMM,
+    Rectangle,
+    RectangularTube,
+    RoundBar,
+    RoundTube,
+    SquareTube,
+    StiffnessSection,
+    Table,
+)
 from vjm.model import parts
 from vjm.model.chain import FOOT, Chain
 from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
@@ -259,6 +270,10 @@ _TABLES: dict[str, type[Table]] = {
     "stiffness": StiffnessSection,
     "rectangle": Rectangle,
     "square_tube": SquareTube,
+    "rectangular_tube": RectangularTube,
+    "round_bar": RoundBar,
+    "round_tube": RoundTube,
+    "i_beam": IBeam,
 }
 
 

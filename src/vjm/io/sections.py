@@ -146,11 +146,7 @@ class SquareTube(Shape):
 
     @model_validator(mode="after")
     def _hollow(self) -> SquareTube:
-        if self.wall_mm >= 0.5 * self.width_mm:
-            raise ValueError(
-                f"has wall_mm = {printed(self.wall_mm)}, which leaves no hole in "
-                f"width_mm = {printed(self.width_mm)}: give a thinner wall, or shape = 'rectangle'"
-            )
+        _check_hole(self.wall_mm, self.width_mm, "width_mm", "rectangle")
         return self
 
     def stiffness(self) -> parts.Section:
@@ -159,6 +155,93 @@ class SquareTube(Shape):
         hole = w - 2.0 * t
         inertia = (w**4 - hole**4) / 12.0
         return self._stiffness(w**2 - hole**2, square_tube_torsion(w, t), inertia, inertia)
+
+
+class RoundBar(Shape):
+    """A solid round bar."""
+
+    shape: Literal["round_bar"]
+    diameter_mm: LengthMM
+
+    def stiffness(self) -> parts.Section:
+        """The section's stiffness, N and N mm²."""
+        d = self.diameter_mm
+        inertia = math.pi * d**4 / 64.0
+        return self._stiffness(math.pi * d**2 / 4.0, 2.0 * inertia, inertia, inertia)
+
+
+class RoundTube(Shape):
+    """A round tube of outer ``diameter_mm``."""
+
+    shape: Literal["round_tube"]
+    diameter_mm: LengthMM = Field(description="outer diameter")
+    wall_mm: LengthMM
+
+    @model_validator(mode="after")
+    def _hollow(self) -> RoundTube:
+        _check_hole(self.wall_mm, self.diameter_mm, "diameter_mm", "round_bar")
+        return self
+
+    def stiffness(self) -> parts.Section:
+        """The section's stiffness, N and N mm²."""
+        d, hole = self.diameter_mm, self.diameter_mm - 2.0 * self.wall_mm
+        inertia = math.pi * (d**4 - hole**4) / 64.0
+        return self._stiffness(math.pi * (d**2 - hole**2) / 4.0, 2.0 * inertia, inertia, inertia)
+
+
+class RectangularTube(Shape):
+    """A rectangular tube, sharp corners, ``width_mm`` along the section's z and ``thickness_mm`` along its y."""
+
+    shape: Literal["rectangular_tube"]
+    width_mm: LengthMM = Field(description="outer, along the section's z axis")
+    thickness_mm: LengthMM = Field(description="outer, along the section's y axis")
+    wall_mm: LengthMM
+
+    @model_validator(mode="after")
+    def _hollow(self) -> RectangularTube:
+        _check_hole(self.wall_mm, min(self.width_mm, self.thickness_mm), "its smaller side", "rectangle")
+        return self
+
+    def stiffness(self) -> parts.Section:
+        """The section's stiffness, N and N mm²; torsion as for a square tube, `square_tube_torsion`."""
+        w, t, s = self.width_mm, self.thickness_mm, self.wall_mm
+        a, b = w - 2.0 * s, t - 2.0 * s
+        round_, across = (w - s) + (t - s), (w - s) * (t - s)
+        J = 2.0 * s * across**2 / round_ + 2.0 / 3.0 * round_ * s**3
+        return self._stiffness(w * t - a * b, J, (t * w**3 - b * a**3) / 12.0, (w * t**3 - a * b**3) / 12.0)
+
+
+class IBeam(Shape):
+    """An I of two flanges, ``width_mm`` along the section's z, and a web along its y, ``height_mm`` over all."""
+
+    shape: Literal["i_beam"]
+    width_mm: LengthMM = Field(description="of the flanges, along the section's z axis")
+    height_mm: LengthMM = Field(description="over all, along the section's y axis")
+    flange_mm: LengthMM
+    web_mm: LengthMM
+
+    @model_validator(mode="after")
+    def _open(self) -> IBeam:
+        if 2.0 * self.flange_mm >= self.height_mm or self.web_mm >= self.width_mm:
+            raise ValueError("has flanges or a web that leave nothing open: thin them, or give shape = 'rectangle'")
+        return self
+
+    def stiffness(self) -> parts.Section:
+        """The section's stiffness, N and N mm²; torsion is that of its three strips, without warping."""
+        b, h, f, w = self.width_mm, self.height_mm, self.flange_mm, self.web_mm
+        web = h - 2.0 * f
+        J = 2.0 * rectangle_torsion(b, f) + rectangle_torsion(web, w)
+        Iy = (2.0 * f * b**3 + web * w**3) / 12.0
+        Iz = (b * h**3 - (b - w) * web**3) / 12.0
+        return self._stiffness(2.0 * b * f + web * w, J, Iy, Iz)
+
+
+def _check_hole(wall: float, across: float, key: str, solid: str) -> None:
+    if wall >= 0.5 * across:
+        raise ValueError(
+            f"has wall_mm = {printed(wall)}, which leaves no hole in {key} = {printed(across)}: "
+            f"give a thinner wall, or shape = '{solid}'"
+        )
 
 
 def rectangle_torsion(width: float, thickness: float) -> float:
@@ -193,12 +276,17 @@ def _kind_of_section(raw: object) -> str:
 AnySection = Annotated[
     Annotated[StiffnessSection, Tag("stiffness")]
     | Annotated[Rectangle, Tag("rectangle")]
-    | Annotated[SquareTube, Tag("square_tube")],
+    | Annotated[SquareTube, Tag("square_tube")]
+    | Annotated[RectangularTube, Tag("rectangular_tube")]
+    | Annotated[RoundBar, Tag("round_bar")]
+    | Annotated[RoundTube, Tag("round_tube")]
+    | Annotated[IBeam, Tag("i_beam")],
     Discriminator(
         _kind_of_section,
         custom_error_type="unknown_shape",
         custom_error_message=(
-            "has an unknown shape: write 'rectangle' or 'square_tube', "
+            "has an unknown shape: write 'rectangle', 'square_tube', 'rectangular_tube', 'round_bar', 'round_tube' "
+            "or 'i_beam', "
             "or no shape but EA_N, GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2"
         ),
     ),

@@ -163,3 +163,34 @@ def test_sixty_joints_are_one_machine():
     content |= {"postures": {"home": [0.01] * 60}, "ends": {}, "point_springs": []}
     model = TreeModel(build_chain(content, "m.toml"))
     assert equilibria(model, model.posture("home"), gravity=(0.0, 0.0, -9.81)).found.all()
+
+
+MATERIAL = {"youngs_modulus_MPa": 1000.0, "poissons_ratio": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("shape", "A", "J", "Iy", "Iz"),
+    [
+        # π d²/4, π d⁴/32, π d⁴/64
+        ({"shape": "round_bar", "diameter_mm": 20.0}, 314.159265, 15707.9633, 7853.98163, 7853.98163),
+        ({"shape": "round_tube", "diameter_mm": 20.0, "wall_mm": 5.0}, 235.619449, 14726.2156, 7363.108, 7363.108),
+        # IPE 200 without its fillets: A 2726, Iz 1.846e7, Iy 1.419e6 by hand; J of three strips
+        (
+            {"shape": "i_beam", "width_mm": 100.0, "height_mm": 200.0, "flange_mm": 8.5, "web_mm": 5.6},
+            2724.8, 49175.0, 1.4193e6, 1.8458e7,
+        ),
+        # 60 by 40 by 4 with sharp corners: Bredt's cell and the walls' own torsion
+        (
+            {"shape": "rectangular_tube", "width_mm": 60.0, "thickness_mm": 40.0, "wall_mm": 4.0},
+            736.0, 8.0 * 56**2 * 36**2 / 92.0 + 2.0 / 3.0 * 92.0 * 64.0, 345045.33, 178005.33,
+        ),
+    ],
+)  # fmt: skip
+def test_sections_have_the_handbooks_values(shape, A, J, Iy, Iz):
+    content = copy.deepcopy(CONTENT)
+    content["parts"] = [{"kind": "beam", "name": "b", "length_mm": 500.0, "section": {**shape, **MATERIAL}}]
+    content |= {"postures": {"home": []}, "ends": {}, "point_springs": []}
+    section = build_chain(content, "m.toml").beams[0].section
+    # E = 1000, G = 500; the handbook's digits
+    found = (section.EA / 1000, section.GJ / 500, section.EIy / 1000, section.EIz / 1000)
+    assert found == pytest.approx((A, J, Iy, Iz), rel=2e-3)

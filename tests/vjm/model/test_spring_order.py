@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, root
 
 from vjm.continuation.path import EventKind
-from vjm.model.chain import FOOT, Chain
+from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.parts import Beam, PassiveJoint, Placement, Section
 from vjm.model.springs import BeamColumnSpring
@@ -54,7 +54,7 @@ def column(ends, EA, plane):
         case "clamped-pinned":
             parts = (beam, pin)
         case "sprung-pinned":
-            parts = (Beam(FOOT, 1e-9, compliance=np.diag([1e-9] * 5 + [L / EI])), beam, pin)
+            parts = (Beam("spring", 1e-9, compliance=np.diag([1e-9] * 5 + [L / EI]), own_segments=1), beam, pin)
         case _:
             parts = (beam,)
     return Chain(ends, parts, postures={"straight": np.zeros(len([p for p in parts if p.name in ("base", "tip")]))})

@@ -29,11 +29,16 @@ COMMANDS = {
     "calibrate": "Fit spring compliances to measured force-displacement readings, with their uncertainty.",
     "diagnose": "Show what the model gets wrong, name the cause, extend the model and measure the gain.",
     "identify": "A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance.",
+    "new": "Write a commented model file that runs as it is: chain, arm or platform.",
+    "check": "List every error of a model file, or say what machine it describes.",
+    "import": "Write a model file of a URDF.",
     "map": "Map a quantity over a manipulator's workspace: CSV, VTK, a figure and a render.",
 }
 """Each is a module of its name that is read when it is called: what it needs takes up to seconds to import."""
 for name, text in COMMANDS.items():
-    app.command(f"vjm_validation.cli.{name}:{name}_", name=name, help=text)
+    # a module cannot be called "import"
+    module = "import_urdf" if name == "import" else name
+    app.command(f"vjm_validation.cli.{module}:{name}_", name=name, help=text)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,0 +1,144 @@
+"""Every error of a model file with its line, and what a sane one describes."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pydantic
+
+from vjm.io.errors import ModelFileError, every_line, printed
+from vjm.io.model_file import build_chain, read_document
+from vjm.io.schema import ModelFile, known_keys
+from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
+from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
+
+Location = tuple[int | str, ...]
+
+
+def errors_of(name_or_path: str | Path) -> list[str]:
+    """What is wrong with a model file, one line each with its place; none where it is sane.
+
+    Raises:
+        ModelFileError: it cannot be read at all.
+    """
+    document = read_document(name_or_path)
+    path = Path(name_or_path)
+    text = path.read_text(encoding="utf-8-sig") if path.is_file() else ""
+    try:
+        ModelFile.model_validate(document.content)
+    except pydantic.ValidationError as error:
+        details = sorted(error.errors(include_url=False), key=lambda one: line_of(text, one["loc"]) or 0)
+        return [
+            f"{_at(document.file, line_of(text, detail['loc']))}: {line}"
+            for detail, line in zip(details, every_line(details, document.content, known_keys), strict=True)
+        ]
+    try:
+        build_chain(document.content, document.file)
+    except ModelFileError as error:
+        said = str(error).removeprefix(f"{document.file}: ")
+        return [f"{_at(document.file, _named(text, said))}: {said}"]
+    return []
+
+
+def _at(file: str, line: int | None) -> str:
+    return file if line is None else f"{file}:{line}"
+
+
+def line_of(text: str, loc: Location) -> int | None:
+    """Line, from one, of a key in a TOML text that has its parts as ``[[parts]]``; None where it is not found."""
+    lines = text.splitlines()
+    top = str(loc[0]) if loc else ""
+    if len(loc) > 1 and isinstance(loc[1], int):
+        headers = [i for i, line in enumerate(lines) if re.match(rf"\s*\[\[\s*{re.escape(top)}\s*\]\]", line)]
+        if loc[1] >= len(headers):
+            return None
+        start, keys = headers[loc[1]], [str(key) for key in loc[2:] if isinstance(key, str)]
+    else:
+        start = next((i for i, line in enumerate(lines) if re.match(rf"\s*\[\s*{re.escape(top)}\s*\]", line)), 0)
+        keys = [str(key) for key in loc if isinstance(key, str)]
+    for key in reversed(keys):
+        for i in range(start, len(lines)):
+            if i > start and re.match(r"\s*\[\[", lines[i]):
+                break
+            if re.match(rf"\s*\"?{re.escape(key)}\"?\s*=", lines[i]):
+                return i + 1
+    return start + 1 if lines else None
+
+
+def _named(text: str, said: str) -> int | None:
+    """Line where a part, joint or posture that a message names in quotes is defined."""
+    for name in re.findall(r"'([^']+)'", said):
+        pattern = rf"\s*(name\s*=\s*\"{re.escape(name)}\"|\"?{re.escape(name)}\"?\s*=)"
+        for i, line in enumerate(text.splitlines(), start=1):
+            if re.match(pattern, line):
+                return i
+    return None
+
+
+def summary_of(chain: Chain) -> list[tuple[str, str]]:
+    """What a machine is, in rows of what and how much."""
+    masses = [part.mass for part in chain.parts if isinstance(part, Beam | RigidOffset)]
+    reach = sum(float(np.linalg.norm(_shift(part))) for part in chain.parts)
+    actuated = [part.name for part in chain.parts if isinstance(part, ActuatedJoint | Actuator)]
+    passive = [part.name for part in chain.parts if isinstance(part, PassiveJoint | SprungJoint)]
+    coupled = [part.name for part in chain.parts if isinstance(part, CoupledJoint)]
+    rows = [
+        ("parts", str(len(chain.parts))),
+        ("mass", f"{printed(sum(masses))} kg"),
+        ("length along the parts", f"{printed(reach)} mm"),
+        ("actuated joints", _listed(actuated)),
+        ("passive joints", _listed(passive)),
+    ]
+    rows += [("coupled joints", _listed(coupled))] if coupled else []
+    rows += [("deflects", f"{name}: {how}") for name, how in elastic_parts(chain)]
+    rows += [(f"posture {label}", _posture(chain, label)) for label in chain.postures]
+    rows += [("end frame", f"{name}, behind {part}") for name, part in chain.ends.items()]
+    rows += [("point spring", f"{one.name}: {printed(one.stiffness)} N/mm") for one in chain.point_springs]
+    return rows
+
+
+def elastic_parts(chain: Chain) -> list[tuple[str, str]]:
+    """The parts that deflect by name, and what of them does."""
+    found = []
+    for part in chain.parts:
+        match part:
+            case Beam():
+                kind = "section" if part.section is not None else "6×6 compliance"
+                found.append((part.name, f"beam of {printed(part.length)} mm, {kind}"))
+            case Actuator() | Mount() if part.compliance > 0.0:
+                found.append((part.name, f"{printed(part.compliance)} mm/N along its axis"))
+            case SprungJoint():
+                unit = "N/mm" if part.slides else "N mm/rad"
+                found.append((part.name, f"spring of {printed(part.stiffness)} {unit}"))
+            case ActuatedJoint(matrix=matrix) if matrix is not None:
+                found.append((part.name, "6×6 compliance"))
+            case ActuatedJoint() | CoupledJoint():
+                unit = "mm/N" if part.slides else "rad/(N mm)"
+                own = f"{printed(part.compliance)} {unit}" if part.compliance > 0.0 else ""
+                across = " and ".join(printed(c) for c in part.lateral if c > 0.0)
+                across = f"{across} rad/(N mm) across" if across else ""
+                if own or across:
+                    found.append((part.name, ", ".join(text for text in (own, across) if text)))
+    return found
+
+
+def _shift(part: object) -> np.ndarray:
+    if isinstance(part, Beam):
+        return part.tip
+    return part.transform[:3, 3] if isinstance(part, RigidOffset) else np.zeros(3)
+
+
+def _listed(names: list[str]) -> str:
+    return f"{len(names)}: {', '.join(names)}" if names else "none"
+
+
+def _posture(chain: Chain, label: str) -> str:
+    values: dict[str, Any] = dict(chain.held.get(label, {}))
+    values |= zip((joint.name for joint in chain.joints), chain.posture(label), strict=True)
+    slides = {part.name for part in chain.parts if isinstance(part, HeldJoint | PassiveJoint) and part.slides}
+    text = ", ".join(f"{k} {printed(float(v))} {'mm' if k in slides else 'rad'}" for k, v in values.items())
+    return text or "no joints"

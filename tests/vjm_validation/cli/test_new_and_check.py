@@ -1,0 +1,82 @@
+"""``validate new``, ``check`` and ``import``: templates run as they are, every error is listed with its line."""
+
+from __future__ import annotations
+
+import pytest
+from helpers.command import validate
+
+from vjm.io.manipulator_file import load_model
+from vjm.io.model_report import elastic_parts, errors_of, line_of
+from vjm_validation.cli.main import run
+
+
+@pytest.mark.parametrize("kind", ["chain", "arm", "platform"])
+def test_a_template_runs_as_it_is(kind, tmp_path, capsys):
+    file = tmp_path / "my-own.toml"
+    assert run(["new", kind, str(file)]) == 0
+    assert load_model(file).name == "my-own"
+    assert run(["check", str(file)]) == 0
+    assert "my-own" in capsys.readouterr().out
+    # never over somebody's work
+    assert run(["new", kind, str(file)]) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_commands_take_the_arm(tmp_path):
+    file = tmp_path / "arm.toml"
+    assert run(["new", "arm", str(file)]) == 0
+    for command in (
+        ["stiffness", str(file), "--posture", "home", "--wrench", "0,0,-100,0,0,0"],
+        ["curve", str(file), "--posture", "home", "--axis", "load", "--to", "1", "--load", "0,0,-100",
+         "--free", "x,y,z,rx,ry,rz", "--gravity", "0,0,-9.81", "--engine", "exudyn"],
+        ["buckling", str(file), "--posture", "stretched", "--to", "1", "--segments", "upper=4"],
+    ):  # fmt: skip
+        finished = validate(*command)
+        assert (finished.status, finished.err.count("Traceback")) == (0, 0), finished.err
+
+
+def test_check_prints_what_the_machine_is(tmp_path):
+    finished = validate("check", "planar-2r")
+    assert finished.status == 0
+    for text in ("2: shoulder, elbow", "beam of 500 mm, section", "posture bent", "elbow 1.2 rad", "kg"):
+        assert text in finished.out
+    assert elastic_parts(load_model("ur10"))[0] == ("shoulder-pan", "1.1e-8 rad/(N mm)")
+
+
+def test_check_lists_every_error_with_its_line(tmp_path):
+    file = tmp_path / "arm.toml"
+    assert run(["new", "arm", str(file)]) == 0
+    text = file.read_text()
+    broken = text.replace("length_mm = 500.0", "lenght_mm = 500.0").replace("mass_kg = 3.0", 'mass_kg = "3"')
+    file.write_text(broken)
+    lines = broken.splitlines()
+    finished = validate("check", str(file))
+    assert finished.status == 2
+    wrong = 1 + next(i for i, line in enumerate(lines) if line.startswith("lenght_mm"))
+    mass = 1 + next(i for i, line in enumerate(lines) if line.startswith("mass_kg"))
+    assert f"arm.toml:{wrong}: part 'upper': unknown key 'lenght_mm'; did you mean 'length_mm'?" in finished.err
+    assert f"arm.toml:{mass}: part 'fore': mass_kg must be a number, got '3'" in finished.err
+    assert finished.err.count("validate:") == 3  # and length_mm is missing
+
+
+def test_an_error_of_the_whole_machine_has_the_line_of_what_it_names(tmp_path):
+    file = tmp_path / "arm.toml"
+    assert run(["new", "arm", str(file)]) == 0
+    file.write_text(file.read_text().replace("home = { shoulder = -0.5,", "home = { shoulder = -30.0,"))
+    (said,) = errors_of(file)
+    assert "posture 'home': shoulder = -30 rad is beyond ±2π" in said
+    assert line_of("a = 1\n[units]\nlength = 2\n", ("units", "length")) == 3
+
+
+def test_import_writes_a_model_file(tmp_path, capsys):
+    inertia = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    link = '<link name="{}"><inertial><mass value="1"/>' + inertia + "</inertial></link>"
+    joint = '<joint name="q" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint>'
+    urdf = tmp_path / "robot.urdf"
+    urdf.write_text(f'<robot name="tiny">{link.format("a")}{link.format("b")}{joint}</robot>')
+    out = tmp_path / "tiny.toml"
+    assert run(["import", str(urdf), "--out", str(out)]) == 0
+    assert "the compliance of q" in capsys.readouterr().out
+    assert load_model(out).held_joints[0].name == "q"
+    assert run(["import", str(tmp_path / "none.urdf")]) == 2
+    assert "cannot be read" in capsys.readouterr().err

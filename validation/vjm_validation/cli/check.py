@@ -1,0 +1,48 @@
+"""The command ``validate check``."""
+
+from __future__ import annotations
+
+from vjm.io.errors import ModelFileError
+from vjm.io.manipulator_file import load_manipulator
+from vjm.io.model_file import load_chain, read_document
+from vjm.io.model_report import errors_of, summary_of
+from vjm.platform.manipulator import Manipulator
+from vjm_output import terminal
+from vjm_validation.cli.options import Model
+from vjm_validation.cli.status import BAD_INPUT, OK
+
+
+def check_(model: Model) -> int:
+    """List every error of a model file, or say what machine it describes."""
+    console = terminal.console()
+    if read_document(model).content.get("kind") == "manipulator":
+        machine = load_manipulator(model)
+        console.print(terminal.two_columns(f"{machine.name}: {machine.title}", dict(_platform(machine))))
+        return OK
+    try:
+        errors = errors_of(model)
+    except ModelFileError as error:
+        errors = [str(error)]
+    for line in errors:
+        terminal.error(line)
+    if errors:
+        return BAD_INPUT
+    chain = load_chain(model)
+    console.print(terminal.two_columns(f"{chain.name}: {chain.title}", _merged(summary_of(chain))))
+    return OK
+
+
+def _merged(rows: list[tuple[str, str]]) -> dict[str, str]:
+    """Rows of one name under each other."""
+    table: dict[str, str] = {}
+    for name, value in rows:
+        table[name] = f"{table[name]}\n{value}" if name in table else value
+    return table
+
+
+def _platform(machine: Manipulator) -> list[tuple[str, str]]:
+    return [
+        ("legs", f"{len(machine.legs)}: {', '.join(leg.name for leg in machine.legs)}"),
+        *((f"leg {leg.name}", f"{leg.chain.name}, {len(leg.chain.parts)} parts") for leg in machine.legs),
+        ("poses", ", ".join(machine.poses)),
+    ]
