@@ -17,16 +17,14 @@ def joint_axes(axis: Array) -> Array:
     """Axes ``(3, 3)`` of a joint as columns: two across it and, last, its own.
 
     Across an axis x, y or z of the chain frame they are the two others in cyclic order, x and y for a joint about
-    z; across any other the first lies at right angles to the frame's axis that it is farthest from.
+    z; across any other they are those of the nearest axis, turned with it on the shortest way.
     """
     axis = np.asarray(axis, dtype=float)
-    along = np.flatnonzero(np.abs(axis) == 1.0)
-    if len(along):
-        k = int(along[0])
-        side = np.eye(3)[(k + 1) % 3]
-    else:
-        side = np.cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
-        side /= np.linalg.norm(side)
+    k = int(np.argmax(np.abs(axis)))
+    nearest = np.eye(3)[k] * np.sign(axis[k])
+    side = np.eye(3)[(k + 1) % 3]
+    # the shortest turn from the nearest axis moves a side by its part in the plane of both axes
+    side = side - (side @ axis) / (1.0 + nearest @ axis) * (nearest + axis)
     return np.column_stack([side, np.cross(axis, side), axis])
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
 from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
 from vjm.rotations import AXES, frame, rotation_from_vector
 
@@ -173,11 +174,91 @@ def orientation(chain: Chain, part: str, axis: str) -> Parameter:
                 return _with(chain, replace(now, axis=R @ given.axis))
             case Mount(), Mount():
                 return _with(chain, replace(now, axis=R @ given.axis))
+            case HeldJoint(), HeldJoint():
+                return _with(chain, replace(now, axis=R @ given.axis))
             case PassiveJoint(), PassiveJoint():
                 return _with(chain, replace(now, axis=R @ given.axis))
         raise ValueError(f"part '{part}' is no longer the {type(given).__name__} that it was")
 
     return Parameter(f"{part} turn about {axis}", "rad", 0.0, 1.0, apply)
+
+
+def joint_compliance(chain: Chain, joint: str, axis: str = "own") -> Parameter:
+    """Compliance of a held joint about or along its axis, or about one of the two others.
+
+    Args:
+        chain: the machine.
+        joint: name of an actuated, coupled or sprung joint.
+        axis: ``own``, or ``lateral-1`` and ``lateral-2`` for the two others, see `vjm.model.joints.joint_axes`.
+
+    Raises:
+        ValueError: no such joint or axis, a 6×6 compliance, or a rigid one: from zero upwards it adds a coordinate.
+    """
+    part = _part(chain, joint)
+    names = ("own", "lateral-1", "lateral-2")
+    if (
+        not isinstance(part, ActuatedJoint | CoupledJoint | SprungJoint)
+        or getattr(part, "matrix", None) is not None
+    ):
+        raise ValueError(f"part '{joint}' is no joint with a compliance about or along single axes")
+    if axis not in names:
+        raise ValueError(f"joint '{joint}': a compliance is one of {', '.join(names)}, not {axis}")
+    if isinstance(part, SprungJoint):
+        own, lateral = 1.0 / part.stiffness, (0.0, 0.0)
+    else:
+        own, lateral = part.compliance, part.lateral
+    value = (own, *lateral)[names.index(axis)]
+    if value <= 0.0:
+        raise ValueError(f"joint '{joint}' is rigid there: give it a compliance above zero to differentiate by it")
+
+    def apply(chain: Chain, value: float) -> Chain:
+        now = _part(chain, joint)
+        if value <= 0.0:
+            raise ValueError(f"joint '{joint}': a compliance must stay above zero, not {value}")
+        if isinstance(now, SprungJoint):
+            return _with(chain, replace(now, stiffness=1.0 / value))
+        assert isinstance(now, ActuatedJoint | CoupledJoint)
+        if axis == "own":
+            return _with(chain, replace(now, compliance=value))
+        first, second = now.lateral
+        return _with(chain, replace(now, lateral=(value, second) if axis == "lateral-1" else (first, value)))
+
+    unit = "mm/N" if axis == "own" and part.slides else "rad/(N mm)"
+    return Parameter(f"{joint} {axis} compliance", unit, value, value, apply)
+
+
+def link_mass(chain: Chain, part: str) -> Parameter:
+    """Mass of a rigid link or payload in kg; its centre stays where it is."""
+    link = _rigid(chain, part)
+
+    def apply(chain: Chain, value: float) -> Chain:
+        now = _rigid(chain, part)
+        return _with(chain, replace(now, mass=value, centre=now.centre_of_mass))
+
+    return Parameter(f"{part} mass", "kg", link.mass, max(link.mass, 1.0), apply)
+
+
+def link_offset(chain: Chain, part: str, axis: str) -> Parameter:
+    """Shift of a rigid link's far end along x, y or z of the frame where it begins, in mm from how it stands."""
+    given = _rigid(chain, part)
+    if axis not in AXES:
+        raise ValueError(f"part '{part}': the axis is one of {', '.join(AXES)}, not {axis}")
+
+    def apply(chain: Chain, value: float) -> Chain:
+        shift = frame(p=AXES[axis] * value)
+        return _with(
+            chain, replace(_rigid(chain, part), transform=shift @ given.transform, centre=given.centre_of_mass)
+        )
+
+    scale = max(float(np.linalg.norm(given.transform[:3, 3])), 1.0)
+    return Parameter(f"{part} offset along {axis}", "mm", 0.0, scale, apply)
+
+
+def _rigid(chain: Chain, name: str) -> RigidOffset:
+    part = _part(chain, name)
+    if not isinstance(part, RigidOffset):
+        raise ValueError(f"part '{name}' is no rigid link")
+    return part
 
 
 def _part(chain: Chain, name: str) -> Part:

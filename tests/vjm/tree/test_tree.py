@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pinocchio
 import pytest
@@ -14,7 +12,7 @@ from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring, SprungJoint
 from vjm.model.load_case import Load
 from vjm.model.lumped import LumpedModel
-from vjm.model.parameters import Parameter
+from vjm.model.parameters import joint_compliance, link_mass, link_offset, orientation
 from vjm.model.parts import Beam, PassiveJoint, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, translation
 from vjm.statics.equilibrium import solve_under_wrench
@@ -214,33 +212,22 @@ def test_a_coupling_as_bent_passes_on_what_bends():
 def test_derivatives_are_differences_of_equilibria():
     chain = arm(lateral=2e-9)
 
-    def parameter(index: int, **changes) -> Parameter:
-        ((key, (value, scale, unit)),) = changes.items()
-
-        def apply(machine: Chain, v: float) -> Chain:
-            part = machine.parts[index]
-            new = (
-                replace(part, **{key: v})
-                if key != "shift"
-                else replace(part, transform=part.transform @ translation([v, 0, 0]))
-            )
-            return replace(machine, parts=(*machine.parts[:index], new, *machine.parts[index + 1 :]))
-
-        return Parameter(f"{index} {key}", unit, value, scale, apply)
-
     parameters = [
-        parameter(2, compliance=(1e-8, 1e-8, "rad/(N mm)")),
-        parameter(3, mass=(chain.parts[3].mass, 1.0, "kg")),
-        parameter(5, shift=(0.0, 100.0, "mm")),
+        joint_compliance(chain, "q1"),
+        joint_compliance(chain, "q2", "lateral-2"),
+        link_mass(chain, "l1"),
+        link_offset(chain, "l2", "y"),
+        orientation(chain, "q4", "x"),
+        orientation(chain, "l3", "z"),
     ]
     q = np.random.default_rng(4).uniform(-2, 2, (3, 6))
     wrench = np.array([50.0, 20.0, -300.0, 1e4, 0.0, -2e4])
     found = equilibria(TreeModel(chain), q, gravity=WEIGHT, wrench=wrench)
     D = sensitivities(found, parameters, gravity=WEIGHT, wrench=wrench)
-    assert D.shape == (3, 1, 6, 3)
+    assert D.shape == (3, 1, 6, 6)
     for i, p in enumerate(parameters):
         slopes = []
-        for h in (0.02 * p.scale, 0.01 * p.scale):
+        for h in (4e-3 * p.scale, 2e-3 * p.scale):
             ahead, behind = (
                 equilibria(TreeModel(p.apply(chain, p.value + s)), q, gravity=WEIGHT, wrench=wrench)
                 for s in (h, -h)
@@ -252,7 +239,7 @@ def test_derivatives_are_differences_of_equilibria():
             )
         expected = (4.0 * slopes[1] - slopes[0]) / 3.0
         unit = np.repeat([np.abs(expected[..., :3]).max(), max(np.abs(expected[..., 3:]).max(), 1e-12)], 3)
-        # the fourth power of a hundredth, 1e-8, of what is not linear, and rounding, 1e-12 of a metre, over h
+        # the fourth power of 4e-3, 3e-10, of what is not linear, and rounding, 1e-13 of a metre, over 2e-3
         assert D[..., i] / unit == pytest.approx(expected / unit, abs=1e-8)
 
 
