@@ -192,9 +192,15 @@ class TreeModel:
         )  # fmt: skip
 
     @cached_property
+    def reach(self) -> float:
+        """Length of all links in mm: more than the machine can reach."""
+        links = [*self._built.before, *(self._end(name).frame for name in self.ends)]
+        return max(1.0, sum(float(np.linalg.norm(T[:3, 3])) for T in links))
+
+    @cached_property
     def _unit(self) -> Array:
         """1 for turns, the machine's reach in mm for shifts ``(n,)``."""
-        reach = max(1.0, sum(float(np.linalg.norm(T[:3, 3])) for T in self._built.before))
+        reach = self.reach
         unit = np.ones(self.size)
         for coordinate, rotary in zip(self._built.coordinate, self._built.rotary, strict=True):
             if coordinate >= 0 and not rotary:

@@ -1,0 +1,64 @@
+"""Arms of sprung joints under load: their buckling loads in closed form, and none where there is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vjm.continuation.path import EventKind
+from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, SprungJoint
+from vjm.model.load_case import COMPONENTS, Load, LoadCase
+from vjm.model.parts import RigidOffset
+from vjm.rotations import AXES, translation
+from vjm.vjm_engine import VjmEngine
+
+K, A = 2e5, 100.0
+"""N mm/rad and mm: the springs of the joints and the lengths of the links."""
+
+
+def column(count: int = 3, preload: float = 0.0) -> Chain:
+    """Links in a row on springs that turn about z."""
+    parts: list = []
+    for i in range(count):
+        joint = (
+            SprungJoint(f"q{i}", AXES["z"], stiffness=K, preload=preload)
+            if i
+            else ActuatedJoint("q0", AXES["z"], compliance=1.0 / K)
+        )
+        parts += [joint, RigidOffset(f"l{i}", translation([A, 0.0, 0.0]))]
+    held = {"straight": {f"q{i}": 0.0 for i in range(count)}}
+    return Chain("column", tuple(parts), postures={"straight": np.zeros(0)}, held=held)
+
+
+def under(force: float, *, follower: bool) -> LoadCase:
+    """A load along the column at its free end, from nothing."""
+    load = Load((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0), follower=follower)
+    return LoadCase("straight", force, "load", free=COMPONENTS, loads=(load,))
+
+
+def test_a_dead_load_buckles_it_at_the_closed_form():
+    stiff = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]]) * K
+    # links turn by φ_i: ½ φᵀ stiff φ against the load's ½ P a Σ φ_i²
+    critical = float(np.linalg.eigvalsh(stiff / A)[0])
+    path = VjmEngine().trace(column(), under(1.2 * critical, follower=False))
+    events = [event for event in path.events if event.kind is EventKind.BIFURCATION]
+    assert len(events) == 1
+    # critical loads are located to 1e-9 of the path
+    assert events[0].s == pytest.approx(critical, rel=1e-8)
+
+
+def test_a_follower_gives_no_static_event():
+    # Ziegler's column flutters, which needs masses; it has no other equilibrium at any load
+    path = VjmEngine().trace(column(), under(10.0 * K / A, follower=True))
+    assert path.complete
+    assert path.events == ()
+    assert np.abs(path.points[-1].displacement).max() < 1e-9
+
+
+def test_a_preload_is_in_balance_where_the_path_begins():
+    torque = 0.02 * K
+    path = VjmEngine().trace(column(2, torque), under(1.0, follower=False))
+    # the second joint turns by torque/K; the first bears nothing
+    start = path.points[0].displacement
+    assert start[:2] == pytest.approx([A * (np.cos(0.02) - 1.0), A * np.sin(0.02)], abs=1e-9)

@@ -1,0 +1,57 @@
+"""The command ``validate postures``."""
+
+from __future__ import annotations
+
+import json as json_module
+import sys
+from typing import Annotated
+
+import numpy as np
+from cyclopts import Parameter
+
+from vjm.io.model_file import load_chain
+from vjm.rotations import rotation_from_vector
+from vjm.tree.inverse_kinematics import postures_of
+from vjm.tree.model import TreeModel
+from vjm_output import terminal
+from vjm_validation.cli.options import Json, Model
+from vjm_validation.cli.status import OK, UsageError
+
+
+def postures_(
+    model: Model,
+    *,
+    tool: Annotated[
+        str,
+        Parameter(
+            allow_leading_hyphen=True,
+            help="x,y,z in mm, and perhaps a rotation vector rx,ry,rz in rad; without it the tool may turn freely.",
+        ),
+    ],
+    end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
+    json: Json = False,
+) -> int:
+    """Find the joint coordinates that put the tool where it is wanted, without load; lines for [postures]."""
+    pose = _numbers(tool)
+    machine = TreeModel(load_chain(model))
+    rotation = rotation_from_vector(pose[3:]) if len(pose) == 6 else None
+    found = postures_of(machine, pose[:3], rotation, end)
+    rows = [dict(zip(machine.joints, (round(float(v), 12) for v in q), strict=True)) for q in found]
+    if json:
+        sys.stdout.write(json_module.dumps({"model": machine.chain.name, "postures": rows}, indent=2) + "\n")
+        return OK
+    console = terminal.console()
+    for i, row in enumerate(rows, start=1):
+        values = ", ".join(f"{name} = {value:.9g}" for name, value in row.items())
+        console.print(f"tool-{i} = {{ {values} }}", soft_wrap=True, highlight=False)
+    return OK
+
+
+def _numbers(text: str) -> np.ndarray:
+    try:
+        values = np.array([float(word) for word in text.split(",")])
+    except ValueError:
+        raise UsageError(f"--tool: '{text}' is not three or six numbers separated by commas") from None
+    if len(values) not in (3, 6) or not np.all(np.isfinite(values)):
+        raise UsageError(f"--tool: needs three or six finite numbers, got '{text}'")
+    return values
