@@ -3,7 +3,7 @@
 import pytest
 
 from vjm_fea.opensees.backend import MISSING, available
-from vjm_validation.verification.study import triangulation as module
+from vjm_validation.verification import triangulation as module
 from vjm_validation.verification.triangulation import BEHIND, CRITICAL, CURVE, triangulation
 
 
