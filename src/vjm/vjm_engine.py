@@ -70,10 +70,11 @@ class VjmEngine:
     def problem(self, chain: Chain, load_case: LoadCase) -> LumpedProblem:
         """The chain with this engine's springs under a load case, ready to be followed."""
         chain = chain.at(load_case.posture)
-        if load_case.imperfection == 0.0:
-            return LumpedProblem(self.model(chain), load_case, self.label)
-        bow = load_case.imperfection * buckling_shape(self, chain, load_case)
-        return LumpedProblem(self.model(chain), load_case, self.label, bow)
+        model, bow = self.model(chain), None
+        if load_case.imperfection:
+            shape = buckling_shape(lambda perfect: LumpedProblem(model, perfect, self.label), load_case)
+            bow = load_case.imperfection * shape
+        return LumpedProblem(model, load_case, self.label, bow)
 
     def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Trace the equilibrium path; see `vjm.continuation.load_stepping` and `vjm.continuation.arc_length`."""

@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from vjm.continuation.lumped_problem import STEPS_OF_CONSTANT_LOADS
 from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
@@ -27,6 +26,8 @@ NEUTRAL = 1e-6
 SURE = 1e-2
 """Share of the tolerance below which a state needs no further step: elsewhere one more is taken, since near
 critical points, where the stiffness is small, a state within the tolerance may still be far off."""
+STEPS_OF_CONSTANT_LOADS = 1e-3
+"""Smallest share of the constant loads that is put on at once."""
 ROUNDINGS = 64.0
 """Units in the last place of a position that a residual may be wrong by."""
 ON_PATH = 1e-11

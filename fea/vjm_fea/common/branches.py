@@ -7,21 +7,22 @@ ramp is what results.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
-from vjm.continuation.lumped_problem import DIRECTIONS, ENTRY
 from vjm.continuation.path import Equilibrium
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_fea.common.linearized_statics import Border
-
-if TYPE_CHECKING:
-    from vjm_fea.common.beam_problem import BeamProblem
+from vjm_fea.common.beam_statics import BeamStatics
+from vjm_fea.common.linearized_statics import Border, Tangent
 
 FIRST_DEFLECTION = 1e-3
 """First guess of the largest deflection on a new branch, over the chain's characteristic length."""
+DIRECTIONS = 8
+"""In which a branch is looked for where two modes lose their stability at once, over half a turn between them."""
+ENTRY = 1e-2
+"""Scaled amplitude at which a branch is entered that is followed by its arc."""
 TINY = 1e-5
 """Amplitude, in scaled units, at which a mode's deflection is differenced."""
 STILL = 1e-9
@@ -31,7 +32,35 @@ NEAR = 0.1
 """How near to the wanted distance behind the bifurcation the amplitude's search ends, relative."""
 
 
-def switch(problem: BeamProblem, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
+class Branching(Protocol):
+    """A problem at whose bifurcations the branch is changed, see `vjm_fea.common.beam_problem.BeamProblem`."""
+
+    statics: BeamStatics
+    length: float
+
+    def solve(self, s: float, start: Equilibrium) -> Equilibrium:
+        """Equilibrium at ``s`` from a neighbour."""
+
+    def distance(self, change: Array) -> float:
+        """Length of a change of state along an arc."""
+
+    def parameter(self, state: Array) -> float:
+        """The path's parameter of a state."""
+
+    def exact(self, state: Array) -> Tangent:
+        """The exact tangent at an equilibrium."""
+
+    def device(self, state: Array) -> Array | None:
+        """Row of the device that imposes a point's displacement, where there is one."""
+
+    def bordered(self, state: Array, border: Callable[[Array], Border]) -> tuple[Array, int, float]:
+        """Equilibrium with one condition more: the state, iterations and residual."""
+
+    def equilibrium(self, s: float, state: Array, iterations: int, error: float) -> Equilibrium:
+        """What the path keeps of a state."""
+
+
+def switch(problem: Branching, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
     """A stable state at ``s`` on the branch that leaves ``critical`` along its softest motion.
 
     The amplitude is sought at which the path's parameter is ``s``.
@@ -42,7 +71,7 @@ def switch(problem: BeamProblem, critical: Equilibrium, s: float, sign: int) -> 
     return _firmest(problem, critical, sign, lambda mode, size: _at(problem, critical, s, mode, size))
 
 
-def enter(problem: BeamProblem, critical: Equilibrium, sign: int) -> Equilibrium:
+def enter(problem: Branching, critical: Equilibrium, sign: int) -> Equilibrium:
     """A state a little way along the branch that leaves ``critical``, wherever it leads.
 
     Raises:
@@ -59,7 +88,7 @@ def enter(problem: BeamProblem, critical: Equilibrium, sign: int) -> Equilibrium
 
 
 def _firmest(
-    problem: BeamProblem, critical: Equilibrium, sign: int, branch: Callable[[Array, float], Equilibrium]
+    problem: Branching, critical: Equilibrium, sign: int, branch: Callable[[Array, float], Equilibrium]
 ) -> Equilibrium:
     """The branch that leaves along the critical mode; of two modes at once along the firmest mixture."""
     modes = problem.exact(critical.state).critical_modes(problem.device(critical.state))
@@ -82,7 +111,7 @@ def _firmest(
     return min(found, key=lambda point: (point.unstable, -point.eigenvalue))
 
 
-def _at(problem: BeamProblem, critical: Equilibrium, s: float, mode: Array, size: float) -> Equilibrium:
+def _at(problem: Branching, critical: Equilibrium, s: float, mode: Array, size: float) -> Equilibrium:
     amplitude = FIRST_DEFLECTION * problem.length / size
     for _ in range(AMPLITUDE_TRIALS):
         state, iterations, error = _on_branch(problem, critical, mode, amplitude)
@@ -106,7 +135,7 @@ def _at(problem: BeamProblem, critical: Equilibrium, s: float, mode: Array, size
 
 
 def _on_branch(
-    problem: BeamProblem, critical: Equilibrium, mode: Array, amplitude: float
+    problem: Branching, critical: Equilibrium, mode: Array, amplitude: float
 ) -> tuple[Array, int, float]:
     """The state with a prescribed amplitude of the mode."""
     statics = problem.statics
@@ -116,7 +145,7 @@ def _on_branch(
     return problem.bordered(statics.moved_freely(critical.state, amplitude * mode), lambda _: Border(0.0, row, 0.0))
 
 
-def _oriented(problem: BeamProblem, state: Array, mode: Array) -> tuple[Array, float]:
+def _oriented(problem: Branching, state: Array, mode: Array) -> tuple[Array, float]:
     """The motion, its largest deflection component positive, and that component in mm."""
     statics = problem.statics
     ahead, behind = (statics.shape(statics.moved_freely(state, step * mode)) for step in (TINY, -TINY))

@@ -52,7 +52,7 @@ class UnloadedJacobianEngine:
         x0 = model.configuration(chain.posture(load_case.posture))
         direction = load_case.direction
 
-        def at(wrench: Array) -> Configuration:
+        def at(wrench: Array) -> Configuration[LumpedModel]:
             return Configuration(model, x0, wrench, 0.0, 0)
 
         def eigenvalue(_: float, wrench: Array) -> float:

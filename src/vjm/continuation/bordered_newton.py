@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
+from vjm.kernels.state_solver import DIVERGED
 from vjm.model.load_case import LoadCase
-from vjm.model.lumped import LumpedModel
+from vjm.model.loaded_model import LoadedModel
 from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE, Configuration
 
 MAX_ITERATIONS = 30
-DIVERGED = 1e6
-"""Scaled residual from which Newton's method does not come back."""
 NUDGE = 1e-9
 """Change of the ramp, over its end, that leaves a state which is singular to the last digit."""
 
@@ -28,10 +27,13 @@ class Border(NamedTuple):
     at_ramp: float
 
 
-class Ramped(Protocol):
-    """A lumped model under a ramp."""
+M = TypeVar("M", bound=LoadedModel)
 
-    model: LumpedModel
+
+class Ramped(Protocol[M]):
+    """A loaded model under a ramp."""
+
+    model: M
     load_case: LoadCase
 
     def target(self, ramp: float) -> Array:
@@ -40,13 +42,17 @@ class Ramped(Protocol):
     def load(self, ramp: float) -> float:
         """Factor on the ramped loads at a ramp."""
 
-    def rate(self, at: Configuration) -> tuple[Array, Array]:
+    def rate(self, at: Configuration[M]) -> tuple[Array, Array]:
         """Derivatives of coordinates ``(n,)`` and wrench ``(6,)`` by the ramp."""
 
 
 def solve_bordered(
-    problem: Ramped, x: Array, wrench: Array, ramp: float, border: Callable[[Configuration, float], Border]
-) -> tuple[float, Configuration]:
+    problem: Ramped[M],
+    x: Array,
+    wrench: Array,
+    ramp: float,
+    border: Callable[[Configuration[M], float], Border],
+) -> tuple[float, Configuration[M]]:
     """Equilibrium with one more condition, and the ramp that it takes.
 
     Two solutions with the factored tangent, for the residual and for the ramp, and a scalar equation for the ramp.

@@ -4,41 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TypeVar
 
 import numpy as np
 
 from vjm.continuation.arc_length import ArcControl, trace
-from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.continuation.loaded_problem import LoadedProblem
 from vjm.continuation.path import EventKind, Path, driven_force
-from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.model.loaded_model import LoadedModel
 from vjm.rotations import Array
 from vjm.statics.stability import critical_modes
 
-
-class BuildsProblems(Protocol):
-    """An engine of lumped models."""
-
-    def problem(self, chain: Chain, load_case: LoadCase) -> LumpedProblem:
-        """The chain under a load case, ready to be followed."""
-
+M = TypeVar("M", bound=LoadedModel)
 
 REACH = (1.0, 2.0, 4.0, 8.0)
 """How far beyond the load case's own end the perfect chain is taken to find how it buckles."""
 
 
-def buckling_shape(engine: BuildsProblems, chain: Chain, load_case: LoadCase) -> Array:
-    """Coordinates ``(n,)`` of the critical mode of a perfect chain, per mm of its largest deflection.
+def buckling_shape(problem_of: Callable[[LoadCase], LoadedProblem[M]], load_case: LoadCase) -> Array:
+    """Coordinates ``(n,)`` of the critical mode of a perfect machine, per mm of its largest deflection.
 
     It points towards the load case's branch.
 
+    Args:
+        problem_of: the perfect machine under a load case, ready to be followed.
+        load_case: under which it buckles.
+
     Raises:
-        ValueError: the chain does not buckle under its load case, or without any point of it moving.
+        ValueError: the machine does not buckle under its load case, or without any point of it moving.
     """
     for reach in REACH:
         perfect = replace(load_case, imperfection=0.0, to=reach * load_case.to, steps=None)
-        problem = engine.problem(chain, perfect)
+        problem = problem_of(perfect)
         path = trace(problem, perfect, ArcControl(last=EventKind.BIFURCATION))
         event = next((e for e in path.events if e.kind is EventKind.BIFURCATION), None)
         if event is not None and event.point is not None:
@@ -50,8 +48,8 @@ def buckling_shape(engine: BuildsProblems, chain: Chain, load_case: LoadCase) ->
         )
     at = problem.configuration(event.point)
     mode = critical_modes(at)[0]
-    size = float(np.linalg.norm(problem.model.shape_rate(at.kinematics, mode), axis=1).max())
-    if size < 1e-9 * problem.model.chain.characteristic_length:
+    size = float(np.linalg.norm(problem.model.velocities(at.x, mode), axis=1).max())
+    if size < 1e-9 * problem.model.characteristic_length:
         raise ValueError("the critical mode moves no point of the chain: use more than one spring a link")
     return (load_case.branch or 1) * mode / size
 
@@ -77,8 +75,7 @@ class ImperfectionCurve:
 
 
 def imperfection_curve(
-    engine: BuildsProblems,
-    chain: Chain,
+    problem_of: Callable[[LoadCase], LoadedProblem[M]],
     load_case: LoadCase,
     sizes: Sequence[float],
     progress: Callable[[float], None] | None = None,
@@ -86,16 +83,15 @@ def imperfection_curve(
     """The largest force against the size of an imperfection in the shape of the buckling mode.
 
     Args:
-        engine: of lumped models.
-        chain: the machine.
-        load_case: under which the perfect chain buckles; its own imperfection is replaced.
+        problem_of: the machine under a load case, imperfection included, ready to be followed.
+        load_case: under which the perfect machine buckles; its own imperfection is replaced.
         sizes: mm.
         progress: called with the fraction done.
     """
     paths, found = [], []
     for k, size in enumerate(sizes):
         imperfect = replace(load_case, imperfection=float(size))
-        path = trace(engine.problem(chain, imperfect), imperfect, ArcControl(last=EventKind.LIMIT))
+        path = trace(problem_of(imperfect), imperfect, ArcControl(last=EventKind.LIMIT))
         top = next((e.point for e in path.events if e.kind is EventKind.LIMIT), None) or path.points[-1]
         found.append((float(size), driven_force(imperfect, top), top.ramp, top is not path.points[-1]))
         paths.append(path)

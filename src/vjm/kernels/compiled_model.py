@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,12 +19,10 @@ from vjm.kernels.entry_points import (
     respond,
 )
 from vjm.kernels.march import March
-from vjm.kernels.packed_model import buffers, work_of
+from vjm.kernels.packed_model import PackedModel, buffers, work_of
 from vjm.kernels.recursion import positions
+from vjm.kernels.state_solver import StateSolver
 from vjm.rotations import Array
-
-if TYPE_CHECKING:
-    from vjm.model.lumped import LumpedModel
 
 EIGENVALUE_TOLERANCE = 1e-9
 """Relative error of an eigenvalue at which its iteration ends."""
@@ -37,34 +34,46 @@ SHARE = 0.01
 """Of all modes in the vector that it starts from."""
 
 
-class CompiledModel:
-    """The kernels at work on one lumped model; takes and returns N, mm, rad.
+class CompiledModel(StateSolver):
+    """The kernels at work on one lumped model."""
 
-    It keeps the factors of the last state that it saw, so that all that is asked about one state costs one
-    factorisation.
-    """
+    def __init__(
+        self,
+        arrays: PackedModel,
+        constant: Array,
+        ramped: Array,
+        turning: np.ndarray,
+        scales: tuple[Array, Array],
+        length: float,
+        stations: tuple[np.ndarray, Array],
+    ) -> None:
+        """Bind the kernels to a model's arrays.
 
-    def __init__(self, model: LumpedModel) -> None:
-        self.coordinate_unit = model.coordinate_scale
-        self.wrench_unit = model.wrench_scale
-        self.energy = float(model.wrench_scale[3])
-        self._length = model.chain.characteristic_length
-        self._gap_unit = np.repeat([self._length, 1.0], 3)
-        self.arrays = model.arrays
-        self.buffers = buffers(self.arrays)
+        Args:
+            arrays: the model, packed.
+            constant: wrenches ``(l, 6)`` on the loaded points, N, N mm.
+            ramped: the same per unit of the load factor.
+            turning: indices of the points whose wrench is not conservative.
+            scales: units of the coordinates ``(n,)`` and of the wrench ``(6,)``.
+            length: unit of the translations, mm.
+            stations: of the points that show the shape, the joint before each ``(k,)`` and the position ``(k, 3)``
+                behind that joint, mm.
+        """
+        super().__init__(*scales)
+        self._length = length
+        self._gap_unit = np.repeat([length, 1.0], 3)
+        self.arrays = arrays
+        self.buffers = buffers(arrays)
         self._work = work_of(self.buffers.integers[:5], self.buffers.work_integers, self.buffers.work_numbers)
-        self._constant = model.applied_loads.constant / self.wrench_unit
-        self._ramped = model.applied_loads.ramped / self.wrench_unit
-        self._turning = model.applied_loads.turning
+        self._constant, self._ramped = constant / self.wrench_unit, ramped / self.wrench_unit
+        self._turning = turning
         self._zero_gap = np.zeros(6)
-        self._negative = -1
-        self._forget()
         self._anywhere = self._packed(np.eye(4))
-        self._station_joint = np.array([s.joint for s in model.stations], dtype=np.int64)
-        self._station_position = np.array([s.position for s in model.stations]).reshape(-1, 3) / self._length
-        self._start = _some_vectors(1, model.size)[0]
+        self._station_joint, self._station_position = stations[0], stations[1] / length
+        size = len(self.coordinate_unit)
+        self._start = _some_vectors(1, size)[0]
         self._mode = self._start.copy()
-        self._basis = np.empty((max(min(BASIS, model.size - 6), 1), model.size))
+        self._basis = np.empty((max(min(BASIS, size - 6), 1), size))
 
     def newton(
         self, target: Array, x: Array, wrench: Array, load: float, tolerance: float, max_iterations: int
@@ -75,7 +84,8 @@ class CompiledModel:
             Coordinates ``(n,)``, wrench ``(6,)``, scaled residual, iterations, and why it failed or nothing.
         """
         if len(self._turning):
-            return self._newton_bordered(target, x, wrench, load, tolerance, max_iterations)
+            # the compiled one has the symmetric part of the loads' tangent only
+            return self._newton(target, x, wrench, load, tolerance, max_iterations)
         x, force = x / self.coordinate_unit, wrench / self.wrench_unit
         to = self._packed(target)
         self._apply_loads(load)
@@ -86,20 +96,6 @@ class CompiledModel:
         if why and not np.isfinite(error):
             why = "outside the neighbourhood of the target pose"
         return x, wrench, float(error), int(iterations), why
-
-    def _newton_bordered(
-        self, target: Array, x: Array, wrench: Array, load: float, tolerance: float, max_iterations: int
-    ) -> tuple[Array, Array, float, int, str]:
-        """`newton` where loads turn: the compiled one has the symmetric part of their tangent only."""
-        for iteration in range(max_iterations + 1):
-            statics, gap, error = self.residual(x, wrench, target, load)
-            if error < tolerance:
-                return x, wrench, error, iteration, ""
-            if not error < 1e6 or self._negative < 0 or iteration == max_iterations:
-                break
-            dx, dF = self.response(x, wrench, statics, gap, load)
-            x, wrench = x + dx, wrench + dF
-        return x, wrench, error, iteration, f"after {iteration} iterations"
 
     def march(
         self, pose: Array, direction: Array, s: Array, x: Array, wrench: Array, tolerance: float, most: int
@@ -144,14 +140,9 @@ class CompiledModel:
         )  # fmt: skip
 
     def _remember(self, x: Array, wrench: Array, load: float) -> None:
-        """Which state the factors belong to."""
-        # bytes: the caller may write to its own arrays, and these are compared fastest
-        self._state, self._load = (x.tobytes(), wrench.tobytes()), load
+        super()._remember(x, wrench, load)
         self._force = wrench / self.wrench_unit
         self._border: tuple[Array, Array] | None = None
-
-    def _forget(self) -> None:
-        self._remember(np.full(len(self.coordinate_unit), np.nan), np.full(6, np.nan), np.nan)
 
     def _apply_loads(self, load: float) -> None:
         if len(self._constant):
@@ -170,13 +161,9 @@ class CompiledModel:
 
     def visit(self, x: Array, wrench: Array, load: float = 0.0) -> int:
         """Factor at a state unless it is the last one; number of negative eigenvalues, −1 where singular."""
-        if not (load == self._load and (x.tobytes(), wrench.tobytes()) == self._state):
+        if not self._is_last(x, wrench, load):
             self._factor(x, wrench, load, self._anywhere)
         return self._negative
-
-    def _must_visit(self, x: Array, wrench: Array, load: float) -> None:
-        if self.visit(x, wrench, load) < 0:
-            raise np.linalg.LinAlgError("the equilibrium is singular")
 
     def residual(self, x: Array, wrench: Array, target: Array, load: float = 0.0) -> tuple[Array, Array, float]:
         """What statics and geometry lack at a state, which is factored on the way.
@@ -221,14 +208,6 @@ class CompiledModel:
         """Positions ``(l, 3)`` of the loaded points, mm, world, at a state."""
         self.visit(x, wrench, load)
         return self._work.point * self._length
-
-    def inverse(self, x: Array, wrench: Array, load: float = 0.0) -> Array:
-        """The inverse second variation on the null space of J ``(n, n)``, dense and scaled, at a state.
-
-        With loads that turn it is that of the whole tangent, which is not symmetric.
-        """
-        self._must_visit(x, wrench, load)
-        return np.array([self._respond(row, self._zero_gap)[0] for row in np.eye(len(x))]).T
 
     def end_stiffness(self, x: Array, wrench: Array, load: float = 0.0) -> Array:
         """``K^F`` (18) ``(6, 6)``.

@@ -14,12 +14,12 @@ from functools import cached_property
 import numpy as np
 
 from vjm.kernels.compiled_model import CompiledModel
-from vjm.kernels.pack import loaded_points, packed
 from vjm.kernels.packed_model import PackedModel
 from vjm.kernels.recursion import frames_behind
 from vjm.model.applied_loads import NO_LOADS, AppliedLoads
 from vjm.model.assembly import Assembly, Piece, Station
 from vjm.model.chain import Chain
+from vjm.model.pack import loaded_points, packed
 from vjm.model.springs import LinearSpring, Spring
 from vjm.rotations import Array
 
@@ -79,7 +79,7 @@ class LumpedModel:
         stations: points along the chain that show its shape.
         pieces: the straight stretches of its rigid bodies, base to tool.
         natural: coordinates ``(n,)`` at which the springs are free of stress.
-        loading: the loads on its bodies.
+        applied_loads: the loads on its bodies.
     """
 
     def __init__(self, chain: Chain) -> None:
@@ -106,6 +106,16 @@ class LumpedModel:
         self._skew: Array = np.cross(self.axis[:, None, :], np.eye(3)).transpose(0, 2, 1)
         self._skew2 = self._skew @ self._skew
 
+    @property
+    def name(self) -> str:
+        """Of the machine."""
+        return self.chain.name
+
+    @property
+    def characteristic_length(self) -> float:
+        """Of the chain, mm: the unit of translations."""
+        return self.chain.characteristic_length
+
     def reactions(self, kinematics: Kinematics, wrench: Array) -> Array:
         """Generalised forces ``(n,)`` of a wrench ``(6,)`` on the coordinates: ``Jᵀ F`` (8)."""
         result: Array = kinematics.jacobian.T @ wrench
@@ -122,7 +132,7 @@ class LumpedModel:
         """The same model with loads on its bodies."""
         if applied_loads is self.applied_loads:
             return self
-        points = loaded_points(applied_loads, self.chain.characteristic_length)
+        points = loaded_points(applied_loads, self.characteristic_length)
         return self._changed(applied_loads=applied_loads, arrays=self.arrays._replace(**points))
 
     def bent(self, natural: Array) -> LumpedModel:
@@ -192,7 +202,11 @@ class LumpedModel:
     @cached_property
     def compiled(self) -> CompiledModel:
         """The model in compiled form."""
-        return CompiledModel(self)
+        loads = self.applied_loads
+        return CompiledModel(
+            self.arrays, loads.constant, loads.ramped, loads.turning, (self.coordinate_scale, self.wrench_scale),
+            self.characteristic_length, (self._station_joint, self._station_position),
+        )  # fmt: skip
 
     @cached_property
     def linear(self) -> bool:
@@ -211,7 +225,7 @@ class LumpedModel:
     @cached_property
     def coordinate_scale(self) -> Array:
         """Unit of each coordinate ``(n,)``: the characteristic length for shifts, one radian for turns."""
-        return np.where(self.rotary, 1.0, self.chain.characteristic_length)
+        return np.where(self.rotary, 1.0, self.characteristic_length)
 
     @cached_property
     def wrench_scale(self) -> Array:
@@ -221,7 +235,7 @@ class LumpedModel:
         """
         diagonal = np.diag(self.stiffness)[self.rotary & (np.diag(self.stiffness) > 0.0)]
         energy = float(np.exp(np.mean(np.log(diagonal)))) if diagonal.size else 1.0
-        length = self.chain.characteristic_length
+        length = self.characteristic_length
         return np.repeat([energy / length, energy], 3)
 
     def configuration(self, q: Array, theta: Array | None = None) -> Array:
@@ -259,6 +273,10 @@ class LumpedModel:
         result: Array = np.einsum("kab,kb->ka", T[:, :3, :3], self._station_position) + T[:, :3, 3]
         return result
 
+    def velocities(self, x: Array, motion: Array) -> Array:
+        """Velocities ``(k, 3)`` of the stations at ``x`` (n,), the coordinates moving by ``motion`` (n,)."""
+        return self.shape_rate(self.kinematics(x), motion)
+
     def shape_rate(self, kinematics: Kinematics, velocity: Array) -> Array:
         """Velocities ``(k, 3)`` of the stations for velocities ``(n,)`` of the coordinates."""
         points = self.shape(kinematics)
@@ -274,7 +292,7 @@ class LumpedModel:
 
     @cached_property
     def _station_joint(self) -> np.ndarray:
-        return np.array([s.joint for s in self.stations], dtype=int)
+        return np.array([s.joint for s in self.stations], dtype=np.int64)
 
     @cached_property
     def _station_position(self) -> Array:

@@ -17,7 +17,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
-from vjm.kernels.compiled_model import EIGENVALUE_TOLERANCE, CompiledModel
+from vjm.kernels.compiled_model import EIGENVALUE_TOLERANCE
+from vjm.kernels.state_solver import StateSolver
 from vjm.model.lumped import LumpedModel
 from vjm.platform.leg_topology import Edge, Layout, Universal, Visited, add_leg, carried, pose_error, turn_rate
 from vjm.rotations import Array, frame, inverse_frame, rotation_from_vector, skew
@@ -27,7 +28,7 @@ FEW = 20
 """Vectors of Lanczos's method."""
 
 
-class NetworkSolver(CompiledModel):
+class NetworkSolver(StateSolver):
     """All legs at work together, in the form in which one chain is; takes and returns N, mm, rad.
 
     Args:
@@ -58,18 +59,14 @@ class NetworkSolver(CompiledModel):
         self.held = held
         self._joint = Universal(held, places0[0]) if np.count_nonzero(held[3:]) == 1 else None
         self._axes = np.eye(3)
-        self.coordinate_unit, self.wrench_unit = scales
-        self.energy = float(self.wrench_unit[3])
+        super().__init__(*scales)
         self._dead, self._per_load, self._torques = constant, ramped, torques
-        self._turning = np.zeros(0, dtype=int)
-        self._negative = -1
         b, c = 6 * len(places0), len(torques)
         free = np.ones(b + c, dtype=bool)
         free[:6] = np.logical_not(held)
         self._free = np.flatnonzero(free)
         self._held = np.flatnonzero(held)
         self._mode = np.zeros(0)
-        self._forget()
 
     # --- a state ------------------------------------------------------------------------------------------
 
@@ -83,7 +80,7 @@ class NetworkSolver(CompiledModel):
 
     def _look(self, x: Array, wrench: Array, load: float) -> None:
         """Linearise every leg and assemble the bodies' matrix and what their balance lacks."""
-        if load == self._load and (x.tobytes(), wrench.tobytes()) == self._state:
+        if self._is_last(x, wrench, load):
             return
         self._remember(x, wrench, load)
         self._legs: list[Visited] = []
@@ -279,9 +276,9 @@ class NetworkSolver(CompiledModel):
     def newton(
         self, target: Array, x: Array, wrench: Array, load: float, tolerance: float, max_iterations: int
     ) -> tuple[Array, Array, float, int, str]:
-        """Equilibrium with the platform at the frame ``target`` (4, 4), see `CompiledModel.newton`."""
+        """Equilibrium with the platform at the frame ``target`` (4, 4), see `StateSolver.newton`."""
         try:
-            return self._newton_bordered(target, x, wrench, load, tolerance, max_iterations)
+            return self._newton(target, x, wrench, load, tolerance, max_iterations)
         except np.linalg.LinAlgError:
             # on the way: a body has turned full circle
             return x, wrench, float("inf"), max_iterations, "at a singular state"

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from vjm.continuation.path import StationLabel
 from vjm.model.applied_loads import NO_LOADS
 from vjm.model.chain import FOOT, Chain
-from vjm.model.lumped import Kinematics, LumpedModel
+from vjm.model.lumped import LumpedModel
 from vjm.platform.body_network_solver import NetworkSolver
 from vjm.platform.closure import RigidPose
 from vjm.platform.leg_topology import Edge, Layout
@@ -21,19 +21,6 @@ from vjm.vjm_engine import VjmEngine
 ALL_HELD = np.ones(6, dtype=bool)
 
 
-@dataclass(frozen=True)
-class ManipulatorKinematics(Kinematics):
-    """Geometry of all legs.
-
-    Attributes:
-        x: coordinates ``(n,)``.
-        legs: each in its own world.
-    """
-
-    x: Array
-    legs: tuple[Kinematics, ...]
-
-
 def lumped(engine: VjmEngine, chain: Chain) -> LumpedModel:
     """A leg with an engine's springs; what it says of feet is for legs that have one."""
     if all(beam.name != FOOT for beam in chain.beams):
@@ -41,11 +28,12 @@ def lumped(engine: VjmEngine, chain: Chain) -> LumpedModel:
     return engine.model(chain)
 
 
-class LoadedManipulator(LumpedModel):
+class LoadedManipulator:
     """All legs of a manipulator in a pose, with its bodies between them.
 
-    It stands where a chain's model stands: its coordinates are those of the legs, their end wrenches, the bodies'
-    displacements and the couplings' torques; what is imposed is the platform's pose.
+    A `vjm.model.loaded_model.LoadedModel`: its coordinates are those of the legs, their end wrenches, the bodies'
+    displacements and the couplings' torques; what is imposed is the platform's pose. The loads on the platform are
+    the network's: `applied_loads` are none.
 
     Attributes:
         pose: the rigid pose from which displacements count.
@@ -82,13 +70,8 @@ class LoadedManipulator(LumpedModel):
         self.layout = Layout(self.models, len(robot.bodies), len(robot.couplings))
         self.size = self.layout.size
         self.applied_loads = NO_LOADS
-        # a stand-in, for its name and length
-        longest = max((leg.chain for leg in robot.legs), key=lambda chain: chain.characteristic_length)
-        self.chain = replace(longest, name=robot.name, sha256=robot.sha256)
-        self.joint_rotary = np.zeros(0, dtype=bool)
-        self.passive, self.elastic = np.zeros(0, dtype=int), np.zeros(0, dtype=int)
-        self.natural = np.zeros(self.size)
-        length = robot.characteristic_length
+        self.name = robot.name
+        self.characteristic_length = length = robot.characteristic_length
         energy = float(np.exp(np.mean([np.log(model.wrench_scale[3]) for model in self.models])))
         # forces do not count as distance, nor among motions
         unit = np.full(self.size, np.inf)
@@ -146,25 +129,15 @@ class LoadedManipulator(LumpedModel):
             for station in model.stations
         )
 
-    def kinematics(self, x: Array) -> ManipulatorKinematics:
-        """Geometry at the coordinates ``x`` (n,): the platform's frame, and each leg in its own world."""
-        legs = tuple(m.kinematics(x[where]) for m, where in zip(self.models, self.layout.legs, strict=True))
-        none = np.zeros((0, 3))
-        return ManipulatorKinematics(
-            self.network.frames(x)[0], none, none, self.joint_rotary, none, none, np.zeros((6, self.size)), x, legs
-        )
-
-    def shape_rate(self, kinematics: Kinematics, velocity: Array) -> Array:
+    def velocities(self, x: Array, motion: Array) -> Array:
         """Velocities ``(k, 3)`` of all stations, those of bodies on which legs begin included."""
-        assert isinstance(kinematics, ManipulatorKinematics)
-        frames = self.network.frames(kinematics.x)
-        bodies = velocity[self.layout.bodies].reshape(-1, 6)
+        frames = self.network.frames(x)
+        bodies = motion[self.layout.bodies].reshape(-1, 6)
         rates = []
-        for model, where, leg, edge in zip(
-            self.models, self.layout.legs, kinematics.legs, self.network.edges, strict=True
-        ):
+        for model, where, edge in zip(self.models, self.layout.legs, self.network.edges, strict=True):
+            leg = model.kinematics(x[where])
             world = (np.eye(4) if edge.start < 0 else frames[edge.start]) @ edge.root
-            rate = model.shape_rate(leg, velocity[where]) @ world[:3, :3].T
+            rate = model.shape_rate(leg, motion[where]) @ world[:3, :3].T
             if edge.start >= 0:
                 points = model.shape(leg) @ world[:3, :3].T + world[:3, 3] - frames[edge.start][:3, 3]
                 rate = rate + bodies[edge.start, :3] + np.cross(bodies[edge.start, 3:], points)

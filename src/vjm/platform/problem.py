@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import cast
 
 import numpy as np
 
 from vjm.continuation.arc_length import trace
-from vjm.continuation.imperfections import BuildsProblems, buckling_shape
-from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.continuation.imperfections import buckling_shape
+from vjm.continuation.loaded_problem import LoadedProblem
 from vjm.continuation.path import Equilibrium, Path
 from vjm.errors import NoConvergenceError
-from vjm.model.applied_loads import NO_LOADS
-from vjm.model.chain import Chain
-from vjm.model.end_condition import EndCondition
 from vjm.model.load_case import COMPONENTS, LoadCase, PointControl
 from vjm.platform.closure import RigidPose
 from vjm.platform.leg_topology import turn_rate
@@ -28,16 +24,11 @@ from vjm.statics.stability import critical_modes, stability
 from vjm.vjm_engine import VjmEngine
 
 
-class ManipulatorProblem(LumpedProblem):
+class ManipulatorProblem(LoadedProblem[LoadedManipulator]):
     """A manipulator under a load case: `vjm.continuation.load_stepping.Problem`, Newton on platform and bodies.
 
     The ramp imposes the platform's displacement but for what the load case leaves free, or a dead wrench on it.
-
-    Attributes:
-        model: the whole.
     """
-
-    model: LoadedManipulator
 
     def __init__(
         self,
@@ -61,37 +52,27 @@ class ManipulatorProblem(LumpedProblem):
             ValueError: the load case asks for what only single chains do, or what is free leaves a mechanism.
             NoConvergenceError: constant loads or errors of assembly are more than the machine bears.
         """
-        self.label = engine.label
-        self.load_case = load_case
         held, constant, ramped = on_platform(load_case)
         if pose is None:
             pose = inverse_kinematics(manipulator, manipulator.displacement(load_case.posture))
         # a pose is rigid: errors and offsets are those of the machine that is given
         pose = replace(pose, manipulator=manipulator)
         _refuse_mechanism(pose, held)
-        self.model = LoadedManipulator(pose, engine, held, constant, ramped)
+        model = LoadedManipulator(pose, engine, held, constant, ramped)
         if bow is not None:
-            bent = [
-                model.bent(bow[where])
-                for model, where in zip(self.model.models, self.model.layout.legs, strict=True)
-            ]
-            self.model = LoadedManipulator(pose, engine, held, constant, ramped, bent)
-        self.stations = self.model.labels()
-        self._loading, self._on_tool, self._watched = NO_LOADS, np.zeros(0, dtype=bool), -1
-        self._pose0 = pose.frames[0]
-        self._end_condition = EndCondition(self.model, self._pose0, ())
-        self._x0 = self.model.at_rest
+            bent = [leg.bent(bow[where]) for leg, where in zip(model.models, model.layout.legs, strict=True)]
+            model = LoadedManipulator(pose, engine, held, constant, ramped, bent)
+        super().__init__(model, load_case, engine.label, model.labels(), pose.frames[0])
+        self._x0 = model.at_rest
         self._constant, self._ramped = constant, ramped
-        at_rest = Configuration(
-            LoadedManipulator(pose, engine, held, models=self.model.models), self._x0, np.zeros(6), 0.0, 0
-        )
-        self._softest = stability(at_rest).eigenvalue
+        bare = LoadedManipulator(pose, engine, held, models=model.models)
+        self._unloaded_eigenvalue = stability(Configuration(bare, self._x0, np.zeros(6), 0.0, 0)).eigenvalue
         # the legs' compiled models have seen the other whole's state
         self._built = (
             bow is not None or bool(np.any(constant)) or any(manipulator.errors) or any(manipulator.offsets)
         )
 
-    def at_rest(self) -> Configuration:
+    def at_rest(self) -> Configuration[LoadedManipulator]:
         """The pose as drawn, under what acts all along: constant loads and the machine's errors.
 
         Raises:
@@ -104,10 +85,12 @@ class ManipulatorProblem(LumpedProblem):
             raise NoConvergenceError("under its constant loads and errors of assembly the machine is unstable")
         return at
 
-    def equilibrium(self, s: float, at: Configuration, ramp: float) -> Equilibrium:
-        """What the path keeps of a configuration; the stiffness is the platform's, its whole pose imposed."""
-        found = super().equilibrium(s, at, ramp)
-        return replace(found, displacement=at.x[self.model.layout.platform].copy())
+    @property
+    def _softest(self) -> float:
+        return self._unloaded_eigenvalue
+
+    def _displacement(self, at: Configuration[LoadedManipulator], ramp: float) -> Array:
+        return at.x[self.model.layout.platform].copy()
 
     def leg_wrenches(self, point: Equilibrium) -> Array:
         """Wrench ``(l, 6)`` that each leg bears at its end, N, N mm, world axes, about that end."""
@@ -129,12 +112,11 @@ class ManipulatorProblem(LumpedProblem):
         names = [leg.name for leg in self.model.pose.manipulator.legs]
         return dict(zip(names, (sizes / np.linalg.norm(sizes)).tolist(), strict=True))
 
-    def _wrench(self, at: Configuration, end_condition: Array) -> Array:
-        """What acts on the platform ``(6,)``: what holds it and the loads on it."""
+    def _wrench(self, at: Configuration[LoadedManipulator], ramp: float) -> Array:
         self.model.network.visit(at.x, at.wrench, at.load)
         return self.model.network.held_wrench(at.wrench) + self._constant + at.load * self._ramped
 
-    def _tangent_stiffness(self, at: Configuration, K: Array) -> float:
+    def _tangent_stiffness(self, at: Configuration[LoadedManipulator], K: Array) -> float:
         try:
             dx, dF = self.rate(at)
         except np.linalg.LinAlgError:
@@ -226,8 +208,9 @@ class ManipulatorEngine:
         """
         bow = None
         if load_case.imperfection:
-            # of a machine, which has a chain's name and poses
-            shape = buckling_shape(cast(BuildsProblems, self), cast(Chain, manipulator), load_case)
+            shape = buckling_shape(
+                lambda perfect: ManipulatorProblem(manipulator, perfect, self.springs), load_case
+            )
             bow = load_case.imperfection * shape
         return ManipulatorProblem(manipulator, load_case, self.springs, bow=bow)
 

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
+from vjm.model.loaded_model import LoadedModel
 from vjm.model.lumped import Kinematics, LumpedModel
 from vjm.rotations import Array, displacement_between
 
@@ -19,12 +21,16 @@ TOLERANCE = 1e-11
 """Scaled residual at which an equilibrium counts as found: some hundred times what rounding leaves of it."""
 
 
+M = TypeVar("M", bound=LoadedModel)
+M_co = TypeVar("M_co", bound=LoadedModel, covariant=True)
+
+
 @dataclass(frozen=True)
-class Configuration:
-    """A state of the lumped model, in equilibrium when its residual is small.
+class Configuration(Generic[M_co]):
+    """A state of a loaded model, in equilibrium when its residual is small.
 
     Attributes:
-        model: the lumped model.
+        model: a chain's or a manipulator's.
         x: joint coordinates ``(m,)``, mm and rad.
         wrench: ``(6,)`` on the end-effector, N and N mm, world axes.
         residual: largest scaled component of the equations (9) and of the pose error.
@@ -32,7 +38,7 @@ class Configuration:
         load: factor on the model's ramped loads.
     """
 
-    model: LumpedModel
+    model: M_co
     x: Array
     wrench: Array
     residual: float
@@ -40,18 +46,18 @@ class Configuration:
     load: float = 0.0
 
     @cached_property
-    def kinematics(self) -> Kinematics:
-        """Geometry and Jacobian at ``x``."""
+    def kinematics(self: Configuration[LumpedModel]) -> Kinematics:
+        """Geometry and Jacobian at ``x``, of a chain."""
         return self.model.kinematics(self.x)
 
     @cached_property
-    def stiffness(self) -> Array:
-        """Tangent stiffness ``(n, n)`` of the springs, zero on the passive joints."""
+    def stiffness(self: Configuration[LumpedModel]) -> Array:
+        """Tangent stiffness ``(n, n)`` of a chain's springs, zero on the passive joints."""
         return self.model.stiffness_under(self.model.reactions(self.kinematics, self.wrench))
 
     @cached_property
-    def hessian(self) -> Array:
-        """``H = ∂(Jᵀ F)/∂x`` ``(m, m)`` at constant wrench."""
+    def hessian(self: Configuration[LumpedModel]) -> Array:
+        """Of a chain, ``H = ∂(Jᵀ F)/∂x`` ``(m, m)`` at constant wrench."""
         return self.kinematics.force_hessian(self.wrench)
 
 
@@ -119,12 +125,12 @@ def newton_scale(model: LumpedModel) -> Array:
 
 
 def solve_newton(
-    model: LumpedModel, target: Array, x: Array, wrench: Array, *, load: float = 0.0, max_iterations: int = 30
-) -> Configuration:
+    model: M, target: Array, x: Array, wrench: Array, *, load: float = 0.0, max_iterations: int = 30
+) -> Configuration[M]:
     """Equilibrium at an imposed pose by full Newton-Raphson.
 
     Args:
-        model: the lumped model.
+        model: a chain's or a manipulator's.
         target: end-effector frame ``(4, 4)`` to be held, mm.
         x: joint coordinates ``(m,)`` to start from.
         wrench: ``(6,)`` to start from.
@@ -150,7 +156,7 @@ def solve_paper(
     max_iterations: int = 200,
     noise: float = 0.0,
     rng: np.random.Generator | None = None,
-) -> Configuration:
+) -> Configuration[LumpedModel]:
     """Equilibrium at an imposed pose by the paper's iteration (13), its misprints repaired.
 
     With the Jacobians frozen at ``(q_i, θ_i)`` one linear solve gives the next wrench and passive coordinates:
@@ -207,7 +213,9 @@ def solve_paper(
     )
 
 
-def solve_under_wrench(model: LumpedModel, wrench: Array, x: Array, *, max_iterations: int = 60) -> Configuration:
+def solve_under_wrench(
+    model: LumpedModel, wrench: Array, x: Array, *, max_iterations: int = 60
+) -> Configuration[LumpedModel]:
     """Equilibrium of the free end-effector under a dead wrench: the converse of an imposed pose.
 
     Newton-Raphson on ``Jᵀ F = K x``. A single chain resists only wrenches that leave its passive joints

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.errors import NoConvergenceError
+from vjm.model.loaded_model import LoadedModel
+from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
 from vjm.statics.equilibrium import Configuration
 
@@ -42,7 +44,7 @@ class Stability:
     unstable: int
 
 
-def stability(at: Configuration, device: Array | None = None) -> Stability:
+def stability(at: Configuration[LoadedModel], device: Array | None = None) -> Stability:
     """Smallest eigenvalue and number of negative ones of the second variation on the null space of J.
 
     The number comes from the pivots of the factorisation. On a stable path the eigenvalue nearest zero is the
@@ -79,7 +81,7 @@ def stability(at: Configuration, device: Array | None = None) -> Stability:
     return Stability(eigenvalue, unstable)
 
 
-def _spectrum(at: Configuration, device: Array | None) -> tuple[Array, Array]:
+def _spectrum(at: Configuration[LoadedModel], device: Array | None) -> tuple[Array, Array]:
     """Real eigenvalues and motions ``(n, k)`` of a constrained or unsymmetric tangent.
 
     The one that decides comes first: of negative ones and else of positive ones the one nearest zero.
@@ -103,7 +105,7 @@ def _spectrum(at: Configuration, device: Array | None) -> tuple[Array, Array]:
     return values[order], V[:, order].real * unit[:, None]
 
 
-def critical_modes(at: Configuration, device: Array | None = None) -> list[Array]:
+def critical_modes(at: Configuration[LoadedModel], device: Array | None = None) -> list[Array]:
     """Motions ``(m,)`` of the joints along which a critical point loses its stability: one, or two at once.
 
     Eigenvectors of the smallest eigenvalue, and of the next where it vanishes together with it (a bar that
@@ -122,14 +124,14 @@ def critical_modes(at: Configuration, device: Array | None = None) -> list[Array
     together = 2 if len(values) == 3 and abs(values[1]) < COINCIDENT * abs(values[2]) else 1
     modes = []
     for mode in motions.T[:together]:
-        deflection = at.model.shape_rate(at.kinematics, mode).ravel()
-        if np.abs(deflection).max(initial=0.0) < STILL * at.model.chain.characteristic_length:
+        deflection = at.model.velocities(at.x, mode).ravel()
+        if np.abs(deflection).max(initial=0.0) < STILL * at.model.characteristic_length:
             deflection = mode / unit
         modes.append(mode * np.sign(deflection[np.argmax(np.abs(deflection))]))
     return modes
 
 
-def _nearest_modes(at: Configuration) -> tuple[Array, Array]:
+def _nearest_modes(at: Configuration[LoadedModel]) -> tuple[Array, Array]:
     for change in NUDGES:
         # singular to the last digit: a load that differs a little has the same modes
         near = 1.0 + change
@@ -140,7 +142,7 @@ def _nearest_modes(at: Configuration) -> tuple[Array, Array]:
     raise NoConvergenceError("the critical mode is lost in rounding: stiffnesses are too far apart")
 
 
-def free_stability(at: Configuration) -> Stability:
+def free_stability(at: Configuration[LumpedModel]) -> Stability:
     """The same verdict for an end-effector that is free under a dead wrench: nothing constrains the motions.
 
     Motions that cost nothing, such as a tool turning about its own joint, count as neither.

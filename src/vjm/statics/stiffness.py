@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vjm.model.loaded_model import LoadedModel
 from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
 from vjm.statics.equilibrium import Configuration
@@ -17,7 +18,7 @@ def unloaded_stiffness(model: LumpedModel, q: Array) -> Array:
     return loaded_stiffness(Configuration(model, model.configuration(q), np.zeros(6), 0.0, 0))
 
 
-def loaded_stiffness(at: Configuration) -> Array:
+def loaded_stiffness(at: Configuration[LoadedModel]) -> Array:
     """Stiffness ``K^F`` ``(6, 6)`` of (18) at a loaded equilibrium.
 
     The upper-left block of the inverse of

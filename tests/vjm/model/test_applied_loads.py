@@ -12,11 +12,11 @@ from scipy.special import jv
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import EventKind
 from vjm.errors import NoConvergenceError
-from vjm.kernels.pack import packed
 from vjm.model.applied_loads import AppliedLoads
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, Load, LoadCase, PointControl
 from vjm.model.lumped import LumpedModel
+from vjm.model.pack import packed
 from vjm.model.parts import Beam, Placement, RigidOffset, Section
 from vjm.rotations import translation
 from vjm.vjm_engine import VjmEngine

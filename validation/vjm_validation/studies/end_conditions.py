@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 from vjm.batch import Failure, Task, trace_all
 from vjm.continuation.imperfections import imperfection_curve
@@ -77,5 +78,5 @@ def end_condition_study(
         hinged = paths[posture, HINGED_LOAD, lumped.label]
         kinds = [event.kind for event in hinged.events]
         if kinds[:1] == [EventKind.BIFURCATION] and EventKind.LIMIT in kinds:
-            imperfections[posture] = imperfection_curve(lumped, chain, hinged.load_case, SIZES_MM)
+            imperfections[posture] = imperfection_curve(partial(lumped.problem, chain), hinged.load_case, SIZES_MM)
     return EndConditionStudy(paths, imperfections)

@@ -2,22 +2,49 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from vjm.kernels.packed_model import BEAM_COLUMN, LINEAR, PASSIVE, PackedModel
 from vjm.model.applied_loads import AppliedLoads
-from vjm.model.springs import BeamColumnSpring, LinearSpring
+from vjm.model.springs import BeamColumnSpring, LinearSpring, Spring
 from vjm.rotations import Array
 
-if TYPE_CHECKING:
-    from vjm.model.lumped import LumpedModel
+
+class SpringChain(Protocol):
+    """Joints between rigid links, and the springs' blocks among them; see `vjm.model.lumped.LumpedModel`."""
+
+    size: int
+    passive: np.ndarray
+    natural: Array
+    joint_rotary: np.ndarray
+    drive: Array
+    axis: Array
+    before: Array
+    tail: Array
+    applied_loads: AppliedLoads
+
+    @property
+    def characteristic_length(self) -> float:
+        """Unit of translations, mm."""
+
+    @property
+    def coordinate_scale(self) -> Array:
+        """Units ``(n,)`` of the coordinates."""
+
+    @property
+    def wrench_scale(self) -> Array:
+        """Units ``(6,)`` of the wrench."""
+
+    @property
+    def blocks(self) -> list[tuple[Spring, slice]]:
+        """The springs with the range of their coordinates, base to tool."""
 
 
-def packed(model: LumpedModel) -> PackedModel:
+def packed(model: SpringChain) -> PackedModel:
     """The model in dimensionless arrays."""
-    length = model.chain.characteristic_length
+    length = model.characteristic_length
     coordinate, energy = model.coordinate_scale, float(model.wrench_scale[3])
     joint_coordinate = np.argmax(model.drive != 0.0, axis=1) if len(model.drive) else np.zeros(0)
     block_of = np.empty(model.size, dtype=int)

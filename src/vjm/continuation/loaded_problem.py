@@ -1,0 +1,299 @@
+"""A loaded model under a load case, as a problem whose path can be followed."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import cached_property
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from vjm.continuation.bordered_newton import Border, solve_bordered
+from vjm.continuation.path import Equilibrium, StationLabel
+from vjm.errors import NoConvergenceError
+from vjm.model.load_case import LoadCase
+from vjm.model.loaded_model import LoadedModel
+from vjm.rotations import Array, displaced
+from vjm.statics.equilibrium import Configuration, solve_newton
+from vjm.statics.stability import Stability, critical_modes, stability
+from vjm.statics.stiffness import loaded_stiffness
+
+ROUNDING = 1e-10
+"""Stiffness, in the model's own units, below which an entry of K^F is zero but for rounding."""
+NEUTRAL = 1e-6
+"""Eigenvalue over the smallest unloaded one up to which a motion costs nothing. A bowed bar that bends alike in all
+planes turns freely about its chord; that the springs' order of turns prefers one plane is not instability."""
+DIRECTIONS = 8
+"""In which a branch is looked for where two modes lose their stability at once, over half a turn between them."""
+FIRST_AMPLITUDE = 1e-3
+"""Scaled amplitude of the critical mode at which a crossing branch is first looked for."""
+ENTRY = 1e-2
+"""Scaled amplitude at which a branch is entered that is followed by its arc: its stability, which grows with the
+square, is told apart from what is neutral."""
+
+
+M = TypeVar("M", bound=LoadedModel)
+
+
+class LoadedProblem(ABC, Generic[M]):
+    """A loaded model under a load case: `vjm.continuation.load_stepping.Problem` for the virtual joint method.
+
+    A state is the coordinates, the support's wrench and the ramp, ``(n + 7,)``.
+
+    Attributes:
+        model: a chain's or a manipulator's, with the load case's loads on it.
+        load_case: what is done.
+        label: of the engine.
+        stations: labels of the rows of the shapes.
+    """
+
+    def __init__(
+        self, model: M, load_case: LoadCase, label: str, stations: tuple[StationLabel, ...], pose: Array
+    ) -> None:
+        """Bind a model to its load case.
+
+        Args:
+            model: with the loads on it.
+            load_case: what is done.
+            label: of the engine.
+            stations: labels of the rows of the shapes.
+            pose: frame ``(4, 4)`` of the support from which the displacement counts.
+        """
+        self.model, self.load_case, self.label, self.stations = model, load_case, label, stations
+        self._pose0 = pose
+
+    @abstractmethod
+    def at_rest(self) -> Configuration[M]:
+        """The posture as drawn, under the loads that act all along.
+
+        Raises:
+            NoConvergenceError: they are more than the machine bears.
+        """
+
+    def target(self, ramp: float) -> Array:
+        """Frame ``(4, 4)`` of the support at a ramp."""
+        return displaced(self._pose0, self.load_case.displacement(ramp))
+
+    def load(self, ramp: float) -> float:
+        """Factor on the ramped loads at a ramp."""
+        return ramp if self.load_case.load_driven else 0.0
+
+    def unloaded(self) -> Equilibrium:
+        """What the path keeps of `at_rest`, where it begins.
+
+        Raises:
+            NoConvergenceError: as there.
+        """
+        return self.equilibrium(0.0, self.at_rest(), 0.0)
+
+    def solve(self, s: float, start: Equilibrium, slope: Array | None = None) -> Equilibrium:
+        """Equilibrium at ``s`` by Newton-Raphson from a neighbour, prolonged along its slope."""
+        state = start.state if slope is None else start.state + slope * (s - start.s)
+        x, wrench, ramp = self._taken_apart(state)
+        if self.load_case.by_arc:
+            return self._on_arc(s, start, self.tangent(start) if slope is None else slope)
+        ramp, at = self._solved(s, x, wrench, ramp)
+        return self.equilibrium(s, at, ramp)
+
+    def _solved(self, s: float, x: Array, wrench: Array, ramp: float) -> tuple[float, Configuration[M]]:
+        """Ramp and configuration at the path's parameter ``s``, from a state near it."""
+        return s, solve_newton(self.model, self.target(s), x, wrench, load=self.load(s))
+
+    def switch(self, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
+        """A state at ``s`` on the branch that crosses at a bifurcation, without an imperfection.
+
+        The branch is entered by its own amplitude: the component of the motion along the critical mode is
+        imposed and the ramp is what results. It grows with the amplitude squared, which gives the amplitude that
+        belongs to ``s``.
+        """
+        return self._firmest(critical, sign, lambda at, mode: self._branch(at, mode, critical, s))
+
+    def enter(self, critical: Equilibrium, sign: int) -> Equilibrium:
+        """A state a little way along the branch that crosses at a bifurcation, wherever it leads."""
+
+        def entered(at: Configuration[M], mode: Array) -> Equilibrium:
+            ramp, there = self._on_branch(at, mode, ENTRY, critical.ramp)
+            change = self.distance(np.concatenate([there.x - at.x, np.zeros(6), [ramp - critical.ramp]]))
+            return self.equilibrium(critical.s + change, there, ramp)
+
+        return self._firmest(critical, sign, entered)
+
+    def tangent(self, point: Equilibrium, along: Array | None = None) -> Array:
+        """Derivative ``(n + 7,)`` of the state by the arc's length.
+
+        Args:
+            point: an equilibrium.
+            along: a change of state ``(n + 7,)`` that tells forwards from backwards; else the ramp grows.
+
+        Raises:
+            NoConvergenceError: the point is critical.
+        """
+        at = self.configuration(point)
+        try:
+            dx, dF = self.rate(at)
+        except np.linalg.LinAlgError:
+            raise NoConvergenceError("the path has no one direction at a critical point") from None
+        rate = np.concatenate([dx, dF, [1.0]])
+        rate /= self.distance(rate)
+        if along is not None and (rate / self._arc_unit) @ (along / self._arc_unit) < 0.0:
+            rate = -rate
+        return rate
+
+    def distance(self, change: Array) -> float:
+        """Length of a change of state ``(n + 7,)`` along an arc."""
+        return float(np.linalg.norm(change / self._arc_unit))
+
+    def point(self, s: float, x: Array, wrench: Array) -> Equilibrium:
+        """What the path keeps of an equilibrium at the ramp ``s``, coordinates ``(n,)`` and wrench ``(6,)``."""
+        return self.equilibrium(s, Configuration(self.model, x, wrench, 0.0, 0, self.load(s)), s)
+
+    def configuration(self, point: Equilibrium) -> Configuration[M]:
+        """The joint coordinates and the support's wrench of a point of this problem's path."""
+        x, wrench, ramp = self._taken_apart(point.state)
+        return Configuration(self.model, x, wrench, point.residual, point.iterations, self.load(ramp))
+
+    def equilibrium(self, s: float, at: Configuration[M], ramp: float) -> Equilibrium:
+        """What the path keeps of a configuration: stiffness (18), stability, shape."""
+        K = self._stiffness(at)
+        verdict = self._stability(at)
+        unstable = verdict.unstable
+        if unstable and abs(verdict.eigenvalue) < NEUTRAL * abs(self._softest):
+            unstable -= 1
+        return Equilibrium(
+            s=s,
+            displacement=self._displacement(at, ramp),
+            wrench=self._wrench(at, ramp),
+            tangent=self._tangent_stiffness(at, K),
+            eigenvalue=verdict.eigenvalue,
+            unstable=unstable,
+            iterations=at.iterations,
+            residual=at.residual,
+            # without the support, which is behind the chain
+            shape=self.model.compiled.shape(at.x)[: len(self.stations)],
+            state=np.concatenate([at.x, at.wrench, [ramp]]),
+            stiffness=K,
+            ramp=ramp,
+        )
+
+    # --- what is kept of a state --------------------------------------------------------------------------
+
+    def _stiffness(self, at: Configuration[M]) -> Array:
+        """K^F (18) ``(6, 6)``: what is zero but for rounding is zero, and nan at a critical point."""
+        try:
+            K = loaded_stiffness(at)
+        except np.linalg.LinAlgError:
+            return np.full((6, 6), np.nan)
+        unit = self.model.wrench_scale
+        K[np.abs(K) < ROUNDING * unit[:, None] * unit / unit[3]] = 0.0
+        return K
+
+    @abstractmethod
+    def _displacement(self, at: Configuration[M], ramp: float) -> Array:
+        """How far the end-effector has come from its unloaded pose ``(6,)``, mm, rad."""
+
+    @abstractmethod
+    def _wrench(self, at: Configuration[M], ramp: float) -> Array:
+        """What acts on the end-effector ``(6,)``: the support's wrench and the loads there, N, N mm, world axes."""
+
+    @abstractmethod
+    def _tangent_stiffness(self, at: Configuration[M], K: Array) -> float:
+        """Change of the driven force by the driven displacement, at a state with the stiffness ``K`` (6, 6)."""
+
+    @property
+    @abstractmethod
+    def _softest(self) -> float:
+        """Smallest eigenvalue without any load."""
+
+    def _device(self, at: Configuration[M]) -> Array | None:
+        """Generalised forces ``(n,)`` of the device that imposes a point's displacement, where there is one."""
+        return None
+
+    def _stability(self, at: Configuration[M]) -> Stability:
+        return stability(at, self._device(at))
+
+    # --- Newton -------------------------------------------------------------------------------------------
+
+    def _taken_apart(self, state: Array) -> tuple[Array, Array, float]:
+        n = self.model.size
+        return state[:n], state[n : n + 6], float(state[-1])
+
+    @cached_property
+    def _arc_unit(self) -> Array:
+        """Units ``(n + 7,)`` in which an arc is measured: turns and lengths; the ramp by its end; no forces."""
+        return np.concatenate([self.model.coordinate_scale, np.full(6, np.inf), [self.load_case.length]])
+
+    def rate(self, at: Configuration[M]) -> tuple[Array, Array]:
+        """Derivatives of coordinates ``(n,)`` and wrench ``(6,)`` by the ramp."""
+        compiled = self.model.compiled
+        if self.load_case.load_driven:
+            load = compiled.ramped(at.x, at.wrench, at.load)
+        else:
+            load = np.zeros(self.model.size)
+        return compiled.response(at.x, at.wrench, load, self.load_case.direction, at.load)
+
+    def _on_arc(self, s: float, start: Equilibrium, slope: Array) -> Equilibrium:
+        """Equilibrium on the plane across ``slope`` at the distance ``s − start.s`` from a point."""
+        along = slope / self._arc_unit
+        row = along / self._arc_unit / (along @ along)
+        n, begin = self.model.size, start.state
+
+        def border(at: Configuration[M], ramp: float) -> Border:
+            gone = row[:n] @ (at.x - begin[:n]) + row[-1] * (ramp - begin[-1])
+            return Border(s - start.s - float(gone), row[:n], float(row[-1]))
+
+        x, wrench, ramp = self._taken_apart(begin + slope * (s - start.s))
+        ramp, at = solve_bordered(self, x, wrench, ramp, border)
+        return self.equilibrium(s, at, ramp)
+
+    # --- branches -----------------------------------------------------------------------------------------
+
+    def _firmest(
+        self, critical: Equilibrium, sign: int, branch: Callable[[Configuration[M], Array], Equilibrium]
+    ) -> Equilibrium:
+        """The branch that leaves along the critical mode; of two modes at once along the firmest mixture."""
+        at = self.configuration(critical)
+        modes = critical_modes(at, self._device(at))
+        if len(modes) == 1:
+            return branch(at, sign * modes[0])
+        angles = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+        failure = NoConvergenceError("no branch was found where two modes lose their stability at once")
+        found = []
+        for angle in angles:
+            mode = np.cos(angle) * modes[0] + np.sin(angle) * modes[1]
+            try:
+                found.append(branch(at, sign * mode))
+            except NoConvergenceError as error:
+                failure = error
+        if not found:
+            raise failure
+        return min(found, key=lambda point: (point.unstable, -point.eigenvalue))
+
+    def _branch(self, at: Configuration[M], mode: Array, critical: Equilibrium, s: float) -> Equilibrium:
+        """A state at ``s`` on the branch that leaves ``at``, the state of ``critical``, along ``mode``."""
+        amplitude = FIRST_AMPLITUDE
+        beyond = self._parameter(*self._on_branch(at, mode, amplitude, critical.ramp))
+        if beyond <= critical.s:
+            raise NoConvergenceError("the crossing branch turns back: the bifurcation is subcritical")
+        amplitude *= np.sqrt((s - critical.s) / (beyond - critical.s))
+        ramp, near = self._on_branch(at, mode, amplitude, critical.ramp)
+        there = self.solve(s, self.equilibrium(self._parameter(ramp, near), near, ramp))
+        along = mode @ ((there.state[: self.model.size] - at.x) / self.model.coordinate_scale**2)
+        if along < 0.5 * amplitude:
+            raise NoConvergenceError("Newton fell back from the crossing branch")
+        return there
+
+    def _parameter(self, ramp: float, at: Configuration[M]) -> float:
+        """The path's parameter of a state: the ramp, or the displacement of the point that steers."""
+        return ramp
+
+    def _on_branch(
+        self, at: Configuration[M], mode: Array, amplitude: float, ramp: float
+    ) -> tuple[float, Configuration[M]]:
+        """Ramp and configuration at which the motion from ``at`` along ``mode`` has an amplitude."""
+        row = mode / self.model.coordinate_scale**2
+
+        def border(there: Configuration[M], _: float) -> Border:
+            return Border(amplitude - float(row @ (there.x - at.x)), row, 0.0)
+
+        return solve_bordered(self, at.x + amplitude * mode, at.wrench, ramp, border)

@@ -1,0 +1,49 @@
+"""What a chain and a manipulator have in common once they are loaded.
+
+Whatever follows an equilibrium path, takes a loaded stiffness or decides on stability asks for this protocol
+only. There are two such models: `vjm.model.lumped.LumpedModel` and
+`vjm.platform.loaded_manipulator.LoadedManipulator`.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from vjm.kernels.state_solver import StateSolver
+from vjm.model.applied_loads import AppliedLoads
+from vjm.rotations import Array
+
+
+class LoadedModel(Protocol):
+    """A machine whose elasticity is lumped into springs, with the loads on it."""
+
+    @property
+    def name(self) -> str:
+        """Of the machine."""
+
+    @property
+    def size(self) -> int:
+        """Number n of the coordinates."""
+
+    @property
+    def characteristic_length(self) -> float:
+        """Unit of its translations, mm."""
+
+    @property
+    def applied_loads(self) -> AppliedLoads:
+        """The loads on its bodies."""
+
+    @property
+    def coordinate_scale(self) -> Array:
+        """Unit of each coordinate ``(n,)``; infinite for one that is no motion."""
+
+    @property
+    def wrench_scale(self) -> Array:
+        """Unit of each wrench component ``(6,)``, N and N mm."""
+
+    @property
+    def compiled(self) -> StateSolver:
+        """What solves for its states."""
+
+    def velocities(self, x: Array, motion: Array) -> Array:
+        """Velocities ``(k, 3)`` of the stations at ``x`` (n,), the coordinates moving by ``motion`` (n,)."""
