@@ -4,15 +4,33 @@ from __future__ import annotations
 
 import json
 import platform
+from collections.abc import Iterable
 from importlib.metadata import version
 from typing import Any
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ConfigDict
 
 from vjm import __version__
+from vjm.io.findings import Finding
 
 Matrix = list[list[float]]
 """A matrix as a document has it, row by row."""
+
+
+class DoubtRow(BaseModel):
+    """What is implausible about an input."""
+
+    model_config = ConfigDict(frozen=True)
+
+    grade: str
+    where: str
+    found: str
+
+
+def doubt_rows(findings: Iterable[Finding]) -> list[DoubtRow]:
+    """Findings as a document has them."""
+    return [DoubtRow(grade=str(one.grade), where=one.where, found=one.found) for one in findings]
+
 
 PACKAGES = ("numpy", "scipy", "exudyn", "matplotlib", "pyvista")
 """Whose versions can change a number or a picture."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict
 
-from vjm_output.documents import Matrix
+from vjm_output.documents import DoubtRow, Matrix
 from vjm_validation.metrics import PathMetrics
 
 
@@ -18,6 +18,8 @@ class BucklingDocument(BaseModel):
     version: str
     chain: dict[str, dict[str, dict[str, PathMetrics]]]
     """By posture, ``tension`` or ``compression``, and engine label, as in ``summary.json``."""
+    doubts: list[DoubtRow] = []
+    """What is implausible about the model."""
 
 
 class StiffnessDocument(BaseModel):
@@ -50,3 +52,5 @@ class StiffnessDocument(BaseModel):
     """Largest scaled component of the equilibrium equations."""
     events: list[str]
     """Critical points that the chain passed on the way."""
+    doubts: list[DoubtRow] = []
+    """What is implausible about the model."""

@@ -37,6 +37,14 @@ SLENDEREST = 2e4
 REGULAR = 1e-6
 """Smallest singular value of a passive Jacobian over its largest, lengths in the longest beam's."""
 
+SWAPPED = 0.3
+"""Root mean square of the logarithms of matrix over section from which on they differ: 35 %."""
+
+EXCHANGED = (
+    "the matrix fits the section with EIy_Nmm2 and EIz_Nmm2 exchanged, not as they stand (bending about y "
+    "deflects along z): are they swapped?"
+)
+
 _UNITS = "mm/N, 1/N and rad/(N mm)"
 
 
@@ -146,6 +154,21 @@ def check_section_units(section: Section, length: float) -> None:
         )
 
 
+def bending_apart(given: Array, theory: Array) -> float:
+    """Root mean square of the logarithms of two compliances' ``(6, 6)`` four bending entries on the diagonal."""
+    ratio = np.diag(given)[[1, 2, 4, 5]] / np.diag(theory)[[1, 2, 4, 5]]
+    return float(np.sqrt(np.mean(np.log(ratio) ** 2)))
+
+
+def fits_exchanged(beam: Beam) -> bool:
+    """Whether a part's compliance fits its section far better with the two bending stiffnesses exchanged."""
+    s = beam.section
+    assert s is not None
+    own = bending_apart(beam.tip_compliance(), beam.beam_compliance())
+    turned = replace(beam, section=replace(s, EIy=s.EIz, EIz=s.EIy, GAy=s.GAz, GAz=s.GAy))
+    return own > SWAPPED and bending_apart(beam.tip_compliance(), turned.beam_compliance()) < 0.5 * own
+
+
 def check_against_section(beam: Beam) -> None:
     """Refuse a compliance that is far from the same part's section by beam theory.
 
@@ -164,6 +187,8 @@ def check_against_section(beam: Beam) -> None:
             values = f"compliance {name} = {printed(given[i, j])} but the section gives {printed(theory[i, j])}"
             ratio = abs(given[i, j] / theory[i, j])
             if not 1.0 / FACTOR < ratio < FACTOR:
+                if fits_exchanged(beam):
+                    raise ValueError(f"{values}: {EXCHANGED}")
                 times = f"{printed(ratio, 2)} times" if ratio else "nothing of"
                 raise ValueError(f"{values}, so it is {times} beam theory: is the unit right ({_UNITS})?")
             if given[i, j] * theory[i, j] < 0.0:

@@ -211,20 +211,36 @@ def build_manipulator(document: ModelDocument, folder: Path | Traversable) -> Ma
         raise ModelFileError(f"{file}: {error}") from error
 
 
+def leg_documents(name_or_path: str | Path) -> list[ModelDocument]:
+    """The documents of the chains that a manipulator's legs are made of, each once.
+
+    Raises:
+        ModelFileError: one of them is not there.
+    """
+    inside = isinstance(name_or_path, str) and any(f.name == f"{name_or_path}.toml" for f in _library_files())
+    folder = _folder() / "chains" if inside else Path(name_or_path).parent
+    legs = read_document(name_or_path).content.get("legs", [])
+    return [_leg_document(name, folder) for name in dict.fromkeys(str(leg["chain"]) for leg in legs)]
+
+
 def _chain(name: str, folder: Path | Traversable) -> Chain:
+    document = _leg_document(name, folder)
+    return build_chain(document.content, document.file, document.sha256)
+
+
+def _leg_document(name: str, folder: Path | Traversable) -> ModelDocument:
     file = folder / (name if name.endswith(".toml") else f"{name}.toml")
     if file.is_file():
         document = _parse(file.name, file.read_bytes())
         if document.content.get("kind") == KIND:
             raise ModelFileError(f"chain '{name}' is itself a manipulator: a leg needs a chain file")
-        return build_chain(document.content, document.file, document.sha256)
+        return document
     try:
-        document = read_document(name)
+        return read_document(name)
     except ModelFileError as error:
         raise ModelFileError(
             f"chain '{name}' is neither a file beside this one nor in the library: {error}"
         ) from None
-    return build_chain(document.content, document.file, document.sha256)
 
 
 def _leg(table: LegTable, chain: Chain) -> Leg:

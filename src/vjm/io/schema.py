@@ -201,7 +201,7 @@ class ModelFile(Table):
                 where = "[springs] one spring" if one else "segments = 1"
                 raise ValueError(f"part '{part.name}' has a bow, and {where}, which has no shape: give 2")
         for label in self.postures:
-            self._given(label)
+            self.given(label)
         return self
 
     @property
@@ -209,7 +209,8 @@ class ModelFile(Table):
         """The joints whose coordinates a posture has to give."""
         return [part for part in self.parts if isinstance(part, MovingTable) and not isinstance(part, CoupledTable)]
 
-    def _given(self, label: str) -> dict[str, float]:
+    def given(self, label: str) -> dict[str, float]:
+        """Coordinates of a posture by the names of the joints, mm or rad."""
         return given_coordinates(label, self.postures[label], self._moving)
 
     def chain(self, sha256: str = "") -> Chain:
@@ -220,7 +221,7 @@ class ModelFile(Table):
         """
         made = tuple(part.part() for part in self.parts)
         passive = [part.name for part in made if isinstance(part, parts.PassiveJoint)]
-        given = {label: self._given(label) for label in self.postures}
+        given = {label: self.given(label) for label in self.postures}
         chain = Chain(
             name=self.name,
             parts=made,

@@ -106,6 +106,9 @@ class Shape(Table):
             )
         if (self.poissons_ratio is None) == (self.shear_modulus_MPa is None):
             raise ValueError("needs either poissons_ratio or shear_modulus_MPa, and not both")
+        if self.poissons_ratio is not None and self.poissons_ratio < -0.7:
+            # the re-entrant foams that have been made reach -0.7
+            raise ValueError(f"has poissons_ratio = {printed(self.poissons_ratio)}: it is negative (steel 0.3)")
         return self
 
     @property

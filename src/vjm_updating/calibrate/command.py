@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vjm.io.files import check_writable, write_whole
+from vjm.io.findings import Finding
 from vjm.model.load_case import LoadCase
-from vjm_output.documents import as_json
+from vjm_output.documents import as_json, doubt_rows
 from vjm_updating.calibrate.design import parsed_ramps
 from vjm_updating.calibrate.document import Calibration
 from vjm_updating.calibrate.fit import fit
@@ -16,6 +17,7 @@ from vjm_updating.calibrate.page import write_page
 from vjm_updating.calibrate.problem import Problem, problem_of
 from vjm_updating.calibrate.results import results
 from vjm_updating.experiment import Measurement, read_measurement
+from vjm_updating.experiment.plausibility import considered
 
 DOCUMENT, MODEL, PAGE = "calibration.json", "calibrated-model.toml", "calibration.html"
 STAGES = 3
@@ -30,14 +32,18 @@ class Task:
         measurement: sheet, readings and nominal machine.
         problem: what is looked for.
         ramps: feasible next experiments; empty: the usual ones.
+        findings: what is implausible about the measurement.
     """
 
     measurement: Measurement
     problem: Problem
     ramps: tuple[LoadCase, ...]
+    findings: tuple[Finding, ...] = ()
 
 
-def prepare(data: Path, sheet: Path, names: Sequence[str] = (), ramps: Sequence[str] = ()) -> Task:
+def prepare(
+    data: Path, sheet: Path, names: Sequence[str] = (), ramps: Sequence[str] = (), *, strict: bool = False
+) -> Task:
     """Read and check all that a calibration needs.
 
     Args:
@@ -45,12 +51,14 @@ def prepare(data: Path, sheet: Path, names: Sequence[str] = (), ramps: Sequence[
         sheet: test sheet, TOML.
         names: parameters, see `vjm_updating.calibrate.parameters.unknowns`.
         ramps: feasible next experiments, see `vjm_updating.calibrate.design.parsed_ramps`.
+        strict: whether doubtful readings are refused.
 
     Raises:
         ValueError: a file or an option cannot be used; one line.
     """
     measurement = read_measurement(data, sheet)
-    return Task(measurement, problem_of(measurement, names), tuple(parsed_ramps(ramps, measurement.chain)))
+    problem, wanted = problem_of(measurement, names), tuple(parsed_ramps(ramps, measurement.chain))
+    return Task(measurement, problem, wanted, tuple(considered(measurement, strict=strict)))
 
 
 def calibrate(
@@ -73,6 +81,7 @@ def calibrate(
     found = fit(task.problem)
     progress(1)
     document, model = results(task.measurement, found, ramps=task.ramps, figure=figure, model_file=MODEL)
+    document = document.model_copy(update={"doubts": doubt_rows(task.findings)})
     progress(2)
     page = write_page(task.measurement, found, document)
     for name, content in ((DOCUMENT, as_json(document)), (MODEL, model), (PAGE, page)):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from vjm_output.documents import DoubtRow
+
 
 class Row(BaseModel):
     """A frozen table."""
@@ -184,3 +186,4 @@ class Calibration(Row):
     calibrated_model: str
     versions: dict[str, str]
     hashes: dict[str, str]
+    doubts: list[DoubtRow] = Field([], description="what is implausible about readings, sheet or model")

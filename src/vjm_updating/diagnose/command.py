@@ -11,8 +11,9 @@ import numpy as np
 
 from vjm import __version__
 from vjm.io.files import check_writable, write_whole
+from vjm.io.findings import Finding
 from vjm.rotations import Array
-from vjm_output.documents import as_json
+from vjm_output.documents import as_json, doubt_rows
 from vjm_updating.diagnose.column import DEPARTS, FIRST_YIELD, HANDBOOK, ColumnForward, is_column, observe_column
 from vjm_updating.diagnose.column_experiment import direct
 from vjm_updating.diagnose.contrasts import contrasts
@@ -49,6 +50,7 @@ from vjm_updating.diagnose.transfer import transfer
 from vjm_updating.diagnose.verdict import DOUBTFUL, STRAINED, Verdict, judge, proved
 from vjm_updating.experiment import Measurement, read_measurement
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.plausibility import considered
 from vjm_updating.mechanisms.catalogue import plug_in
 
 DOCUMENT, MODEL, PAGE = "diagnosis.json", "extended-model.toml", "diagnosis.html"
@@ -71,6 +73,8 @@ def diagnose(
     only: Sequence[str] = (),
     without: Sequence[str] = (),
     beside: tuple[Path, Path] | None = None,
+    strict: bool = False,
+    warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Diagnose a test and write what was found.
@@ -83,6 +87,8 @@ def diagnose(
         only: the causes that are thought possible; all where none is given.
         without: causes that are not.
         beside: readings and sheet of another specimen, of which is said what the findings are worth there.
+        strict: whether doubtful readings are refused.
+        warn: told what is implausible, before anything is fitted.
         progress: told what is being done.
 
     Raises:
@@ -93,10 +99,12 @@ def diagnose(
     begun = time.perf_counter()
     more = [plug_in(path) for path in plug_ins]
     measurement = read_measurement(data, sheet)
+    findings = considered(measurement, strict=strict)
     second = None if beside is None else read_measurement(*beside)
     observed = observe_column(measurement) if is_column(measurement) else observe(measurement)
     possible(effects_of(observed, more), only, without)
     check_writable(out)
+    warn(findings)
     progress("the nominal model")
     prepared = prepare(observed, more, only=only, without=without)
     search = _search(prepared, progress)
@@ -120,6 +128,7 @@ def diagnose(
     document = _document(measurement, prepared, verdict, candidates, points, begun)
     if second is not None:
         document = document.model_copy(update={"transfer": _transfer(verdict, second)})
+    document = document.model_copy(update={"doubts": doubt_rows(findings)})
     progress("report")
     chosen = verdict.members[0].fit if verdict.members else prepared.null
     found = estimates(prepared.fitter, chosen, 0.0)

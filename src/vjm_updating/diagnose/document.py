@@ -6,6 +6,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from vjm_output.documents import DoubtRow
+
 
 class Row(BaseModel):
     """A frozen table."""
@@ -151,4 +153,5 @@ class Diagnosis(Row):
     nuisances: dict[str, ValueRow] = {}
     critical: list[CriticalPointRow] = Field([], description="of every half-ray that was walked")
     transfer: list[TransferRow] = Field([], description="to the specimen of --beside")
+    doubts: list[DoubtRow] = Field([], description="what is implausible about readings, sheet or model")
     seconds: float = 0.0

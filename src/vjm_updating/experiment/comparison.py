@@ -2,44 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import StrEnum
-
 import numpy as np
 
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.measurement import Measurement
-
-
-class Grade(StrEnum):
-    """What is done about a finding."""
-
-    REFUSED = "refused"
-    """Physically impossible: no result is computed."""
-    DOUBTFUL = "doubtful"
-    """Likely a mistake: a warning, which ``--strict`` makes a refusal."""
-    NOTED = "noted"
-    """Worth knowing."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One implausible thing.
-
-    Attributes:
-        grade: what is done about it.
-        where: file, and posture, column or key.
-        found: what was found, and the likely mistake.
-    """
-
-    grade: Grade
-    where: str
-    found: str
-
-    def __str__(self) -> str:
-        return f"{self.where}: {self.found}"
 
 
 class Comparison:

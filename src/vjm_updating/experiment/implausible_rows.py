@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
 from vjm_updating.experiment.channels import TEMPERATURE, TIME, WRENCH
-from vjm_updating.experiment.comparison import Comparison, Finding, Grade
+from vjm_updating.experiment.comparison import Comparison
 from vjm_updating.experiment.readings import Readings
 
 FEW, LEAST = 5, 3

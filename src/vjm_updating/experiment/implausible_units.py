@@ -7,9 +7,10 @@ from itertools import combinations
 
 import numpy as np
 
+from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
 from vjm_updating.experiment.channels import POSE, WRENCH
-from vjm_updating.experiment.comparison import Comparison, Finding, Grade
+from vjm_updating.experiment.comparison import Comparison
 from vjm_updating.experiment.implausible_rows import FEW, LEAST
 
 OTHER_UNITS = {

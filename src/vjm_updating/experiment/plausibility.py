@@ -1,4 +1,4 @@
-"""Mistakes in readings and sheets that are well-formed: other units, signs, swapped columns, repeated rows.
+"""Mistakes in readings, sheets and models that are well-formed: other units, signs, swapped columns, repeated rows.
 
 Readings are compared with what the nominal machine's unloaded stiffness predicts at their displacements, before
 anything is fitted. A machine that differs from its model changes forces by a factor that its causes explain; a
@@ -9,25 +9,44 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from vjm_updating.experiment.comparison import Comparison, Finding, Grade
+from vjm.io.findings import Finding, Grade, refuse, worst_first
+from vjm.io.model_plausibility import model_findings
+from vjm_updating.experiment.comparison import Comparison
 from vjm_updating.experiment.implausible_rows import clock, nothing_read, rows, sheet_values, temperature
 from vjm_updating.experiment.implausible_units import signs, swapped_columns, swapped_postures, units
 from vjm_updating.experiment.measurement import Measurement
 
-__all__ = ["Finding", "Grade", "plausibility"]
+__all__ = ["Finding", "Grade", "considered", "plausibility"]
 
 RULES: tuple[Callable[[Comparison], Iterator[Finding]], ...] = (
     nothing_read, temperature, units, signs, swapped_columns, swapped_postures, rows, clock, sheet_values,
 )  # fmt: skip
-"""All rules."""
+"""All rules of readings and sheets; those of models are `vjm.io.model_plausibility`'s."""
+
+
+def considered(measurement: Measurement, *, strict: bool = False) -> list[Finding]:
+    """What is implausible about a test, unless it is refused for that.
+
+    Args:
+        measurement: sheet, readings, machine.
+        strict: whether what is doubtful is refused, too.
+
+    Raises:
+        ImplausibleError: naming the first reason.
+        NoConvergenceError: the nominal machine has no equilibrium in a posture.
+    """
+    findings = plausibility(measurement)
+    refuse(findings, strict=strict)
+    return findings
 
 
 def plausibility(measurement: Measurement) -> list[Finding]:
-    """What is implausible about a test, refusals first.
+    """What is implausible about a test and its model, refusals first.
 
     Raises:
         NoConvergenceError: the nominal machine has no equilibrium in a posture.
     """
     compared = Comparison(measurement)
     found = [finding for rule in RULES for finding in rule(compared)]
-    return sorted(found, key=lambda finding: list(Grade).index(finding.grade))
+    name = f"{measurement.sheet.file}, model {measurement.sheet.test.model}"
+    return worst_first([*found, *model_findings(measurement.document, name)])

@@ -15,8 +15,9 @@ from vjm.errors import NoConvergenceError
 from vjm.model.load_case import RAMP, TO_LIMIT
 from vjm.model.parts import Placement
 from vjm_output import terminal
-from vjm_output.documents import as_json
+from vjm_output.documents import as_json, doubt_rows
 from vjm_validation.cli import tables
+from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import parsed_load_case
 from vjm_validation.cli.options import (
     FootSegments,
@@ -59,6 +60,7 @@ def buckling_(
     force: Force = False,
     jobs: Annotated[int, Parameter(help="Processes; 0 is one a core.")] = 1,
     json: Json = False,
+    strict: Strict = False,
 ) -> int:
     """Stiffness, critical points and post-buckling stiffness."""
     if to is not None and not to > 0.0:
@@ -66,6 +68,7 @@ def buckling_(
     if force and to is None:
         raise UsageError("--to: with --force say up to how many N")
     chain, whole = loaded(model)
+    doubts = considered(model, strict)
     options = engine_options(segments, foot_segments, placement, shear)
     solvers = [whole(engine_by_name(name, options, chain)) for name in engine]
     directions = (
@@ -91,7 +94,9 @@ def buckling_(
             raise NoConvergenceError(path.message) if no_solution else UsageError(path.message)
         paths.append(path)
         found.setdefault(label, {}).setdefault(str(way), {})[solver.label] = path_metrics(path)
-    document = BucklingDocument(model=chain.name, model_sha256=chain.sha256, version=__version__, chain=found)
+    document = BucklingDocument(
+        model=chain.name, model_sha256=chain.sha256, version=__version__, chain=found, doubts=doubt_rows(doubts)
+    )
     if json:
         sys.stdout.write(as_json(document))
     else:

@@ -12,6 +12,7 @@ from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_updating.calibrate.command import PAGE, STAGES, calibrate, prepare
 from vjm_updating.calibrate.summary_text import tables
+from vjm_validation.cli.doubts import Strict, warn
 
 
 def calibrate_(
@@ -39,9 +40,11 @@ def calibrate_(
         str, Parameter(help="Predicted figure to make certain next, such as D:compression:F_cr.")
     ] = "",
     json: Annotated[bool, Parameter(negative="", help="Print calibration.json and nothing else.")] = False,
+    strict: Strict = False,
 ) -> int:
     """Fit spring compliances to measured force-displacement readings, with their uncertainty."""
-    task = prepare(data, sheet, fit, next_)
+    task = prepare(data, sheet, fit, next_, strict=strict)
+    warn(task.findings)
     with terminal.progress(quiet=json) as progress:
         document = calibrate(task, out, figure=figure, progress=lambda done: progress("calibration", done, STAGES))
     if json:

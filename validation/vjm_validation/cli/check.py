@@ -8,15 +8,17 @@ from vjm.io.model_file import load_chain, read_document
 from vjm.io.model_report import errors_of, summary_of
 from vjm.platform.manipulator import Manipulator
 from vjm_output import terminal
+from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.options import Model
 from vjm_validation.cli.status import BAD_INPUT, OK
 
 
-def check_(model: Model) -> int:
-    """List every error of a model file, or say what machine it describes."""
+def check_(model: Model, *, strict: Strict = False) -> int:
+    """List every error of a model file, or say what machine it describes and what is doubtful about it."""
     console = terminal.console()
     if read_document(model).content.get("kind") == "manipulator":
         machine = load_manipulator(model)
+        considered(model, strict)
         console.print(terminal.two_columns(f"{machine.name}: {machine.title}", dict(_platform(machine))))
         return OK
     try:
@@ -28,6 +30,7 @@ def check_(model: Model) -> int:
     if errors:
         return BAD_INPUT
     chain = load_chain(model)
+    considered(model, strict)
     console.print(terminal.two_columns(f"{chain.name}: {chain.title}", _merged(summary_of(chain))))
     return OK
 

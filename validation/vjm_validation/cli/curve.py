@@ -12,6 +12,7 @@ from vjm.io.path_files import write_curve
 from vjm.model.parts import Placement
 from vjm_output import terminal
 from vjm_validation.cli import tables
+from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import parsed_load_case
 from vjm_validation.cli.options import (
     FootSegments,
@@ -72,10 +73,12 @@ def curve_(
         float, Parameter(help="mm of bow in the shape of the buckling mode, free of stress.")
     ] = 0.0,
     csv: Annotated[FilePath | None, Parameter(help="Write the path to this file.")] = None,
+    strict: Strict = False,
 ) -> int:
     """Walk one load path and show it."""
     positive("--steps", steps)
     chain, whole = loaded(model)
+    considered(model, strict)
     label = postures(chain, (posture,) if posture else ())[0]
     load_case = parsed_load_case(
         label, to, axis=axis, force=force, steps=steps, branch={"+": 1, "-": -1, "0": 0}[branch], free=free,

@@ -14,6 +14,7 @@ from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_updating.diagnose.command import PAGE, diagnose
 from vjm_updating.diagnose.summary_text import lines
+from vjm_validation.cli.doubts import Strict, warn
 
 
 def diagnose_(
@@ -36,6 +37,7 @@ def diagnose_(
         Parameter(help="DATA SHEET of another specimen: what the findings are worth there, nothing fitted anew."),
     ] = None,
     json: Annotated[bool, Parameter(negative="", help="Print diagnosis.json and nothing else.")] = False,
+    strict: Strict = False,
 ) -> int:
     """Show what the model gets wrong, name the cause, extend the model and measure the gain."""
     with ExitStack() as stack:
@@ -50,7 +52,16 @@ def diagnose_(
             display("diagnosis", done, 0)
 
         document = diagnose(
-            data, sheet, out, plug_ins=effects, only=only, without=without, beside=beside, progress=tell
+            data,
+            sheet,
+            out,
+            plug_ins=effects,
+            only=only,
+            without=without,
+            beside=beside,
+            strict=strict,
+            warn=warn,
+            progress=tell,
         )
     if json:
         sys.stdout.write(as_json(document))

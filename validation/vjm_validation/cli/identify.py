@@ -15,6 +15,7 @@ from vjm_updating.identify.command import identify_matrix, identify_part, identi
 from vjm_updating.identify.documents import IdentificationDocument
 from vjm_updating.identify.matrix_file import matrix_names
 from vjm_updating.identify.path_file import build_path, is_path
+from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.studies.table2_document import show as show_table2
 from vjm_validation.studies.table2_document import table2_document
 from vjm_validation.studies.table2_fit import TableFit
@@ -40,12 +41,14 @@ def identify_(
         Parameter(negative="", help="What the paper's Table II implies for its printed matrices, within rounding."),
     ] = False,
     json: Annotated[bool, Parameter(negative="", help="Print one JSON document and nothing else.")] = False,
+    strict: Strict = False,
 ) -> int:
     """A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance."""
     if table2:
         if model is None or part is not None or matrix is not None:
             raise ValueError("--table2: give a model, and neither --part nor --matrix")
         table = TableFit(load_chain(model))
+        considered(model, strict)
         with terminal.progress(quiet=json) as progress:
             implied = table2_document(table, progress)
         if json:
@@ -53,7 +56,7 @@ def identify_(
         else:
             show_table2(terminal.console(), implied)
         return 0
-    document = _document(model, part, matrix)
+    document = _document(model, part, matrix, strict)
     if json:
         sys.stdout.write(as_json(document))
     else:
@@ -61,7 +64,7 @@ def identify_(
     return 0
 
 
-def _document(model: str | None, part: str | None, matrix: str | None) -> IdentificationDocument:
+def _document(model: str | None, part: str | None, matrix: str | None, strict: bool) -> IdentificationDocument:
     if (model is None) == (matrix is None):
         raise ValueError("give either a model with --part, or --matrix FILE")
     if matrix is not None:
@@ -75,6 +78,7 @@ def _document(model: str | None, part: str | None, matrix: str | None) -> Identi
             raise ValueError(f"--part: {found.file} is a beam path, which is taken whole: leave it out")
         return identify_path(build_path(found.content, found.file), found.sha256)
     chain = build_chain(found.content, found.file, found.sha256)
+    considered(model, strict)
     if part is None:
         raise ValueError(f"--part: which one? {chain.name} has {', '.join(beam.name for beam in chain.beams)}")
     return identify_part(chain, part)

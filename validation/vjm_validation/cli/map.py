@@ -19,6 +19,7 @@ from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
 from vjm_updating.maps.output import write_map
 from vjm_updating.maps.pose_grid import parsed_grid
 from vjm_updating.maps.run import Map, run_map
+from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.engines import EngineOptions, engine_by_name
 
 INTERRUPTED = 130
@@ -44,6 +45,7 @@ def map_(
     jobs: Annotated[int, Parameter(help="Processes; one a core by default.")] = 0,
     scheduler: Annotated[str, Parameter(help="Address of a Dask scheduler instead, such as tcp://host:8786.")] = "",
     out: Annotated[Path | None, Parameter(help="Folder; a map that was cut off goes on there.")] = None,
+    strict: Strict = False,
 ) -> int:
     """Map a quantity over a manipulator's workspace: CSV, VTK, a figure and a render."""
     springs = engine_by_name(engine, EngineOptions())
@@ -54,6 +56,7 @@ def map_(
     if not 0.0 < most < np.inf:
         raise ValueError(f"--most: must be a positive force in N, not {most}")
     machine = load_manipulator(model)
+    considered(model, strict)
     wanted = Map(machine, springs, quantity, parsed_grid(grid, machine), _wrench(wrench, quantity), most)
     folder = out or Path("reports") / "maps" / f"{machine.name}-{quantity}-{time.strftime('%Y%m%d-%H%M%S')}"
     try:

@@ -14,6 +14,7 @@ from vjm.rotations import rotation_from_vector
 from vjm.tree.inverse_kinematics import postures_of
 from vjm.tree.model import TreeModel
 from vjm_output import terminal
+from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.options import Json, Model
 from vjm_validation.cli.status import OK, UsageError
 
@@ -30,10 +31,12 @@ def postures_(
     ],
     end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
     json: Json = False,
+    strict: Strict = False,
 ) -> int:
     """Find the joint coordinates that put the tool where it is wanted, without load; lines for [postures]."""
     pose = _numbers(tool)
     machine = TreeModel(load_chain(model))
+    considered(model, strict)
     rotation = rotation_from_vector(pose[3:]) if len(pose) == 6 else None
     found = postures_of(machine, pose[:3], rotation, end)
     rows = [dict(zip(machine.joints, (round(float(v), 12) for v in q), strict=True)) for q in found]

@@ -11,8 +11,9 @@ from vjm.model.chain import Chain
 from vjm.model.parts import Placement
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
-from vjm_output.documents import as_json
+from vjm_output.documents import as_json, doubt_rows
 from vjm_validation.cli import tables
+from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.options import (
     ZERO,
     FootSegments,
@@ -49,11 +50,13 @@ def stiffness_(
     placement: PlacementOption = Placement.BEST,
     shear: Shear = False,
     json: Json = False,
+    strict: Strict = False,
 ) -> int:
     """The loaded equilibrium: deflection, wrench, 6×6 stiffness (18) and the unloaded one, stability."""
     if wrench is not None and displacement is not None:
         raise UsageError("give --wrench or --displacement, not both: one imposes the other")
     chain, whole = loaded(model)
+    doubts = considered(model, strict)
     solver = engine_by_name(engine, engine_options(segments, foot_segments, placement, shear), chain)
     label = postures(chain, (posture,) if posture else ())[0]
     if wrench is not None and isinstance(chain, Chain) and isinstance(solver, VjmEngine):
@@ -65,6 +68,7 @@ def stiffness_(
         if control == "displacement":
             within_reach("--displacement", chain, numbers)
         document = traced(chain, whole(solver), label, control, numbers)
+    document = document.model_copy(update={"doubts": doubt_rows(doubts)})
     if json:
         sys.stdout.write(as_json(document))
     else:

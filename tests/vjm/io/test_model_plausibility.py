@@ -1,0 +1,184 @@
+"""Model files that are well-formed and wrong: each mistake is named, and no model of the library is doubted."""
+
+from __future__ import annotations
+
+import re
+from importlib import resources
+
+import pytest
+
+from vjm.io.findings import Grade, ImplausibleError, refuse
+from vjm.io.manipulator_file import manipulators
+from vjm.io.model_file import ModelFileError, library, load_chain
+from vjm.io.model_plausibility import findings_of
+
+BEAM = """
+format = 1
+name = "arm"
+title = "an arm"
+source = "made up"
+[units]
+length = "mm"
+force = "N"
+angle = "rad"
+[[parts]]
+kind = "actuated"
+name = "shoulder"
+axis = "z"
+compliance_rad_per_Nmm = 1e-8
+limits_rad = [-3.1, 3.1]
+[[parts]]
+kind = "beam"
+name = "tube"
+length_mm = 400.0
+mass_kg = 1.5
+end_offset_mm = [20.0, -10.0, 0.0]
+# a square tube of aluminium, 60 by 3 mm
+[parts.section]
+EA_N = 4.788e7
+GJ_Nmm2 = 1.48e10
+EIy_Nmm2 = 2.6e10
+EIz_Nmm2 = 2.6e10
+[[parts]]
+kind = "link"
+name = "wrist"
+translation_mm = [0.0, 0.0, 80.0]
+mass_kg = 2.0
+centre_of_mass_mm = [0.0, 0.0, 40.0]
+[[parts]]
+kind = "payload"
+name = "tool"
+mass_kg = 1.0
+centre_of_mass_mm = [0.0, 0.0, 50.0]
+[postures]
+home = { shoulder = 0.3 }
+"""
+
+
+def library_text(name: str) -> str:
+    return resources.files("vjm").joinpath("models", f"{name}.toml").read_text(encoding="utf-8")
+
+
+def said_of(text: str, folder) -> list[str]:
+    """Grades and findings, or why the file is refused."""
+    file = folder / "model.toml"
+    file.write_text(text, encoding="utf-8")
+    try:
+        load_chain(file)
+        return [f"{finding.grade}: {finding}" for finding in findings_of(file)]
+    except ModelFileError as refused:
+        return [f"refused: {refused}"]
+
+
+def swapped(text: str, a: str, b: str) -> str:
+    return text.replace(a, "\0").replace(b, a).replace("\0", b)
+
+
+def scaled(text: str, factors: dict[str, float]) -> str:
+    """Every number behind a key, times a factor."""
+    for key, factor in factors.items():
+        text = re.sub(rf"(?m)^{key} = (\S+)", lambda m, f=factor, k=key: f"{k} = {float(m[1]) * f!r}", text)
+    return text
+
+
+@pytest.mark.parametrize("name", [entry.name for entry in (*library(), *manipulators())])
+def test_no_model_of_the_library_is_doubted(name):
+    assert findings_of(name) == []
+
+
+def test_the_sound_arm_is_not_doubted(tmp_path):
+    assert said_of(BEAM, tmp_path) == []
+
+
+STIFFNESSES = ("EA_N", "GJ_Nmm2", "EIy_Nmm2", "EIz_Nmm2")
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e-6])
+@pytest.mark.parametrize(
+    "keys", [STIFFNESSES, STIFFNESSES[:1], STIFFNESSES[1:2], STIFFNESSES[1:]], ids=lambda keys: "+".join(keys)
+)
+def test_stiffnesses_in_kilonewtons_or_square_metres(keys, factor, tmp_path):
+    found = said_of(scaled(BEAM, dict.fromkeys(keys, factor)), tmp_path)
+    assert any("kN" in line or "N m²" in line or "metres" in line or "GJ" in line for line in found), found
+
+
+MISTAKES = {
+    "drive in mm/kN": (
+        "orthoglide-chain", 'compliance_mm_per_N = 0.0', "compliance_mm_per_N = 1000.0", "no drive is so soft"
+    ),
+    "own axes in rad": ("orthoglide-chain", "angle_deg = -90.0", "angle_deg = -1.5708", "-90° in rad"),
+    "own axes in rad, three digits": ("orthoglide-chain", "angle_deg = 90.0", "angle_deg = 1.57", "in rad"),
+    "foot offset in m": (
+        "orthoglide-chain", "end_offset_mm = [17.57, -8.74, 0.0]", "end_offset_mm = [0.01757, -0.00874, 0.0]",
+        "metres",
+    ),
+    "posture in degrees": ("orthoglide-chain", "A = [0.0, 0.0, 0.0, 0.0]", "A = [0.0, 3.0, 0.0, 0.0]", "degrees"),
+    "limits in degrees": ("planar-2r", "limits_rad = [-3.0, 3.0]", "limits_rad = [-170.0, 170.0]", "degrees"),
+    "whole degrees": (
+        "planar-2r", "bent = { shoulder = 0.5, elbow = 1.2 }", "bent = { shoulder = 3.0, elbow = 2.0 }", "degrees"
+    ),
+    "Poisson": ("planar-2r", "poissons_ratio = 0.33", "poissons_ratio = -0.99", "negative"),
+    "foam": ("planar-2r", "poissons_ratio = 0.33", "poissons_ratio = -0.33", "was the sign meant"),
+    "shear modulus": ("planar-2r", "poissons_ratio = 0.33", "shear_modulus_MPa = 60000.0", "youngs_modulus"),
+    "payload of 10 t": ("planar-2r", "mass_kg = 2.0", "mass_kg = 10000.0", "is it in g"),
+    "link in g": ("ur10", "mass_kg = 7.778", "mass_kg = 7778.0", "is it in g"),
+    "gear in rad/(N m)": (
+        "ur10", "compliance_rad_per_Nmm = 1.1e-08\nsource", "compliance_rad_per_Nmm = 1.1e-05\nsource", "rad/(N m)"
+    ),
+    "gear in degrees": (
+        "planar-2r", "compliance_rad_per_Nmm = 5e-7", "compliance_rad_per_Nmm = 5e-2", "no drive is so soft"
+    ),
+    "drive as stiffness": (
+        "orthoglide-chain", 'compliance_mm_per_N = 0.0', "compliance_mm_per_N = 2e-12", "stiffer than a block"
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_in_a_library_model_is_named(name, tmp_path):
+    model, old, new, words = MISTAKES[name]
+    text = library_text(model)
+    assert old in text
+    found = said_of(text.replace(old, new, 1), tmp_path)
+    assert any(words in line for line in found), found
+
+
+def test_section_axes_against_the_matrix(tmp_path):
+    text = library_text("orthoglide-chain")
+    link = text.index('name = "link"')
+    found = said_of(text[:link] + swapped(text[link:], "EIy_Nmm2", "EIz_Nmm2"), tmp_path)
+    assert any("swapped" in line and "'link'" in line for line in found), found
+    foot = text[: text.index('name = "q1"')]
+    found = said_of(swapped(foot, "EIy_Nmm2", "EIz_Nmm2") + text[len(foot) :], tmp_path)
+    assert any("swapped" in line and "'foot'" in line for line in found), found
+
+
+def test_a_tube_of_ten_tonnes_is_impossible(tmp_path):
+    found = said_of(BEAM.replace("mass_kg = 1.5", "mass_kg = 10000.0"), tmp_path)
+    assert found[0].startswith("refused")
+    assert "more than any metal" in found[0]
+    found = said_of(BEAM.replace("mass_kg = 1.5", "mass_kg = 0.0015"), tmp_path)
+    assert any("is it in t" in line for line in found), found
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("[20.0, -10.0, 0.0]", "[0.02, -0.01, 0.0]"),
+        ("[0.0, 0.0, 80.0]", "[0.0, 0.0, 0.08]"),
+        ("[0.0, 0.0, 50.0]", "[0.0, 0.0, 0.05]"),
+    ],
+)
+def test_a_vector_in_metres(old, new, tmp_path):
+    found = said_of(BEAM.replace(old, new), tmp_path)
+    assert any("is it in metres" in line for line in found), found
+
+
+def test_strict_refuses_what_is_doubtful(tmp_path):
+    file = tmp_path / "model.toml"
+    file.write_text(BEAM.replace("[0.0, 0.0, 80.0]", "[0.0, 0.0, 0.08]"))
+    findings = findings_of(file)
+    assert [finding.grade for finding in findings] == [Grade.DOUBTFUL]
+    refuse(findings)
+    with pytest.raises(ImplausibleError, match=r"metres.*--strict"):
+        refuse(findings, strict=True)

@@ -1,0 +1,36 @@
+"""What is implausible about an input, said once before anything is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from vjm.io.findings import Finding, Grade, refuse
+from vjm.io.model_plausibility import findings_of
+from vjm_output import terminal
+
+Strict = Annotated[
+    bool, Parameter(name="--strict", negative="", help="Refuse what is doubtful, such as a mistaken unit.")
+]
+
+
+def warn(findings: Iterable[Finding]) -> None:
+    """Each finding as a line on standard error."""
+    for finding in findings:
+        word = "note" if finding.grade is Grade.NOTED else "warning"
+        terminal.error(f"{word}: {finding}")
+
+
+def considered(model: str, strict: bool) -> list[Finding]:
+    """What is implausible about a model, said as warnings.
+
+    Raises:
+        ModelFileError: it cannot be read.
+        ImplausibleError: it is refused, see `vjm.io.findings.refuse`.
+    """
+    findings = findings_of(model)
+    refuse(findings, strict=strict)
+    warn(findings)
+    return findings
