@@ -37,7 +37,7 @@ M = TypeVar("M", bound=LoadedModel)
 
 
 class LoadedProblem(ABC, Generic[M]):
-    """A loaded model under a load case: `vjm.continuation.load_stepping.Problem` for the virtual joint method.
+    """A loaded model under a load case: `vjm.continuation.problem.Problem` for the virtual joint method.
 
     A state is the coordinates, the support's wrench and the ramp, ``(n + 7,)``.
 
@@ -70,6 +70,11 @@ class LoadedProblem(ABC, Generic[M]):
         Raises:
             NoConvergenceError: they are more than the machine bears.
         """
+
+    @property
+    def conservative(self) -> bool:
+        """Whether no load turns with its body and none is a moment."""
+        return not len(self.model.applied_loads.turning)
 
     def target(self, ramp: float) -> Array:
         """Frame ``(4, 4)`` of the support at a ramp."""
