@@ -15,7 +15,7 @@ from vjm.model.load_case import LoadCase, PointControl
 from vjm.rotations import Array, frame
 from vjm_fea.common import branches
 from vjm_fea.common.beam_statics import BeamStatics
-from vjm_fea.common.linearized_statics import Border, Tangent, is_real
+from vjm_fea.common.linearized_statics import Border, Tangent
 from vjm_fea.common.points import Place
 
 MAX_ITERATIONS = 25
@@ -343,20 +343,8 @@ class BeamProblem:
         return float(np.abs(values).min(initial=np.inf)) if len(values) else 0.0
 
     def _verdict(self, state: Array, tangent: Tangent) -> tuple[float, int]:
-        """Smallest eigenvalue of the stiffness that the constraints leave, and how many are negative.
-
-        Where they leave no motion at all, nan and none. Where loads are not conservative, the eigenvalue nearest
-        zero, complex or not, see `vjm.statics.stability.stability`.
-        """
-        values = tangent.stability(self.device(state))
-        if not len(values):
-            return float("nan"), 0
-        real = values[is_real(values)].real
-        negative = np.count_nonzero(real < -NEUTRAL * self._softest)
-        if tangent.symmetric:
-            return float(values[0]), int(negative)
-        nearest = values[np.argmin(np.abs(values))]
-        return float(-abs(nearest) if nearest in real[real < 0.0] else abs(nearest)), int(negative)
+        """Eigenvalue that decides on stability, and how many are negative, see `Tangent.verdict`."""
+        return tangent.verdict(self.device(state), NEUTRAL * self._softest)
 
     def _equilibrium(
         self, s: float, state: Array, iterations: int, error: float, end_condition: Array | None = None

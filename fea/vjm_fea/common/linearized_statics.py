@@ -138,6 +138,26 @@ class Tangent:
             return np.asarray(eigvalsh(0.5 * (K + K.T), check_finite=False), dtype=float)
         return np.asarray(eigvals(K, check_finite=False))
 
+    def verdict(self, device: Array | None, neutral: float) -> tuple[float, int]:
+        """Smallest eigenvalue of the stiffness that the constraints leave, and how many are negative.
+
+        Where they leave no motion at all, as in a cantilever of one element, nan and none. Where loads are not
+        conservative, the eigenvalue nearest zero, complex or not, see `vjm.statics.stability.stability`.
+
+        Args:
+            device: see `stability`.
+            neutral: eigenvalue up to which a motion costs nothing.
+        """
+        values = self.stability(device)
+        if not len(values):
+            return float("nan"), 0
+        real = values[is_real(values)].real
+        negative = int(np.count_nonzero(real < -neutral))
+        if self.symmetric:
+            return float(values[0]), negative
+        nearest = values[np.argmin(np.abs(values))]
+        return float(-abs(nearest) if nearest in real[real < 0.0] else abs(nearest)), negative
+
     def critical_modes(self, device: Array | None = None) -> list[Array]:
         """Unit vectors ``(f,)`` of the motions whose eigenvalue is nearest zero: one, or two together."""
         K, N = self._modal(device)
