@@ -200,7 +200,7 @@ class _Walk:
         """What a path that ends close to a critical point has before it."""
         if not abs(here.eigenvalue) < NEARLY_LOST * abs(self.points[0].eigenvalue):
             return ""
-        return "; its stability is nearly lost: the ramp turns back here, and control 'arc' follows it"
+        return "; its stability is nearly lost: if the ramp turns back here, control 'arc' follows it"
 
     def _known(self) -> list[Equilibrium]:
         """The last points of the present branch, at most three; the bifurcation where it begins is one of them."""
