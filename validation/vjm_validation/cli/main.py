@@ -31,6 +31,7 @@ COMMANDS = {
     "identify": "A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance.",
     "new": "Write a commented model file that runs as it is: chain, arm or platform.",
     "check": "List every error of a model file, or say what machine it describes.",
+    "show": "Write a 3-D view of a machine with its axes, joints, springs and names, as HTML or PNG.",
     "postures": "Find the joint coordinates that put the tool where it is wanted.",
     "import": "Write a model file of a URDF.",
     "map": "Map a quantity over a manipulator's workspace: CSV, VTK, a figure and a render.",

@@ -37,7 +37,7 @@ DEFLECTION = 0.005
 """Of the machine's size: how far the default force moves the end at most, by linear theory."""
 REACH = 0.013
 """Of the longest part: how far an imposed pose goes by default; the paper's 4 mm of 310 mm."""
-MOST = 100.0
+MOST = 300.0
 """Times the force, up to which critical points are looked for."""
 EVENTS = (EventKind.BIFURCATION, EventKind.LIMIT)
 
