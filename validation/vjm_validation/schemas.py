@@ -19,6 +19,7 @@ from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.identify.documents import IdentificationDocument
 from vjm_updating.maps.documents import MapDocument, MapTaskDocument
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
+from vjm_validation.studies.own_machine_rows import OwnMachineSummary
 from vjm_validation.studies.table2_document import Table2Document
 from vjm_validation.summary import Summary
 
@@ -27,6 +28,7 @@ def schemas() -> dict[str, dict[str, Any]]:
     """JSON Schemas by file name."""
     return {
         "summary.schema.json": schema(Summary),
+        "own-machine.schema.json": schema(OwnMachineSummary),
         "buckling.schema.json": schema(BucklingDocument),
         "stiffness.schema.json": schema(StiffnessDocument),
         "identification.schema.json": schema(IdentificationDocument),

@@ -16,7 +16,7 @@ from vjm_validation.metrics import travel
 
 if TYPE_CHECKING:
     # of every comparison, which takes seconds to import
-    from vjm_validation.summary import Summary
+    from vjm_validation.acceptance import AcceptanceRow
 
 ROWS = 24
 """Points of a path that a terminal shows."""
@@ -76,12 +76,12 @@ def metrics_table(document: BucklingDocument) -> Table:
     return table
 
 
-def acceptance_table(summary: Summary) -> Table:
+def acceptance_table(rows: Sequence[AcceptanceRow]) -> Table:
     """What the solvers had to do, and whether they did."""
     table = Table(title="Acceptance", title_justify="left")
     for column in ("", "requirement", "value"):
         table.add_column(column)
-    for row in summary.acceptance:
+    for row in rows:
         value = row.value if isinstance(row.value, str) else _number(row.value)
         mark = "[green]met[/]" if row.passed else "[bold red]NOT MET[/]"
         table.add_row(mark, f"{row.name}: {row.requirement}", value)
