@@ -22,7 +22,7 @@ from vjm_validation.cli.options import (
     processes,
 )
 from vjm_validation.cli.status import INTERRUPTED, NOT_ACCEPTED, OK, UsageError
-from vjm_validation.studies.own_machine import DIRECTIONS, Request
+from vjm_validation.studies.own_machine import DIRECTIONS, Request, parsed_directions
 from vjm_validation.studies.own_machine_run import run_own
 from vjm_validation.studies.run_all import COMPARISONS, Options, run_all
 from vjm_validation.verification.library import library as cases
@@ -41,8 +41,7 @@ def all_(
         tuple[str, ...],
         Parameter(
             allow_leading_hyphen=True,
-            consume_multiple=True,
-            help="Of MODEL: x, -x, ... or dx,dy,dz; all six by default.",
+            help="Of MODEL: such as x,-z or dx,dy,dz; may be repeated; x,-x,y,-y,z,-z by default.",
         ),
     ] = (),
     force: Annotated[
@@ -74,7 +73,7 @@ def all_(
                 raise UsageError(f"{name}: must be positive, not {value:g}; --direction gives the sign")
         return _own(
             Request(
-                model, posture, direction or DIRECTIONS, force, to, acceleration(gravity), jobs=processes(jobs)
+                model, posture, parsed_directions(direction), force, to, acceleration(gravity), jobs=processes(jobs)
             ),
             folder,
         )

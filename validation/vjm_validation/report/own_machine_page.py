@@ -18,7 +18,7 @@ from vjm_validation.report.machine_view import rendered
 from vjm_validation.report.parallelogram_chapter import Table
 from vjm_validation.report.words import Finding, Tone
 from vjm_validation.studies.own_machine import REFERENCE, OwnMachine
-from vjm_validation.studies.own_machine_rows import CriticalRow, OwnMachineSummary
+from vjm_validation.studies.own_machine_rows import CriticalRow, LoadRow, OwnMachineSummary
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 SHOWN_TURN = 0.1
@@ -97,7 +97,8 @@ def _agreement(found: OwnMachine) -> Finding | None:
         worst = max(abs(float(a.F_cr or 0.0) / float(b.F_cr or 1.0) - 1.0) for a, b in pairs)
         sentences.append(f"Critical forces, {len(pairs)} of them, differ by {percent(worst)} at most.")
     agree = max(apart) < CONVERGED
-    title = f"Virtual springs and finite elements {'agree' if agree else 'differ'}: {what} are {percent(max(apart))} apart"
+    verdict = "agree" if agree else "differ"
+    title = f"Virtual springs and finite elements {verdict}: {what} are {percent(max(apart))} apart"
     return Finding(Tone.AGREES if agree else Tone.DIFFERS, title, tuple(sentences))
 
 
@@ -111,34 +112,39 @@ def _pairs(found: OwnMachine) -> list[tuple[CriticalRow, CriticalRow]]:
     ]
 
 
+def _stiffnesses(found: OwnMachine) -> list[tuple[float, float, LoadRow]]:
+    """Stiffness at the beginning and at the end of each path of the lumped model that has one."""
+    return [(row.K0, row.K_end, row) for row in found.loads if row.engine != REFERENCE and row.K0 and row.K_end]
+
+
 def _softest(found: OwnMachine) -> Finding | None:
-    lumped = [row for row in found.loads if row.engine != REFERENCE and row.K0 > 0.0]
-    if not lumped:
+    known = _stiffnesses(found)
+    if not known:
         return None
-    low, high = min(lumped, key=lambda r: r.K0), max(lumped, key=lambda r: r.K0)
+    (K, _, low), (most, _, high) = min(known, key=lambda k: k[0]), max(known, key=lambda k: k[0])
     moved = float(np.linalg.norm(low.moved[:3]))
     return Finding(
         Tone.NOTE,
-        f"The machine is softest in posture {low.posture} along {low.direction}: {number(low.K0)} N/mm",
+        f"The machine is softest in posture {low.posture} along {low.direction}: {number(K)} N/mm",
         (
-            f"There {number(low.force)} N move the end by {number(moved)} mm in all.",
-            f"It is stiffest in posture {high.posture} along {high.direction}: {number(high.K0)} N/mm.",
+            f"There {number(low.force)} N go with a displacement of the end of {number(moved)} mm in all.",
+            f"It is stiffest in posture {high.posture} along {high.direction}: {number(most)} N/mm.",
         ),
     )  # fmt: skip
 
 
 def _softening(found: OwnMachine) -> Finding | None:
-    lumped = [row for row in found.loads if row.engine != REFERENCE and row.K0 > 0.0]
-    if not lumped:
+    known = _stiffnesses(found)
+    if not known:
         return None
-    worst = max(lumped, key=lambda r: abs(r.K_end / r.K0 - 1.0))
-    change = worst.K_end / worst.K0 - 1.0
+    before, after, worst = max(known, key=lambda k: abs(k[1] / k[0] - 1.0))
+    change = after / before - 1.0
     return Finding(
         Tone.CAUSE if abs(change) > 0.05 else Tone.NOTE,
         f"Under load the stiffness changes by {percent(change)} at most",
         (
-            f"Posture {worst.posture} along {worst.direction}: from {number(worst.K0)} to {number(worst.K_end)} "
-            f"N/mm at {number(worst.force)} N.",
+            f"Posture {worst.posture} along {worst.direction}: from {number(before)} to {number(after)} N/mm "
+            f"at {number(worst.force)} N.",
             "A linear model keeps the first of the two values at all loads.",
         ),
     )  # fmt: skip
@@ -225,7 +231,7 @@ def own_tables(found: OwnMachine) -> list[Table]:
         )  # fmt: skip
         rows = tuple(
             (
-                row.posture, row.direction, row.engine, number(row.K0), number(row.K_end), number(row.force),
+                row.posture, row.direction, row.engine, _stiff(row.K0), _stiff(row.K_end), number(row.force),
                 *(number(_clean(v, row.moved, i)) for i, v in enumerate(row.moved)),
                 number(None) if row.difference is None else percent(row.difference, 2), row.stopped,
             )
@@ -261,6 +267,10 @@ def own_tables(found: OwnMachine) -> list[Table]:
     return tables
 
 
+def _stiff(K: float | None) -> str:
+    return "rigid" if K is None else number(K)
+
+
 def _clean(value: float, moved: list[float], i: int) -> float:
     """Zero for what is rounding beside the largest component of its kind."""
     largest = max(abs(v) for v in (moved[:3] if i < 3 else moved[3:]))
@@ -284,6 +294,7 @@ def _curves(found: OwnMachine, label: str) -> list[Picture]:
                 if direction.lstrip("-") == axis:
                     _draw(ax, engine, path, -1.0 if direction.startswith("-") else 1.0)
             ax.set(title=f"along {axis}", xlabel="displacement, mm")
+            ax.locator_params(axis="x", nbins=4)
             ax.axhline(0.0, color="#bbbbbb", lw=0.6)
             ax.axvline(0.0, color="#bbbbbb", lw=0.6)
         for ax in panels[len(axes) :]:

@@ -39,6 +39,8 @@ REACH = 0.013
 """Of the longest part: how far an imposed pose goes by default; the paper's 4 mm of 310 mm."""
 MOST = 300.0
 """Times the force, up to which critical points are looked for."""
+NOTHING = 1e-6
+"""Of the largest answer of all load paths: what is less is none."""
 EVENTS = (EventKind.BIFURCATION, EventKind.LIMIT)
 
 Key = tuple[str, str, str]
@@ -153,6 +155,16 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
     return found
 
 
+def parsed_directions(words: Sequence[str]) -> tuple[str, ...]:
+    """Directions from words such as ``x``, ``x,-z`` or ``1,1,0``; all six axes where there are none."""
+    names = [sign + name for name in COMPONENTS[:3] for sign in ("", "-")]
+    found: list[str] = []
+    for word in words:
+        pieces = [piece.strip() for piece in word.split(",")]
+        found += pieces if all(piece in names for piece in pieces) else [word]
+    return tuple(dict.fromkeys(found)) or DIRECTIONS
+
+
 def unit_of(direction: str) -> Array:
     """Unit vector ``(6,)`` of ``x``, ``-z`` or of three numbers ``dx,dy,dz``.
 
@@ -259,22 +271,23 @@ def _traced(
 
 def _load_rows(found: OwnMachine) -> list[LoadRow]:
     rows = []
-    length = extent(found.machine)
+    unit = np.repeat([1.0, extent(found.machine)], 3)
+    answers = {key: path.force[-1:] if found.held else unit * _moved(path) for key, path in found.paths.items()}
+    # a direction in which a machine is rigid, or swings, answers with rounding
+    least = NOTHING * max((float(np.abs(answer).max()) for answer in answers.values()), default=0.0)
     for (posture, direction, engine), path in found.paths.items():
         reference = found.paths.get((posture, direction, REFERENCE))
         apart = None
         if reference is not None and engine != REFERENCE and path.complete and reference.complete:
-            if found.held:
-                apart = abs(float(path.force[-1] / reference.force[-1]) - 1.0)
-            else:
-                unit = np.repeat([1.0, length], 3)
-                ours, theirs = (unit * _moved(each) for each in (path, reference))
-                apart = float(np.abs(ours - theirs).max() / np.abs(theirs).max())
-        start, end = path.points[0], path.points[-1]
-        # under a driven load the tangent is that of the load factor, N over mm along it
+            ours, theirs = answers[posture, direction, engine], answers[posture, direction, REFERENCE]
+            apart = float(np.abs(ours - theirs).max() / max(float(np.abs(theirs).max()), least))
+        along = abs(float(unit_of(direction)[:3] @ _moved(path)[:3]))
+        K: list[float | None] = [float(point.tangent) for point in (path.points[0], path.points[-1])]
+        if (float(np.abs(path.force[-1])) if found.held else along) < least:
+            K = [0.0, 0.0] if found.held else [None, None]
         rows.append(
             LoadRow(
-                posture=posture, direction=direction, engine=engine, K0=start.tangent, K_end=end.tangent,
+                posture=posture, direction=direction, engine=engine, K0=K[0], K_end=K[1],
                 force=float(path.force[-1]), moved=_moved(path).tolist(), difference=apart, stopped=path.stopped,
             )
         )  # fmt: skip
@@ -328,10 +341,10 @@ def studied(found: OwnMachine) -> tuple[str, str, bool] | None:
     if critical:
         row = min(critical, key=lambda each: float(each.F_cr or 0.0))
         return row.posture, row.direction, True
-    loads = [row for row in found.loads if row.engine == lumped and row.K0 > 0.0]
+    loads = [(row.K_end / row.K0, row) for row in found.loads if row.engine == lumped and row.K0 and row.K_end]
     if not loads:
         return None
-    softer = min(loads, key=lambda each: each.K_end / each.K0)
+    softer = min(loads, key=lambda each: each[0])[1]
     return softer.posture, softer.direction, False
 
 

@@ -32,9 +32,9 @@ class LoadRow(Row):
     posture: str
     direction: str
     engine: str
-    K0: float
-    """N/mm along the direction, at its beginning."""
-    K_end: float
+    K0: float | None
+    """N/mm along the direction, at its beginning; null where nothing deflects along it."""
+    K_end: float | None
     """Likewise at its end."""
     force: float
     """N at its end."""

@@ -79,13 +79,15 @@ def own_acceptance(found: OwnMachine) -> list[AcceptanceRow]:
     if apart:
         what = "forces" if found.held else "deflections"
         rows.append(at_most(f"{what}: virtual springs against {REFERENCE}", max(apart), AGREEMENT))
-        theirs = {(row.posture, row.direction): row for row in found.loads if row.engine == REFERENCE}
+        theirs = {(row.posture, row.direction): row.K0 for row in found.loads if row.engine == REFERENCE}
         K = [
-            abs(row.K0 / theirs[row.posture, row.direction].K0 - 1.0)
+            abs(row.K0 / reference - 1.0)
             for row in found.loads
-            if row.engine != REFERENCE and (row.posture, row.direction) in theirs
+            if row.engine != REFERENCE and row.K0 and (reference := theirs.get((row.posture, row.direction)))
         ]
-        rows.append(at_most(f"unloaded stiffness: virtual springs against {REFERENCE}", max(K), AGREEMENT))
+        rows.append(
+            at_most(f"unloaded stiffness: virtual springs against {REFERENCE}", max(K, default=0.0), AGREEMENT)
+        )
     rows += _critical_rows(found)
     if len(found.convergence) > 1:
         row = found.convergence[-2]
