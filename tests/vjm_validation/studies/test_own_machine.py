@@ -14,7 +14,8 @@ from vjm.tree.model import TreeModel
 from vjm_output.off_screen import why_not_rendered
 from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas
-from vjm_validation.studies.own_machine import Request, parsed_directions, study, unit_of
+from vjm_validation.studies.force_directions import parsed_directions, unit_of
+from vjm_validation.studies.own_machine import Request, study
 
 
 @pytest.fixture(scope="module")

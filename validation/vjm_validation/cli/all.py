@@ -22,7 +22,8 @@ from vjm_validation.cli.options import (
     processes,
 )
 from vjm_validation.cli.status import INTERRUPTED, NOT_ACCEPTED, OK, UsageError
-from vjm_validation.studies.own_machine import DIRECTIONS, Request, parsed_directions
+from vjm_validation.studies.force_directions import DIRECTIONS, parsed_directions
+from vjm_validation.studies.own_machine import Request
 from vjm_validation.studies.own_machine_run import run_own
 from vjm_validation.studies.run_all import COMPARISONS, Options, run_all
 from vjm_validation.verification.library import library as cases

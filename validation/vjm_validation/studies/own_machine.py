@@ -24,9 +24,9 @@ from vjm_validation.engines import EngineOptions, engine_by_name
 from vjm_validation.load_any_model import loaded, postures
 from vjm_validation.loaded_stiffness import held_by_itself
 from vjm_validation.metrics import path_metrics, travel
+from vjm_validation.studies.force_directions import DIRECTIONS, unit_of
 from vjm_validation.studies.own_machine_rows import ConvergenceRow, CriticalRow, LoadRow, StiffnessRow
 
-DIRECTIONS = ("x", "-x", "y", "-y", "z", "-z")
 ENGINES = ("vjm", "exudyn")
 REFERENCE = "exudyn"
 ELEMENTS = 8
@@ -153,34 +153,6 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
     found.critical = [_critical_row(key, path) for key, path in found.criticals.items()]
     _converge(request, found, lumped, whole, progress)
     return found
-
-
-def parsed_directions(words: Sequence[str]) -> tuple[str, ...]:
-    """Directions from words such as ``x``, ``x,-z`` or ``1,1,0``; all six axes where there are none."""
-    names = [sign + name for name in COMPONENTS[:3] for sign in ("", "-")]
-    found: list[str] = []
-    for word in words:
-        pieces = [piece.strip() for piece in word.split(",")]
-        found += pieces if all(piece in names for piece in pieces) else [word]
-    return tuple(dict.fromkeys(found)) or DIRECTIONS
-
-
-def unit_of(direction: str) -> Array:
-    """Unit vector ``(6,)`` of ``x``, ``-z`` or of three numbers ``dx,dy,dz``.
-
-    Raises:
-        ValueError: it is none of them.
-    """
-    sign, name = (-1.0, direction[1:]) if direction.startswith("-") else (1.0, direction)
-    if name in COMPONENTS[:3]:
-        return sign * np.eye(6)[COMPONENTS.index(name)]
-    try:
-        shift = np.array([float(word) for word in direction.split(",")])
-    except ValueError:
-        shift = np.zeros(0)
-    if len(shift) != 3 or not 0.0 < np.linalg.norm(shift) < np.inf:
-        raise ValueError(f"--direction: '{direction}' is no axis such as x or -z and no three numbers dx,dy,dz")
-    return np.concatenate([shift / np.linalg.norm(shift), np.zeros(3)])
 
 
 def extent(machine: Chain) -> float:
