@@ -32,6 +32,7 @@ COMMANDS = {
     "new": "Write a commented model file that runs as it is: chain, arm or platform.",
     "check": "List every error of a model file, or say what machine it describes.",
     "show": "Write a 3-D view of a machine with its axes, joints, springs and names, as HTML or PNG.",
+    "compensate": "Find the joint coordinates that put the loaded tool where it should be, along a path.",
     "postures": "Find the joint coordinates that put the tool where it is wanted.",
     "import": "Write a model file of a URDF.",
     "map": "Map a quantity over a manipulator's workspace: CSV, VTK, a figure and a render.",
