@@ -29,7 +29,7 @@ COMMANDS = {
     "calibrate": "Fit spring compliances to measured force-displacement readings, with their uncertainty.",
     "diagnose": "Show what the model gets wrong, name the cause, extend the model and measure the gain.",
     "identify": "A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance.",
-    "new": "Write a commented model file that runs as it is: chain, arm or platform.",
+    "new": "Write a commented model file that runs as it is: chain, arm or platform; or a test sheet.",
     "check": "List every error of a model file, or say what machine it describes.",
     "show": "Write a 3-D view of a machine with its axes, joints, springs and names, as HTML or PNG.",
     "compensate": "Find the joint coordinates that put the loaded tool where it should be, along a path.",
