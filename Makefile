@@ -28,7 +28,7 @@ help:
 	@echo 'make test-all   ruff, mypy and all tests'
 	@echo 'make bench      the benchmarks; writes bench.json'
 	@echo 'make blind      hides causes in made-up readings and scores their diagnoses ($$ARGS; --sample is quick)'
-	@echo 'make fuzz       mutated files for every loader ($$SECONDS; an hour)'
+	@echo 'make fuzz       mutated files for every loader ($$SECONDS; an hour, from $$SEED)'
 	@echo 'make lint       ruff and mypy only'
 	@echo 'make schemas    the JSON schemas in docs/schemas anew'
 	@echo 'make lock       constraints.txt anew, from the ranges in pyproject.toml'
@@ -60,7 +60,7 @@ blind: $(VENV)/.project
 
 # Mutated files for every loader, for SECONDS (an hour).
 fuzz: $(VENV)/.project
-	PYTHONPATH=tests $(BIN)/python -m fuzz $(or $(SECONDS),3600)
+	PYTHONPATH=tests $(BIN)/python -m fuzz $(or $(SECONDS),3600) $(or $(SEED),0)
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check

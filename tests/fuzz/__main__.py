@@ -1,4 +1,4 @@
-"""``python -m fuzz SECONDS``: mutated files for as long as is said; what went wrong, and a line of figures."""
+"""``python -m fuzz SECONDS [FIRST_SEED]``: mutated files for so long; what went wrong, and a line of figures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from fuzz.harness import answer, prepare, subjects
 def main() -> int:
     """Number of wrong answers, at most 1."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 3600.0
-    end, seed, wrong = time.monotonic() + seconds, 0, 0
+    first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
+    end, seed, wrong = time.monotonic() + seconds, first, 0
     with tempfile.TemporaryDirectory() as folder:
         prepare(Path(folder))
         while time.monotonic() < end:
@@ -21,9 +22,12 @@ def main() -> int:
                 said = answer(subject, seed, Path(folder))
                 if said:
                     wrong += 1
-                    print(said)
+                    print(said, flush=True)
                 seed += 1
-    print(f"{seed} inputs, {wrong} wrong answers (tracebacks, hangs over 20 s, or lines without an end)")
+    print(
+        f"{seed - first} inputs from seed {first}, {wrong} wrong answers (tracebacks, hangs over 20 s, or lines "
+        "without an end)"
+    )
     return min(wrong, 1)
 
 

@@ -14,6 +14,7 @@ from types import FrameType
 
 from fuzz.mutations import mutated
 from vjm.io.manipulator_file import load_model
+from vjm.io.model_plausibility import findings_of
 from vjm_output.terminal import one_line
 from vjm_updating.experiment import read_measurement, read_sheet
 from vjm_updating.experiment.plausibility import plausibility
@@ -59,7 +60,7 @@ def subjects() -> list[Subject]:
     models = resources.files("vjm").joinpath("models")
     files = [*models.iterdir(), *models.joinpath("manipulators").iterdir()]
     found = [
-        Subject(file.name, file.read_bytes(), load_model)
+        Subject(file.name, file.read_bytes(), _judge)
         for file in sorted(files, key=lambda file: file.name)
         if file.name.endswith(".toml")
     ]
@@ -79,6 +80,12 @@ def prepare(folder: Path) -> None:
     for file in resources.files("vjm").joinpath("models", "manipulators", "chains").iterdir():
         if file.name.endswith(".toml"):
             (folder / file.name).write_bytes(file.read_bytes())
+
+
+def _judge(file: Path) -> object:
+    """A model, and what is implausible about it."""
+    load_model(file)
+    return findings_of(file)
 
 
 def _measure(data: Path) -> object:

@@ -58,6 +58,8 @@ def engine_by_name(name: str, options: EngineOptions = EngineOptions(), chain: o
     Raises:
         ValueError: there is none; the message lists those that there are.
     """
+    if not name.isascii():
+        raise ValueError(f"unknown engine '{name}': write it with the letters and digits of `validate list`")
     by_part = re.fullmatch(r"(vjm[^\[]*)\[((?:[^=,\]]+=[1-9]\d*,?)+)\]", name)
     if by_part:
         parts = tuple((part, int(n)) for part, n in (word.split("=") for word in by_part[2].split(",") if word))

@@ -64,6 +64,10 @@ class PointControl:
         object.__setattr__(self, "direction", tuple((d / np.linalg.norm(d)).tolist()))
 
 
+SHORTEST = 1e-100
+"""End of a ramp, mm, rad or a factor: squares of less are no numbers in double precision."""
+
+
 @dataclass(frozen=True)
 class LoadCase:
     """A ramp: of the end-effector's displacement or of loads, the rest of the pose held or free.
@@ -119,6 +123,8 @@ class LoadCase:
             raise ValueError("a ramp's direction is six finite numbers, not all zero")
         if not np.isfinite(self.to) or self.to == 0.0:
             raise ValueError(f"the ramp must end at a finite displacement other than zero, not {self.to}")
+        if abs(self.to) < SHORTEST:
+            raise ValueError(f"the ramp must go further than {SHORTEST:g}, not to {self.to:g}")
         if self.steps is not None and self.steps < 1:
             raise ValueError(f"a ramp needs at least one step, not {self.steps}")
         if self.branch not in (1, -1, 0):

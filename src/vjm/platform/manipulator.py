@@ -13,6 +13,7 @@ import numpy as np
 
 from vjm.model.chain import Chain
 from vjm.model.parts import Actuator, Beam, RigidOffset
+from vjm.plain_numbers import plain_number
 from vjm.rotations import Array, translation, turn
 
 BASE, PLATFORM = "base", "platform"
@@ -257,7 +258,7 @@ class Manipulator:
         if label in self.poses:
             return self.poses[label]
         try:
-            numbers = np.array([float(word) for word in label.split(",")])
+            numbers = np.array([plain_number(word) for word in label.split(",")])
         except ValueError:
             numbers = np.zeros(0)
         if len(numbers) not in (3, 6) or not np.all(np.isfinite(numbers)):

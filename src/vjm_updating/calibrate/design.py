@@ -18,6 +18,7 @@ from vjm.continuation.direction import Direction
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, LoadCase
+from vjm.plain_numbers import plain_number
 from vjm.rotations import Array
 from vjm_updating.calibrate.carried import QUANTITIES, Predicted
 from vjm_updating.calibrate.fit import Fit
@@ -63,7 +64,7 @@ def parsed_ramps(texts: Sequence[str], chain: Chain) -> list[LoadCase]:
                 f"'{text}': no posture '{match['posture']}' ({known}): add it to the sheet's [postures]"
             )
         try:
-            found.append(LoadCase(match["posture"], float(match["to"]), axis))
+            found.append(LoadCase(match["posture"], plain_number(match["to"]), axis))
         except ValueError as error:
             raise ValueError(f"'{text}': {error}") from error
     return found

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from vjm.io.errors import did_you_mean
+from vjm.plain_numbers import plain_number
 from vjm.rotations import Array
 from vjm_updating.experiment.channels import (
     POSE,
@@ -224,7 +225,7 @@ def _numbers(cells: list[str], name: str, rows: np.ndarray) -> Array:
         if not cell:
             continue
         try:
-            result[i] = float(cell)
+            result[i] = plain_number(cell)
         except ValueError:
             raise ValueError(f"row {row}, column {name}: '{cell}' is no number: write it with a point") from None
         if not math.isfinite(result[i]):

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from vjm.io.errors import did_you_mean, printed
+from vjm.plain_numbers import plain_number
 from vjm.rotations import Array
 
 KINDS = ("compliance", "stiffness")
@@ -121,7 +122,7 @@ def half_unit(word: str) -> float:
 
 
 def _value(word: str) -> float:
-    return float(word.lower().replace("d", "e"))
+    return plain_number(word.lower().replace("d", "e"))
 
 
 class _Reader:

@@ -49,6 +49,8 @@ def parsed_grid(text: str, manipulator: Manipulator) -> Grid:
     Raises:
         ValueError: it makes no sense; one line that says what would.
     """
+    if not text.isascii():
+        raise ValueError(f"--grid {text}: write numbers with the digits 0 to 9")
     if text.isdigit():
         if manipulator.workspace is None:
             raise ValueError(f"--grid {text}: {manipulator.name} has no [workspace]; write x=from:to:count,y=…,z=…")
@@ -58,11 +60,14 @@ def parsed_grid(text: str, manipulator: Manipulator) -> Grid:
             raise ValueError(f"--grid {text}: needs at least one point a side, and at most {MOST} in all")
         axes = [_line(a, b, count if a < b else 1) for a, b in zip(low, high, strict=True)]
     else:
-        axes = [(0.0,), (0.0,), (0.0,)]
+        axes, seen = [(0.0,), (0.0,), (0.0,)], set[str]()
         for word in text.split(","):
             name, _, numbers = word.partition("=")
             if name.strip() not in ("x", "y", "z") or not numbers:
                 raise ValueError(f"--grid {text}: '{word}' is not x=from:to:count, y=… or z=…")
+            if name.strip() in seen:
+                raise ValueError(f"--grid {text}: {name.strip()} is given twice: which is meant?")
+            seen.add(name.strip())
             axes["xyz".index(name.strip())] = _axis(text, numbers)
     grid = Grid((axes[0], axes[1], axes[2]))
     if len(grid) > MOST:

@@ -9,6 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from vjm.model.load_case import ARC, COMPONENTS, LOAD, RAMP, TO_LIMIT, Load, LoadCase, PointControl
+from vjm.plain_numbers import plain_number
 
 GravityOption = Annotated[
     str,
@@ -81,7 +82,7 @@ def _direction(axis: str) -> str | tuple[float, ...]:
     if "," not in axis:
         return axis
     try:
-        numbers = [float(word) for word in axis.split(",")]
+        numbers = [plain_number(word) for word in axis.split(",")]
     except ValueError:
         numbers = []
     if len(numbers) not in (3, 6):
@@ -112,7 +113,7 @@ def parsed_load(text: str, *, ramped: bool = False) -> Load:
         tail = words.pop()
     place, at = _place(words[0] if words else "")
     try:
-        numbers = [float(word) for word in tail.split(",")]
+        numbers = [plain_number(word) for word in tail.split(",")]
     except ValueError:
         raise ValueError(f"--load {text}: '{tail}' is not three or six numbers separated by commas") from None
     if len(words) > 1 or len(numbers) not in (3, 6):
@@ -124,7 +125,7 @@ def parsed_load(text: str, *, ramped: bool = False) -> Load:
 def _place(text: str) -> tuple[str, float]:
     part, _, fraction = text.partition("@")
     try:
-        return part, float(fraction or 1.0)
+        return part, plain_number(fraction or "1")
     except ValueError:
         raise ValueError(f"'{text}': '{fraction}' is no fraction of the part's length") from None
 
@@ -141,7 +142,7 @@ def _control(text: str) -> str | PointControl:
 
 def _three(name: str, text: str) -> tuple[float, float, float]:
     try:
-        a, b, c = (float(word) for word in text.split(","))
+        a, b, c = (plain_number(word) for word in text.split(","))
     except ValueError:
         raise ValueError(f"{name}: '{text}' is not three numbers separated by commas") from None
     return a, b, c

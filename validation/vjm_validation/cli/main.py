@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 from collections.abc import Sequence
@@ -20,6 +21,8 @@ app = App(
     version=__version__,
     result_action="return_value",
 )
+NUMBER = re.compile(r"[-+\d.eE]+")
+"""With the digits of any script, which Python takes."""
 COMMANDS = {
     "all": "Run every comparison and write the report.",
     "list": "Show the models, engines, comparisons and verification cases that there are.",
@@ -59,6 +62,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def run(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status; errors become one line."""
+    foreign = next((word for word in arguments if NUMBER.fullmatch(word) and not word.isascii()), None)
+    if foreign is not None:
+        terminal.error(f"{foreign}: write numbers with the digits 0 to 9")
+        return BAD_INPUT
     try:
         result = app(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as error:

@@ -13,6 +13,7 @@ from cyclopts import Parameter
 
 from vjm.io.files import locked
 from vjm.io.manipulator_file import load_manipulator
+from vjm.plain_numbers import plain_number
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
 from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
@@ -96,7 +97,7 @@ def _wrench(text: str, quantity: Quantity) -> tuple[float, ...]:
     if quantity is Quantity.CRITICAL:
         raise ValueError("--wrench: a map of critical forces looks at all directions itself; leave it out")
     try:
-        numbers = [float(word) for word in text.split(",")]
+        numbers = [plain_number(word) for word in text.split(",")]
     except ValueError:
         numbers = []
     if len(numbers) not in (3, 6) or not np.all(np.isfinite(numbers)):

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from vjm.continuation.path import Path
 from vjm.model.chain import Chain
 from vjm.model.parts import Placement
+from vjm.plain_numbers import plain_number, whole_number
 from vjm_output import terminal
 from vjm_validation.cli.status import GAVE_UP, OK, UsageError
 from vjm_validation.engines import FROZEN, EngineOptions
@@ -60,7 +61,7 @@ def segments_of(text: str | None) -> tuple[int | None, tuple[tuple[str, int], ..
     for word in text.split(",") if text is not None else ():
         part, equals, count = word.rpartition("=")
         try:
-            value = int(count)
+            value = whole_number(count)
         except ValueError:
             raise UsageError(
                 f"--segments: '{word}' is no whole number and no part=number, such as link=16"
@@ -91,7 +92,7 @@ def processes(jobs: int) -> int:
 def six(name: str, text: str) -> list[float]:
     """Six finite numbers from text."""
     try:
-        values = [float(word) for word in text.split(",")]
+        values = [plain_number(word) for word in text.split(",")]
     except ValueError:
         raise UsageError(f"{name}: '{text}' is not six numbers separated by commas") from None
     if len(values) != 6:

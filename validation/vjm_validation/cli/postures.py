@@ -10,6 +10,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from vjm.io.model_file import load_chain
+from vjm.plain_numbers import plain_number
 from vjm.rotations import rotation_from_vector
 from vjm.tree.inverse_kinematics import postures_of
 from vjm.tree.model import TreeModel
@@ -52,7 +53,7 @@ def postures_(
 
 def _numbers(text: str) -> np.ndarray:
     try:
-        values = np.array([float(word) for word in text.split(",")])
+        values = np.array([plain_number(word) for word in text.split(",")])
     except ValueError:
         raise UsageError(f"--tool: '{text}' is not three or six numbers separated by commas") from None
     if len(values) not in (3, 6) or not np.all(np.isfinite(values)):

@@ -1,0 +1,49 @@
+"""What is doubtful is a warning and in the JSON of every command that takes a model; --strict refuses it."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+
+import pytest
+
+from vjm_validation.cli.main import run
+
+
+@pytest.fixture
+def arm(tmp_path):
+    """An arm whose tool weighs ten tonnes."""
+    text = resources.files("vjm").joinpath("models", "planar-2r.toml").read_text(encoding="utf-8")
+    file = tmp_path / "arm.toml"
+    file.write_text(text.replace("mass_kg = 2.0", "mass_kg = 10000.0"), encoding="utf-8")
+    return str(file)
+
+
+COMMANDS = {
+    "check": [],
+    "stiffness": ["--posture", "bent", "--json"],
+    "buckling": ["--posture", "stretched", "--to", "0.1", "--direction", "+", "--json"],
+    "curve": ["--posture", "bent", "--to", "0.1"],
+    "postures": ["--tool", "500,300,0", "--json"],
+    "identify": ["--part", "upper", "--json"],
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_doubt_is_said_and_refused_under_strict(command, arm, capsys):
+    assert run([command, arm, *COMMANDS[command]]) == 0
+    said = capsys.readouterr()
+    assert "warning: arm.toml: part 'tool', mass_kg: 10000 kg" in said.err
+    if command in ("stiffness", "buckling"):
+        doubts = json.loads(said.out)["doubts"]
+        assert {"doubtful"} == {doubt["grade"] for doubt in doubts}
+        assert any("mass_kg" in doubt["where"] for doubt in doubts)
+    assert run([command, arm, *COMMANDS[command], "--strict"]) == 2
+    said = capsys.readouterr()
+    assert said.err.count("\n") == 1
+    assert "--strict" in said.err
+
+
+def test_a_sound_model_has_none(capsys):
+    assert run(["stiffness", "planar-2r", "--posture", "bent", "--json", "--strict"]) == 0
+    assert json.loads(capsys.readouterr().out)["doubts"] == []
