@@ -38,7 +38,7 @@ def one_line(failure: Exception) -> str:
     """An exception's message as one line."""
     if isinstance(failure, OSError) and failure.strerror:
         where = f"{failure.filename}: " if failure.filename else ""
-        return f"{where}{failure.strerror[:1].lower()}{failure.strerror[1:]}"
+        return shortened(f"{where}{failure.strerror[:1].lower()}{failure.strerror[1:]}")
     return shortened(" ".join(str(failure).split()))
 
 

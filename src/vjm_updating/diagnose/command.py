@@ -41,6 +41,7 @@ from vjm_updating.diagnose.fitting import Fit
 from vjm_updating.diagnose.holdout import Split, gain, held_out_residual, split_of, unsure
 from vjm_updating.diagnose.holdout_folds import folds
 from vjm_updating.diagnose.mark_selection import marks_gain, with_one_more
+from vjm_updating.diagnose.mistaken import with_mistakes
 from vjm_updating.diagnose.page import write_page
 from vjm_updating.diagnose.preprocess import Prepared, effects_of, possible, prepare, refresh
 from vjm_updating.diagnose.scored_hypothesis import Ranked
@@ -50,6 +51,7 @@ from vjm_updating.diagnose.transfer import transfer
 from vjm_updating.diagnose.verdict import DOUBTFUL, STRAINED, Verdict, judge, proved
 from vjm_updating.experiment import Measurement, read_measurement
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.mistakes import mended, mistakes_of
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.mechanisms.catalogue import plug_in
 
@@ -100,6 +102,8 @@ def diagnose(
     more = [plug_in(path) for path in plug_ins]
     measurement = read_measurement(data, sheet)
     findings = considered(measurement, strict=strict)
+    mistakes = mistakes_of(findings)
+    measurement = mended(measurement, mistakes)
     second = None if beside is None else read_measurement(*beside)
     observed = observe_column(measurement) if is_column(measurement) else observe(measurement)
     possible(effects_of(observed, more), only, without)
@@ -128,7 +132,7 @@ def diagnose(
     document = _document(measurement, prepared, verdict, candidates, points, begun)
     if second is not None:
         document = document.model_copy(update={"transfer": _transfer(verdict, second)})
-    document = document.model_copy(update={"doubts": doubt_rows(findings)})
+    document = with_mistakes(document, mistakes).model_copy(update={"doubts": doubt_rows(findings)})
     progress("report")
     chosen = verdict.members[0].fit if verdict.members else prepared.null
     found = estimates(prepared.fitter, chosen, 0.0)

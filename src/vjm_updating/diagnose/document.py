@@ -81,7 +81,7 @@ class CandidateRow(Row):
     causes: list[str]
     probability: float
     parameters: dict[str, ValueRow | str]
-    gain: GainRow
+    gain: GainRow | None = Field(description="null where it is a mistake of the instruments alone")
 
 
 class AlternativeRow(Row):

@@ -15,6 +15,7 @@ from vjm_updating.diagnose.fitting import Fit
 from vjm_updating.diagnose.preprocess import Prepared
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.mistakes import TITLES
 
 HEADLINES = {
     "none": "The model explains the data within the sheet's tolerances.",
@@ -87,7 +88,7 @@ def write_page(measurement: Measurement, prepared: Prepared, fit: Fit, document:
         document: what was found.
     """
     observed = prepared.fitter.forward.observed
-    titles = {effect.cause: effect.title for effect in prepared.effects}
+    titles = TITLES | {effect.cause: effect.title for effect in prepared.effects}
     before = nominal(prepared)
     drawn = pictures(prepared, fit, document, before)
     headline = HEADLINES[document.verdict]

@@ -8,12 +8,19 @@ import numpy as np
 
 from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
-from vjm_updating.experiment.channels import TEMPERATURE, TIME, WRENCH
-from vjm_updating.experiment.comparison import Comparison
+from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH
+from vjm_updating.experiment.comparison import FEW, Comparison
+from vjm_updating.experiment.mistakes import CLOCK, Mistake, MistakeFound
 from vjm_updating.experiment.readings import Readings
 
-FEW, LEAST = 5, 3
-"""Readings on each side of a change; readings of a test without which nothing can be said."""
+LEAST = 3
+"""Readings of a test without which nothing can be said."""
+
+
+SEEN = 0.1
+"""Noise, or a zero's tolerance, over the span of a test's readings above which little can be seen in them."""
+GAP, PAUSE_S = 1000.0, 60.0
+"""Of the usual step of a clock, and s, from which on a step is a jump."""
 
 
 def rows(c: Comparison) -> Iterator[Finding]:
@@ -76,13 +83,52 @@ def clock(c: Comparison) -> Iterator[Finding]:
                 )
     usual = min(steps.values(), default=0.0)
     for number, step in steps.items():
+        at = r.sequence == number
         if usual > 0.0 and 300.0 < step / usual < 3000.0:
-            label, row = r.posture[r.sequence == number][0], r.row[r.sequence == number][0]
-            yield Finding(
+            label, row = r.posture[at][0], r.row[at][0]
+            yield MistakeFound(
                 Grade.DOUBTFUL,
                 f"{r.file}: posture {label}, row {row}, column {TIME}",
                 f"readings lie {step / usual:.0f} times further apart than elsewhere: is the clock in ms there?",
+                Mistake(CLOCK, at, {TIME: 1e-3}, parameters={f"{CLOCK}.factor": 1e-3}),
             )
+        else:
+            yield from _jump(r, np.flatnonzero(at), step)
+
+
+def _jump(r: Readings, at: np.ndarray, usual: float) -> Iterator[Finding]:
+    """A clock that jumps forward within one posture, or changes to milliseconds there."""
+    time = r.values[TIME][at]
+    step = np.diff(time)
+    far = np.flatnonzero(step > max(GAP * usual, PAUSE_S)) if usual > 0.0 else np.zeros(0, dtype=int)
+    if not len(far):
+        return
+    k = int(far[0]) + 1
+    where, order = f"{r.file}: row {r.row[at[k]]}, column {TIME}", np.arange(len(r))
+    behind = step[k:]
+    if len(behind) and 300.0 < np.median(behind) / usual < 3000.0:
+        # in ms: what lies behind the change has to fall into line with what is before it
+        concerned = (order >= at[k]) & (order <= at[-1])
+        yield MistakeFound(
+            Grade.DOUBTFUL, where, "readings lie a thousand times further apart from here on: is the clock in ms?",
+            Mistake(CLOCK, concerned, {TIME: 1e-3}, parameters={f"{CLOCK}.factor": 1e-3}),
+        )  # fmt: skip
+        return
+    heat = r.values.get(TEMPERATURE)
+    if heat is not None and _warmed(heat[at], k):
+        return
+    jump = float(step[k - 1] - usual)
+    yield MistakeFound(
+        Grade.DOUBTFUL, where,
+        f"the clock jumps by {step[k - 1]:.6g} s, {step[k - 1] / usual:.0f} usual steps: a pause, or was it set?",
+        Mistake(CLOCK, order >= at[k], shifts={TIME: np.full(len(r), -jump)}, parameters={f"{CLOCK}.jump_s": jump}),
+    )  # fmt: skip
+
+
+def _warmed(heat: Array, k: int) -> bool:
+    """Whether the temperature before the ``k``-th reading differs from that at it: a pause, and no clock's jump."""
+    steps = np.abs(np.diff(heat))
+    return bool(steps[k - 1] > 10.0 * max(float(np.nanmedian(steps)), 1e-3))
 
 
 def temperature(c: Comparison) -> Iterator[Finding]:
@@ -109,6 +155,14 @@ def nothing_read(c: Comparison) -> Iterator[Finding]:
         yield Finding(
             Grade.REFUSED, f"{r.file}: column {', '.join(loaded)}", "every reading is the same: no load was read"
         )
+    for name in loaded:
+        values = r.values[name][~np.isnan(r.values[name])]
+        if len(loaded) > 1 and len(values) >= LEAST and not np.ptp(values) and c.expected(name):
+            yield Finding(
+                Grade.DOUBTFUL,
+                f"{r.file}: column {name}",
+                f"every reading is {values[0]:g}, but the model predicts a change: was another column exported?",
+            )
     usable = int(np.sum(~np.isnan(r.pose).any(axis=1) & ~np.isnan(r.wrench).all(axis=1)))
     if c.measurement.imposed and usable < LEAST:
         yield Finding(
@@ -123,21 +177,28 @@ def sheet_values(c: Comparison) -> Iterator[Finding]:
         known, where = sheet.instrument[name], f"{sheet.file}: [instrument.{name}]"
         values = r.values[name][~np.isnan(r.values[name])]
         span = float(np.ptp(values)) if len(values) else 0.0
+        seen = SEEN if name in _main(r) else 1.0
         if known.noise == 0.0 and name in WRENCH:
             yield Finding(Grade.DOUBTFUL, where, "noise = 0: no instrument is without; every misfit then counts")
         elif 0.0 < known.noise < 1e-9 * span:
             yield Finding(Grade.DOUBTFUL, where, f"noise = {known.noise:g} is below the reading's last digit")
-        elif known.noise > span > 0.0:
+        elif known.noise > seen * span > 0.0:
             yield Finding(
                 Grade.DOUBTFUL,
                 where,
-                f"noise = {known.noise:g} is more than the whole test's span of {span:g}: nothing can be seen",
+                f"noise = {known.noise:g} under a span of {span:g} of all: little can be seen; another unit?",
             )
         elif name in WRENCH and known.noise and (rough := _roughness(r, name)) > 100.0 * known.noise:
             yield Finding(
                 Grade.DOUBTFUL,
                 where,
                 f"noise = {known.noise:g}, but neighbouring readings scatter by {rough:.3g}: another unit?",
+            )
+        if known.zero > 3.0 * seen * span > 0.0:
+            yield Finding(
+                Grade.DOUBTFUL,
+                where,
+                f"zero = {known.zero:g} under a span of {span:g} in the whole test: another unit?",
             )
         if known.scale > 0.3:
             yield Finding(
@@ -163,6 +224,13 @@ def sheet_values(c: Comparison) -> Iterator[Finding]:
             f"{sheet.file}: [test] gravity",
             f"has length {np.linalg.norm(sheet.test.gravity):.3g}: only its direction is used, of 1 g",
         )
+
+
+def _main(r: Readings) -> set[str]:
+    """The shift and the force whose readings span most: the others may be small."""
+    spans = {name: float(np.nanmax(v) - np.nanmin(v)) for name, v in r.values.items() if not np.isnan(v).all()}
+    kinds = ([n for n in POSE[:3] if n in spans], [n for n in WRENCH[:3] if n in spans])
+    return {max(names, key=lambda name: spans[name]) for names in kinds if names}
 
 
 def _roughness(r: Readings, name: str) -> float:

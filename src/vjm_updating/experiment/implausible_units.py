@@ -10,67 +10,119 @@ import numpy as np
 from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
 from vjm_updating.experiment.channels import POSE, WRENCH
-from vjm_updating.experiment.comparison import Comparison
-from vjm_updating.experiment.implausible_rows import FEW, LEAST
+from vjm_updating.experiment.comparison import FEW, Comparison
+from vjm_updating.experiment.implausible_rows import LEAST
+from vjm_updating.experiment.mistakes import EXCHANGE, SIGN, UNIT, Mistake, MistakeFound
 
+FORCES, SHIFTS = WRENCH, POSE[:3]
 OTHER_UNITS = {
-    "forces in kN, or displacements in µm": 1e-3,
-    "forces in kgf": 1.0 / 9.80665,
-    "forces in lbf": 1.0 / 4.4482216152605,
-    "displacements in cm": 10.0,
-    "displacements in inches": 25.4,
-    "forces in mN, or displacements in m": 1e3,
+    "forces in kN, or displacements in µm": (1e-3, FORCES),
+    "forces in kgf": (1.0 / 9.80665, FORCES),
+    "forces in lbf": (1.0 / 4.4482216152605, FORCES),
+    "displacements in cm": (10.0, SHIFTS),
+    "displacements in inches": (25.4, SHIFTS),
+    "forces in mN, or displacements in m": (1e3, FORCES),
 }
-"""What readings are over their prediction where a unit is mistaken."""
+"""What forces are over their prediction where a unit is mistaken, and which columns that concerns."""
 NEAR = 0.12
 """Difference of logarithms up to which a ratio is a known factor: a machine's own departure in one posture."""
 STEADY = 0.25
 """Spread (half the interquartile range) of the ratio's logarithm up to which it is one factor."""
+OPPOSITE = -0.2
+"""Ratio of measured to predicted below which the sign is the other one."""
 FITS, MISSES = 0.5, 0.8
 """Norm of the error over that of the prediction below which a prediction fits, and above which it does not."""
+ALIKE = 0.95
+"""Correlation of a channel with its prediction from which on, turned round, it is the prediction."""
 
 
 def units(c: Comparison) -> Iterator[Finding]:
-    """Whole postures, or the test from one row on, off by the factor between two units."""
+    """The test from one row on, or whole postures, off by the factor between two units or by the sign."""
     if not c.comparable:
         return
+    changed = {label: found for label in c.labels if (found := list(_change(c, label)))}
     logs = {label: _log_ratio(c.ratios(label)[1]) for label in c.labels}
-    for label, (middle, spread) in logs.items():
+    for label in c.labels:
+        if label in changed:
+            yield from changed[label]
+            continue
+        middle, spread = logs[label]
         if np.isnan(middle) or spread > STEADY:
             continue
-        others = [m for other, (m, s) in logs.items() if other != label and s <= STEADY]
+        others = [m for other, (m, s) in logs.items() if other not in (label, *changed) and s <= STEADY]
         beside = float(np.median(others)) if others else 0.0
         name = _unit(middle - beside) if abs(beside) < 1.0 else _unit(middle)
         if name:
             rest = "while those of other postures fit" if others and abs(beside) < 1.0 else "in every reading of it"
-            yield Finding(
+            yield MistakeFound(
                 Grade.DOUBTFUL,
                 f"{c.readings.file}: posture {label}",
                 f"forces are {np.exp(middle):.3g} of what the model predicts there, {rest}: {name}? Convert them",
+                _unit_mistake(c, name, c.readings.posture == label),
             )
-    for label in c.labels:
-        yield from _change(c, label)
+
+
+def _unit_mistake(c: Comparison, name: str, where: np.ndarray) -> Mistake:
+    factor, columns = OTHER_UNITS[name]
+    # forces are multiplied by what they are too small by, displacements by what makes forces too large
+    right = 1.0 / factor if columns is FORCES else factor
+    factors = {column: right for column in columns if column in c.readings.values}
+    return Mistake(UNIT, where, factors, parameters={f"{UNIT}.{column}": right for column in factors})
 
 
 def _change(c: Comparison, label: str) -> Iterator[Finding]:
-    """A factor between units from one row of a posture on."""
-    at, ratio = c.ratios(label)
-    if len(ratio) < 2 * FEW or np.any(ratio <= 0.0):
-        return
-    logs = np.log(ratio)
-    for k in range(FEW, len(logs) - FEW + 1):
-        before, behind = logs[:k], logs[k:]
-        name = _unit(float(np.median(behind) - np.median(before)))
-        back = _unit(float(np.median(before) - np.median(behind)))
-        if (name or back) and max(np.ptp(before), np.ptp(behind)) < 2.0 * STEADY:
-            row = c.readings.row[at[k if name else k - 1]]
-            yield Finding(
-                Grade.DOUBTFUL,
-                f"{c.readings.file}: posture {label}, row {row}",
-                f"forces over displacements change by a factor {np.exp(np.median(behind) - np.median(before)):.3g} "
-                f"{'from there on' if name else 'behind it'}: {name or back} {'there' if name else 'before'}?",
-            )
+    """A factor between units, or the sign, from one row of a posture on."""
+    at, ratio = c.steps(label)
+    for k in range(FEW, len(ratio) - FEW + 1):
+        before, behind = ratio[k - FEW : k], ratio[k : k + FEW]
+        mine = np.median(before)
+        rest = np.median(behind)
+        if not (_one(before) and _one(behind)):
+            continue
+        if mine * rest < 0.0 and min(mine, rest) < OPPOSITE:
+            late = bool(rest < 0.0)
+            yield _from_row(c, label, at, k, late, "the sign is turned", SIGN, dict.fromkeys(_loaded(c), -1.0))
             return
+        if mine * rest <= 0.0:
+            continue
+        jump = float(np.log(rest / mine))
+        # which side is the other unit: the one that does not fit the model
+        late = abs(float(np.log(abs(rest)))) >= abs(float(np.log(abs(mine))))
+        name = _unit(jump if late else -jump)
+        if name:
+            factor, columns = OTHER_UNITS[name]
+            right = 1.0 / factor if columns is FORCES else factor
+            factors = {column: right for column in columns if column in c.readings.values}
+            yield _from_row(c, label, at, k, late, f"{np.exp(jump):.3g} of what they were: {name}", UNIT, factors)
+            return
+
+
+def _one(ratio: Array) -> bool:
+    """Whether ratios are of one sign and one size."""
+    return bool(np.all(ratio > 0.0) or np.all(ratio < 0.0)) and float(np.ptp(np.log(np.abs(ratio)))) < 2.0 * STEADY
+
+
+def _loaded(c: Comparison) -> list[str]:
+    return [name for name in WRENCH if name in c.readings.values]
+
+
+def _from_row(
+    c: Comparison, label: str, at: np.ndarray, k: int, late: bool, what: str, cause: str, factors: dict[str, float]
+) -> MistakeFound:
+    order = np.arange(len(c.readings))
+    # unloaded readings between the two that differ go with either
+    where = (c.readings.posture == label) & ((order >= at[k]) if late else (order < at[k]))
+    row = c.readings.row[at[k]]
+    side = "from there on" if late else "before it"
+    return MistakeFound(
+        Grade.DOUBTFUL,
+        f"{c.readings.file}: posture {label}, row {row}",
+        f"forces over displacements change at this row, {what} {side}? Convert the rows {side}",
+        Mistake(
+            cause, where, factors,
+            parameters={f"{cause}.{column}": v for column, v in factors.items()} | {f"{cause}.row": float(row)},
+        ),
+    )  # fmt: skip
 
 
 def _log_ratio(ratio: Array) -> tuple[float, float]:
@@ -83,21 +135,41 @@ def _log_ratio(ratio: Array) -> tuple[float, float]:
 
 def _unit(log_ratio: float) -> str:
     """The mistaken unit whose factor a ratio is; empty for none."""
-    name = min(OTHER_UNITS, key=lambda unit: abs(log_ratio - np.log(OTHER_UNITS[unit])))
-    return name if abs(log_ratio - np.log(OTHER_UNITS[name])) < NEAR else ""
+    apart = {name: abs(log_ratio - float(np.log(factor))) for name, (factor, _) in OTHER_UNITS.items()}
+    name = min(apart, key=lambda unit: apart[unit])
+    return name if apart[name] < NEAR else ""
 
 
 def signs(c: Comparison) -> Iterator[Finding]:
-    """One posture, or all of them, with the other sign."""
+    """One posture, all of them, or one channel, with the other sign."""
     if not c.comparable:
         return
-    medians = {label: float(np.median(r)) for label in c.labels if len(r := c.ratios(label)[1]) >= LEAST}
-    for label in (label for label, middle in medians.items() if middle < -0.2):
-        yield Finding(
-            Grade.DOUBTFUL,
-            f"{c.readings.file}: posture {label}",
-            "forces point against the displacements, which no stable machine does: turn the sign of one of them",
-        )
+    turned = set()
+    for label in c.labels:
+        ratio = c.ratios(label)[1]
+        if len(ratio) >= LEAST and np.median(ratio) < OPPOSITE:
+            turned.add(label)
+            factors = dict.fromkeys(_loaded(c), -1.0)
+            yield MistakeFound(
+                Grade.DOUBTFUL,
+                f"{c.readings.file}: posture {label}",
+                "forces point against the displacements, as of no stable machine: turn the sign of one of them",
+                Mistake(
+                    SIGN, c.readings.posture == label, factors,
+                    parameters={f"{SIGN}.{name}": -1.0 for name in factors},
+                ),
+            )  # fmt: skip
+    for name in _loaded(c):
+        against = [label for label in c.labels if label not in turned and c.agreement(label, name) < -ALIKE]
+        if against:
+            yield MistakeFound(
+                Grade.DOUBTFUL,
+                f"{c.readings.file}: column {name}, posture {', '.join(against)}",
+                "follows the model's prediction with the other sign, while other columns fit: is its axis turned?",
+                Mistake(
+                    SIGN, np.isin(c.readings.posture, against), {name: -1.0}, parameters={f"{SIGN}.{name}": -1.0}
+                ),
+            )
 
 
 def swapped_columns(c: Comparison) -> Iterator[Finding]:
@@ -128,10 +200,11 @@ def swapped_columns(c: Comparison) -> Iterator[Finding]:
 
 
 def _swap(c: Comparison, label: str, a: str, b: str) -> Finding:
-    return Finding(
+    return MistakeFound(
         Grade.DOUBTFUL,
         f"{c.readings.file}: posture {label}",
         f"the readings fit the model with the columns {a} and {b} exchanged, not as they stand: are they swapped?",
+        Mistake(EXCHANGE, c.readings.posture == label, exchanged=(a, b)),
     )
 
 

@@ -1,0 +1,97 @@
+"""Errors of the instruments that are mistakes, and the readings without them.
+
+A mistake changes readings by a known operation: a factor between units, a sign, an exchange of two columns, a clock
+that jumped. What is left of the readings is as good as any.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from vjm.io.findings import Finding
+from vjm.rotations import Array
+from vjm_updating.experiment.measurement import Measurement
+from vjm_updating.experiment.readings import Readings
+
+UNIT, SIGN, EXCHANGE, CLOCK = "instrument_unit", "instrument_sign", "instrument_exchange", "instrument_clock"
+TITLES = {
+    UNIT: "a channel that was written in another unit",
+    SIGN: "a channel with the other sign",
+    EXCHANGE: "two channels in each other's place",
+    CLOCK: "a clock that jumped, or changed its unit",
+}
+"""Each mistake as a cause, and what it is."""
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """What has to be done to readings to undo a mistake.
+
+    Attributes:
+        cause: one of `TITLES`.
+        where: the readings concerned ``(n,)``.
+        factors: by column, what its readings have to be multiplied by.
+        exchanged: two columns that change places.
+        shifts: by column, what has to be added ``(n,)``.
+        parameters: by name, what was found: a factor, or a jump in s.
+    """
+
+    cause: str
+    where: np.ndarray
+    factors: Mapping[str, float] = field(default_factory=dict)
+    exchanged: tuple[str, ...] = ()
+    shifts: Mapping[str, Array] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def mended(self, readings: Readings) -> Readings:
+        """The readings without the mistake."""
+        values = {name: column.copy() for name, column in readings.values.items()}
+        for name, factor in self.factors.items():
+            values[name][self.where] *= factor
+        for name, shift in self.shifts.items():
+            values[name][self.where] += shift[self.where]
+        if self.exchanged:
+            a, b = self.exchanged
+            values[a][self.where], values[b][self.where] = (
+                readings.values[b][self.where],
+                readings.values[a][self.where],
+            )
+        return replace(readings, values=values)
+
+
+@dataclass(frozen=True)
+class MistakeFound(Finding):
+    """A finding that says what the mistake is.
+
+    Attributes:
+        mistake: how to undo it.
+    """
+
+    mistake: Mistake
+
+
+def mistakes_of(findings: Iterable[Finding]) -> list[Mistake]:
+    """The mistakes among findings that can be undone together: of two that concern the same readings, the first."""
+    taken: list[Mistake] = []
+    for finding in findings:
+        if not isinstance(finding, MistakeFound):
+            continue
+        one = finding.mistake
+        columns = {*one.factors, *one.exchanged, *one.shifts}
+        if not any(
+            columns & {*other.factors, *other.exchanged, *other.shifts} and np.any(one.where & other.where)
+            for other in taken
+        ):
+            taken.append(one)
+    return taken
+
+
+def mended(measurement: Measurement, mistakes: Iterable[Mistake]) -> Measurement:
+    """The measurement without mistakes."""
+    readings = measurement.readings
+    for mistake in mistakes:
+        readings = mistake.mended(readings)
+    return replace(measurement, readings=readings)
