@@ -193,6 +193,11 @@ def figure(
         yield fig, list(axes.flat)
 
 
+def plain(text: str) -> str:
+    """A text of a file as matplotlib draws it as it stands: between two $ it would read formulas."""
+    return text.replace("$", r"\$")
+
+
 def png(fig: Figure) -> bytes:
     """The figure as the bytes of a PNG file."""
     stream = io.BytesIO()

@@ -5,12 +5,12 @@ from __future__ import annotations
 import fcntl
 import os
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-LOCK = ".lock"
-"""Name of the file by which a folder is locked."""
+LOCK, UNFINISHED = ".lock", ".unfinished"
+"""Name of the file by which a folder is locked; ending of files that are not whole yet."""
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -23,20 +23,49 @@ def write_whole(path: Path, content: str | bytes) -> None:
     Raises:
         OSError: the folder cannot be made or written to; an older file of that name is still as it was.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    data = content.encode() if isinstance(content, str) else content
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    write_together({path: content})
+
+
+def write_together(contents: Mapping[Path, str | bytes]) -> None:
+    """Write files that belong together: all of them under temporary names first, so that a full disk leaves none.
+
+    Args:
+        contents: of each file, text (as UTF-8) or bytes; their folders are made.
+
+    Raises:
+        OSError: one of them cannot be written; older files of their names are still as they were.
+    """
+    written: list[tuple[str, Path]] = []
     try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-        # mkstemp gives 0600; a report is for everybody whom the umask admits
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
+        for path, content in contents.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=UNFINISHED)
+            written.append((temporary, path))
+            with os.fdopen(handle, "wb") as file:
+                file.write(content.encode() if isinstance(content, str) else content)
+                file.flush()
+                # a disk may say only now that it is full
+                os.fsync(file.fileno())
+            # mkstemp gives 0600; a report is for everybody whom the umask admits
+            umask = os.umask(0)
+            os.umask(umask)
+            os.chmod(temporary, 0o666 & ~umask)
+        for temporary, path in written:
+            os.replace(temporary, path)
+    except BaseException as failure:
+        for temporary, _ in written:
+            with suppress(FileNotFoundError):
+                os.unlink(temporary)
+        if isinstance(failure, OSError) and failure.filename is None:
+            failure.filename = str(written[-1][1])
         raise
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove what a process that was killed while it wrote has left in a folder that is locked, and below it."""
+    for file in folder.rglob(f".*{UNFINISHED}"):
+        with suppress(OSError):
+            file.unlink()
 
 
 def check_writable(folder: Path) -> None:
@@ -75,4 +104,5 @@ def locked(folder: Path) -> Iterator[None]:
         file.truncate(0)
         file.write(f"{os.getpid()}\n")
         file.flush()
+        remove_unfinished(folder)
         yield

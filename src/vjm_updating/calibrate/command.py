@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from vjm.io.files import check_writable, write_whole
+from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
 from vjm.model.load_case import LoadCase
 from vjm_output.documents import as_json, doubt_rows
@@ -84,7 +84,6 @@ def calibrate(
     document = document.model_copy(update={"doubts": doubt_rows(task.findings)})
     progress(2)
     page = write_page(task.measurement, found, document)
-    for name, content in ((DOCUMENT, as_json(document)), (MODEL, model), (PAGE, page)):
-        write_whole(out / name, content)
+    write_together({out / DOCUMENT: as_json(document), out / MODEL: model, out / PAGE: page})
     progress(STAGES)
     return document

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from vjm import __version__
-from vjm.io.files import check_writable, write_whole
+from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
 from vjm.rotations import Array
 from vjm_output.documents import as_json, doubt_rows
@@ -138,8 +138,7 @@ def diagnose(
     found = estimates(prepared.fitter, chosen, 0.0)
     model = extended_text(measurement, prepared.fitter, chosen, verdict.kind, found)
     page = write_page(measurement, prepared, chosen, document)
-    for name, content in ((DOCUMENT, as_json(document)), (MODEL, model), (PAGE, page)):
-        write_whole(out / name, content)
+    write_together({out / DOCUMENT: as_json(document), out / MODEL: model, out / PAGE: page})
     return document
 
 

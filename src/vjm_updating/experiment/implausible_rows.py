@@ -163,7 +163,15 @@ def nothing_read(c: Comparison) -> Iterator[Finding]:
                 f"{r.file}: column {name}",
                 f"every reading is {values[0]:g}, but the model predicts a change: was another column exported?",
             )
-    usable = int(np.sum(~np.isnan(r.pose).any(axis=1) & ~np.isnan(r.wrench).all(axis=1)))
+    both = np.asarray(~np.isnan(r.pose).any(axis=1) & ~np.isnan(r.wrench).all(axis=1))
+    usable = int(np.sum(both))
+    for label in c.labels if c.measurement.imposed and usable >= LEAST else ():
+        if not both[r.posture == label].any():
+            yield Finding(
+                Grade.DOUBTFUL,
+                f"{r.file}: posture {label}",
+                "no reading of it has both a displacement and a force: it says nothing",
+            )
     if c.measurement.imposed and usable < LEAST:
         yield Finding(
             Grade.REFUSED, r.file, f"{usable} readings have both a displacement and a force: {LEAST} are needed"

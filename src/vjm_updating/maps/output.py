@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from matplotlib.figure import Figure
 from vjm.io.files import write_whole
 from vjm.rotations import Array
 from vjm_output.off_screen import why_not_rendered
-from vjm_output.plot_style import PAGE_WIDTH, figure, png
+from vjm_output.plot_style import PAGE_WIDTH, figure, plain, png
 from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
 from vjm_updating.maps.run import MapResult
 
@@ -72,11 +71,14 @@ def write_vtk(result: MapResult, path: Path) -> None:
     grid.point_data["ok"] = (
         np.array([why == OK for why in result.why]).reshape(result.map.grid.shape).ravel(order="F")
     )
-    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        # VTK writes to a name of its own choosing's ending
+    with tempfile.TemporaryDirectory() as folder:
+        # VTK writes to a name of its own choosing's ending, and does not say that a disk is full
         temporary = Path(folder) / path.name
         grid.save(temporary)
-        os.replace(temporary, path)
+        content = temporary.read_bytes()
+    if not content.rstrip().endswith(b"</VTKFile>"):
+        raise OSError(f"{temporary}: could not be written whole: is the disk full?")
+    write_whole(path, content)
 
 
 def _cube(result: MapResult, column: int) -> Array:
@@ -110,7 +112,7 @@ def map_figure(result: MapResult) -> bytes:
 
 def _subtitle(fig: Figure, text: str, missing: int) -> None:
     white = f"; {missing} poses without an answer are white" if missing else ""
-    fig.suptitle(text + white, fontsize=8.5)
+    fig.suptitle(plain(text) + white, fontsize=8.5)
 
 
 def _edges(centres: Array) -> Array:
@@ -132,7 +134,17 @@ def render(result: MapResult) -> bytes:
     plotter: Any = pyvista.Plotter(off_screen=True, window_size=[int(130 * PAGE_WIDTH), 700])
     plotter.background_color = "white"
     body = grid.slice_orthogonal() if min(wanted.grid.shape) > 1 else grid
-    plotter.add_mesh(body, scalars=name, cmap="viridis", lighting=False, nan_color="white", show_scalar_bar=False)
+    values = _cube(result, column)[np.isfinite(_cube(result, column))]
+    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
+    plotter.add_mesh(
+        body,
+        scalars=name,
+        clim=(low, high),
+        cmap="viridis",
+        lighting=False,
+        nan_color="white",
+        show_scalar_bar=False,
+    )
     plotter.add_mesh(grid.outline(), color="#888888")
     plotter.show_bounds(
         xtitle="x, mm", ytitle="y, mm", ztitle="z, mm", color="black", font_size=10, location="outer"
@@ -140,8 +152,6 @@ def render(result: MapResult) -> bytes:
     plotter.view_isometric()
     picture = plotter.screenshot(return_img=True)
     plotter.close()
-    values = _cube(result, column)[np.isfinite(_cube(result, column))]
-    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
     with figure(0.8 * PAGE_WIDTH * picture.shape[0] / picture.shape[1], 1) as (fig, axes):
         axes[0].imshow(picture)
         axes[0].axis("off")

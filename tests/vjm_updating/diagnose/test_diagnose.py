@@ -12,6 +12,7 @@ import pytest
 from vjm.io.model_file import load_chain
 from vjm_updating.diagnose.command import DOCUMENT, MODEL, PAGE, diagnose
 from vjm_updating.diagnose.verdict import SUREST_CAUSE
+from vjm_validation.cli.main import run as run_command
 
 SCHEMA = Path(__file__).parents[3] / "docs/schemas/diagnosis.schema.json"
 
@@ -103,6 +104,27 @@ def test_data_without_a_displacement_is_refused(make, tmp_path):
     with pytest.raises(ValueError, match="wx_mm"):
         diagnose(files.data, files.sheet, tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_plug_in_is_run_with_one_loud_line(make, tmp_path, capsys):
+    plug_in = tmp_path / "mine.py"
+    plug_in.write_text("raise RuntimeError('ran')\n")
+    missing = str(tmp_path / "d.csv")
+    arguments = ["diagnose", missing, "--sheet", missing, "--out", str(tmp_path / "o"), "--effects", str(plug_in)]
+    assert run_command(arguments) == 2
+    loud, reason = capsys.readouterr().err.splitlines()
+    assert f"--effects runs the program {plug_in} with all your rights" in loud
+    assert "RuntimeError: ran" in reason
+
+
+def test_texts_of_a_sheet_are_escaped_in_the_page(make, tmp_path, monkeypatch):
+    files = make.made_up(tmp_path / "test", {}, 8, monkeypatch, per=4)
+    hostile = "<img src=x onerror=alert(1)>"
+    files.sheet.write_text(files.sheet.read_text().replace('title = "made up"', f'title = "{hostile} $x"'))
+    diagnose(files.data, files.sheet, tmp_path / "out")
+    page = (tmp_path / "out" / PAGE).read_text()
+    assert hostile not in page
+    assert "&lt;img src=x onerror=alert(1)&gt;" in page
 
 
 def test_a_plug_in_is_tried(make, tmp_path, monkeypatch):

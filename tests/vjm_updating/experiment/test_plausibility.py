@@ -137,6 +137,8 @@ def test_all_but_two_displacements_blank(draft):
         ("noise = 2.0", "noise = 0.0", "noise = 0"),
         ("noise = 2.0", "noise = 1e-300", "last digit"),
         ("noise = 2.0", "noise = 1e9", "little can be seen"),
+        ("noise = 0.001", "noise = 1.0", "little can be seen"),
+        ("zero = 3.0", "zero = 3000.0", "another unit"),
         ("scale = 0.003", "scale = 1.0", "per cent"),
         ("link_length_mm = 0.2", "link_length_mm = 1000.0", "µm"),
         ("modulus_rel = 0.02", "modulus_rel = 0.9", "per cent"),
@@ -146,6 +148,38 @@ def test_sheets_that_no_maker_writes(draft, old, new, words):
     assert old in draft.sheet
     draft.sheet = draft.sheet.replace(old, new, 1)
     assert any(words in line for line in doubts(draft))
+
+
+def test_a_column_that_does_not_change_where_the_model_says_it_does(draft):
+    draft.column("fx_N", lambda cell: "0.0")
+    assert any("column fx_N: every reading is 0" in line for line in doubts(draft))
+
+
+def test_a_posture_without_one_whole_reading(draft):
+    u, f, m = (draft.header.index(name) for name in ("ux_mm", "fx_N", "mx_Nmm"))
+    for k, row in enumerate(row for row in draft.rows if row[1] == "B"):
+        for at in (u,) if k % 2 else (f, m):
+            row[at] = ""
+    assert any("posture B: no reading of it has both" in line for line in doubts(draft))
+
+
+def test_one_channel_with_the_other_sign(draft):
+    draft.column("mx_Nmm", times(-1.0))
+    assert any("column mx_Nmm" in line and "axis turned" in line for line in doubts(draft))
+
+
+def test_two_displacements_exchanged(draft):
+    draft.header.insert(3, "uy_mm")
+    for row in draft.rows:
+        # what ux_mm was stands under uy_mm
+        row.insert(2, "0.0")
+    assert any("ux_mm and uy_mm exchanged" in line for line in doubts(draft))
+
+
+def test_a_mistaken_model_is_named_with_the_sheet(draft):
+    draft.sheet = draft.sheet.replace("link_segments = 8", "link_segments = 8\nactuator_compliance_mm_per_N = 1e3")
+    (line,) = doubts(draft)
+    assert "sheet.toml, model orthoglide-chain: part 'actuator'" in line
 
 
 def test_noise_in_another_unit(draft):

@@ -27,6 +27,7 @@ from vjm_updating.maps.evaluate import (
     principal,
     stability_lost,
 )
+from vjm_updating.maps.output import write_map
 from vjm_updating.maps.pose_grid import parsed_grid
 from vjm_updating.maps.run import Map, run_map
 from vjm_validation.cli.main import run
@@ -194,3 +195,13 @@ def test_a_path_that_ends_without_losing_its_stability_is_no_answer():
     assert stability_lost(replace(path, stopped="")) is None
     # a knee too sharp to follow
     assert stability_lost(replace(path, points=(point, replace(there, eigenvalue=1e-5)))) == 700.0
+
+
+def test_titles_are_drawn_as_they_stand_and_break_no_file(tmp_path):
+    """A title that is a formula, no formula, and a tag: the figure is drawn, and the files hold none of it."""
+    machine = replace(load_manipulator("parallelogram"), title=r"<img src=x onerror=alert(1)> $\frac{ & $5")
+    wanted = Map(machine, VjmEngine(), Quantity.STIFFNESS, parsed_grid("x=0:1:2", machine))
+    files = write_map(run_map(wanted, tmp_path), tmp_path)
+    for file in files:
+        if file.suffix in (".csv", ".vtr"):
+            assert b"onerror" not in file.read_bytes()

@@ -24,7 +24,9 @@ def diagnose_(
     out: Annotated[Path, Parameter(help="Folder for diagnosis.json, diagnosis.html, extended-model.toml.")],
     effects: Annotated[
         tuple[Path, ...],
-        Parameter(consume_multiple=True, help="Python files with effects of your own; see docs/effects.md."),
+        Parameter(
+            consume_multiple=True, help="Python files with effects of your own, which are run; see docs/effects.md."
+        ),
     ] = (),
     only: Annotated[
         tuple[str, ...], Parameter(consume_multiple=True, help="The causes that are thought possible; else all.")
@@ -40,6 +42,8 @@ def diagnose_(
     strict: Strict = False,
 ) -> int:
     """Show what the model gets wrong, name the cause, extend the model and measure the gain."""
+    for path in effects:
+        terminal.error(f"warning: --effects runs the program {path} with all your rights: only what you trust")
     with ExitStack() as stack:
         display: Callable[[str, int, int], None] | None = None
         done = 0
