@@ -144,7 +144,7 @@ def render(result: MapResult) -> bytes:
         lighting=False,
         nan_color="white",
         show_scalar_bar=False,
-    )
+    )  # fmt: skip
     plotter.add_mesh(grid.outline(), color="#888888")
     plotter.show_bounds(
         xtitle="x, mm", ytitle="y, mm", ztitle="z, mm", color="black", font_size=10, location="outer"

@@ -26,22 +26,30 @@ COMMANDS = {
     "curve": ["--posture", "bent", "--to", "0.1"],
     "postures": ["--tool", "500,300,0", "--json"],
     "identify": ["--part", "upper", "--json"],
+    "show": ["--posture", "bent", "--out", "TMP/view.html"],
 }
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_doubt_is_said_and_refused_under_strict(command, arm, capsys):
-    assert run([command, arm, *COMMANDS[command]]) == 0
+def test_a_doubt_is_said_and_refused_under_strict(command, arm, capsys, tmp_path):
+    options = [word.replace("TMP", str(tmp_path)) for word in COMMANDS[command]]
+    assert run([command, arm, *options]) == 0
     said = capsys.readouterr()
     assert "warning: arm.toml: part 'tool', mass_kg: 10000 kg" in said.err
     if command in ("stiffness", "buckling"):
         doubts = json.loads(said.out)["doubts"]
         assert {"doubtful"} == {doubt["grade"] for doubt in doubts}
         assert any("mass_kg" in doubt["where"] for doubt in doubts)
-    assert run([command, arm, *COMMANDS[command], "--strict"]) == 2
+    assert run([command, arm, *options, "--strict"]) == 2
     said = capsys.readouterr()
     assert said.err.count("\n") == 1
     assert "--strict" in said.err
+
+
+def test_the_report_of_a_machine_refuses_a_doubt_under_strict(arm, capsys, tmp_path):
+    assert run(["all", arm, "--strict", "--out", str(tmp_path / "run")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_sound_model_has_none(capsys):

@@ -15,6 +15,7 @@ from vjm.io.files import locked
 from vjm_output import terminal
 from vjm_validation.acceptance import AcceptanceRow
 from vjm_validation.cli import tables
+from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, acceleration
 from vjm_validation.cli.options import (
     Jobs,
@@ -63,6 +64,7 @@ def all_(
         Parameter(consume_multiple=True, help="Comparisons and verification cases, see `validate list`."),
     ] = (),
     steps: Annotated[int | None, Parameter(help="Equal steps of every path; 4000 is the paper's grid.")] = None,
+    strict: Strict = False,
 ) -> int:
     """Run every comparison of the paper and write the report, or that of a machine of your own."""
     folder = out or FilePath("reports") / "runs" / time.strftime("%Y%m%d-%H%M%S")
@@ -72,6 +74,7 @@ def all_(
         for name, value in (("--force", force), ("--to", to)):
             if value is not None and not 0.0 < value < float("inf"):
                 raise UsageError(f"{name}: must be positive, not {value:g}; --direction gives the sign")
+        considered(model, strict)
         return _own(
             Request(
                 model, posture, parsed_directions(direction), force, to, acceleration(gravity), jobs=processes(jobs)

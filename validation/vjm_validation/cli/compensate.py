@@ -13,6 +13,7 @@ from vjm.io.files import check_writable, write_whole
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
 from vjm_output.documents import as_json
+from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, acceleration
 from vjm_validation.cli.options import Json, Model, Posture, Segments, segments_of
 from vjm_validation.cli.status import OK, UsageError
@@ -36,9 +37,11 @@ def compensate_(
     out: Annotated[Path | None, Parameter(help="CSV of the coordinates by each model.")] = None,
     plot: Annotated[Path | None, Parameter(help="PNG of the errors left along the path.")] = None,
     json: Json = False,
+    strict: Strict = False,
 ) -> int:
     """Find the joint coordinates that put the loaded tool where it should be, along a path."""
     machine, _ = loaded(model)
+    considered(model, strict)
     number, parts = segments_of(segments)
     solver = engine_by_name(engine, EngineOptions(number, parts=parts), machine)
     if not isinstance(solver, VjmEngine):

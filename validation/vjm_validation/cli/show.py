@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from vjm.io.files import check_writable, write_whole
 from vjm_output import terminal
 from vjm_output.off_screen import why_not_rendered
+from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.options import Model, Posture
 from vjm_validation.cli.status import OK, UsageError
 from vjm_validation.load_any_model import loaded, postures
@@ -22,9 +23,11 @@ def show_(
     out: Annotated[
         Path | None, Parameter(help="File to write, .html or .png; MODEL-POSTURE.html in this folder by default.")
     ] = None,
+    strict: Strict = False,
 ) -> int:
     """Write a 3-D view of a machine with its axes, joints, springs and names, as HTML or PNG."""
     machine, _ = loaded(model)
+    considered(model, strict)
     label = postures(machine, (posture,) if posture else ())[0]
     file = out or Path(f"{machine.name}-{label.replace(',', '_')}.html")
     if file.suffix not in (".html", ".png"):
