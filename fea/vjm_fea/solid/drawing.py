@@ -34,6 +34,10 @@ ALGORITHM = 10
 """HXT, gmsh's fast Delaunay mesher."""
 
 
+class CoarseError(ValueError):
+    """No mesh, or one too coarse for the curved faces of the part: a finer one may do."""
+
+
 @dataclass
 class Drawing:
     """A solid in gmsh's hands, while `drawing` is open.
@@ -79,7 +83,7 @@ class Drawing:
         except Exception as error:
             if isinstance(error, ValueError | MemoryError):
                 raise
-            raise ValueError(f"{self.file}: no mesh at {printed(size, 3)} mm: {_said(error)}") from error
+            raise CoarseError(f"{self.file}: no mesh at {printed(size, 3)} mm: {_said(error)}") from error
         return self._read()
 
     def _sizes(self, size: float, graded: Sequence[int]) -> None:
@@ -126,8 +130,9 @@ class Drawing:
             self.gmsh.model.mesh.optimize("HighOrderElastic")
             quality = np.array(self.gmsh.model.mesh.getElementQualities(tags, "minDetJac"))
         if quality.min() <= 0.0:
-            raise ValueError(
-                f"{self.file}: {int(np.sum(quality <= 0.0))} elements are turned inside out: ask for a finer mesh"
+            raise CoarseError(
+                f"{self.file}: {int(np.sum(quality <= 0.0))} elements are turned inside out by its curved faces: "
+                "allow a finer mesh by --largest"
             )
 
     def _read(self) -> SolidMesh:

@@ -12,7 +12,7 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_fea.solid.compliance import Answer, Base, Ends, Tip, answer, face_centre
 from vjm_fea.solid.convergence import Limit, limit
-from vjm_fea.solid.drawing import Drawing, drawing
+from vjm_fea.solid.drawing import CoarseError, Drawing, drawing
 from vjm_fea.solid.elasticity import ElasticSolid, Material
 from vjm_fea.solid.faces import selected
 
@@ -242,8 +242,17 @@ def _first_size(opened: Drawing, ends: Ends, target: int) -> float:
     size = float((8.5 * 1.4 * 3.0 * opened.volume / target) ** (1.0 / 3.0))
     if opened.fixed:
         return size
-    for _ in range(3):
-        count = opened.mesh(size, [*ends.base, *ends.tip]).unknowns
+    for attempt in range(6):
+        try:
+            count = opened.mesh(size, [*ends.base, *ends.tip]).unknowns
+        except CoarseError:
+            if attempt == 5:
+                raise
+            size /= RATIO
+            target = 0
+            continue
+        if not target:
+            break
         if 0.7 < count / target < 1.4:
             break
         size *= float(np.clip((count / target) ** (1.0 / 2.5), 0.4, 2.5))

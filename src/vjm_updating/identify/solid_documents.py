@@ -47,6 +47,24 @@ class TaperDocument(Frozen):
     """Largest difference of its bending entries to the part's, scaled."""
 
 
+class StressDocument(Frozen):
+    """Von Mises stress under a wrench."""
+
+    wrench: list[float]
+    """N and N mm, where the compliance is read."""
+    tip: str
+    """How it enters."""
+    largest_MPa: float  # noqa: N815
+    """Of all nodes; at a clamped or a re-entrant edge it grows with every mesh and has no limit."""
+    largest_at_mm: list[float]
+    away_MPa: float  # noqa: N815
+    """Half a thickness or more away from base and tip."""
+    away_at_mm: list[float]
+    yield_MPa: float | None  # noqa: N815
+    factor_to_yield: float | None
+    """By which the wrench may grow until the stress away from the ends is the yield stress."""
+
+
 class SolidDocument(Frozen):
     """What ``validate identify --solid --json`` prints."""
 
@@ -80,5 +98,7 @@ class SolidDocument(Frozen):
     beams: list[BeamDocument]
     """Uniform ones, from the simplest form on, as far as the first that meets every entry."""
     taper: TaperDocument | None
+    stress: StressDocument | None
+    """Under the wrench that was given."""
     warnings: list[str]
     findings: list[str]

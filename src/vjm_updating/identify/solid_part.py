@@ -14,7 +14,13 @@ from vjm_output.plot_style import number, percent
 from vjm_updating.identify.candidates import Target
 from vjm_updating.identify.documents import BeamDocument
 from vjm_updating.identify.results import beam_document, scaling, searches
-from vjm_updating.identify.solid_documents import BoundDocument, MeshDocument, SolidDocument, TaperDocument
+from vjm_updating.identify.solid_documents import (
+    BoundDocument,
+    MeshDocument,
+    SolidDocument,
+    StressDocument,
+    TaperDocument,
+)
 from vjm_updating.identify.taper import tapered
 
 LIKE_A_BEAM = 5e-3
@@ -27,8 +33,8 @@ THIN = 15.0
 """Radius of gyration over the walls' thickness from which on a wall may buckle before the part does."""
 
 
-def solid_document(found: SolidCompliance) -> SolidDocument:
-    """What was found, with the beams that are like it, as a document."""
+def solid_document(found: SolidCompliance, stress: StressDocument | None = None) -> SolidDocument:
+    """What was found, with the beams that are like it, as a document; ``stress`` where a wrench was given."""
     task, bounds = found.task, found.bounds
     beams = beams_of(found)
     taper = tapered(middle(found), found.at - found.base_centre)
@@ -60,6 +66,7 @@ def solid_document(found: SolidCompliance) -> SolidDocument:
         centre_of_mass_mm=found.centre.tolist(),
         beams=beams,
         taper=taper,
+        stress=stress,
         warnings=warnings,
         findings=_findings(found, beams, taper),
     )

@@ -12,7 +12,7 @@ from vjm.io.errors import printed
 from vjm_output.plot_style import number, percent
 from vjm_output.terminal import two_columns
 from vjm_updating.identify.documents import BeamDocument
-from vjm_updating.identify.solid_documents import BoundDocument, SolidDocument
+from vjm_updating.identify.solid_documents import BoundDocument, SolidDocument, StressDocument
 
 TIPS = {
     "rigid": "tip moved as a rigid body: the lower bound",
@@ -29,6 +29,8 @@ def show(console: Console, document: SolidDocument) -> None:
     for bound in document.bounds:
         console.print(_matrix(bound), highlight=False)
     console.print(_beams(document.beams), highlight=False)
+    if document.stress is not None:
+        console.print(two_columns("Von Mises stress under the wrench", _stress(document.stress)), highlight=False)
     for line in document.findings:
         console.print(f"- {line}", highlight=False, markup=False)
     for line in document.warnings:
@@ -94,6 +96,18 @@ def _beams(beams: Sequence[BeamDocument]) -> Table:
             "yes" if beam.met else "no",
         )
     return table
+
+
+def _stress(stress: StressDocument) -> dict[str, str]:
+    rows = {
+        "wrench": f"{_point(stress.wrench)} N, N mm, {TIPS[stress.tip].partition(':')[0]}",
+        "largest away from the ends": f"{number(stress.away_MPa)} MPa at {_point(stress.away_at_mm)} mm",
+        "largest of all": f"{number(stress.largest_MPa)} MPa at {_point(stress.largest_at_mm)} mm: at a clamped or "
+        "re-entrant edge it has no limit",
+    }
+    if stress.yield_MPa is not None:
+        rows["yields"] = f"at {number(stress.factor_to_yield)} times this wrench, away from the ends"
+    return rows
 
 
 def _numbers(values: Sequence[int]) -> str:

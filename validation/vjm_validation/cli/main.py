@@ -6,13 +6,19 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cyclopts import App, CycloptsError
 
 from vjm import __version__
 from vjm.errors import NoConvergenceError
+from vjm.io.solid_provider import provide
 from vjm_output import terminal
 from vjm_validation.cli.status import BAD_INPUT, GAVE_UP, INTERRUPTED, OK
+
+if TYPE_CHECKING:
+    from vjm.io.solid_compliance import SolidResult, SolidTable
 
 app = App(
     name="validate",
@@ -29,6 +35,7 @@ COMMANDS = {
     "calibrate": "Fit spring compliances to measured force-displacement readings, with their uncertainty.",
     "diagnose": "Show what the model gets wrong, name the cause, extend the model and measure the gain.",
     "identify": "A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance.",
+    "show": "Draw a part's faces numbered.",
     "new": "Write a commented model file that runs as it is: chain, arm or platform.",
     "check": "List every error of a model file, or say what machine it describes.",
     "postures": "Find the joint coordinates that put the tool where it is wanted.",
@@ -40,6 +47,16 @@ for name, text in COMMANDS.items():
     # a module cannot be called "import"
     module = "import_urdf" if name == "import" else name
     app.command(f"vjm_validation.cli.{module}:{name}_", name=name, help=text)
+
+
+def _compute(path: Path, table: SolidTable, key: str) -> SolidResult:
+    # finite elements of solids are loaded by who needs them
+    from vjm_fea.solid.model_key import computed
+
+    return computed(path, table, key)
+
+
+provide(_compute)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -43,6 +43,32 @@ class SolidOptions:
     )
     largest: Annotated[int, Parameter(help="Unknowns of the finest mesh at most.")] = LARGEST
 
+    wrench: Annotated[
+        str | None, Parameter(help="fx,fy,fz,mx,my,mz in N and N mm at the tip: says the von Mises stress.")
+    ] = None
+    yield_stress: Annotated[float | None, Parameter(help="MPa; says at how many times the wrench it yields.")] = (
+        None
+    )
+    pictures: Annotated[
+        Path | None, Parameter(help="Folder for pictures of stress and deflected shape under each unit wrench.")
+    ] = None
+
+    def loads(self) -> Array | None:
+        """The wrench ``(6,)`` that was given.
+
+        Raises:
+            ValueError: it is none.
+        """
+        if self.yield_stress is not None and not 0.0 < self.yield_stress < 1e4:
+            raise ValueError(
+                f"--yield-stress: {self.yield_stress:g} MPa is no solid's: give MPa, 250 for mild steel"
+            )
+        if self.wrench is None:
+            if self.yield_stress is not None:
+                raise ValueError("--yield-stress: goes with --wrench")
+            return None
+        return numbers(self.wrench, 6, "--wrench", "fx,fy,fz,mx,my,mz in N and N mm")
+
     def task(self) -> SolidTask:
         """The part to be identified.
 
@@ -69,7 +95,7 @@ class SolidOptions:
             material=Material(self.youngs, self.poisson, 1e-9 * (self.density or 0.0)),
             base=self.base,
             tip=self.tip,
-            at=None if self.at is None else point(self.at, "--at"),
+            at=None if self.at is None else numbers(self.at, 3, "--at", "x,y,z in mm"),
             held=self.base_held,
             unit_mm=self.unit_mm,
             accuracy=0.01 * self.accuracy,
@@ -82,16 +108,16 @@ class SolidOptions:
         return bool(self.youngs or self.poisson or self.base or self.tip)
 
 
-def point(text: str, option: str) -> Array:
-    """A point ``(3,)`` from x,y,z.
+def numbers(text: str, count: int, option: str, form: str) -> Array:
+    """Numbers ``(count,)`` from a text with commas.
 
     Raises:
-        ValueError: it is none.
+        ValueError: they are none, or another count.
     """
     try:
         values = np.array([float(part) for part in text.split(",")])
     except ValueError:
         values = np.zeros(0)
-    if values.shape != (3,) or not np.isfinite(values).all():
-        raise ValueError(f"{option}: '{text}' is no point: give x,y,z in mm")
+    if values.shape != (count,) or not np.isfinite(values).all():
+        raise ValueError(f"{option}: '{text}' is not {form}")
     return values
