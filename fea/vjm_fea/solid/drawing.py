@@ -32,6 +32,9 @@ SMOOTH = np.deg2rad(30.0)
 """Angle between the triangles of an STL up to which they belong to one face."""
 ALGORITHM = 10
 """HXT, gmsh's fast Delaunay mesher."""
+DELAUNAY = 1
+AROUND = 12
+"""Fewest elements around a full circle."""
 
 
 class CoarseError(ValueError):
@@ -77,7 +80,7 @@ class Drawing:
             else:
                 self.gmsh.model.mesh.clear()
                 self._sizes(size, graded)
-                interruptible(lambda: self.gmsh.model.mesh.generate(3))
+                self._fill()
             self.gmsh.model.mesh.setOrder(2)
             self._check_elements()
         except Exception as error:
@@ -88,8 +91,9 @@ class Drawing:
 
     def _sizes(self, size: float, graded: Sequence[int]) -> None:
         gmsh, field = self.gmsh, self.gmsh.model.mesh.field
-        for name in ("MeshSizeFromPoints", "MeshSizeFromCurvature", "MeshSizeExtendFromBoundary"):
+        for name in ("MeshSizeFromPoints", "MeshSizeExtendFromBoundary"):
             gmsh.option.setNumber(f"Mesh.{name}", 0)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", AROUND)
         gmsh.option.setNumber("Mesh.MeshSizeMin", 0.0)
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
         for one in field.list():
@@ -111,6 +115,23 @@ class Drawing:
         pairs = self.gmsh.model.getBoundary([(2, face) for face in faces], combined=True, oriented=False)
         return {int(tag) for _, tag in pairs}
 
+    def _fill(self) -> None:
+        """Tetrahedra by the fast mesher, or where that fails by the one that is slow and sure."""
+        gmsh = self.gmsh
+        try:
+            interruptible(lambda: gmsh.model.mesh.generate(3))
+        except Exception:
+            found = False
+        else:
+            found = len(gmsh.model.mesh.getElementsByType(TETRAHEDRON4)[0]) > 0
+        if not found:
+            gmsh.option.setNumber("Mesh.Algorithm3D", DELAUNAY)
+            try:
+                gmsh.model.mesh.clear()
+                interruptible(lambda: gmsh.model.mesh.generate(3))
+            finally:
+                gmsh.option.setNumber("Mesh.Algorithm3D", ALGORITHM)
+
     def _split(self, size: float) -> None:
         gmsh = self.gmsh
         gmsh.model.mesh.setOrder(1)
@@ -123,7 +144,7 @@ class Drawing:
     def _check_elements(self) -> None:
         tags, _ = self.gmsh.model.mesh.getElementsByType(TETRAHEDRON10)
         if not len(tags):
-            raise ValueError(f"{self.file}: holds no solid, only surfaces: close it, or export it as a solid")
+            raise CoarseError(f"{self.file}: gmsh finds no mesh of its inside")
         quality = np.array(self.gmsh.model.mesh.getElementQualities(tags, "minDetJac"))
         if quality.min() <= 0.0:
             # edges that the curved surface bent too far are made straight enough
