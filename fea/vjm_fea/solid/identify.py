@@ -22,6 +22,8 @@ FIRST, LARGEST = 8000, 300_000
 """Unknowns of the first mesh, about, and of the last one at most."""
 RATIO = 1.5
 """Of the sizes of elements from mesh to mesh."""
+FINER = 1.6
+"""Unknowns of a mesh over those of the one before, below which it replaces that one."""
 FEWEST = 3
 """Meshes."""
 BYTES = 14_000
@@ -196,6 +198,12 @@ def _identify(task: SolidTask, opened: Drawing, progress: Progress) -> SolidComp
         progress(stage, 0, 1 + len(tips))
         solid = ElasticSolid(opened.mesh(size, [*ends.base, *ends.tip]), task.material)
         _check_apart(solid, ends)
+        if unknowns and solid.mesh.unknowns < FINER * unknowns[-1]:
+            # round faces, not the size, decided on the one before: it says nothing of convergence
+            sizes.pop()
+            unknowns.pop()
+            for tip in tips:
+                found[tip].pop()
         sizes.append(size)
         unknowns.append(solid.mesh.unknowns)
         stage = f"mesh {len(sizes)}: {unknowns[-1]} unknowns"
