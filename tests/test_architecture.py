@@ -31,7 +31,7 @@ MAY_IMPORT = {
     # pydantic's error types live in its core
     "vjm.io": {"numpy", "scipy", "pydantic", "pydantic_core", "urdf_parser_py"},
     "vjm_output": {"vjm", "numpy", "pydantic", "matplotlib", "jinja2", "rich"},
-    "vjm_fea": {"vjm", "numpy", "scipy", "exudyn", "openseespy"},
+    "vjm_fea": {"vjm", "numpy", "scipy", "exudyn", "openseespy", "gmsh", "skfem", "pypardiso"},
     "vjm_updating": {
         *("vjm", "vjm_output", "vjm_fea", "numpy", "scipy", "numba", "pydantic"),
         *("matplotlib", "pyvista", "rich", "distributed"),

@@ -17,6 +17,7 @@ from vjm_output.documents import schema
 from vjm_updating.calibrate.document import Calibration
 from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.identify.documents import IdentificationDocument
+from vjm_updating.identify.solid_documents import SolidDocument
 from vjm_updating.maps.documents import MapDocument, MapTaskDocument
 from vjm_validation.compensation import CompensationDocument
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
@@ -34,6 +35,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         "compensation.schema.json": schema(CompensationDocument),
         "stiffness.schema.json": schema(StiffnessDocument),
         "identification.schema.json": schema(IdentificationDocument),
+        "solid.schema.json": schema(SolidDocument),
         "calibration.schema.json": schema(Calibration),
         "diagnosis.schema.json": schema(Diagnosis),
         "table2.schema.json": schema(Table2Document),

@@ -17,6 +17,7 @@ import pydantic
 
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
 from vjm.io.schema import ModelFile, known_keys
+from vjm.io.solid_compliance import expanded, solid_key_schema
 from vjm.model.chain import Chain
 
 __all__ = [
@@ -75,7 +76,12 @@ def library() -> list[Entry]:
 
 def model_schema() -> dict[str, Any]:
     """JSON Schema of a model file."""
-    return ModelFile.model_json_schema()
+    result = ModelFile.model_json_schema()
+    # a compliance may also be a drawing's, which is read before the rest is checked
+    result["$defs"]["SolidTable"] = solid_key_schema()
+    matrix = result["$defs"]["BeamTable"]["properties"]["compliance"]
+    matrix["anyOf"].append({"$ref": "#/$defs/SolidTable"})
+    return result
 
 
 def read_document(name_or_path: str | Path) -> ModelDocument:
@@ -103,7 +109,8 @@ def read_document(name_or_path: str | Path) -> ModelDocument:
         raw = path.read_bytes()
     except OSError as error:
         raise ModelFileError(f"{path}: cannot be read: {error.strerror}") from error
-    return _parse(path.name, raw)
+    document = _parse(path.name, raw)
+    return document._replace(content=expanded(document.content, path.parent, path.name))
 
 
 def build_chain(content: Mapping[str, Any], file: str, sha256: str = "") -> Chain:

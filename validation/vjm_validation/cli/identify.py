@@ -7,18 +7,28 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from vjm.io.files import check_writable, write_whole
 from vjm.io.model_file import build_chain, load_chain, read_document
+from vjm_fea.solid.identify import identify
 from vjm_output import terminal
 from vjm_output.documents import as_json
+from vjm_output.off_screen import why_not_rendered
+from vjm_updating.identify import solid_text
 from vjm_updating.identify import summary_text as words
 from vjm_updating.identify.command import identify_matrix, identify_part, identify_path
 from vjm_updating.identify.documents import IdentificationDocument
 from vjm_updating.identify.matrix_file import matrix_names
 from vjm_updating.identify.path_file import build_path, is_path
+from vjm_updating.identify.solid_part import solid_document
+from vjm_updating.identify.solid_pictures import load_pictures, wrench_picture
+from vjm_updating.identify.solid_stress import stress_document
 from vjm_validation.cli.doubts import Strict, considered
+from vjm_validation.cli.solid_options import SolidOptions
 from vjm_validation.studies.table2_document import show as show_table2
 from vjm_validation.studies.table2_document import table2_document
 from vjm_validation.studies.table2_fit import TableFit
+
+NO_SOLID = SolidOptions()
 
 
 def identify_(
@@ -40,10 +50,17 @@ def identify_(
         bool,
         Parameter(negative="", help="What the paper's Table II implies for its printed matrices, within rounding."),
     ] = False,
+    part_of: SolidOptions = NO_SOLID,
     json: Annotated[bool, Parameter(negative="", help="Print one JSON document and nothing else.")] = False,
     strict: Strict = False,
 ) -> int:
     """A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance."""
+    if part_of.solid is not None:
+        if model is not None or part is not None or matrix is not None or table2:
+            raise ValueError("--solid: takes a drawing alone: leave the model, --part, --matrix and --table2 out")
+        return identify_solid(part_of, json=json)
+    if part_of.others_given:
+        raise ValueError("--youngs, --poisson, --base and --tip go with --solid DRAWING")
     if table2:
         if model is None or part is not None or matrix is not None:
             raise ValueError("--table2: give a model, and neither --part nor --matrix")
@@ -61,6 +78,34 @@ def identify_(
         sys.stdout.write(as_json(document))
     else:
         words.show(terminal.console(), document)
+    return 0
+
+
+def identify_solid(options: SolidOptions, *, json: bool) -> int:
+    """A part's compliance from its drawing."""
+    task, wrench = options.task(), options.loads()
+    reason = why_not_rendered() if options.pictures is not None else ""
+    if reason:
+        raise ValueError(f"--pictures: this machine cannot render pictures ({reason}): leave it out")
+    if options.pictures is not None:
+        check_writable(options.pictures)
+    with terminal.progress(quiet=json) as progress:
+        found = identify(task, progress)
+    document = solid_document(
+        found, None if wrench is None else stress_document(found, wrench, options.yield_stress)
+    )
+    if json:
+        sys.stdout.write(as_json(document))
+    else:
+        solid_text.show(terminal.console(), document)
+    if options.pictures is not None:
+        files = {f"{task.path.stem}-{tip}.png": load_pictures(found, tip) for tip in found.bounds}
+        if wrench is not None:
+            files[f"{task.path.stem}-wrench.png"] = wrench_picture(found, next(reversed(found.bounds)), wrench)
+        for name, content in files.items():
+            write_whole(options.pictures / name, content)
+            if not json:
+                terminal.console().print(f"picture: {options.pictures / name}", soft_wrap=True, highlight=False)
     return 0
 
 

@@ -7,13 +7,19 @@ import re
 import signal
 import sys
 from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cyclopts import App, CycloptsError
 
 from vjm import __version__
 from vjm.errors import NoConvergenceError
+from vjm.io.solid_provider import provide
 from vjm_output import terminal
 from vjm_validation.cli.status import BAD_INPUT, GAVE_UP, INTERRUPTED, OK
+
+if TYPE_CHECKING:
+    from vjm.io.solid_compliance import SolidResult, SolidTable
 
 app = App(
     name="validate",
@@ -34,7 +40,7 @@ COMMANDS = {
     "identify": "A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance.",
     "new": "Write a commented model file that runs as it is: chain, arm or platform; or a test sheet.",
     "check": "List every error of a model file, or say what machine it describes.",
-    "show": "Write a 3-D view of a machine with its axes, joints, springs and names, as HTML or PNG.",
+    "show": "Write a 3-D view of a machine as HTML or PNG, or draw a part's faces numbered.",
     "compensate": "Find the joint coordinates that put the loaded tool where it should be, along a path.",
     "postures": "Find the joint coordinates that put the tool where it is wanted.",
     "import": "Write a model file of a URDF.",
@@ -45,6 +51,16 @@ for name, text in COMMANDS.items():
     # a module cannot be called "import"
     module = "import_urdf" if name == "import" else name
     app.command(f"vjm_validation.cli.{module}:{name}_", name=name, help=text)
+
+
+def _compute(path: Path, table: SolidTable, key: str) -> SolidResult:
+    # finite elements of solids are loaded by who needs them
+    from vjm_fea.solid.model_key import computed
+
+    return computed(path, table, key)
+
+
+provide(_compute)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

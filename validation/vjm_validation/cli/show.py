@@ -11,21 +11,27 @@ from vjm.io.files import check_writable, write_whole
 from vjm_output import terminal
 from vjm_output.off_screen import why_not_rendered
 from vjm_validation.cli.doubts import Strict, considered
-from vjm_validation.cli.options import Model, Posture
+from vjm_validation.cli.options import Posture
 from vjm_validation.cli.status import OK, UsageError
 from vjm_validation.load_any_model import loaded, postures
 
 
 def show_(
-    model: Model,
+    model: Annotated[str, Parameter(help="Model of the library, model file, or a part's STEP, BREP, STL or MSH.")],
     *,
     posture: Posture = None,
     out: Annotated[
-        Path | None, Parameter(help="File to write, .html or .png; MODEL-POSTURE.html in this folder by default.")
+        Path | None,
+        Parameter(help="File to write, .html or .png; in this folder by default."),
     ] = None,
     strict: Strict = False,
 ) -> int:
-    """Write a 3-D view of a machine with its axes, joints, springs and names, as HTML or PNG."""
+    """Write a 3-D view of a machine with its axes, joints, springs and names; or draw a part's faces numbered."""
+    # drawing libraries take seconds to import
+    from vjm_validation.cli.show_drawing import is_drawing, show_drawing
+
+    if is_drawing(model):
+        return show_drawing(Path(model), out)
     machine, _ = loaded(model)
     considered(model, strict)
     label = postures(machine, (posture,) if posture else ())[0]
@@ -33,7 +39,6 @@ def show_(
     if file.suffix not in (".html", ".png"):
         raise UsageError(f"--out: {file}: write a name that ends in .html or .png")
     check_writable(file.parent)
-    # drawing libraries take seconds to import
     from vjm_validation.report.machine_geometry import geometry
     from vjm_validation.report.machine_view import page, rendered
 

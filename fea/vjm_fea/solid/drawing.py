@@ -1,0 +1,392 @@
+"""Drawings in: STEP, BREP, closed STL and gmsh meshes, read and meshed by gmsh."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vjm.io.errors import printed
+from vjm_fea.solid.corners import re_entrant_edges
+from vjm_fea.solid.faces import Face
+from vjm_fea.solid.libraries import interruptible, load
+from vjm_fea.solid.mesh import Indices, SolidMesh, from_gmsh
+
+KINDS = (".step", ".stp", ".brep", ".stl", ".msh")
+TRIANGLE6, TRIANGLE3, TETRAHEDRON10, TETRAHEDRON4, LINE3 = 9, 2, 11, 4, 8
+"""gmsh's numbers of its elements."""
+LONGEST, SHORTEST = 2e4, 0.5
+"""Diagonals in mm of parts that are believed: a machine's part of 20 m, one of half a millimetre."""
+GRADING = 0.35
+"""Size of elements at graded edges over that elsewhere."""
+REACH = 3.0
+"""Distance from a graded edge, in sizes of elements, over which they grow."""
+SMOOTH = np.deg2rad(30.0)
+"""Angle between the triangles of an STL up to which they belong to one face."""
+ALGORITHM = 10
+"""HXT, gmsh's fast Delaunay mesher."""
+DELAUNAY = 1
+AROUND = 12
+"""Fewest elements around a full circle."""
+
+
+class CoarseError(ValueError):
+    """No mesh, or one too coarse for the curved faces of the part: a finer one may do."""
+
+
+@dataclass
+class Drawing:
+    """A solid in gmsh's hands, while `drawing` is open.
+
+    Attributes:
+        gmsh: the library, with this drawing in it.
+        file: its name, for messages.
+        faces: of the solid, from one.
+        size: diagonal of the solid's box, mm.
+        volume: mm³.
+        re_entrant: its edges at which the stress has no bound.
+        fixed: the file is itself a mesh, of the inside or the surface, which can only be split.
+    """
+
+    gmsh: Any
+    file: str
+    faces: list[Face]
+    size: float
+    volume: float
+    re_entrant: list[int]
+    fixed: bool
+
+    def mesh(self, size: float, graded: Sequence[int] = ()) -> SolidMesh:
+        """A mesh of ten-node tetrahedra.
+
+        Args:
+            size: of the elements away from graded edges, mm; of a file that is a mesh, it is split into eighths
+                until its elements are no longer than that.
+            graded: faces at whose borders, as at re-entrant edges, the elements are smaller by `GRADING`.
+
+        Raises:
+            ValueError: gmsh finds no mesh.
+        """
+        try:
+            if self.fixed:
+                self._split(size)
+            else:
+                self.gmsh.model.mesh.clear()
+                self._sizes(size, graded)
+                self._fill()
+            self.gmsh.model.mesh.setOrder(2)
+            self._check_elements()
+        except Exception as error:
+            if isinstance(error, ValueError | MemoryError):
+                raise
+            raise CoarseError(f"{self.file}: no mesh at {printed(size, 3)} mm: {_said(error)}") from error
+        return self._read()
+
+    def _sizes(self, size: float, graded: Sequence[int]) -> None:
+        gmsh, field = self.gmsh, self.gmsh.model.mesh.field
+        for name in ("MeshSizeFromPoints", "MeshSizeExtendFromBoundary"):
+            gmsh.option.setNumber(f"Mesh.{name}", 0)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", AROUND)
+        gmsh.option.setNumber("Mesh.MeshSizeMin", 0.0)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+        for one in field.list():
+            field.remove(one)
+        edges = sorted({*self._borders(graded), *self.re_entrant})
+        if not edges:
+            return
+        distance, threshold = field.add("Distance"), field.add("Threshold")
+        field.setNumbers(distance, "CurvesList", edges)
+        field.setNumber(distance, "Sampling", 60)
+        for key, value in (
+            ("InField", distance), ("SizeMin", GRADING * size), ("SizeMax", size),
+            ("DistMin", 0.0), ("DistMax", REACH * size),
+        ):  # fmt: skip
+            field.setNumber(threshold, key, value)
+        field.setAsBackgroundMesh(threshold)
+
+    def _borders(self, faces: Sequence[int]) -> set[int]:
+        pairs = self.gmsh.model.getBoundary([(2, face) for face in faces], combined=True, oriented=False)
+        return {int(tag) for _, tag in pairs}
+
+    def _fill(self) -> None:
+        """Tetrahedra by the fast mesher, or where that fails by the one that is slow and sure."""
+        gmsh = self.gmsh
+        try:
+            interruptible(lambda: gmsh.model.mesh.generate(3))
+        except Exception:
+            found = False
+        else:
+            found = len(gmsh.model.mesh.getElementsByType(TETRAHEDRON4)[0]) > 0
+        if not found:
+            gmsh.option.setNumber("Mesh.Algorithm3D", DELAUNAY)
+            try:
+                gmsh.model.mesh.clear()
+                interruptible(lambda: gmsh.model.mesh.generate(3))
+            finally:
+                gmsh.option.setNumber("Mesh.Algorithm3D", ALGORITHM)
+
+    def _split(self, size: float) -> None:
+        gmsh = self.gmsh
+        gmsh.model.mesh.setOrder(1)
+        while True:
+            tags, _ = gmsh.model.mesh.getElementsByType(TETRAHEDRON4)
+            if (6.0 * self.volume / max(1, len(tags))) ** (1.0 / 3.0) <= 1.05 * size:
+                return
+            gmsh.model.mesh.refine()
+
+    def _check_elements(self) -> None:
+        tags, _ = self.gmsh.model.mesh.getElementsByType(TETRAHEDRON10)
+        if not len(tags):
+            raise CoarseError(f"{self.file}: gmsh finds no mesh of its inside")
+        quality = np.array(self.gmsh.model.mesh.getElementQualities(tags, "minDetJac"))
+        if quality.min() <= 0.0:
+            # edges that the curved surface bent too far are made straight enough
+            self.gmsh.model.mesh.optimize("HighOrderElastic")
+            quality = np.array(self.gmsh.model.mesh.getElementQualities(tags, "minDetJac"))
+        if quality.min() <= 0.0:
+            raise CoarseError(
+                f"{self.file}: {int(np.sum(quality <= 0.0))} elements are turned inside out by its curved faces: "
+                "allow a finer mesh by --largest"
+            )
+
+    def _read(self) -> SolidMesh:
+        mesh = self.gmsh.model.mesh
+        tags, coordinates, _ = mesh.getNodes()
+        index = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
+        index[tags.astype(np.int64)] = np.arange(len(tags))
+        _, nodes = mesh.getElementsByType(TETRAHEDRON10)
+        triangles: dict[int, Indices] = {}
+        for face in self.faces:
+            _, corners = mesh.getElementsByType(TRIANGLE6, face.number)
+            triangles[face.number] = index[corners.astype(np.int64)].reshape(-1, 6)
+        return from_gmsh(
+            np.asarray(coordinates).reshape(-1, 3), index[nodes.astype(np.int64)].reshape(-1, 10), triangles
+        )
+
+
+@contextmanager
+def drawing(path: str | Path, scale: float = 1.0) -> Iterator[Drawing]:
+    """Open a drawing.
+
+    Args:
+        path: of a STEP, BREP, STL or gmsh mesh file.
+        scale: mm of one unit of the file; STEP files say their unit themselves and come in mm.
+
+    Raises:
+        ImportError: gmsh is not installed or does not load.
+        ValueError: no such kind of file, not one closed solid, or no size that a part has; one line.
+        OSError: the file cannot be read.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in KINDS:
+        raise ValueError(f"{path.name}: no kind of drawing that is known: give {', '.join(KINDS)}")
+    with open(path, "rb") as file:
+        if not file.read(1):
+            raise ValueError(f"{path.name}: the file is empty")
+    gmsh = load("gmsh")
+    # Python keeps the answer to Ctrl-C
+    gmsh.initialize(["", "-nopopup"], readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("General.NumThreads", 1)
+        gmsh.option.setNumber("Mesh.Algorithm3D", ALGORITHM)
+        gmsh.option.setNumber("Mesh.RandomSeed", 1)
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        gmsh.option.setNumber("Geometry.OCCScaling", scale)
+        gmsh.model.add("part")
+        yield _opened(gmsh, path, scale)
+    finally:
+        gmsh.finalize()
+
+
+def _opened(gmsh: Any, path: Path, scale: float) -> Drawing:  # noqa: ANN401
+    kind = path.suffix.lower()
+    try:
+        if kind in (".stl", ".msh"):
+            gmsh.merge(str(path))
+        else:
+            with _quiet():
+                gmsh.model.occ.importShapes(str(path), highestDimOnly=False)
+            gmsh.model.occ.synchronize()
+    except Exception as error:
+        raise ValueError(f"{path.name}: cannot be read as {kind[1:].upper()}: {_said(error)}") from error
+    if kind in (".stl", ".msh") and scale != 1.0:
+        gmsh.model.mesh.affineTransform([scale, 0, 0, 0, 0, scale, 0, 0, 0, 0, scale, 0])
+    volume = _closed(gmsh, path.name) if kind == ".stl" else 0.0
+    _one_body(gmsh, path.name, kind)
+    corners = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
+    size = float(np.linalg.norm(corners[1] - corners[0]))
+    _check_size(path.name, size)
+    if kind == ".msh":
+        tags, _ = gmsh.model.mesh.getElementsByType(TETRAHEDRON4)
+        if not len(tags):
+            raise ValueError(f"{path.name}: holds no four-node tetrahedra: save the mesh with order 1")
+        volume = float(np.sum(gmsh.model.mesh.getElementQualities(tags, "volume")))
+    elif kind == ".stl":
+        _fill(gmsh, path.name)
+    else:
+        _mesh_faces(gmsh, path.name, size)
+    faces = [_face(gmsh, int(tag)) for _, tag in gmsh.model.getEntities(2)]
+    if kind in (".step", ".stp"):
+        names = _step_names(path)
+        if len(names) == len(faces):
+            faces = [replace(face, name=face.name or name) for face, name in zip(faces, names, strict=True)]
+    if kind in (".step", ".stp", ".brep"):
+        volume = sum(float(gmsh.model.occ.getMass(3, tag)) for _, tag in gmsh.model.getEntities(3))
+    edges = (
+        []
+        if kind in (".stl", ".msh")
+        else re_entrant_edges(gmsh, np.concatenate([face.triangles for face in faces]))
+    )
+    return Drawing(gmsh, path.name, faces, size, volume, edges, kind in (".stl", ".msh"))
+
+
+def _fill(gmsh: Any, name: str) -> None:  # noqa: ANN401
+    """Tetrahedra between the triangles of an STL."""
+    try:
+        interruptible(lambda: gmsh.model.mesh.generate(3))
+    except Exception as error:
+        raise ValueError(
+            f"{name}: no mesh of its inside, its triangles may cross: {_said(error)}; repair it, or export STEP"
+        ) from error
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep what Open CASCADE prints away from standard output, where a JSON document may go."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nowhere)
+
+
+def _mesh_faces(gmsh: Any, name: str, size: float) -> None:  # noqa: ANN401
+    """A coarse mesh of the surface, which says where the faces are."""
+    gmsh.option.setNumber("Mesh.MeshSizeMax", size / 12.0)
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 16)
+    try:
+        gmsh.model.mesh.generate(2)
+    except Exception as error:
+        raise ValueError(f"{name}: its faces cannot be meshed: {_said(error)}") from error
+
+
+def _check_size(name: str, size: float) -> None:
+    if size > LONGEST:
+        raise ValueError(
+            f"{name}: the part is {printed(size / 1e6, 3)} km long: is the file in other units, metres taken for "
+            "millimetres, say? Give --unit-mm, the mm of one unit of the file"
+        )
+    if size < SHORTEST:
+        raise ValueError(
+            f"{name}: the part is {printed(size, 3)} mm long: is the file in metres? Give --unit-mm 1000"
+        )
+
+
+def _closed(gmsh: Any, name: str) -> float:  # noqa: ANN401
+    """Make a solid of an STL's triangles; returns its volume, mm³.
+
+    Raises:
+        ValueError: it is open; says how many edges are.
+    """
+    gmsh.model.mesh.removeDuplicateNodes()
+    _, nodes = gmsh.model.mesh.getElementsByType(TRIANGLE3)
+    triangles = np.asarray(nodes, dtype=np.int64).reshape(-1, 3)
+    if not len(triangles):
+        raise ValueError(f"{name}: holds no triangle")
+    pairs = np.sort(np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    _, counts = np.unique(pairs, axis=0, return_counts=True)
+    if np.any(counts != 2):
+        raise ValueError(
+            f"{name}: the surface is not closed: {int(np.sum(counts != 2))} edges do not join two triangles; "
+            "repair it, or export the part as STEP"
+        )
+    # the triangles stay as they are; faces end where two of them meet at an angle
+    gmsh.model.mesh.classifySurfaces(SMOOTH, True, False, np.pi)
+    surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
+    gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop(surfaces)])
+    gmsh.model.geo.synchronize()
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    place = {int(tag): i for i, tag in enumerate(tags)}
+    a, b, c = np.asarray(coordinates).reshape(-1, 3)[np.vectorize(place.__getitem__)(triangles)].swapaxes(0, 1)
+    return abs(float(np.sum(a * np.cross(b, c)))) / 6.0
+
+
+def _one_body(gmsh: Any, name: str, kind: str) -> None:  # noqa: ANN401
+    bodies = [tag for _, tag in gmsh.model.getEntities(3)]
+    if not bodies:
+        raise ValueError(f"{name}: holds no solid, only surfaces or lines: export the part as a solid")
+    if len(bodies) == 1 or kind in (".stl", ".msh"):
+        return
+    # bodies that touch become one with common faces
+    gmsh.model.occ.fragment([(3, bodies[0])], [(3, tag) for tag in bodies[1:]])
+    gmsh.model.occ.synchronize()
+    bodies = [tag for _, tag in gmsh.model.getEntities(3)]
+    owner = {tag: tag for tag in bodies}
+    for _, face in gmsh.model.getEntities(2):
+        above, _ = gmsh.model.getAdjacencies(2, face)
+        if len(above) == 2:
+            old, new = owner[int(above[0])], owner[int(above[1])]
+            owner = {tag: new if one == old else one for tag, one in owner.items()}
+    if len(set(owner.values())) > 1:
+        raise ValueError(
+            f"{name}: holds {len(set(owner.values()))} bodies that do not touch: export one part, or join them"
+        )
+
+
+def _face(gmsh: Any, tag: int) -> Face:  # noqa: ANN401
+    """A face with the triangles of the coarse mesh."""
+    corners = []
+    for kind, count in ((TRIANGLE3, 3), (TRIANGLE6, 6)):
+        _, nodes = gmsh.model.mesh.getElementsByType(kind, tag)
+        if len(nodes):
+            corners.append(np.asarray(nodes, dtype=np.int64).reshape(-1, count)[:, :3])
+    tags, coordinates, _ = gmsh.model.mesh.getNodes(2, tag, includeBoundary=True)
+    index = {int(one): i for i, one in enumerate(tags)}
+    points = np.asarray(coordinates).reshape(-1, 3)
+    rows = np.vstack(corners) if corners else np.zeros((0, 3), dtype=np.int64)
+    triangles = points[[[index[int(node)] for node in row] for row in rows]] if len(rows) else np.zeros((0, 3, 3))
+    areas = 0.5 * np.linalg.norm(
+        np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1
+    )
+    area = float(areas.sum())
+    centre = (areas[:, None] * triangles.mean(axis=1)).sum(axis=0) / max(area, 1e-300)
+    name = str(gmsh.model.getEntityName(2, tag)).rpartition("/")[2]
+    groups = [gmsh.model.getPhysicalName(2, one) for one in gmsh.model.getPhysicalGroupsForEntity(2, tag)]
+    every = triangles.reshape(-1, 3)
+    return Face(
+        tag,
+        next((one for one in groups if one), name),
+        area,
+        centre,
+        every.min(axis=0),
+        every.max(axis=0),
+        triangles,
+    )
+
+
+def _step_names(path: Path) -> list[str]:
+    """Names of the faces of a STEP file with one shell, in its order; empty where there are none."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    shells = re.findall(r"=\s*CLOSED_SHELL\s*\(\s*'[^']*'\s*,\s*\(([^)]*)\)", text)
+    if len(shells) != 1:
+        return []
+    named = dict(re.findall(r"(#\d+)\s*=\s*ADVANCED_FACE\s*\(\s*'([^']*)'", text))
+    names = [named.get(one.strip(), "") for one in shells[0].split(",")]
+    return names if any(names) else []
+
+
+def _said(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

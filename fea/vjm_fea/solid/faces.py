@@ -1,0 +1,144 @@
+"""Faces of a drawing: what they are, and how a user names some of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.io.errors import did_you_mean, printed
+from vjm.rotations import Array
+
+NEAR = 1e-4
+"""Distance from a face, over the drawing's diagonal, up to which a point lies on it."""
+
+
+@dataclass(frozen=True)
+class Face:
+    """A face of a drawing.
+
+    Attributes:
+        number: from one.
+        name: as the drawing has it; empty where it has none.
+        area: mm².
+        centre: of area ``(3,)``, mm.
+        low: ``(3,)`` corner of its box.
+        high: ``(3,)`` the opposite one.
+        triangles: corner points ``(k, 3, 3)`` of a coarse mesh of it.
+    """
+
+    number: int
+    name: str
+    area: float
+    centre: Array
+    low: Array
+    high: Array
+    triangles: Array
+
+    def distance(self, point: Array) -> float:
+        """From a point ``(3,)`` to the nearest of the triangles, mm."""
+        return float(np.min([_to_triangle(point, one) for one in self.triangles]))
+
+
+def selected(faces: Sequence[Face], words: Sequence[str], option: str, size: float) -> list[int]:
+    """Numbers of the faces that a user's words mean.
+
+    Args:
+        faces: of the drawing.
+        words: each a number ``3``, a name ``flange``, a point on the face ``10,0,5`` or a box that holds whole
+            faces ``0,0,0:60,40,1``, mm.
+        option: from which they come, for messages.
+        size: the drawing's diagonal, mm.
+
+    Raises:
+        ValueError: a word means no face.
+    """
+    found: list[int] = []
+    for word in words:
+        found += _one(faces, word.strip(), option, size)
+    if not found:
+        raise ValueError(f"{option}: names no face")
+    return sorted(set(found))
+
+
+def _one(faces: Sequence[Face], word: str, option: str, size: float) -> list[int]:
+    if re.fullmatch(r"[+-]?\d+", word):
+        if int(word) not in [face.number for face in faces]:
+            raise ValueError(
+                f"{option}: there is no face {word}: the drawing has faces {faces[0].number} to "
+                f"{faces[-1].number}; `validate show` draws them numbered"
+            )
+        return [int(word)]
+    corners = [_point(part) for part in word.split(":")]
+    if all(corner is not None for corner in corners) and len(corners) <= 2:
+        points = [np.array(corner) for corner in corners]
+        return _at(faces, points[0], option, size) if len(points) == 1 else _inside(faces, points, option, size)
+    named = [face.number for face in faces if face.name == word]
+    if not named:
+        names = sorted({face.name for face in faces if face.name})
+        have = f"its names are {', '.join(names)}" if names else "its faces have no names"
+        raise ValueError(
+            f"{option}: no face is named '{word}': {have}{did_you_mean(word, names)}; or give a number, "
+            "a point x,y,z or a box x,y,z:x,y,z"
+        )
+    return named
+
+
+def _point(text: str) -> list[float] | None:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        return None
+    return numbers if len(numbers) == 3 and np.isfinite(numbers).all() else None
+
+
+def _at(faces: Sequence[Face], point: Array, option: str, size: float) -> list[int]:
+    distances = [face.distance(point) for face in faces]
+    best = int(np.argmin(distances))
+    # a coarse mesh of a round face lies inside it by the sagitta of its triangles
+    if distances[best] > max(NEAR * size, 0.05 * float(np.sqrt(faces[best].area))):
+        raise ValueError(
+            f"{option}: no face at {_listed(point)}: the nearest, {faces[best].number}, is "
+            f"{printed(distances[best], 3)} mm away"
+        )
+    near = [face.number for face, d in zip(faces, distances, strict=True) if d < distances[best] + NEAR * size]
+    if len(near) > 1:
+        raise ValueError(
+            f"{option}: {_listed(point)} lies on the edge between faces {', '.join(map(str, near))}: give a point "
+            "inside one"
+        )
+    return [faces[best].number]
+
+
+def _inside(faces: Sequence[Face], corners: list[Array], option: str, size: float) -> list[int]:
+    low, high = np.minimum(*corners) - NEAR * size, np.maximum(*corners) + NEAR * size
+    found = [face.number for face in faces if np.all(face.low >= low) and np.all(face.high <= high)]
+    if not found:
+        raise ValueError(f"{option}: no face lies wholly in the box {_listed(corners[0])} to {_listed(corners[1])}")
+    return found
+
+
+def _listed(point: Array) -> str:
+    return "[" + ", ".join(printed(float(value)) for value in point) + "]"
+
+
+def _to_triangle(point: Array, triangle: Array) -> float:
+    """Distance from a point ``(3,)`` to a triangle ``(3, 3)``."""
+    a, b, c = triangle
+    normal = np.cross(b - a, c - a)
+    length = float(np.linalg.norm(normal))
+    if length > 0.0:
+        normal = normal / length
+        height = float((point - a) @ normal)
+        foot = point - height * normal
+        sides = [np.cross(q - p, foot - p) @ normal for p, q in ((a, b), (b, c), (c, a))]
+        if min(sides) >= 0.0:
+            return abs(height)
+    distances = []
+    for p, q in ((a, b), (b, c), (c, a)):
+        along = float((q - p) @ (q - p))
+        t = 0.0 if along == 0.0 else float(np.clip((point - p) @ (q - p) / along, 0.0, 1.0))
+        distances.append(float(np.linalg.norm(p + t * (q - p) - point)))
+    return min(distances)

@@ -1,0 +1,35 @@
+"""Drawings for tests, made by gmsh; skips where the extra is not installed."""
+
+import pytest
+
+
+def gmsh_or_skip():
+    """The library, or a skip that says why."""
+    pytest.importorskip("skfem", reason="the extra 'solid' is not installed")
+    try:
+        import gmsh
+    except (ImportError, OSError) as error:
+        pytest.skip(f"gmsh does not load: {error}")
+    return gmsh
+
+
+def drawn(path, draw):
+    """Write what `draw(occ)` makes with gmsh's geometry kernel to a file; returns the path."""
+    gmsh = gmsh_or_skip()
+    gmsh.initialize(["", "-nopopup"], readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        draw(gmsh.model.occ)
+        gmsh.model.occ.synchronize()
+        if path.suffix in (".stl", ".msh"):
+            gmsh.option.setNumber("Mesh.MeshSizeMax", 8.0)
+            gmsh.model.mesh.generate(2 if path.suffix == ".stl" else 3)
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+    return path
+
+
+def prism(occ, length=100.0, height=20.0, width=10.0):
+    """Along x, height along y, width along z, the middle of its base at the origin."""
+    occ.addBox(0.0, -0.5 * height, -0.5 * width, length, height, width)

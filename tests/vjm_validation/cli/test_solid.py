@@ -1,0 +1,134 @@
+"""`validate identify --solid` as a user types it, and what it says to bad input."""
+
+import json
+
+import numpy as np
+import pytest
+from helpers.command import validate
+from helpers.solids import drawn, gmsh_or_skip, prism
+
+from vjm_validation.cli import main
+
+TIMOSHENKO = 4 * 100.0**3 / (70000 * 10 * 20**3) + 1.2 * 2.6 * 100.0 / (70000 * 10 * 20)
+"""Deflection of the prism under a force, mm/N."""
+MATERIAL = ("--youngs", "70000", "--poisson", "0.3")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    gmsh_or_skip()
+    folder = tmp_path_factory.mktemp("parts")
+    for kind in ("step", "stl", "msh"):
+        drawn(folder / f"prism.{kind}", prism)
+    drawn(folder / "metres.step", lambda occ: prism(occ, 3e8, 3e7, 3e7))
+    drawn(folder / "two.step", lambda occ: (prism(occ, 20.0), occ.addBox(50, 0, 0, 10, 10, 10)))
+    triangles = (folder / "prism.stl").read_text().split("facet normal")
+    (folder / "open.stl").write_text("facet normal".join([triangles[0], *triangles[2:]]))
+    (folder / "empty.step").write_text("")
+    (folder / "words.step").write_text("no drawing\n")
+    return folder
+
+
+def run(folder, name, *options, base="0,0,0", tip="100,0,0"):
+    ends = ("--base", base, "--tip", tip, "--largest", "60000")
+    return validate("identify", "--solid", str(folder / name), *MATERIAL, *ends, *options)
+
+
+def test_a_prism_as_json(folder):
+    done = run(folder, "prism.step", "--json", "--density", "2700", "--accuracy", "1")
+    assert done.status == 0, done.err
+    document = json.loads(done.out)
+    assert document["mass_kg"] == pytest.approx(2.7e-6 * 100 * 20 * 10)
+    assert document["centre_of_mass_mm"] == pytest.approx([50.0, 0.0, 0.0], abs=1e-6)
+    assert document["accuracy_reached"] <= document["accuracy_asked"]
+    rigid, spread = (np.array(bound["compliance"]) for bound in document["bounds"])
+    # the spread wrench's compliance is the larger one, in every direction
+    scale = np.sqrt(np.diag(rigid))
+    assert np.linalg.eigvalsh((spread - rigid) / np.outer(scale, scale))[0] > -document["accuracy_reached"]
+    # a clamped end takes a little of beam theory's length away
+    assert spread[1, 1] == pytest.approx(TIMOSHENKO, rel=0.02)
+    (beam,) = document["beams"][-1:]
+    assert beam["met"]
+    assert beam["length_mm"] == pytest.approx(100.0, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["prism.stl", "prism.msh"])
+def test_other_kinds_of_drawing(folder, name):
+    done = run(folder, name, "--json", "--accuracy", "2")
+    assert done.status == 0, done.err
+    spread = np.array(json.loads(done.out)["bounds"][1]["compliance"])
+    assert spread[1, 1] == pytest.approx(TIMOSHENKO, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("open.stl", {}, "the surface is not closed: 3 edges"),
+        ("metres.step", {}, "km long: is the file in other units, metres taken for millimetres"),
+        ("two.step", {}, "2 bodies that do not touch"),
+        ("empty.step", {}, "the file is empty"),
+        ("words.step", {}, "words.step: "),
+        ("absent.step", {}, "no such file"),
+        ("prism.step", {"tip": "0,1,0"}, "face 1 is both"),
+        ("prism.step", {"tip": "9"}, "there is no face 9: the drawing has faces 1 to 6"),
+        ("prism.step", {"tip": "flange"}, "no face is named 'flange': its faces have no names"),
+        ("prism.step", {"tip": "100,30,0"}, "no face at [100, 30, 0]: the nearest, 2, is 20 mm away"),
+        ("prism.step", {"tip": "100,10,0"}, "lies on the edge between faces"),
+        ("prism.step", {"tip": "10,10,10:20,20,20"}, "no face lies wholly in the box"),
+        ("prism.step", {"tip": "50,10,0"}, "the faces meet at an edge"),
+    ],
+)
+def test_bad_drawings_and_faces(folder, capfd, name, options, words):
+    ends = {"base": "0,0,0", "tip": "100,0,0"} | options
+    given = ["--base", ends["base"], "--tip", ends["tip"]]
+    capfd.readouterr()
+    assert main.run(["identify", "--solid", str(folder / name), *MATERIAL, *given]) == 2
+    out, err = capfd.readouterr()
+    assert words in err
+    assert out == ""
+    lines = [line for line in err.splitlines() if line and not line.startswith("mesh")]
+    assert len(lines) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--poisson", "0.5"), "--poisson: 0.5 must be from 0 to below 0.5: at 0.5 nothing is compressible"),
+        (("--youngs", "7e10"), "--youngs: 7e+10 MPa is no solid's"),
+        (("--density", "2.7"), "--density: 2.7 kg/m³ is no solid's"),
+        (("--at", "1,2"), "--at: '1,2' is no point"),
+        (("--part", "foot"), "--solid: takes a drawing alone"),
+    ],
+)
+def test_bad_numbers(folder, options, words):
+    done = validate(
+        "identify",
+        "--solid",
+        str(folder / "prism.step"),
+        *_without(options[0]),
+        *options,
+        "--base",
+        "1",
+        "--tip",
+        "2",
+    )
+    assert done.status == 2
+    assert words in done.err
+
+
+def _without(name):
+    pairs = list(zip(MATERIAL[::2], MATERIAL[1::2], strict=True))
+    return [word for pair in pairs if pair[0] != name for word in pair]
+
+
+def test_the_command_starts_without_the_extra():
+    """Neither the command's help nor a plain identification loads gmsh, scikit-fem or the solver."""
+    import subprocess
+    import sys
+
+    code = (
+        "import sys; from vjm_validation.cli import identify, main; "
+        "print([m for m in ('gmsh', 'skfem', 'pypardiso', 'pyvista') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

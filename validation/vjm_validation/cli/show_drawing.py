@@ -1,0 +1,48 @@
+"""``validate show`` of a part's drawing: its faces numbered."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.table import Table
+
+from vjm.io.errors import printed
+from vjm.io.files import check_writable, write_whole
+from vjm_fea.solid.drawing import KINDS, drawing
+from vjm_output import terminal
+from vjm_output.off_screen import why_not_rendered
+from vjm_updating.identify.solid_pictures import numbered_faces
+
+
+def is_drawing(name: str) -> bool:
+    """Whether a name is that of a drawing, by its ending."""
+    return Path(name).suffix.lower() in KINDS
+
+
+def show_drawing(path: Path, out: Path | None, unit_mm: float = 1.0) -> int:
+    """List the faces of a drawing, and draw them numbered as PNG.
+
+    Raises:
+        ValueError: no drawing, or ``out`` no name of a picture.
+        OSError: it cannot be read or written.
+    """
+    file = out or Path(f"{path.stem}-faces.png")
+    if file.suffix != ".png":
+        raise ValueError(f"--out: {file}: a drawing's faces are drawn as a picture: write a name that ends in .png")
+    with drawing(path, unit_mm) as opened:
+        faces, volume = opened.faces, opened.volume
+    table = Table(title=f"{path.name}, {printed(volume)} mm³", title_justify="left")
+    for head in ("face", "name", "area, mm²", "centre, mm"):
+        table.add_column(head, justify="right" if head != "name" else "left")
+    for face in faces:
+        centre = ", ".join(printed(0.0 if abs(v) < 1e-6 else float(v), 5) for v in face.centre)
+        table.add_row(str(face.number), face.name, printed(face.area, 5), centre)
+    terminal.console().print(table, highlight=False)
+    reason = why_not_rendered()
+    if reason:
+        terminal.console().print(f"no picture: this machine cannot render ({reason})", soft_wrap=True)
+        return 0
+    check_writable(file.parent)
+    write_whole(file, numbered_faces(faces))
+    terminal.console().print(f"picture: {file}", soft_wrap=True, highlight=False)
+    return 0
