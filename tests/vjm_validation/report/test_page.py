@@ -13,8 +13,9 @@ import pytest
 from PIL import Image
 
 from vjm_output.off_screen import why_not_rendered
-from vjm_validation.report import page, write_report
+from vjm_validation.report import page
 from vjm_validation.report.findings import findings
+from vjm_validation.report.page import write_report
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
