@@ -18,6 +18,7 @@ from vjm_updating.calibrate.document import Calibration
 from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.identify.documents import IdentificationDocument
 from vjm_updating.maps.documents import MapDocument, MapTaskDocument
+from vjm_updating.simulate.command import Truth
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
 from vjm_validation.studies.table2_document import Table2Document
 from vjm_validation.summary import Summary
@@ -35,6 +36,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         "table2.schema.json": schema(Table2Document),
         "map.schema.json": schema(MapDocument),
         "map-task.schema.json": schema(MapTaskDocument),
+        "truth.schema.json": schema(Truth),
         "manipulator.schema.json": manipulator_schema(),
         "model.schema.json": model_schema(),
     }
