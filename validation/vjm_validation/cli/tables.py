@@ -83,7 +83,7 @@ def acceptance_table(summary: Summary) -> Table:
         table.add_column(column)
     for row in summary.acceptance:
         value = row.value if isinstance(row.value, str) else _number(row.value)
-        mark = "[green]met[/]" if row.passed else "[bold red]NOT MET[/]"
+        mark = {True: "[green]met[/]", False: "[bold red]NOT MET[/]", None: "[yellow]not run[/]"}[row.passed]
         table.add_row(mark, f"{row.name}: {row.requirement}", value)
     return table
 

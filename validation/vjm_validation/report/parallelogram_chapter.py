@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm_output.plot_style import DASH, Picture, figure, number, percent, png
+from vjm_output.plot_style import DASH, Picture, drawing_of, figure, number, percent
 from vjm_validation.report.words import Finding, Tone
 from vjm_validation.studies.parallelogram import Element, Robot, Study
 from vjm_validation.studies.study_results import Run
@@ -124,7 +124,7 @@ def distance_picture(found: Study) -> Picture:
             ax.plot([checked.distance], [checked.exudyn[k]], "x", color="#000000", ms=8, label="two bars, Exudyn")
             ax.set(xlabel="distance of the bars, mm", ylabel=f"{name}, N mm/rad", ylim=(0.0, None))
         axes[0].legend()
-        content = png(fig)
+        content = drawing_of(fig)
     return Picture(
         "parallelogram_distance",
         content,
