@@ -22,6 +22,7 @@ app = App(
 )
 COMMANDS = {
     "all": "Run every comparison and write the report.",
+    "compare": "Compare two runs: which figures moved, and by how much.",
     "list": "Show the models, engines, comparisons and verification cases that there are.",
     "curve": "Trace one equilibrium path and show it.",
     "buckling": "Stiffness, critical points and post-buckling stiffness.",

@@ -18,7 +18,7 @@ from vjm_output.plot_style import (
     number,
     percent,
 )
-from vjm_validation.report.parallelogram_chapter import Table
+from vjm_validation.report.tables import Table
 from vjm_validation.report.words import Finding, Tone
 from vjm_validation.studies.discovery_results import CAUSE, Discovery, DiscoveryStudy
 from vjm_validation.studies.study_results import Run

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from vjm_output.plot_style import DASH, Picture, drawing_of, figure, number, percent
+from vjm_validation.report.tables import Table
 from vjm_validation.report.words import Finding, Tone
 from vjm_validation.studies.parallelogram import Element, Robot, Study
 from vjm_validation.studies.study_results import Run
@@ -16,23 +15,6 @@ DIRECTIONS = ("along the bars, N/mm", "across, in its plane, N/mm", "across, out
               "torsion, N mm/rad", "bending out of its plane, N mm/rad", "turn in its plane, N mm/rad")  # fmt: skip
 ZERO = 1e-6
 """Stiffness over that of the real parallelogram's largest of the kind below which it is none."""
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of the page.
-
-    Attributes:
-        caption: what it holds.
-        header: of its columns; the first ones are words.
-        rows: as they are written.
-        words: number of leading columns that hold words.
-    """
-
-    caption: str
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    words: int = 1
 
 
 def parallelogram(run: Run) -> Finding | None:

@@ -20,7 +20,7 @@ from vjm_output.plot_style import (
 )
 from vjm_validation.comparison import force_difference
 from vjm_validation.report.figures import draw_force, legend
-from vjm_validation.report.parallelogram_chapter import Table
+from vjm_validation.report.tables import Table
 from vjm_validation.report.words import Finding, Tone
 from vjm_validation.studies.robots import (
     COMPARED,
