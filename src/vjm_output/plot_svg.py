@@ -28,11 +28,13 @@ class Vector:
         svg: the element, without a declaration; lines that have a name carry it as ``data-series``.
         csv: panel, series, x and y of every named line, one point a row.
         axes: JSON list of the panels: their place in the SVG's units, limits and scales.
+        file: the figure as a file of its own.
     """
 
     svg: str
     csv: str
     axes: str
+    file: str
 
 
 @dataclass(frozen=True)
@@ -77,11 +79,8 @@ def vector(fig: Figure, rc: dict[Any, Any], name: str) -> Vector | None:
     stream = io.StringIO()
     with mpl.rc_context({**rc, "svg.fonttype": "none", "svg.hashsalt": name, "path.simplify": True}):
         fig.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
-    return Vector(
-        _element(stream.getvalue(), name, marked),
-        _table(fig, lines),
-        json.dumps([_panel(fig, a) for a in fig.axes]),
-    )
+    panels, file = json.dumps([_panel(fig, ax) for ax in fig.axes]), stream.getvalue()
+    return Vector(_element(file, name, marked), _table(fig, lines), panels, file)
 
 
 def _plain(label: str) -> str:

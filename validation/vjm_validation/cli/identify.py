@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from typing import Annotated
 
+import numpy as np
 from cyclopts import Parameter
 
 from vjm.io.model_file import build_chain, load_chain, read_document
@@ -15,6 +16,7 @@ from vjm_updating.identify.command import identify_matrix, identify_part, identi
 from vjm_updating.identify.documents import IdentificationDocument
 from vjm_updating.identify.matrix_file import matrix_names
 from vjm_updating.identify.path_file import build_path, is_path
+from vjm_validation.cli import pages
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.studies.table2_document import show as show_table2
 from vjm_validation.studies.table2_document import table2_document
@@ -41,12 +43,17 @@ def identify_(
         Parameter(negative="", help="What the paper's Table II implies for its printed matrices, within rounding."),
     ] = False,
     json: Annotated[bool, Parameter(negative="", help="Print one JSON document and nothing else.")] = False,
+    plot: pages.Plot = None,
+    report: pages.Report = None,
     strict: Strict = False,
 ) -> int:
     """A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance."""
+    pages.check(plot, report)
     if table2:
         if model is None or part is not None or matrix is not None:
             raise ValueError("--table2: give a model, and neither --part nor --matrix")
+        if plot is not None or report is not None:
+            raise ValueError("--table2: has no figure: leave --plot and --report out, or take --json")
         table = TableFit(load_chain(model))
         considered(model, strict)
         with terminal.progress(quiet=json) as progress:
@@ -61,7 +68,21 @@ def identify_(
         sys.stdout.write(as_json(document))
     else:
         words.show(terminal.console(), document)
+    pages.draw(plot, report, lambda: _content(document), None if json else terminal.console())
     return 0
+
+
+def _content(document: IdentificationDocument) -> pages.Content:
+    from vjm_validation.cli.tables import POSE_AXES, WRENCH_AXES
+    from vjm_validation.report.command_figures import compliance_picture
+    from vjm_validation.report.tables import Table
+
+    rows = tuple((POSE_AXES[k], *(f"{v:.6g}" for v in row)) for k, row in enumerate(document.compliance))
+    table = Table("Compliance; mm/N, rad/N, rad/(N mm)", ("", *WRENCH_AXES), rows)
+    picture = compliance_picture(document.name, np.array(document.compliance))
+    met = [beam.form for beam in document.beams if beam.met]
+    verdict = f"A uniform beam is behind it: {', '.join(met)}." if met else "No uniform beam meets all entries."
+    return pages.Content(f"{document.name}: compliance", verdict, [picture], [table])
 
 
 def _document(model: str | None, part: str | None, matrix: str | None, strict: bool) -> IdentificationDocument:

@@ -18,8 +18,12 @@ if TYPE_CHECKING:
     # of every comparison, which takes seconds to import
     from vjm_validation.summary import Summary
 
+POSE_AXES = ("ux", "uy", "uz", "rx", "ry", "rz")
+WRENCH_AXES = ("fx", "fy", "fz", "mx", "my", "mz")
 ROWS = 24
 """Points of a path that a terminal shows."""
+ASYMMETRY = 1e-6
+"""Of a matrix over its largest entry, from which on it is explained."""
 
 
 def path_table(path: Path) -> Table:
@@ -27,11 +31,13 @@ def path_table(path: Path) -> Table:
     driven = path.load_case.load_driven
     unit = "mm" if path.load_case.direction[:3].any() else "rad"
     force = "N" if unit == "mm" else "N mm"
-    table = Table(title=f"{path.model}, posture {path.load_case.posture}, {path.engine}", title_justify="left")
+    way = "; magnitudes: the ramp goes against its axis" if path.load_case.sign < 0 and not driven else ""
+    title = f"{path.model}, posture {path.load_case.posture}, {path.engine}{way}"
+    table = Table(title=title, title_justify="left")
     columns = ["ux mm", "uy mm", "uz mm", "load factor", "its stiffness"]
     if not driven:
         columns = [f"displacement {unit}", f"force {force}", f"stiffness {force}/{unit}"]
-    for column in (*columns, "smallest eigenvalue", "unstable modes"):
+    for column in (*columns, "smallest eigenvalue, over that unloaded", "unstable modes"):
         table.add_column(column, justify="right")
     n = len(path.points)
     relative = path.eigenvalue_relative
@@ -97,18 +103,27 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
         ("K^F loaded (18)", document.stiffness_loaded),
         ("K unloaded (5)", document.stiffness_unloaded),
     ):
-        table = Table(title=f"{title}, N/mm, N/rad, N mm/rad", title_justify="left", show_header=False)
+        table = Table(title=f"{title}, N/mm, N/rad, N mm/rad", title_justify="left")
+        for name in ("", *POSE_AXES):
+            table.add_column(name, justify="right")
         K = np.array(matrix)
         # what is zero but for rounding, whatever its unit
         size = np.sqrt(np.repeat([np.abs(K[:3, :3]).max(), np.abs(K[3:, 3:]).max()], 3))
         K[np.abs(K) < 1e-10 * size[:, None] * size] = 0.0
-        for line in K:
-            table.add_row(*(f"{value:.5g}" for value in line))
+        for name, line in zip(WRENCH_AXES, K, strict=True):
+            table.add_row(name, *(f"{value:.5g}" for value in line))
         console.print(table)
+        if np.abs(K - K.T).max() > ASYMMETRY * np.abs(K).max():
+            console.print(
+                "It is not symmetric: rows are force and moment about world axes, columns shift and rotation "
+                "vector, and a moment about fixed axes has no potential of such rotations.",
+                soft_wrap=True,
+            )
     for event in document.events:
         console.print(event)
     console.print(
-        f"{'stable' if document.stable else 'unstable'}, smallest eigenvalue {_number(document.eigenvalue, 4)}, "
+        f"{'stable' if document.stable else 'unstable'}, smallest eigenvalue {_number(document.eigenvalue, 4)} "
+        f"of the second variation, in the model's energy scale, "
         f"residual {document.residual:.1e} after {document.iterations} iterations"
     )
 
