@@ -30,7 +30,7 @@ MAY_IMPORT = {
     "vjm": {"numpy", "scipy", "numba"},
     # pydantic's error types live in its core
     "vjm.io": {"numpy", "scipy", "pydantic", "pydantic_core", "urdf_parser_py"},
-    "vjm_output": {"vjm", "numpy", "pydantic", "matplotlib", "jinja2", "rich"},
+    "vjm_output": {"vjm", "numpy", "pydantic", "matplotlib", "jinja2", "markupsafe", "rich"},
     "vjm_fea": {"vjm", "numpy", "scipy", "exudyn", "openseespy", "gmsh", "skfem", "pypardiso"},
     "vjm_updating": {
         *("vjm", "vjm_output", "vjm_fea", "numpy", "scipy", "numba", "pydantic"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import math
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vjm.continuation.path import EventKind
+from vjm_output.plot_svg import Vector, vector
 
 PAPER = "vjm-paper"
 FOOT_SPRING = "vjm-16"
@@ -207,17 +209,44 @@ def png(fig: Figure) -> bytes:
 
 
 @dataclass(frozen=True)
+class Drawing:
+    """A figure as its files.
+
+    Attributes:
+        png: the bytes of a PNG file.
+        vector: what a page embeds instead, where the figure has named lines.
+    """
+
+    png: bytes
+    vector: Vector | None = None
+
+
+def drawing_of(fig: Figure) -> Drawing:
+    """The figure as PNG and, with its values, as SVG."""
+    image = png(fig)
+    return Drawing(image, vector(fig, RC, f"plot{hashlib.sha256(image).hexdigest()[:8]}"))
+
+
+@dataclass(frozen=True)
 class Picture:
     """One image of the report.
 
     Attributes:
         name: of its file, without ending.
-        content: the bytes of a PNG file.
+        drawing: its files.
         title: what it shows.
         caption: what to see in it.
+        scene: JSON of the three-dimensional scene that the page's script turns, see ``templates/page.js``; empty
+            for a picture that stays as it is.
     """
 
     name: str
-    content: bytes
+    drawing: Drawing
     title: str
     caption: str
+    scene: str = ""
+
+    @property
+    def content(self) -> bytes:
+        """The bytes of a PNG file."""
+        return self.drawing.png

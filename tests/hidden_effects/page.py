@@ -9,7 +9,7 @@ import numpy as np
 from hidden_effects.plan import CAUSES
 from hidden_effects.score import RIVALS
 from hidden_effects.table import rows
-from vjm_output.plot_style import Picture, figure, png
+from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_output.templating import environment
 
 OTHERS = ("several", "class", "none", "unknown", "failed")
@@ -58,7 +58,7 @@ def _strengths(score: dict[str, Any]) -> Picture:
         ax.set_xticks([1, 2, 4, 8, 16, 32], ["1", "2", "4", "8", "16", "32"])
         ax.legend(loc="upper left", fontsize=7)
         caption = "One hidden cause. Bars: 95 % intervals (Wilson)."
-        return Picture("blind_strength", png(fig), "How visible a cause must be to be named", caption)
+        return Picture("blind_strength", drawing_of(fig), "How visible a cause must be to be named", caption)
 
 
 def _reliability(score: dict[str, Any]) -> Picture:
@@ -73,4 +73,4 @@ def _reliability(score: dict[str, Any]) -> Picture:
             ax.errorbar(x, y, np.abs(ends.T - y), marker="o", ms=3, lw=0.0, elinewidth=0.8)
         ax.set(xlabel="confidence", ylabel="share of right verdicts", xlim=(0, 1.02), ylim=(-0.03, 1.03))
         caption = "All sets, bins of as many verdicts each. On the line a confidence is what it says."
-        return Picture("blind_reliability", png(fig), "What a confidence is worth", caption)
+        return Picture("blind_reliability", drawing_of(fig), "What a confidence is worth", caption)

@@ -19,6 +19,7 @@ from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.identify.documents import IdentificationDocument
 from vjm_updating.identify.solid_documents import SolidDocument
 from vjm_updating.maps.documents import MapDocument, MapTaskDocument
+from vjm_updating.simulate.command import Truth
 from vjm_validation.compensation import CompensationDocument
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
 from vjm_validation.studies.own_machine_rows import OwnMachineSummary
@@ -41,6 +42,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         "table2.schema.json": schema(Table2Document),
         "map.schema.json": schema(MapDocument),
         "map-task.schema.json": schema(MapTaskDocument),
+        "truth.schema.json": schema(Truth),
         "manipulator.schema.json": manipulator_schema(),
         "model.schema.json": model_schema(),
     }

@@ -10,7 +10,7 @@ from matplotlib.colors import TwoSlopeNorm
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_output.plot_style import Picture, figure, png
+from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_updating.calibrate.document import Calibration
 from vjm_updating.calibrate.fit import WILD, Fit
 from vjm_updating.calibrate.problem import Evaluation
@@ -86,7 +86,7 @@ def _fit_picture(fit: Fit, nominal: Evaluation | None) -> Picture:
                 if column == 0:
                     ax.set_ylabel(_axis_name(WRENCH[c]))
         axes[0].legend(loc="best")
-        content = png(fig)
+        content = drawing_of(fig)
     caption = (
         "Readings, and the model at the same displacements before and after the calibration, nuisances included."
     )
@@ -124,7 +124,7 @@ def _residual_picture(fit: Fit, nominal: Evaluation | None) -> Picture:
         _postures_along(ax, fit)
         ax.set_xlabel("reading")
         side.set_xlabel("share")
-        content = png(fig)
+        content = drawing_of(fig)
     before = _rms(fit, nominal)
     caption = (
         "Residuals of every reading, made independent of one another and divided by the noise of the sheet; bands "
@@ -165,7 +165,7 @@ def _interval_picture(document: Calibration) -> Picture | None:
         ax.set_yticks(range(len(rows)), [row.name for row in rows])
         ax.set_ylim(len(rows) - 0.4, -0.6)
         ax.set_xlabel("value against nominal, %")
-        content = png(fig)
+        content = drawing_of(fig)
     caption = "95 % intervals by the profile of the likelihood; the vertical line is the nominal value."
     return Picture("intervals", content, "Intervals", caption)
 
@@ -185,7 +185,7 @@ def _correlation_picture(document: Calibration) -> Picture:
         for place in (ax.axvline, ax.axhline):
             place(ours - 0.5, color=INK, lw=0.8)
         fig.colorbar(image, ax=ax, shrink=0.6, label="correlation")
-        content = png(fig)
+        content = drawing_of(fig)
     caption = (
         "Correlation of what the calibration states: parameters and combinations first, the sheet's nuisances "
         f"behind the lines. Written from {STRONG} on, in tenths."

@@ -147,14 +147,14 @@ def _told(
         own.weigh(shown[i])
         # residuals against zero readings: prediction with the sign turned
         raw = shown[j].residual - shown[i].residual
-        strength, left = _left(own, raw, slopes[j], fitter.normal(fits[j]), fits[j].found)
+        strength, left = left_over(own, raw, slopes[j], fitter.normal(fits[j]), fits[j].found)
         forces = np.where(made.present, np.abs(left), 0.0) * np.repeat([1.0, 1e-2], 3)
         k = int(np.argmax(forces.max(axis=0)))
         told.append(Proposal(posture, path, strength, float(np.abs(left[:, k]).max()), WRENCH[k]))
     return told
 
 
-def _left(own: Fitter, raw: Array, J: Array, known: Array, found: Sequence[Coordinate]) -> tuple[float, Array]:
+def left_over(own: Fitter, raw: Array, J: Array, known: Array, found: Sequence[Coordinate]) -> tuple[float, Array]:
     """Strength of a difference ``(n, 6)``, and the rest of it, that a hypothesis cannot make up.
 
     What the test at hand says nothing of, such as a tilt across what is measured, is spread evenly between its
@@ -200,7 +200,7 @@ def _safe(observed: Observed, posture: str, sign: float, load: float) -> tuple[f
     return max(taken, min(near, end)), max(taken, min(far, end))
 
 
-def _way(end: float) -> Array:
+def out_and_back(end: float) -> Array:
     """Out, held and back."""
     out = np.linspace(0.0, end, PER_RAMP + 1)
     return np.concatenate([out[1:], np.full(HELD, end), out[::-1][1:]])
@@ -208,7 +208,7 @@ def _way(end: float) -> Array:
 
 def _observed(observed: Observed, posture: str, ends: tuple[float, ...]) -> Observed:
     """A test to be: ramps out, held and back, with the instruments of the test at hand."""
-    u = np.concatenate([_way(end) for end in ends])
+    u = np.concatenate([out_and_back(end) for end in ends])
     n = len(u)
     pose = np.zeros((n, 6))
     pose[:, 0] = u

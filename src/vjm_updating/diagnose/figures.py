@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.ticker import NullLocator
 
 from vjm.rotations import Array
-from vjm_output.plot_style import Margins, Picture, figure, png
+from vjm_output.plot_style import Margins, Picture, drawing_of, figure
 from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.diagnose.fitting import Fit
 from vjm_updating.diagnose.preprocess import Prepared
@@ -92,7 +92,7 @@ def _curves(prepared: Prepared, fit: Fit, before: Before) -> Picture:
         axes[0].legend()
         for ax in axes[len(labels) :]:
             ax.set_visible(False)
-        content = png(fig)
+        content = drawing_of(fig)
     how = "with the sheet's own values" if before.drawn is not None else "its nuisances at their best"
     caption = f"Readings, and what the models predict at the same displacements; the nominal one {how}."
     return Picture("curves", content, "What was measured and what the model said", caption)
@@ -124,7 +124,7 @@ def _residuals(prepared: Prepared, fit: Fit, before: Before) -> Picture:
             axes[0].legend()
         for ax in axes[-n:]:
             ax.set_xlabel(_axis(driven_channel(observed)))
-        content = png(fig)
+        content = drawing_of(fig)
     caption = (
         "Reading minus model: the nominal one with the sheet's own values, then with zero, scale, length and "
         "modulus at their best within the sheet's tolerances, and the extended one. Each has a scale of its own."
@@ -147,7 +147,7 @@ def _contrasts(document: Diagnosis) -> Picture:
         ax.xaxis.set_major_formatter("{x:g}")
         ax.xaxis.set_minor_locator(NullLocator())
         ax.set_xlabel("significance, standard errors")
-        content = png(fig)
+        content = drawing_of(fig)
     caption = "The nominal model's residual taken apart; zero, scale, length and modulus are fitted beside each."
     return Picture("contrasts", content, "What stands out", caption)
 

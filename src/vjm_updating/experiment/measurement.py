@@ -85,6 +85,27 @@ def read_measurement(data: Path, sheet: Path) -> Measurement:
     )
 
 
+def planned_measurement(sheet: Sheet, path: Path, readings: Readings) -> Measurement:
+    """A measurement that has not been made: the sheet's machine and instruments, and where readings will be.
+
+    Args:
+        sheet: the test sheet.
+        path: its file, beside which the model may lie.
+        readings: planned displacements; wrench channels are zero.
+
+    Raises:
+        ValueError: the model cannot be used, or a posture is not known; one line.
+    """
+    document, chain, sha256 = _machine(sheet, path)
+    unknown = next((p for p in readings.posture.tolist() if p not in chain.postures), None)
+    if unknown is not None:
+        raise SheetError(
+            f"{sheet.file}: no posture '{unknown}' (there are {', '.join(chain.postures)}): add it to [postures]"
+        )
+    found = nuisances(sheet, readings.channels, chain)
+    return Measurement(sheet, readings, document, chain, _engine(sheet, chain), found, sha256, "")
+
+
 def _machine(sheet: Sheet, path: Path) -> tuple[dict[str, Any], Chain, str]:
     """The model document as the sheet changes it, its chain, and the file's hash."""
     name: str | Path = sheet.test.model

@@ -145,7 +145,7 @@ def test_what_the_test_at_hand_says_nothing_of_lies_within_its_bounds(high):
     tilt = Coordinate("tilt", "effect", "0", 1.0, sigma=np.inf, low=-high, high=high)
     # an even distribution's variance is a twelfth of its width squared: of reading and tilt together
     together = 1.0 + (2.0 * high) ** 2 / 12.0
-    found, left = experiment._left(flat, np.array([8.0]), np.array([[1.0]]), np.zeros((1, 1)), [tilt])
+    found, left = experiment.left_over(flat, np.array([8.0]), np.array([[1.0]]), np.zeros((1, 1)), [tilt])
     # 1e-9 keeps what is fixed regular, beside weights of one and more: ten times what that makes
     assert found == pytest.approx(8.0 / together**0.5, rel=1e-8)
     assert left[0] == pytest.approx(8.0 / together, rel=1e-8)

@@ -13,6 +13,7 @@ from vjm.model.load_case import LoadCase
 from vjm.model.parts import Beam, PassiveJoint, Section
 from vjm.rotations import rotation_from_vector
 from vjm.vjm_engine import VjmEngine
+from vjm_validation.report import page
 from vjm_validation.studies.iterations import iteration_study
 from vjm_validation.studies.study_results import Key, LumpingStudy, Run
 
@@ -119,3 +120,14 @@ def row(quantity, unit, published, ours, low, high, *, inside, differs=False):
 def run(computed):
     """A copy that a test may spoil."""
     return replace(computed, paths=dict(computed.paths), summary=copy.deepcopy(computed.summary))
+
+
+@pytest.fixture
+def bare(monkeypatch):
+    """No pictures: for tests of the words around them."""
+    monkeypatch.setattr(page, "why_not_rendered", lambda: "a test says so")
+    monkeypatch.setattr(page, "posture_pictures", lambda run, posture: [])
+    monkeypatch.setattr(page, "lumping_pictures", lambda run: [])
+    monkeypatch.setattr(page, "foot_picture", lambda run: None)
+    monkeypatch.setattr(page, "published_picture", lambda run: None)
+    monkeypatch.setattr(page, "iteration_picture", lambda run: None)

@@ -50,7 +50,7 @@ def test_the_finding_counts_and_names_what_missed(checked):
 
 def test_the_page_has_the_chapter(checked, tmp_path):
     page = write_report(checked, tmp_path).read_text()
-    assert '<section id="verification">' in page
+    assert '<details class="chapter" id="verification">' in page
     assert (tmp_path / "figures" / "ladder.png").stat().st_size > 10_000
     assert "opensees: not installed" in page
     assert "no engine here" in page

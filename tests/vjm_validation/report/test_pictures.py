@@ -9,8 +9,8 @@ from PIL import Image
 
 from vjm.continuation.direction import Direction
 from vjm.model.parts import Placement
+from vjm_output import off_screen
 from vjm_output.plot_style import PAGE_WIDTH, Margins, figure, number
-from vjm_validation.report import renders
 from vjm_validation.report.figures import (
     Window,
     difference_to,
@@ -123,9 +123,9 @@ def test_camera_faces_the_sideways_motion_with_the_tool_on_the_right(run):
      ("import time; time.sleep(60)", "TimeoutExpired")],
 )  # fmt: skip
 def test_a_machine_that_cannot_render_is_found_out_in_another_process(monkeypatch, program, reason):
-    monkeypatch.setattr(renders, "PROBE", program)
-    monkeypatch.setattr(renders, "PROBE_SECONDS", 1.0)
-    assert reason in renders.why_not_rendered()
+    monkeypatch.setattr(off_screen, "PROBE", program)
+    monkeypatch.setattr(off_screen, "PROBE_SECONDS", 1.0)
+    assert reason in off_screen.why_not_rendered()
 
 
 def pictures(run):

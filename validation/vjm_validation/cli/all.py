@@ -120,7 +120,7 @@ def _said(rows: Sequence[AcceptanceRow], folder: FilePath) -> int:
     console = terminal.console()
     console.print(tables.acceptance_table(rows))
     console.print(f"report: {folder / 'index.html'}", soft_wrap=True)
-    return OK if all(row.passed for row in rows) else NOT_ACCEPTED
+    return OK if all(row.passed is not False for row in rows) else NOT_ACCEPTED
 
 
 def _command(quick: bool, only: Sequence[str], steps: int | None) -> str:

@@ -16,7 +16,7 @@ from vjm.model.load_case import RAMP, TO_LIMIT
 from vjm.model.parts import Placement
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
-from vjm_validation.cli import tables
+from vjm_validation.cli import pages, tables
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import parsed_load_case
 from vjm_validation.cli.options import (
@@ -60,6 +60,8 @@ def buckling_(
     force: Force = False,
     jobs: Annotated[int, Parameter(help="Processes; 0 is one a core.")] = 1,
     json: Json = False,
+    plot: pages.Plot = None,
+    report: pages.Report = None,
     strict: Strict = False,
 ) -> int:
     """Stiffness, critical points and post-buckling stiffness."""
@@ -67,6 +69,7 @@ def buckling_(
         raise UsageError(f"--to: the reach must be positive, not {to}; --direction gives the sign")
     if force and to is None:
         raise UsageError("--to: with --force say up to how many N")
+    pages.check(plot, report)
     chain, whole = loaded(model)
     doubts = considered(model, strict)
     options = engine_options(segments, foot_segments, placement, shear)
@@ -101,4 +104,27 @@ def buckling_(
         sys.stdout.write(as_json(document))
     else:
         terminal.console().print(tables.metrics_table(document))
+    pages.draw(plot, report, lambda: _content(paths, document), None if json else terminal.console())
     return gave_up(paths)
+
+
+def _content(paths: list[Path], document: BucklingDocument) -> pages.Content:
+    from vjm_output.plot_style import number
+    from vjm_validation.report.command_figures import path_pictures
+    from vjm_validation.report.tables import Table
+
+    numbers = ("K0", "K1", "F_cr", "d_cr", "K2", "F_end", "d_end", "K3")
+    rows = [
+        (posture, direction, engine, str(m.critical or "none"), *(number(getattr(m, name), 5) for name in numbers))
+        for posture, directions in document.chain.items()
+        for direction, engines in directions.items()
+        for engine, m in engines.items()
+    ]
+    table = Table(
+        "N, mm, magnitudes. K0: unloaded stiffness; K1 and K2: at 0.99 and 1.01 of the critical displacement; K3: "
+        "at the end of the path",
+        ("posture", "direction", "engine", "critical", *numbers), tuple(rows), words=4,
+    )  # fmt: skip
+    sharp = sum(row[3] != "none" for row in rows)
+    verdict = f"{sharp} of {len(rows)} paths have a critical point."
+    return pages.Content(f"{document.model}: buckling", verdict, path_pictures(paths), [table])

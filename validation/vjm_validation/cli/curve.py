@@ -7,11 +7,12 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from vjm.continuation.path import Path
 from vjm.io.files import check_writable
 from vjm.io.path_files import write_curve
 from vjm.model.parts import Placement
 from vjm_output import terminal
-from vjm_validation.cli import tables
+from vjm_validation.cli import pages, tables
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, parsed_load_case
 from vjm_validation.cli.options import (
@@ -65,6 +66,8 @@ def curve_(
         float, Parameter(help="mm of bow in the shape of the buckling mode, free of stress.")
     ] = 0.0,
     csv: Annotated[FilePath | None, Parameter(help="Write the path to this file.")] = None,
+    plot: pages.Plot = None,
+    report: pages.Report = None,
     strict: Strict = False,
 ) -> int:
     """Walk one load path and show it."""
@@ -78,6 +81,7 @@ def curve_(
     )  # fmt: skip
     within_reach("--to", chain, load_case.displacement(load_case.length).tolist())
     solver = whole(engine_by_name(engine, engine_options(segments, foot_segments, placement, shear), chain))
+    pages.check(plot, report)
     if csv is not None:
         check_writable(csv.parent)
     with terminal.progress() as progress:
@@ -90,4 +94,20 @@ def curve_(
         console.print(line, soft_wrap=True)
     if csv is not None:
         console.print(f"path: {csv}", soft_wrap=True)
+    pages.draw(plot, report, lambda: _content(path), console)
     return gave_up([path])
+
+
+def _content(path: Path) -> pages.Content:
+    from vjm_validation.report.command_figures import path_pictures
+    from vjm_validation.report.tables import Table
+
+    rows = [
+        (f"{p.ramp:.6g}", f"{force:.6g}", f"{p.tangent:.6g}", *(f"{u:.6g}" for u in p.displacement + 0.0))
+        for p, force in zip(path.points, path.force, strict=True)
+    ]
+    header = ("ramp", "force or load factor", "stiffness", "ux", "uy", "uz", "rx", "ry", "rz")
+    table = Table("Every point of the path; N, mm, rad", header, tuple(rows), words=0)
+    verdict, *rest = tables.event_lines(path)
+    title = f"{path.model}, posture {path.load_case.posture}, {path.engine}"
+    return pages.Content(title, f"{verdict[:1].upper()}{verdict[1:]}.", path_pictures([path]), [table], rest)

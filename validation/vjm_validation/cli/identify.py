@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from typing import Annotated
 
+import numpy as np
 from cyclopts import Parameter
 
 from vjm.io.files import check_writable, write_whole
@@ -22,6 +23,7 @@ from vjm_updating.identify.path_file import build_path, is_path
 from vjm_updating.identify.solid_part import solid_document
 from vjm_updating.identify.solid_pictures import load_pictures, wrench_picture
 from vjm_updating.identify.solid_stress import stress_document
+from vjm_validation.cli import pages
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.solid_options import SolidOptions
 from vjm_validation.studies.table2_document import show as show_table2
@@ -52,18 +54,25 @@ def identify_(
     ] = False,
     part_of: SolidOptions = NO_SOLID,
     json: Annotated[bool, Parameter(negative="", help="Print one JSON document and nothing else.")] = False,
+    plot: pages.Plot = None,
+    report: pages.Report = None,
     strict: Strict = False,
 ) -> int:
     """A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance."""
     if part_of.solid is not None:
         if model is not None or part is not None or matrix is not None or table2:
             raise ValueError("--solid: takes a drawing alone: leave the model, --part, --matrix and --table2 out")
+        if plot is not None or report is not None:
+            raise ValueError("--plot, --report: a drawing has --pictures FOLDER instead")
         return identify_solid(part_of, json=json)
     if part_of.others_given:
         raise ValueError("--youngs, --poisson, --base and --tip go with --solid DRAWING")
+    pages.check(plot, report)
     if table2:
         if model is None or part is not None or matrix is not None:
             raise ValueError("--table2: give a model, and neither --part nor --matrix")
+        if plot is not None or report is not None:
+            raise ValueError("--table2: has no figure: leave --plot and --report out, or take --json")
         table = TableFit(load_chain(model))
         considered(model, strict)
         with terminal.progress(quiet=json) as progress:
@@ -78,6 +87,7 @@ def identify_(
         sys.stdout.write(as_json(document))
     else:
         words.show(terminal.console(), document)
+    pages.draw(plot, report, lambda: _content(document), None if json else terminal.console())
     return 0
 
 
@@ -107,6 +117,19 @@ def identify_solid(options: SolidOptions, *, json: bool) -> int:
             if not json:
                 terminal.console().print(f"picture: {options.pictures / name}", soft_wrap=True, highlight=False)
     return 0
+
+
+def _content(document: IdentificationDocument) -> pages.Content:
+    from vjm_validation.cli.tables import POSE_AXES, WRENCH_AXES
+    from vjm_validation.report.command_figures import compliance_picture
+    from vjm_validation.report.tables import Table
+
+    rows = tuple((POSE_AXES[k], *(f"{v:.6g}" for v in row)) for k, row in enumerate(document.compliance))
+    table = Table("Compliance; mm/N, rad/N, rad/(N mm)", ("", *WRENCH_AXES), rows)
+    picture = compliance_picture(document.name, np.array(document.compliance))
+    met = [beam.form for beam in document.beams if beam.met]
+    verdict = f"A uniform beam is behind it: {', '.join(met)}." if met else "No uniform beam meets all entries."
+    return pages.Content(f"{document.name}: compliance", verdict, [picture], [table])
 
 
 def _document(model: str | None, part: str | None, matrix: str | None, strict: bool) -> IdentificationDocument:

@@ -31,12 +31,14 @@ NUMBER = re.compile(r"[-+\d.eE]+")
 """With the digits of any script, which Python takes."""
 COMMANDS = {
     "all": "Run every comparison and write the report.",
+    "compare": "Compare two runs: which figures moved, and by how much.",
     "list": "Show the models, engines, comparisons and verification cases that there are.",
     "curve": "Trace one equilibrium path and show it.",
     "buckling": "Stiffness, critical points and post-buckling stiffness.",
     "stiffness": "The loaded equilibrium: deflection, wrench, 6×6 stiffness (18) and the unloaded one, stability.",
     "calibrate": "Fit spring compliances to measured force-displacement readings, with their uncertainty.",
     "diagnose": "Show what the model gets wrong, name the cause, extend the model and measure the gain.",
+    "simulate": "Make the readings of a machine with a hidden effect, and say how strong it is in that test.",
     "identify": "A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance.",
     "new": "Write a commented model file that runs as it is: chain, arm or platform; or a test sheet.",
     "check": "List every error of a model file, or say what machine it describes.",

@@ -19,7 +19,8 @@ from vjm_output import terminal
 from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
 from vjm_updating.maps.output import write_map
 from vjm_updating.maps.pose_grid import parsed_grid
-from vjm_updating.maps.run import Map, run_map
+from vjm_updating.maps.run import Map, MapResult, run_map
+from vjm_validation.cli import pages
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.engines import EngineOptions, engine_by_name
 
@@ -46,6 +47,8 @@ def map_(
     jobs: Annotated[int, Parameter(help="Processes; one a core by default.")] = 0,
     scheduler: Annotated[str, Parameter(help="Address of a Dask scheduler instead, such as tcp://host:8786.")] = "",
     out: Annotated[Path | None, Parameter(help="Folder; a map that was cut off goes on there.")] = None,
+    plot: pages.Plot = None,
+    report: pages.Report = None,
     strict: Strict = False,
 ) -> int:
     """Map a quantity over a manipulator's workspace: CSV, VTK, a figure and a render."""
@@ -56,6 +59,7 @@ def map_(
         raise ValueError(f"--jobs: must be at least 1, not {jobs}")
     if not 0.0 < most < np.inf:
         raise ValueError(f"--most: must be a positive force in N, not {most}")
+    pages.check(plot, report)
     machine = load_manipulator(model)
     considered(model, strict)
     wanted = Map(machine, springs, quantity, parsed_grid(grid, machine), _wrench(wrench, quantity), most)
@@ -83,10 +87,35 @@ def map_(
     reasons = [why for why in result.why if why != OK]
     for why in list(dict.fromkeys(reasons))[:5]:
         console.print(f"  {reasons.count(why)} poses: {why}", soft_wrap=True)
-    for file in write_map(result, folder):
+    files = write_map(result, folder)
+    for file in files:
         console.print(f"{file}", soft_wrap=True)
+    pages.draw(plot, report, lambda: _content(result, files), console)
     sys.stdout.flush()
     return 0
+
+
+def _content(result: MapResult, files: list[Path]) -> pages.Content:
+    from vjm_output.plot_style import Drawing, Picture
+    from vjm_validation.report.tables import Table
+
+    titles = {"map.png": "Levels of z side by side", "render.png": "Planes through the middle of the workspace"}
+    pictures = [
+        Picture(
+            file.stem, Drawing(file.read_bytes()), titles[file.name], f"{result.map.quantity}; one colour scale."
+        )
+        for file in files
+        if file.name in titles
+    ]
+    names = COLUMNS[result.map.quantity]
+    rows = [
+        (*(f"{v:.6g}" for v in pose[:3]), *("–" if np.isnan(v) else f"{v:.6g}" for v in values), why)
+        for pose, values, why in zip(result.map.grid.poses(), result.values, result.why, strict=True)
+    ]
+    table = Table("Every pose", ("x, mm", "y, mm", "z, mm", *names, "status"), tuple(rows), words=0)
+    solved = sum(why == OK for why in result.why)
+    title = f"{result.map.manipulator.name}, {result.map.springs.label}: {result.map.quantity}"
+    return pages.Content(title, f"{solved} of {len(result.why)} poses have an answer.", pictures, [table])
 
 
 def _wrench(text: str, quantity: Quantity) -> tuple[float, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from typing import Annotated
 
+import numpy as np
 from cyclopts import Parameter
 
 from vjm.model.chain import Chain
@@ -12,7 +13,7 @@ from vjm.model.parts import Placement
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
-from vjm_validation.cli import tables
+from vjm_validation.cli import pages, tables
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
 from vjm_validation.cli.options import (
@@ -29,6 +30,7 @@ from vjm_validation.cli.options import (
     within_reach,
 )
 from vjm_validation.cli.status import OK, UsageError
+from vjm_validation.documents import StiffnessDocument
 from vjm_validation.engines import engine_by_name
 from vjm_validation.load_any_model import loaded, postures
 from vjm_validation.loaded_stiffness import held_by_itself, of_free_end, traced, under_wrench
@@ -54,11 +56,14 @@ def stiffness_(
     placement: PlacementOption = Placement.BEST,
     shear: Shear = False,
     json: Json = False,
+    plot: pages.Plot = None,
+    report: pages.Report = None,
     strict: Strict = False,
 ) -> int:
     """The loaded equilibrium: deflection, wrench, 6×6 stiffness (18) and the unloaded one, stability."""
     if wrench is not None and displacement is not None:
         raise UsageError("give --wrench or --displacement, not both: one imposes the other")
+    pages.check(plot, report)
     chain, whole = loaded(model)
     doubts = considered(model, strict)
     solver = engine_by_name(engine, engine_options(segments, foot_segments, placement, shear), chain)
@@ -92,4 +97,37 @@ def stiffness_(
         sys.stdout.write(as_json(document))
     else:
         tables.stiffness(terminal.console(), document)
+    pages.draw(plot, report, lambda: _content(document), None if json else terminal.console())
     return OK
+
+
+def _content(document: StiffnessDocument) -> pages.Content:
+    from vjm_validation.report.command_figures import stiffness_picture
+    from vjm_validation.report.tables import Table
+
+    rigid = document.stiffness_loaded is None or document.stiffness_unloaded is None
+    if rigid:
+        # infinitely stiff against some wrench: the compliance is what there is
+        matrices = {"loaded": document.compliance_loaded, "unloaded": document.compliance_unloaded}
+        words, rows, columns = "compliance; mm/N, 1/N, rad/(N mm)", tables.POSE_AXES, tables.WRENCH_AXES
+    else:
+        matrices = {
+            "K^F loaded, eq. (18)": document.stiffness_loaded,
+            "K unloaded, eq. (5)": document.stiffness_unloaded,
+        }
+        words, rows, columns = "N/mm, N/rad, N mm/rad", tables.WRENCH_AXES, tables.POSE_AXES
+    shown = [
+        Table(
+            f"{title}; {words}",
+            ("", *columns),
+            tuple((rows[k], *(f"{v:.6g}" for v in row)) for k, row in enumerate(matrix)),
+        )
+        for title, matrix in matrices.items()
+        if matrix is not None
+    ]
+    pictures = []
+    if not rigid:
+        pictures = [stiffness_picture(document.model, *(np.array(matrix) for matrix in matrices.values()))]
+    state = "stable" if document.stable else "unstable"
+    title = f"{document.model}, posture {document.posture}, {document.engine}: stiffness"
+    return pages.Content(title, f"The loaded equilibrium is {state}.", pictures, shown, document.events)

@@ -18,8 +18,12 @@ if TYPE_CHECKING:
     # of every comparison, which takes seconds to import
     from vjm_validation.acceptance import AcceptanceRow
 
+POSE_AXES = ("ux", "uy", "uz", "rx", "ry", "rz")
+WRENCH_AXES = ("fx", "fy", "fz", "mx", "my", "mz")
 ROWS = 24
 """Points of a path that a terminal shows."""
+ASYMMETRY = 1e-6
+"""Of a matrix over its largest entry, from which on it is explained."""
 
 
 def path_table(path: Path) -> Table:
@@ -27,11 +31,13 @@ def path_table(path: Path) -> Table:
     driven = path.load_case.load_driven
     unit = "mm" if path.load_case.direction[:3].any() else "rad"
     force = "N" if unit == "mm" else "N mm"
-    table = Table(title=f"{path.model}, posture {path.load_case.posture}, {path.engine}", title_justify="left")
+    way = "; magnitudes: the ramp goes against its axis" if path.load_case.sign < 0 and not driven else ""
+    title = f"{path.model}, posture {path.load_case.posture}, {path.engine}{way}"
+    table = Table(title=title, title_justify="left")
     columns = ["ux mm", "uy mm", "uz mm", "load factor", "its stiffness"]
     if not driven:
         columns = [f"displacement {unit}", f"force {force}", f"stiffness {force}/{unit}"]
-    for column in (*columns, "smallest eigenvalue", "unstable modes"):
+    for column in (*columns, "smallest eigenvalue, over that unloaded", "unstable modes"):
         table.add_column(column, justify="right")
     n = len(path.points)
     relative = path.eigenvalue_relative
@@ -83,7 +89,7 @@ def acceptance_table(rows: Sequence[AcceptanceRow]) -> Table:
         table.add_column(column)
     for row in rows:
         value = row.value if isinstance(row.value, str) else _number(row.value)
-        mark = "[green]met[/]" if row.passed else "[bold red]NOT MET[/]"
+        mark = {True: "[green]met[/]", False: "[bold red]NOT MET[/]", None: "[yellow]not run[/]"}[row.passed]
         table.add_row(mark, f"{row.name}: {row.requirement}", value)
     return table
 
@@ -107,7 +113,7 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
         ("compliance, unloaded, mm/N, 1/N, rad/(N mm)", document.compliance_unloaded if rigid else None),
     ):
         if matrix is not None:
-            console.print(_matrix(title, np.array(matrix)))
+            _matrix(console, title, np.array(matrix))
     if rigid:
         console.print(
             "no 6×6 stiffness where a wrench moves nothing: it is infinite there, so the compliance is given",
@@ -119,19 +125,29 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
         console.print(event)
     after = "" if document.iterations is None else f" after {document.iterations} iterations"
     console.print(
-        f"{'stable' if document.stable else 'unstable'}, smallest eigenvalue {_number(document.eigenvalue, 4)}, "
-        f"residual {document.residual:.1e}{after}"
+        f"{'stable' if document.stable else 'unstable'}, smallest eigenvalue {_number(document.eigenvalue, 4)} "
+        f"of the second variation, in the model's energy scale, residual {document.residual:.1e}{after}"
     )
 
 
-def _matrix(title: str, K: np.ndarray) -> Table:
-    table = Table(title=title, title_justify="left", show_header=False)
+def _matrix(console: Console, title: str, K: np.ndarray) -> None:
+    compliance = title.startswith("compliance")
+    rows, columns = (POSE_AXES, WRENCH_AXES) if compliance else (WRENCH_AXES, POSE_AXES)
+    table = Table(title=title, title_justify="left")
+    for name in ("", *columns):
+        table.add_column(name, justify="right")
     # what is zero but for rounding, whatever its unit
     size = np.sqrt(np.repeat([np.abs(K[:3, :3]).max(), np.abs(K[3:, 3:]).max()], 3))
     K[np.abs(K) < 1e-10 * size[:, None] * size] = 0.0
-    for line in K:
-        table.add_row(*(f"{value:.5g}" for value in line))
-    return table
+    for name, line in zip(rows, K, strict=True):
+        table.add_row(name, *(f"{value:.5g}" for value in line))
+    console.print(table)
+    if np.abs(K - K.T).max() > ASYMMETRY * np.abs(K).max():
+        console.print(
+            "It is not symmetric: force and moment are about world axes, displacements are shift and rotation "
+            "vector, and a moment about fixed axes has no potential of such rotations.",
+            soft_wrap=True,
+        )
 
 
 def _row(title: str, values: Sequence[float]) -> str:

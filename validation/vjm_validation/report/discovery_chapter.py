@@ -12,13 +12,13 @@ from vjm_output.plot_style import (
     PAPER,
     REFINED,
     Picture,
+    drawing_of,
     engine_style,
     figure,
     number,
     percent,
-    png,
 )
-from vjm_validation.report.parallelogram_chapter import Table
+from vjm_validation.report.tables import Table
 from vjm_validation.report.words import Finding, Tone
 from vjm_validation.studies.discovery_results import CAUSE, Discovery, DiscoveryStudy
 from vjm_validation.studies.study_results import Run
@@ -131,7 +131,7 @@ def discovery_picture(found: DiscoveryStudy) -> Picture:
                 _draw(ax, paths[k], style.colour, style.line, label)
             ax.set(title=name, xlabel="displacement, mm", ylabel="force, kN", xlim=(0.0, None), ylim=(0.0, None))
         axes[0].legend(loc="lower right")
-        content = png(fig)
+        content = drawing_of(fig)
     caption = (
         "Readings of Exudyn's beams, posture A, the model of the test sheet, and the model that the diagnosis made "
         "of it; marks are bifurcations. Both models at their own values, without the instruments' errors."

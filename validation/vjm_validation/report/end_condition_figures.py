@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from vjm.continuation.imperfections import ImperfectionCurve
 from vjm.continuation.path import EventKind, Path
-from vjm_output.plot_style import EVENT_MARKERS, FE, REFINED, Picture, figure, listed, number, percent, png
+from vjm_output.plot_style import EVENT_MARKERS, FE, REFINED, Picture, drawing_of, figure, listed, number, percent
 from vjm_validation.metrics import path_metrics, travel
 from vjm_validation.report.words import SHARP, Finding, Tone
 from vjm_validation.studies.end_conditions import END_CONDITIONS, HINGED_LOAD
@@ -36,7 +36,7 @@ def end_condition_picture(run: Run) -> Picture | None:
     with figure(3.7, 2) as (fig, (left, right)):
         _paths(left, study, posture)
         _sensitivity(right, study)
-        content = png(fig)
+        content = drawing_of(fig)
     return Picture(
         "end_conditions",
         content,

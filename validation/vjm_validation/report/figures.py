@@ -25,11 +25,11 @@ from vjm_output.plot_style import (
     PAPER,
     REFINED,
     Picture,
+    drawing_of,
     engine_order,
     engine_style,
     figure,
     number,
-    png,
 )
 from vjm_validation.studies.study_results import Run
 
@@ -88,7 +88,7 @@ def force_picture(run: Run, posture: str, panels: Mapping[Direction, Mapping[str
             ax.set_xlabel(f"displacement {_sense(direction)}, mm")
         axes[0].set_ylabel("force, kN")
         legend(fig, axes)
-        content = png(fig)
+        content = drawing_of(fig)
     return Picture(
         f"force_{posture}",
         content,
@@ -114,7 +114,7 @@ def stiffness_picture(posture: str, panels: Mapping[Direction, Mapping[str, Path
         axes[0].set_ylim(max(lowest, unloaded / STIFFNESS_SPAN), highest)
         axes[0].set_ylabel("tangent stiffness, N/mm")
         legend(fig, axes, events=False)
-        content = png(fig)
+        content = drawing_of(fig)
     return Picture(
         f"stiffness_{posture}",
         content,
@@ -167,7 +167,7 @@ def difference_picture(posture: str, panels: Mapping[Direction, Mapping[str, Pat
             ax.minorticks_off()
         axes[0].set_ylabel(f"force less that of {FE}, % of the norm")
         legend(fig, axes, events=False)
-        content = png(fig)
+        content = drawing_of(fig)
     return Picture(
         f"difference_{posture}",
         content,
@@ -217,6 +217,7 @@ def draw_force(ax: Axes, label: str, path: Path, sign: int = 1) -> None:
         ax.plot(
             sign * event.s, sign * event.force / 1e3, EVENT_MARKERS[event.kind], ms=6.5, mew=1.5,
             mfc="white", mec=engine_style(label).colour, zorder=engine_style(label).order + 2.0,
+            label=f"_of {label}",
         )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from vjm.continuation.direction import Direction
@@ -42,12 +43,27 @@ def findings(run: Run, no_renders: str = "") -> list[Finding]:
         run: what was computed.
         no_renders: why there are no renders, empty where there are.
     """
-    parts: Sequence[Callable[[Run], Finding | None]] = (
-        failed_acceptance, no_finite_elements, paper_model, link_lumping, refined_agreement, foot, end_conditions,
-        published, matrices_as_beams, table_fit, parallelogram, robots, discovery, conventional, iterations,
-        verified, stopped_paths, left_out,
-    )  # fmt: skip
-    found = [finding for part in parts if (finding := part(run)) is not None]
+    parts: Sequence[tuple[Callable[[Run], Finding | None], str]] = (
+        (failed_acceptance, "checks"),
+        (no_finite_elements, ""),
+        (paper_model, "table2"),
+        (link_lumping, "lumping"),
+        (refined_agreement, "postures"),
+        (foot, "foot"),
+        (end_conditions, "end-conditions"),
+        (published, "table2"),
+        (matrices_as_beams, ""),
+        (table_fit, ""),
+        (parallelogram, "parallelogram"),
+        (robots, "robots"),
+        (discovery, "discovery"),
+        (conventional, "postures"),
+        (iterations, "iterations"),
+        (verified, "verification"),
+        (stopped_paths, ""),
+        (left_out, ""),
+    )
+    found = [replace(finding, chapter=chapter) for part, chapter in parts if (finding := part(run)) is not None]
     if no_renders:
         text = f"Off-screen rendering is impossible on this machine: {no_renders}. All numbers are complete."
         found.append(Finding(Tone.NOTE, "No renders in this report", (text,)))
@@ -57,7 +73,7 @@ def findings(run: Run, no_renders: str = "") -> list[Finding]:
 def failed_acceptance(run: Run) -> Finding | None:
     """Acceptance rows that do not hold."""
     rows = run.summary.get("acceptance", ())
-    failed = [row for row in rows if not row["passed"]]
+    failed = [row for row in rows if row["passed"] is False]
     if not failed:
         return None
     sentences = (f"{row['name']}: required {row['requirement']}, found {number(row['value'])}." for row in failed)

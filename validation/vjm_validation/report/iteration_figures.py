@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from vjm.statics.equilibrium import TOLERANCE
-from vjm_output.plot_style import Picture, figure, number, png
+from vjm_output.plot_style import Picture, drawing_of, figure, number
 from vjm_validation.report.iteration_words import USUAL
 from vjm_validation.studies.iterations import LIMIT, LOOSE, NOISE, STEP_MM
 from vjm_validation.studies.study_results import IterationPoint, IterationStudy, Run
@@ -49,7 +49,7 @@ def iteration_picture(run: Run) -> Picture | None:
         handles = {str(line.get_label()): line for ax in axes for line in ax.get_lines()}
         shown = [line for label, line in handles.items() if not label.startswith("_")]
         fig.legend(handles=shown, loc="outside upper center", ncols=4, handlelength=2.6)
-        content = png(fig)
+        content = drawing_of(fig)
     return Picture(
         "iterations",
         content,

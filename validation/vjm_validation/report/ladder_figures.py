@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from vjm_output.plot_style import Picture, figure, listed, number, png
+from vjm_output.plot_style import Picture, drawing_of, figure, listed, number
 from vjm_validation.report.words import Finding, Tone
 from vjm_validation.studies.study_results import Run
 from vjm_validation.verification.families import MESHED, TITLES
@@ -89,7 +89,7 @@ def ladder_picture(run: Run) -> Picture | None:
         handles = [Line2D([], [], color=COLOURS[group], label=GROUPS[group]) for group in shown]
         handles.append(Line2D([], [], color="black", ls=":", lw=0.8, label="slopes of order 2, 4 and 10"))
         fig.legend(handles=handles, loc="outside upper center", ncols=4)
-        content = png(fig)
+        content = drawing_of(fig)
     return Picture(
         "ladder",
         content,

@@ -14,11 +14,11 @@ from vjm_output.plot_style import (
     PAPER,
     REFINED,
     Picture,
+    drawing_of,
     engine_order,
     engine_style,
     figure,
     number,
-    png,
 )
 from vjm_validation.report.figures import draw_force
 from vjm_validation.studies.study_results import Key, LumpingStudy, Run
@@ -90,7 +90,7 @@ def _proof(run: Run, tension: LumpingStudy | None, compression: LumpingStudy) ->
     with figure(4.0, 2, widths=[1.15, 1.0]) as (fig, axes):
         _both_directions(axes[0], run, posture)
         _critical_against_springs(axes[1], tension, compression)
-        content = png(fig)
+        content = drawing_of(fig)
     return Picture(
         "link_lumping",
         content,
@@ -232,7 +232,7 @@ def _convergence(study: LumpingStudy) -> list[Picture]:
         ax.set_xticks(counts, [str(n) for n in counts])
         ax.minorticks_off()
         fig.legend(loc="outside right center")
-        content = png(fig)
+        content = drawing_of(fig)
     if finest is not None:
         against = (
             f"Critical force in {study.direction} against {finest[1]:.6g} N, to which the suite's rule itself has "

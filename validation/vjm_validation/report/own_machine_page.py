@@ -10,12 +10,12 @@ from matplotlib.axes import Axes
 from vjm.continuation.path import Path as LoadPath
 from vjm.io.files import write_whole
 from vjm_output.off_screen import why_not_rendered
-from vjm_output.plot_style import Picture, engine_style, figure, number, percent, png
+from vjm_output.plot_style import Drawing, Picture, drawing_of, engine_style, figure, number, percent
 from vjm_output.templating import environment
 from vjm_validation.metrics import travel
 from vjm_validation.report.machine_geometry import geometry
 from vjm_validation.report.machine_view import rendered
-from vjm_validation.report.parallelogram_chapter import Table
+from vjm_validation.report.tables import Table
 from vjm_validation.report.words import Finding, Tone
 from vjm_validation.studies.own_machine import REFERENCE, OwnMachine
 from vjm_validation.studies.own_machine_rows import CriticalRow, LoadRow, OwnMachineSummary
@@ -40,7 +40,7 @@ def write_own_report(found: OwnMachine, summary: OwnMachineSummary, out: Path) -
     renders = [] if reason else [_render(found, label) for label in labels]
     for folder, pictures in (("figures", figures), ("renders", renders)):
         for picture in pictures:
-            write_whole(out / folder / f"{picture.name}.png", picture.content)
+            write_whole(out / folder / f"{picture.name}.png", picture.drawing.png)
     findings = own_findings(found, summary, reason)
     write_whole(out / "findings.md", _markdown(found, summary, findings, [*renders, *figures]))
     page = environment("vjm_validation.report").get_template("own_machine.html.j2").render(
@@ -67,7 +67,7 @@ def write_own_report(found: OwnMachine, summary: OwnMachineSummary, out: Path) -
 
 def own_findings(found: OwnMachine, summary: OwnMachineSummary, no_renders: str = "") -> list[Finding]:
     """What the run shows, in the order in which a reader needs it."""
-    failed = [row for row in summary.acceptance if not row.passed]
+    failed = [row for row in summary.acceptance if row.passed is False]
     result = []
     if failed:
         said = tuple(f"{row.name}: required {row.requirement}, found {number(row.value)}." for row in failed)
@@ -303,10 +303,10 @@ def _curves(found: OwnMachine, label: str) -> list[Picture]:
         handles = {str(line.get_label()): line for ax in panels for line in ax.get_lines()}
         handles = {name: line for name, line in handles.items() if not name.startswith("_")}
         fig.legend(handles=list(handles.values()), loc="outside upper center", ncols=4)
-        content = png(fig)
+        drawing = drawing_of(fig)
     return [
         Picture(
-            f"load_{_file(label)}", content, f"Posture {label}: force against displacement",
+            f"load_{_file(label)}", drawing, f"Posture {label}: force against displacement",
             "Displacement of the end along the force, counted from where no force acts; the linear line has the "
             "stiffness there.",
         )
@@ -346,10 +346,10 @@ def _convergence(found: OwnMachine) -> Picture | None:
         ax.set_xticks([r.springs for r in rows], [str(r.springs) for r in rows])
         ax.minorticks_off()
         fig.legend(loc="outside upper center", ncols=2)
-        content = png(fig)
+        drawing = drawing_of(fig)
     what = first.quantity.split(",")[0]
     return Picture(
-        "convergence", content, f"Number of springs: {what}, posture {first.posture}, {first.direction}",
+        "convergence", drawing, f"Number of springs: {what}, posture {first.posture}, {first.direction}",
         f"Difference to {found.convergence[-1].springs} springs a beam; dotted, that of finite elements to them.",
     )  # fmt: skip
 
@@ -369,7 +369,7 @@ def _render(found: OwnMachine, label: str) -> Picture:
         moved = _polylines(path, start + times * (end - start))
         said = f" In black, {times:g} times its size, the deflection under the load along {key[1]}."
     return Picture(
-        f"machine_{_file(label)}", rendered(shown, moved), f"Posture {label}",
+        f"machine_{_file(label)}", Drawing(rendered(shown, moved)), f"Posture {label}",
         f"Beams blue, rigid links grey, joints that deflect orange, passive joints pink.{said}",
     )  # fmt: skip
 

@@ -19,6 +19,8 @@ from vjm_validation.report.discovery_chapter import discovery_picture, discovery
 from vjm_validation.report.end_condition_figures import end_condition_picture
 from vjm_validation.report.figures import posture_pictures, postures
 from vjm_validation.report.findings import findings
+from vjm_validation.report.first_screen import TOLERANCES, matrix, verdict, wrong_in_the_paper
+from vjm_validation.report.first_screen import counts as counts_of
 from vjm_validation.report.iteration_figures import iteration_picture
 from vjm_validation.report.ladder_figures import digits_table, ladder_picture
 from vjm_validation.report.lumping_figures import lumping_pictures
@@ -82,19 +84,39 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     for folder, pictures in (("figures", figures), ("renders", renders)):
         for picture in pictures:
             write_whole(out / folder / f"{picture.name}.png", picture.content)
+    key_render = next(
+        (p for ending in ("_tension", "_compression") for p in renders if p.name.endswith(ending)), None
+    )
+    key_figure = next(iter(next(iter(curves.values()), [])), None)
     sections = [
         Section(
             posture,
-            pictures,
-            [picture for picture in renders if picture.name.startswith(f"{posture}_")],
+            [picture for picture in pictures if picture is not key_figure],
+            [p for p in renders if p.name.startswith(f"{posture}_") and p is not key_render],
             _metric_tables(run, posture),
         )
         for posture, pictures in curves.items()
     ]
     found = findings(run, no_renders)
+    checked = counts_of(run.summary)
+    tone, words = verdict(checked, run.summary.get("notes", ()))
+    chapters = _chapters(sections, {
+        "lumping": proofs, "foot": foot, "end-conditions": supports, "table2": run.summary.get("published"),
+        "parallelogram": bars, "robots": machines, "discovery": own, "iterations": counts,
+        "verification": digits_table(run) or ladder or run.summary.get("triangulation"), "checks": True,
+    })  # fmt: skip
     write_whole(out / "findings.md", findings_markdown(run, found, proof))
     page = environment("vjm_validation.report").get_template("index.html.j2").render(
         chain=run.chain,
+        verdict_tone=tone,
+        verdict_words=words,
+        checked=checked,
+        wrong=wrong_in_the_paper(run),
+        matrix=matrix(run),
+        tolerances=TOLERANCES,
+        key_figure=key_figure,
+        key_render=key_render,
+        chapters=chapters,
         published=run.summary.get("published", ()),
         acceptance=run.summary.get("acceptance", ()),
         verification=run.summary.get("verification", ()),
@@ -129,6 +151,14 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     index = out / "index.html"
     write_whole(index, page.encode())
     return index
+
+
+def _chapters(sections: list[Section], present: Mapping[str, Any]) -> dict[str, str]:
+    """Anchors of the chapters that the page has, by the name that findings know them by."""
+    found = {name: name for name, content in present.items() if content}
+    if sections:
+        found["postures"] = f"posture-{sections[0].posture}"
+    return found
 
 
 def _renders(run: Run) -> tuple[list[Picture], str]:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from vjm_output.plot_style import DASH, Picture, figure, number, percent, png
+from vjm_output.plot_style import DASH, Picture, drawing_of, figure, number, percent
+from vjm_validation.report.tables import Table
 from vjm_validation.report.words import Finding, Tone
 from vjm_validation.studies.parallelogram import Element, Robot, Study
 from vjm_validation.studies.study_results import Run
@@ -16,23 +15,6 @@ DIRECTIONS = ("along the bars, N/mm", "across, in its plane, N/mm", "across, out
               "torsion, N mm/rad", "bending out of its plane, N mm/rad", "turn in its plane, N mm/rad")  # fmt: skip
 ZERO = 1e-6
 """Stiffness over that of the real parallelogram's largest of the kind below which it is none."""
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of the page.
-
-    Attributes:
-        caption: what it holds.
-        header: of its columns; the first ones are words.
-        rows: as they are written.
-        words: number of leading columns that hold words.
-    """
-
-    caption: str
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    words: int = 1
 
 
 def parallelogram(run: Run) -> Finding | None:
@@ -124,7 +106,7 @@ def distance_picture(found: Study) -> Picture:
             ax.plot([checked.distance], [checked.exudyn[k]], "x", color="#000000", ms=8, label="two bars, Exudyn")
             ax.set(xlabel="distance of the bars, mm", ylabel=f"{name}, N mm/rad", ylim=(0.0, None))
         axes[0].legend()
-        content = png(fig)
+        content = drawing_of(fig)
     return Picture(
         "parallelogram_distance",
         content,

@@ -15,9 +15,9 @@ from vjm_output.plot_style import (
     FOOT_SPRING,
     REFINED,
     Picture,
+    drawing_of,
     figure,
     number,
-    png,
 )
 from vjm_validation.report.figures import Window, draw_force, legend, posture_paths, postures
 from vjm_validation.studies.study_results import Run
@@ -54,7 +54,7 @@ def foot_picture(run: Run) -> Picture | None:
             ax.locator_params(axis="x", nbins=4)
         axes[0].set_ylabel("force in compression, kN")
         legend(fig, axes)
-        content = png(fig)
+        content = drawing_of(fig)
     return Picture(
         "foot_law",
         content,
@@ -84,7 +84,7 @@ def published_picture(run: Run) -> Picture | None:
             Line2D([], [], color="#999999", lw=3, alpha=0.6, label="reach of the rounding of (19), (20)"),
         ]
         fig.legend(handles=entries, loc="outside upper center", ncols=4)
-        content = png(fig)
+        content = drawing_of(fig)
     return Picture(
         "published",
         content,

@@ -17,6 +17,7 @@ from vjm_output.plot_style import (
     PAGE_WIDTH,
     PAPER,
     REFINED,
+    Drawing,
     Picture,
     engine_style,
     figure,
@@ -25,6 +26,7 @@ from vjm_output.plot_style import (
     png,
 )
 from vjm_validation.report.figures import postures
+from vjm_validation.report.scenes import turnable
 from vjm_validation.report.skeleton import (
     Camera,
     Skeleton,
@@ -81,7 +83,7 @@ def _picture(chain: Chain, posture: str, direction: Direction, paths: Mapping[st
             ax.set_title(f"{title}\ndisplacements drawn {times} × their size", fontsize=8.5)
         fig.suptitle(f"Posture {posture}, {direction}", fontsize=10, fontweight="bold")
         fig.legend(handles=_legend(paths, ruler), loc="outside lower center", ncols=3, fontsize=7.5)
-        content = png(fig)
+        content = Drawing(png(fig))
     what = (
         "The rigid link of the paper's model leans to one side and the spring at its end (thin) bridges "
         "the gap to the tool: leaning moves the pins apart, so that pulling makes it lean. The beam does not."
@@ -94,6 +96,7 @@ def _picture(chain: Chain, posture: str, direction: Direction, paths: Mapping[st
         f"Posture {posture}, {direction}: {' and '.join(paths)}",
         f"Displacements are drawn {listed([str(times) for times in factors])} times their size, as the "
         f"panels say; the machine itself is to scale. {what}",
+        turnable(chain, paths),
     )
 
 

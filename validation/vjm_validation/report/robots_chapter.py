@@ -11,16 +11,16 @@ from vjm_output.plot_style import (
     PAPER,
     REFINED,
     Picture,
+    drawing_of,
     engine_style,
     figure,
     listed,
     number,
     percent,
-    png,
 )
 from vjm_validation.comparison import force_difference
 from vjm_validation.report.figures import draw_force, legend
-from vjm_validation.report.parallelogram_chapter import Table
+from vjm_validation.report.tables import Table
 from vjm_validation.report.words import Finding, Tone
 from vjm_validation.studies.robots import (
     COMPARED,
@@ -248,7 +248,7 @@ def _curves(study: RobotStudy) -> Picture:
             ax.set(title=pose, xlabel="displacement along x, mm", xlim=(-REACH, REACH))
         axes[0].set_ylabel("force, kN")
         legend(fig, axes)
-        content = png(fig)
+        content = drawing_of(fig)
     return Picture(
         "robot_curves",
         content,
@@ -285,7 +285,7 @@ def _bars(rows: Robots) -> Picture:
         axes[0].set_ylabel("critical force, kN")
         handles, names = axes[0].get_legend_handles_labels()
         fig.legend(handles, names, loc="outside upper center", ncols=len(labels))
-        content = png(fig)
+        content = drawing_of(fig)
     return Picture(
         "robot_critical",
         content,

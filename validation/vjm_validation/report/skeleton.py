@@ -30,6 +30,7 @@ class Skeleton:
             lumped spring opens at the end of its rigid link.
         joints: rows of the passive joints.
         beads: whether the points bound lumped segments and deserve a mark.
+        parts: name of the part of each point.
     """
 
     points: Array
@@ -37,6 +38,7 @@ class Skeleton:
     pieces: tuple[tuple[int, int, bool], ...]
     joints: tuple[int, ...]
     beads: bool
+    parts: tuple[str, ...] = ()
 
     def at(self, magnification: float) -> Array:
         """The points with their displacements magnified, ``(k, 3)``."""
@@ -66,6 +68,7 @@ def skeleton(chain: Chain, path: Path, point: Equilibrium) -> Skeleton:
         pieces=_pieces(parts, thin),
         joints=_joints(chain, parts),
         beads=path.engine not in (FE, PAPER),
+        parts=tuple(parts),
     )
 
 

@@ -37,11 +37,13 @@ class Finding:
         tone: what it is about.
         title: one sentence.
         sentences: what stands behind it.
+        chapter: of the page that proves it; empty where the sentences are all.
     """
 
     tone: Tone
     title: str
     sentences: tuple[str, ...]
+    chapter: str = ""
 
 
 def engine_metrics(run: Run, direction: Direction, label: str) -> dict[str, Metrics]:

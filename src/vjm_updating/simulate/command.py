@@ -1,0 +1,236 @@
+"""``validate simulate``: readings of the sheet's machine with a hidden effect, and how strong that is there."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from vjm import __version__
+from vjm.errors import NoConvergenceError
+from vjm.io.files import check_writable, write_whole
+from vjm.rotations import Array
+from vjm_output.documents import as_json
+from vjm_updating.diagnose.experiment import left_over
+from vjm_updating.diagnose.fitting import Fitter
+from vjm_updating.diagnose.forward import Forward
+from vjm_updating.diagnose.parameters import Coordinate, coordinates, nuisance_coordinates, release_key, start
+from vjm_updating.diagnose.preprocess import effects_of
+from vjm_updating.diagnose.test_data import Observed, observe
+from vjm_updating.diagnose.whitening import Whitening
+from vjm_updating.experiment import Readings, read_sheet
+from vjm_updating.experiment.channels import POSE, POSTURE, RUN, TEMPERATURE, WRENCH
+from vjm_updating.experiment.measurement import planned_measurement
+from vjm_updating.experiment.sheet import Sheet
+from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.simulate.hidden import Hidden, parsed_effects, sizes
+from vjm_updating.simulate.plan import Ramp, parsed_ramp, planned_readings, usual_ramps
+
+DATA, SHEET, TRUTH = "readings.csv", "sheet.toml", "truth.json"
+SURE, LOST = 4.0, 2.0
+"""Strength from which a diagnosis sees an effect for sure, and below which it does not."""
+
+
+class Truth(BaseModel):
+    """The content of ``truth.json``: what a diagnosis has to find."""
+
+    model_config = ConfigDict(frozen=True)
+
+    version: str
+    model: str
+    engine: str
+    hidden: dict[str, float | None]
+    """By effect and parameter; null for an effect without parameters."""
+    seed: int
+    noise: str
+    """``sheet``: the sheet's noise and tolerances; ``none``."""
+    nuisances: dict[str, float]
+    """What was drawn within the sheet's tolerances, in each one's own unit; moduli relative."""
+    ramps: list[str]
+    readings: int
+    strength: float
+    """Of what the tolerances cannot make up for, in standard deviations of the readings' noise."""
+    largest: float
+    """Largest change of a reading by the hidden effects."""
+    left: float
+    """Largest change of that channel's readings that the tolerances cannot make up for."""
+    channel: str
+
+
+@dataclass(frozen=True)
+class _Machine:
+    """The machine with what is hidden in it, at the planned readings."""
+
+    observed: Observed
+    nuisances: tuple[Coordinate, ...]
+    effects: tuple[Effect, ...]
+    values: list[list[float]]
+
+    def wrench(self, drawn: Array) -> Array:
+        """Readings ``(n, 6)`` without noise, with nuisances ``(m,)`` in their sigmas."""
+        found = coordinates(self.nuisances, self.effects)
+        z = start(found, self.effects, self._released(drawn), self.values)
+        at = Forward(self.observed).evaluate(found, z, self.effects)
+        return self.observed.wrench - at.residual
+
+    def _released(self, drawn: Array) -> Array:
+        """Nuisances with those that an effect sets, which has no coordinate of its own."""
+        result = drawn.copy()
+        for effect, own in zip(self.effects, self.values, strict=True):
+            key = release_key(effect)
+            for i, c in enumerate(self.nuisances):
+                if (c.kind, c.subject) == key:
+                    result[i] = c.coordinate(1.0 / own[0] - 1.0 if c.kind == "modulus" else own[0])
+        return result
+
+
+def simulate(
+    model: str, sheet: Path, out: Path, *, hide: Sequence[str], noise: str = "sheet", seed: int = 0,
+    ramps: Sequence[str] = (),
+) -> Truth:  # fmt: skip
+    """Write a test's two files and the truth behind them.
+
+    Args:
+        model: that the sheet is for; takes the place of the model that it names.
+        sheet: test sheet, TOML.
+        out: folder for `DATA`, `SHEET` and `TRUTH`.
+        hide: effects, see `vjm_updating.simulate.hidden.parsed_effects`.
+        noise: ``sheet`` or ``none``.
+        seed: of noise and tolerances.
+        ramps: ``POSTURE:END`` or ``POSTURE:AXIS:END``; every posture pulled and pushed where none is given.
+
+    Raises:
+        ValueError: an input cannot be used; one line.
+        vjm.errors.NoConvergenceError: the machine does not stand at the readings.
+    """
+    page = read_sheet(sheet)
+    name = str(Path(model).resolve()) if Path(model).is_file() else model
+    page = page.model_copy(update={"test": page.test.model_copy(update={"model": name})})
+    observed, plan = _planned(page, sheet, [parsed_ramp(text) for text in ramps])
+    nominal = _Machine(observed, tuple(nuisance_coordinates(observed)), (), [])
+    rest = np.zeros(len(nominal.nuisances))
+    # effects know the test by its forces
+    scene = replace(observed, wrench=np.where(observed.present, nominal.wrench(rest), np.nan))
+    hidden = parsed_effects(hide, effects_of(scene))
+    machine = replace(nominal, effects=tuple(e for e, _ in hidden), values=[v for _, v in hidden])
+    strength, largest, left, channel = _strength(nominal, machine)
+    rng = np.random.default_rng(seed)
+    allowed = np.array([c.sigma > 0.0 for c in nominal.nuisances])
+    drawn = np.where(allowed & (noise == "sheet"), rng.standard_normal(len(allowed)), 0.0)
+    try:
+        wrench = machine.wrench(drawn)
+    except NoConvergenceError as error:
+        raise NoConvergenceError(
+            f"with {', '.join(hide)} the machine does not stand at the readings: {error}"
+        ) from error
+    readings = _read(observed, page, wrench, rng, noise)
+    truth = Truth(
+        version=__version__,
+        model=observed.measurement.chain.name,
+        engine=observed.measurement.engine.label,
+        hidden=_named(hidden),
+        seed=seed,
+        noise=noise,
+        nuisances={c.name: c.value(float(z)) for c, z in zip(nominal.nuisances, drawn, strict=True) if z},
+        ramps=[f"{ramp.posture} {ramp.channel} {ramp.end:g}" for ramp in plan],
+        readings=len(readings),
+        strength=strength,
+        largest=largest,
+        left=left,
+        channel=channel,
+    )
+    check_writable(out)
+    for file, text in ((DATA, _csv(readings)), (SHEET, _sheet(sheet, name)), (TRUTH, as_json(truth))):
+        write_whole(out / file, text)
+    return truth
+
+
+def words(truth: Truth) -> list[str]:
+    """What a terminal shows."""
+    hidden = ", ".join(name if value is None else f"{name} = {value:g}" for name, value in truth.hidden.items())
+    unit = truth.channel.rpartition("_")[2]
+    verdict = (
+        "a diagnosis sees it for sure" if truth.strength >= SURE
+        else "a diagnosis will hardly see it" if truth.strength < LOST
+        else "a diagnosis may see it or not"
+    )  # fmt: skip
+    return [
+        f"{truth.readings} readings of {truth.model} ({truth.engine}) with {hidden or 'nothing hidden'}, "
+        f"seed {truth.seed}",
+        f"ramps: {'; '.join(truth.ramps)}",
+        f"it changes {truth.channel} by up to {truth.largest:.3g} {unit}; the sheet's tolerances can make up for "
+        f"all but {truth.left:.3g} {unit}",
+        f"strength {truth.strength:.2f} standard deviations of the noise: {verdict} (sure from "
+        f"{SURE:g}, lost below {LOST:g})",
+    ]
+
+
+def _planned(page: Sheet, path: Path, ramps: list[Ramp]) -> tuple[Observed, list[Ramp]]:
+    if not ramps:
+        bare = planned_measurement(page, path, planned_readings(page, []))
+        labels = list(page.postures) or list(bare.chain.postures)
+        ramps = usual_ramps(bare.chain, bare.engine, labels)
+    measurement = planned_measurement(page, path, planned_readings(page, ramps))
+    return observe(measurement), ramps
+
+
+def _strength(nominal: _Machine, machine: _Machine) -> tuple[float, float, float, str]:
+    """Strength, largest change, what is left of it, and the channel where most is left."""
+    observed = nominal.observed
+    whitening = Whitening(np.zeros(0), observed.memory, observed.present)
+    fitter = Fitter(Forward(observed), nominal.nuisances, whitening)
+    found = coordinates(nominal.nuisances, ())
+    rest = np.zeros(len(found))
+    at = fitter.forward.evaluate(found, rest, ())
+    fitter.weigh(at)
+    change = np.where(observed.present, machine.wrench(rest) - nominal.wrench(rest), 0.0)
+    known = np.diag([1.0 if c.sigma > 0.0 else 0.0 for c in found])
+    strength, left = left_over(fitter, change, fitter.slopes(found, at, (), fresh=True), known, found)
+    left = np.where(observed.present, left, 0.0)
+    k = int(np.argmax(np.abs(left).max(axis=0) / observed.noise.wrench))
+    return strength, float(np.abs(change[:, k]).max()), float(np.abs(left[:, k]).max()), WRENCH[k]
+
+
+def _named(hidden: Sequence[Hidden]) -> dict[str, float | None]:
+    result: dict[str, float | None] = {}
+    for effect, values in hidden:
+        quantities = sizes(effect)
+        result |= {f"{effect.label}.{q.name}": v for q, v in zip(quantities, values, strict=True)}
+        if not quantities:
+            result[effect.label] = None
+    return result
+
+
+def _read(observed: Observed, page: Sheet, wrench: Array, rng: np.random.Generator, noise: str) -> Readings:
+    """The readings with the instruments' noise."""
+    readings = observed.readings
+    values = dict(readings.values)
+    for k, name in enumerate(WRENCH):
+        if name in values:
+            values[name] = wrench[:, k]
+    for name in (*POSE, *WRENCH, TEMPERATURE):
+        if name in values and noise == "sheet":
+            values[name] = values[name] + page.instrument[name].noise * rng.standard_normal(len(readings))
+    return replace(readings, values=values)
+
+
+def _csv(readings: Readings) -> bytes:
+    names = list(readings.values)
+    lines = [",".join([names[0], POSTURE, RUN, *names[1:]])]
+    for k in range(len(readings)):
+        first, *others = (f"{readings.values[name][k]:.6f}" for name in names)
+        lines.append(",".join([first, str(readings.posture[k]), str(readings.run[k]), *others]))
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _sheet(path: Path, model: str) -> bytes:
+    """The sheet's text with the model that was simulated."""
+    text = path.read_text(encoding="utf-8-sig")
+    quoted = '"' + model.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return re.sub(
+        r"(?m)^(\s*model\s*=\s*)(\"[^\"\n]*\"|'[^'\n]*')", lambda m: m[1] + quoted, text, count=1
+    ).encode()

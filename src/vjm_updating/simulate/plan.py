@@ -1,0 +1,107 @@
+"""Where a simulated test takes its readings: ramps out, held and back in each posture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.continuation.direction import Direction, ramp_end
+from vjm.continuation.path import EventKind
+from vjm.model.chain import Chain
+from vjm.model.load_case import LoadCase
+from vjm.rotations import Array
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.diagnose.experiment import SHORT_OF, out_and_back
+from vjm_updating.experiment import Readings
+from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH, split_point
+from vjm_updating.experiment.sheet import Sheet, SheetError
+
+INTERVAL, ROOM = 10.0, 20.0
+"""Seconds between two readings, and the temperature, °C, at which all of them are taken."""
+SHORTHAND = dict(zip(("x", "y", "z", "rx", "ry", "rz"), POSE, strict=True))
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """One way out and back.
+
+    Attributes:
+        posture: label.
+        channel: displacement that is driven.
+        end: of the ramp, mm or rad.
+    """
+
+    posture: str
+    channel: str
+    end: float
+
+
+def parsed_ramp(text: str) -> Ramp:
+    """A ramp as ``POSTURE:END`` along x or ``POSTURE:AXIS:END``.
+
+    Raises:
+        ValueError: it is none; one line.
+    """
+    posture, *axis, end = text.split(":") if text.count(":") in (1, 2) else ["", "", ""]
+    name = axis[0] if axis else "x"
+    try:
+        if not posture or name not in SHORTHAND or not 0.0 < abs(float(end)) < float("inf"):
+            raise ValueError
+    except ValueError:
+        raise ValueError(
+            f"--ramp: '{text}' is no ramp: write POSTURE:END or POSTURE:AXIS:END, such as A:-2 or B:y:0.5"
+        ) from None
+    return Ramp(posture, SHORTHAND[name], float(end))
+
+
+def usual_ramps(chain: Chain, engine: VjmEngine, labels: Sequence[str]) -> list[Ramp]:
+    """Every posture pulled and pushed along x, short of where the nominal machine turns critical."""
+    return [
+        Ramp(label, POSE[0], _safe_end(chain, engine, label, direction))
+        for label in labels
+        for direction in Direction
+    ]
+
+
+def _safe_end(chain: Chain, engine: VjmEngine, posture: str, direction: Direction) -> float:
+    end = ramp_end(chain, posture, direction)
+    path = engine.trace(chain, LoadCase(posture, end))
+    sharp = [event.s for event in path.events if event.kind is not EventKind.BEND_OVER]
+    reached = min([abs(end), *(SHORT_OF * s for s in sharp), *([] if path.complete else [SHORT_OF * path.s[-1]])])
+    return round(direction.sign * float(reached), 4)
+
+
+def planned_readings(sheet: Sheet, ramps: Sequence[Ramp]) -> Readings:
+    """The readings' places, in the order of time; wrench channels zero.
+
+    Raises:
+        SheetError: an instrument cannot be simulated, or one that is needed is missing.
+    """
+    for name, known in sheet.instrument.items():
+        if split_point(name)[0] or known.held:
+            raise SheetError(
+                f"{sheet.file}: [instrument.{name}]: only instruments at the end-effector can be simulated, "
+                "none at a point and none steered to marks: leave it out"
+            )
+    for name in dict.fromkeys(ramp.channel for ramp in ramps):
+        sheet.sigma(name)
+    if not any(name in WRENCH for name in sheet.instrument):
+        raise SheetError(f"{sheet.file}: no force is read: add [instrument.fx_N] with its noise")
+    ways = [out_and_back(ramp.end) for ramp in ramps]
+    n = sum(len(way) for way in ways)
+    pose = {name: np.zeros(n) for name in POSE if name in sheet.instrument}
+    begin = 0
+    for ramp, way in zip(ramps, ways, strict=True):
+        pose[ramp.channel][begin : begin + len(way)] = way
+        begin += len(way)
+    values: dict[str, Array] = {TIME: INTERVAL * np.arange(n, dtype=float), **pose}
+    values |= {name: np.zeros(n) for name in WRENCH if name in sheet.instrument}
+    if TEMPERATURE in sheet.instrument:
+        values[TEMPERATURE] = np.full(n, ROOM)
+    labels, numbers = [], []
+    for number, (ramp, way) in enumerate(zip(ramps, ways, strict=True), 1):
+        labels += [ramp.posture] * len(way)
+        numbers += [number] * len(way)
+    return Readings("simulated.csv", np.arange(2, n + 2), np.array(labels), np.array(numbers), values)

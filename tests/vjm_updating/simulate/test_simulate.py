@@ -1,0 +1,121 @@
+"""Readings of a machine with a hidden effect: what is in them, what their strength is, what is refused."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from vjm.io.model_file import load_chain
+from vjm.model.load_case import LoadCase
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.experiment import read_measurement
+from vjm_updating.simulate.command import DATA, SHEET, TRUTH, simulate, words
+
+MODEL = "orthoglide-chain"
+BARE = """
+[test]
+model = "someone else's"
+[model]
+link_segments = 4
+[postures]
+A = []
+[instrument.ux_mm]
+noise = 0.0
+[instrument.fx_N]
+noise = 5.0
+"""
+"""No tolerances, and no noise of the gauge."""
+
+
+@pytest.fixture
+def sheet(tmp_path):
+    path = tmp_path / "own.toml"
+    path.write_text(BARE)
+    return path
+
+
+def column(folder, name):
+    with (folder / DATA).open() as file:
+        return np.array([float(row[name]) for row in csv.DictReader(file)])
+
+
+def test_readings_without_noise_are_the_path_of_the_machine(sheet, tmp_path):
+    """With a compliant drive hidden, the forces are those of the chain that has it by its model."""
+    softness = 2e-5
+    simulate(MODEL, sheet, tmp_path, hide=[f"actuator_compliance={softness}"], noise="none", ramps=["A:2"])
+    soft = load_chain(MODEL).with_actuator_compliance(softness)
+    path = VjmEngine.of(4, 1).trace(soft, LoadCase("A", 2.0, steps=400))
+    u, force = column(tmp_path, "ux_mm"), column(tmp_path, "fx_N")
+    expected = np.interp(u, path.s, path.force)
+    stiff = VjmEngine.of(4, 1).trace(load_chain(MODEL), LoadCase("A", 2.0, steps=400))
+    assert np.abs(np.interp(u, stiff.s, stiff.force) - expected).max() > 100.0
+    # tables of 1e-3 of the force against a path of 400 steps
+    np.testing.assert_allclose(force, expected, atol=1e-3 * expected.max())
+
+
+def test_strength_of_a_zero_error_is_that_of_a_mean(sheet, tmp_path):
+    """An error e beside a tolerance s and n readings of noise sigma: e/sqrt(s² + sigma²/n)."""
+    sheet.write_text(BARE + "zero = 3.0\n")
+    truth = simulate(MODEL, sheet, tmp_path, hide=["instrument_zero.fx_N=20"], noise="none", ramps=["A:1"])
+    assert truth.largest == pytest.approx(20.0, rel=1e-6)
+    # the fit's bounds, 60 sigmas off, weigh 12/120² beside the prior: 4e-4 of the strength
+    assert truth.strength == pytest.approx(20.0 / np.hypot(3.0, 5.0 / np.sqrt(truth.readings)), rel=1e-3)
+
+
+def test_a_seed_gives_the_same_files_and_noise_of_the_sheet_s_size(sheet, tmp_path):
+    for name in ("one", "two"):
+        simulate(MODEL, sheet, tmp_path / name, hide=["actuator_compliance=1e-5"], seed=7, ramps=["A:2", "A:-2"])
+    simulate(
+        MODEL, sheet, tmp_path / "still", hide=["actuator_compliance=1e-5"], noise="none", ramps=["A:2", "A:-2"]
+    )
+    for file in (DATA, SHEET, TRUTH):
+        assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes()
+    noise = column(tmp_path / "one", "fx_N") - column(tmp_path / "still", "fx_N")
+    # 60 readings: the spread is known to 9 %
+    assert np.std(noise) == pytest.approx(5.0, rel=0.35)
+
+
+def test_the_files_are_a_test_that_can_be_read(sheet, tmp_path):
+    truth = simulate(MODEL, sheet, tmp_path, hide=["link_bow.along_z_mm=0.5"], ramps=["A:2"])
+    measurement = read_measurement(tmp_path / DATA, tmp_path / SHEET)
+    assert (measurement.chain.name, len(measurement.readings)) == (MODEL, truth.readings)
+    written = json.loads((tmp_path / TRUTH).read_text())
+    assert written["hidden"] == {"link_bow.along_y_mm": 0.0, "link_bow.along_z_mm": 0.5}
+    assert any(f"strength {truth.strength:.2f}" in line for line in words(truth))
+
+
+def test_every_posture_is_pulled_and_pushed_short_of_its_critical_point(sheet, tmp_path):
+    truth = simulate(MODEL, sheet, tmp_path, hide=[], noise="none")
+    critical = VjmEngine.of(4, 1).trace(load_chain(MODEL), LoadCase("A", -4.0)).critical.s
+    pull, push = (float(ramp.rpartition(" ")[2]) for ramp in truth.ramps)
+    assert pull > 0.0
+    assert 0.7 * critical < -push < 0.9 * critical
+    assert truth.strength == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("hide", "said"),
+    [("link_bov=1", "no such effect in this test; did you mean 'link_bow'"),
+     ("link_bow=much", "'much' is no number"),
+     ("link_bow=500", "along_y_mm must be from"),
+     ("link_bow.along_x_mm=1", "has no parameter 'along_x_mm'"),
+     ("instrument_zero=1", "say where it sits: instrument_zero.fx_N, instrument_zero.ux_mm")],
+)  # fmt: skip
+def test_an_effect_that_there_is_not_is_refused(sheet, tmp_path, hide, said):
+    with pytest.raises(ValueError, match=r"--hide") as refusal:
+        simulate(MODEL, sheet, tmp_path / "out", hide=[hide], ramps=["A:1"])
+    assert said in str(refusal.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_ramp_or_an_instrument_that_makes_no_sense_is_refused(sheet, tmp_path):
+    with pytest.raises(ValueError, match=r"--ramp: 'A' is no ramp"):
+        simulate(MODEL, sheet, tmp_path, hide=[], ramps=["A"])
+    with pytest.raises(ValueError, match=r"no posture 'Q'"):
+        simulate(MODEL, sheet, tmp_path, hide=[], ramps=["Q:1"])
+    with pytest.raises(ValueError, match=r"channel uy_mm was measured: add \[instrument.uy_mm\]"):
+        simulate(MODEL, sheet, tmp_path, hide=[], ramps=["A:y:1"])
+    sheet.write_text(BARE.replace("[instrument.fx_N]", "[instrument.fx_N]\nheld = 'target'"))
+    with pytest.raises(ValueError, match="only instruments at the end-effector can be simulated"):
+        simulate(MODEL, sheet, tmp_path, hide=[], ramps=["A:1"])

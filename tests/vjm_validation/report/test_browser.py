@@ -1,0 +1,220 @@
+"""The page in a browser: nothing is asked of a network, nothing is wrong, and everything answers to a hand."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vjm.continuation.direction import Direction
+from vjm_output.off_screen import why_not_rendered
+from vjm_validation.report.page import write_report
+from vjm_validation.studies.study_results import Key
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+WIDTHS = (360, 800, 1280, 1920)
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on the path")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright, which steers Chromium, is missing")
+    with playwright.sync_playwright() as steering:
+        # without a graphics card Chromium computes WebGL itself
+        browser = steering.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
+        )
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def folder(computed, tmp_path_factory):
+    out = tmp_path_factory.mktemp("browsed")
+    write_report(computed, out)
+    return out
+
+
+@pytest.fixture
+def open_page(browser):
+    """Opens a file at a width; what was asked for and what went wrong is kept beside the page."""
+    pages = []
+
+    def opened(file, width=1280, **context):
+        page = browser.new_page(viewport={"width": width, "height": 900}, **context)
+        page.requests, page.errors = [], []
+        page.on("request", lambda r: page.requests.append(r.url) if not r.url.startswith("data:") else None)
+        page.on("console", lambda m: page.errors.append(m.text) if m.type == "error" else None)
+        page.on("pageerror", lambda error: page.errors.append(str(error)))
+        page.goto(file.as_uri())
+        pages.append(page)
+        return page
+
+    yield opened
+    for page in pages:
+        page.close()
+
+
+def test_the_page_asks_for_nothing_and_says_no_error(open_page, folder):
+    page = open_page(folder / "index.html")
+    page.get_by_role("button", name="Open all").click()
+    page.wait_for_timeout(300)
+    assert page.errors == []
+    assert page.requests == [(folder / "index.html").as_uri()]
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_nothing_overflows(open_page, folder, width):
+    page = open_page(folder / "index.html", width)
+    page.get_by_role("button", name="Open all").click()
+    page.wait_for_timeout(200)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    inside = page.evaluate(
+        "[...document.querySelectorAll('table')].filter((t) => t.closest('.scroll') === null).length"
+    )
+    assert inside == 0
+
+
+def test_the_first_screen_has_the_verdict_a_figure_and_a_scene(open_page, folder):
+    page = open_page(folder / "index.html")
+    assert page.locator(".verdict > p").bounding_box()["y"] < 200
+    assert page.locator("svg.plot").first.bounding_box()["y"] < 900
+    if not why_not_rendered():
+        assert page.locator("figure[data-scene]").first.bounding_box()["y"] < 900
+
+
+def test_a_finding_opens_and_leads_to_its_proof(open_page, folder):
+    page = open_page(folder / "index.html")
+    finding = page.locator("details.finding.cause").first
+    assert not finding.locator("ul").is_visible()
+    finding.locator("summary").press("Enter")
+    assert finding.locator("ul").is_visible()
+    assert not page.locator("#lumping figure").first.is_visible()
+    finding.get_by_role("link", name="The proof").click()
+    assert page.locator("#lumping figure").first.is_visible()
+
+
+def test_an_engine_is_switched_off_and_on(open_page, folder):
+    page = open_page(folder / "index.html")
+    figure = page.locator("#figure-force_A")
+    lines = figure.locator('svg [data-series="vjm-paper"]')
+    assert lines.first.is_visible()
+    switch = figure.get_by_role("button", name="vjm-paper")
+    switch.click()
+    assert not any(lines.nth(k).is_visible() for k in range(lines.count()))
+    assert figure.locator('svg [data-series="exudyn"]').first.is_visible()
+    switch.click()
+    assert lines.first.is_visible()
+
+
+def test_a_plot_says_its_values_and_zooms(open_page, folder, computed):
+    page = open_page(folder / "index.html")
+    figure = page.locator("#figure-force_A")
+    figure.scroll_into_view_if_needed()
+    path = computed.paths[Key("A", Direction.COMPRESSION, "vjm-paper")]
+    point = path.points[len(path.points) // 2]
+    _, panel = json.loads(figure.get_attribute("data-axes"))
+    (left, top, right, bottom), (x0, x1), (y0, y1) = panel["box"], panel["x"], panel["y"]
+    x = left + (right - left) * (point.s - x0) / (x1 - x0)
+    y = bottom - (bottom - top) * (abs(point.wrench[0]) / 1e3 - y0) / (y1 - y0)
+    plot = figure.locator("svg").bounding_box()
+    scale = plot["width"] / float(figure.locator("svg").get_attribute("viewBox").split()[2])
+    page.mouse.move(plot["x"] + scale * x, plot["y"] + scale * y)
+    tip = figure.locator(".tip")
+    assert tip.is_visible()
+    engine, _, values = tip.inner_text().partition(": ")
+    shift, force = (float(v) for v in values.split(", "))
+    # several lines lie on each other there; each says a point of its own
+    shown = computed.paths[Key("A", Direction.COMPRESSION, engine)]
+    k = int(np.argmin(np.abs(shown.s - shift)))
+    assert (shift, force) == pytest.approx((shown.s[k], shown.force[k] / 1e3), rel=1e-4)
+    assert shift == pytest.approx(point.s, abs=0.1)
+    whole = figure.locator("svg").get_attribute("viewBox")
+    figure.get_by_role("button", name="zoom in").click()
+    assert figure.locator("svg").get_attribute("viewBox") != whole
+    figure.get_by_role("button", name="whole figure").click()
+    assert figure.locator("svg").get_attribute("viewBox") == whole
+
+
+def test_a_table_is_sorted_and_filtered(open_page, run, bare, tmp_path):
+    known = run.summary["verification"][0]
+    values = [3.0, 1e-7, 20.0, 0.5, 7.0, 1e9, 2.0, 4.0, 6.0, 8.0, 9.0, 10.0, 11.0]
+    run.summary["verification"] = [{**known, "name": f"case {k}", "value": v} for k, v in enumerate(values)]
+    page = open_page(write_report(run, tmp_path))
+    page.get_by_role("button", name="Open all").click()
+    table = page.locator("#checks details table")
+    head = table.get_by_role("button", name="Value")
+
+    def names():
+        return table.locator("tbody tr:visible td:first-child").all_inner_texts()
+
+    head.click()
+    assert names() == [f"case {k}" for k in sorted(range(len(values)), key=lambda k: values[k])]
+    head.click()
+    assert names()[0] == "case 5"
+    page.locator("#checks details input").fill("case 12")
+    assert names() == ["case 12"]
+
+
+def test_the_scene_turns_and_follows_the_path(open_page, folder):
+    if reason := why_not_rendered():
+        pytest.skip(f"no off-screen rendering, and no scene without its picture: {reason}")
+    page = open_page(folder / "index.html")
+    canvas = page.locator("figure[data-scene] canvas").first
+    canvas.scroll_into_view_if_needed()
+    before = canvas.screenshot()
+    assert canvas.screenshot() == before
+    box = canvas.bounding_box()
+    page.mouse.move(box["x"] + 100, box["y"] + 100)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 200, box["y"] + 130)
+    page.mouse.up()
+    turned = canvas.screenshot()
+    assert turned != before
+    canvas.press("ArrowLeft")
+    assert canvas.screenshot() != turned
+    words = page.locator("figure[data-scene] [role=status]").first
+    said = words.inner_text()
+    page.get_by_role("slider", name="along the path").first.press("End")
+    assert words.inner_text() != said
+    assert words.inner_text().strip().startswith("4 mm: ")
+    turned = canvas.screenshot()
+    page.get_by_role("button", name="colour by difference").first.click()
+    assert canvas.screenshot() != turned
+
+
+def test_the_values_of_a_figure_download(open_page, folder):
+    page = open_page(folder / "index.html", accept_downloads=True)
+    with page.expect_download() as waiting:
+        page.locator("#figure-force_A a.csv").click()
+    assert waiting.value.suggested_filename == "force_A.csv"
+    assert waiting.value.path().read_text().startswith('panel,title,series,"x: displacement')
+
+
+def test_it_is_whole_without_a_script(open_page, folder):
+    page = open_page(folder / "index.html", java_script_enabled=False)
+    finding = page.locator("details.finding.cause").first
+    finding.locator("summary").click()
+    assert finding.locator("ul").is_visible()
+    assert page.locator("svg.plot").first.is_visible()
+    assert page.locator("header figure img").first.is_visible() or why_not_rendered()
+
+
+def test_what_comes_from_a_file_does_not_run(open_page, run, bare, tmp_path):
+    attack = "<img src=x onerror=document.title='taken'><script>document.title='taken'</script>"
+    run.chain = replace(run.chain, title=attack, name=attack, source=attack)
+    run.summary["acceptance"][0]["name"] = attack
+    run.summary["notes"] = [attack]
+    page = open_page(write_report(run, tmp_path))
+    page.wait_for_timeout(100)
+    assert page.title() != "taken"
+    assert page.locator("img[src=x]").count() == 0
+    assert page.errors == []
+
+
+def test_it_prints_on_few_pages(open_page, folder):
+    pdf = open_page(folder / "index.html").pdf(prefer_css_page_size=True)
+    pages = pdf.count(b"/Type /Page\n")
+    assert 1 <= pages <= 12

@@ -1,0 +1,82 @@
+"""The command ``validate compare``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.table import Table as TerminalTable
+
+from vjm_output import terminal
+from vjm_output.plot_style import number, percent
+from vjm_validation.cli.status import NOT_ACCEPTED, OK, UsageError
+from vjm_validation.run_difference import Move, RunDifference, compared, document_of
+
+SHOWN = 20
+"""Figures that a terminal lists."""
+
+
+def compare_(
+    first: Annotated[Path, Parameter(help="A run's folder, or a JSON file of the suite: the reference.")],
+    second: Annotated[Path, Parameter(help="Another run's folder or file.")],
+    *,
+    tolerance: Annotated[float, Parameter(help="Relative change up to which a figure has not moved.")] = 1e-6,
+    report: Annotated[Path | None, Parameter(help="Write a page to this file.")] = None,
+) -> int:
+    """Compare two runs: which figures moved, and by how much."""
+    if not 0.0 <= tolerance < 1.0:
+        raise UsageError(f"--tolerance: must be from 0 to 1, not {tolerance:g}")
+    found = compared(document_of(first), document_of(second), tolerance)
+    if not found.compared:
+        raise UsageError(f"{first} and {second} have no figure in common: compare runs of one command")
+    console = terminal.console()
+    table = TerminalTable(title=f"{first} and {second}", title_justify="left")
+    for column in ("figure", "before", "after", "change"):
+        table.add_column(column, justify="left" if column == "figure" else "right")
+    for move in found.moved[:SHOWN]:
+        table.add_row(*_row(move))
+    if found.moved:
+        console.print(table)
+    if len(found.moved) > SHOWN:
+        console.print(f"and {len(found.moved) - SHOWN} more" + ("" if report else "; --report writes all"))
+    for name in found.lost[:SHOWN]:
+        console.print(f"only in the first: {name}", soft_wrap=True, markup=False)
+    console.print(_words(found, tolerance), soft_wrap=True)
+    if report is not None:
+        _page(report, f"{first} and {second}", found, tolerance)
+        console.print(f"page: {report}", soft_wrap=True)
+    return OK if found.same else NOT_ACCEPTED
+
+
+def _row(move: Move) -> tuple[str, str, str, str]:
+    change = percent(move.change) if move.change < float("inf") else "another"
+    return move.name, number(move.before, 7), number(move.after, 7), change
+
+
+def _words(found: RunDifference, tolerance: float) -> str:
+    moved = f"{len(found.moved)} of {found.compared} figures moved by more than {tolerance:g}"
+    rest = f"; the others by at most {found.largest:.2g}" if found.largest else "; the others are equal"
+    lost = f"; {len(found.lost)} are missing in the second" if found.lost else ""
+    new = f"; {len(found.new)} are new in it" if found.new else ""
+    return moved + rest + lost + new
+
+
+def _page(file: Path, title: str, found: RunDifference, tolerance: float) -> None:
+    # matplotlib takes a second to import
+    from vjm_validation.report.small_page import write_small_page
+    from vjm_validation.report.tables import Table
+    from vjm_validation.report.words import Tone
+
+    moved = tuple(_row(move) for move in found.moved)
+    absent = tuple(
+        (name, where) for names, where in ((found.lost, "first"), (found.new, "second")) for name in names
+    )
+    tables = [
+        Table("Figures that moved, the most first", ("figure", "before", "after", "change"), moved),
+        Table("Figures that only one run has", ("figure", "run"), absent),
+    ]
+    write_small_page(
+        file, f"Comparison: {title}", f"{_words(found, tolerance)}.",
+        tone=Tone.AGREES if found.same else Tone.FAILED, tables=[table for table in tables if table.rows],
+    )  # fmt: skip

@@ -1,0 +1,86 @@
+"""``--plot`` and ``--report``: the figures of a command as a file, and as a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+from rich.console import Console
+
+from vjm.io.files import check_writable, write_whole
+from vjm_validation.cli.status import UsageError
+
+if TYPE_CHECKING:
+    # matplotlib takes a second to import, which a command without a figure does not need
+    from vjm_output.plot_style import Picture
+    from vjm_validation.report.tables import Table
+
+Plot = Annotated[Path | None, Parameter(name="--plot", help="Write the figure to this file, .png or .svg.")]
+Report = Annotated[Path | None, Parameter(name="--report", help="Write a page to this file, .html.")]
+ENDINGS = (".png", ".svg")
+
+
+@dataclass(frozen=True)
+class Content:
+    """What is drawn and written.
+
+    Attributes:
+        title: of the page.
+        verdict: its first sentence.
+        pictures: the first one is the plot.
+        tables: of the page.
+        sentences: of the page.
+    """
+
+    title: str
+    verdict: str
+    pictures: Sequence[Picture]
+    tables: Sequence[Table] = ()
+    sentences: Sequence[str] = ()
+
+
+def check(plot: Path | None, report: Path | None) -> None:
+    """Refuse files that cannot be written before anything is computed.
+
+    Raises:
+        UsageError: an ending that is none of `ENDINGS`.
+        OSError: the folder cannot be written to.
+    """
+    if plot is not None and plot.suffix not in ENDINGS:
+        raise UsageError(f"--plot {plot}: write a file that ends in {' or '.join(ENDINGS)}")
+    for file in (plot, report):
+        if file is not None:
+            check_writable(file.parent)
+
+
+def draw(plot: Path | None, report: Path | None, content: Callable[[], Content], console: Console | None) -> None:
+    """Write what is asked for.
+
+    Args:
+        plot: file of the figure.
+        report: file of the page.
+        content: makes what they show.
+        console: to name the files on; None where nothing but a document is printed.
+    """
+    if plot is None and report is None:
+        return
+    made = content()
+    if plot is not None:
+        drawing = made.pictures[0].drawing
+        if plot.suffix == ".svg" and drawing.vector is None:
+            raise UsageError(f"--plot {plot}: this figure is no line plot: write it as .png")
+        svg = drawing.vector.file.encode() if drawing.vector is not None else b""
+        write_whole(plot, svg if plot.suffix == ".svg" else drawing.png)
+    if report is not None:
+        from vjm_validation.report.small_page import write_small_page
+
+        write_small_page(
+            report, made.title, made.verdict, sentences=made.sentences, pictures=made.pictures, tables=made.tables
+        )
+    if console is not None:
+        for name, file in (("figure", plot), ("page", report)):
+            if file is not None:
+                console.print(f"{name}: {file}", soft_wrap=True)
