@@ -42,7 +42,7 @@ def diagnose_(
     strict: Strict = False,
 ) -> int:
     """Show what the model gets wrong, name the cause, extend the model and measure the gain."""
-    for path in effects:
+    for path in filter(Path.is_file, effects):
         terminal.error(f"warning: --effects runs the program {path} with all your rights: only what you trust")
     with ExitStack() as stack:
         display: Callable[[str, int, int], None] | None = None
