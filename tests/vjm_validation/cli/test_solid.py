@@ -1,6 +1,11 @@
 """`validate identify --solid` as a user types it, and what it says to bad input."""
 
 import json
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +14,7 @@ from helpers.solids import drawn, gmsh_or_skip, prism
 
 from vjm_validation.cli import main
 
+PAGE = Path(__file__).parents[3] / "docs/solid-parts.md"
 TIMOSHENKO = 4 * 100.0**3 / (70000 * 10 * 20**3) + 1.2 * 2.6 * 100.0 / (70000 * 10 * 20)
 """Deflection of the prism under a force, mm/N."""
 MATERIAL = ("--youngs", "70000", "--poisson", "0.3")
@@ -123,12 +129,22 @@ def _without(name):
 
 def test_the_command_starts_without_the_extra():
     """Neither the command's help nor a plain identification loads gmsh, scikit-fem or the solver."""
-    import subprocess
-    import sys
-
     code = (
         "import sys; from vjm_validation.cli import identify, main; "
         "print([m for m in ('gmsh', 'skfem', 'pypardiso', 'pyvista') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+COMMANDS = [line.strip() for line in PAGE.read_text().splitlines() if line.startswith("    validate ")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", COMMANDS)
+def test_what_the_page_says_to_type_works(tmp_path, command):
+    """In a folder of its own, to which the examples are copied: the commands write beside them."""
+    gmsh_or_skip()
+    shutil.copytree(PAGE.parents[1] / "examples/parts", tmp_path / "examples/parts")
+    done = validate(*shlex.split(command)[1:], cwd=tmp_path)
+    assert done.status == 0, done.err
