@@ -19,6 +19,7 @@ from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.identify.documents import IdentificationDocument
 from vjm_updating.identify.solid_documents import SolidDocument
 from vjm_updating.maps.documents import MapDocument, MapTaskDocument
+from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.simulate.command import Truth
 from vjm_validation.compensation import CompensationDocument
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
@@ -39,6 +40,8 @@ def schemas() -> dict[str, dict[str, Any]]:
         "solid.schema.json": schema(SolidDocument),
         "calibration.schema.json": schema(Calibration),
         "diagnosis.schema.json": schema(Diagnosis),
+        "pose-calibration.schema.json": schema(PoseCalibration),
+        "pose-diagnosis.schema.json": schema(PoseDiagnosis),
         "table2.schema.json": schema(Table2Document),
         "map.schema.json": schema(MapDocument),
         "map-task.schema.json": schema(MapTaskDocument),

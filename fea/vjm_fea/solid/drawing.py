@@ -15,11 +15,10 @@ import numpy as np
 
 from vjm.io.errors import printed
 from vjm_fea.solid.corners import re_entrant_edges
-from vjm_fea.solid.faces import Face
+from vjm_fea.solid.faces import KINDS, Face, is_drawing
 from vjm_fea.solid.libraries import interruptible, load
 from vjm_fea.solid.mesh import Indices, SolidMesh, from_gmsh
 
-KINDS = (".step", ".stp", ".brep", ".stl", ".msh")
 TRIANGLE6, TRIANGLE3, TETRAHEDRON10, TETRAHEDRON4, LINE3 = 9, 2, 11, 4, 8
 """gmsh's numbers of its elements."""
 LONGEST, SHORTEST = 2e4, 0.5
@@ -185,7 +184,7 @@ def drawing(path: str | Path, scale: float = 1.0) -> Iterator[Drawing]:
         OSError: the file cannot be read.
     """
     path = Path(path)
-    if path.suffix.lower() not in KINDS:
+    if not is_drawing(path.name):
         raise ValueError(f"{path.name}: no kind of drawing that is known: give {', '.join(KINDS)}")
     with open(path, "rb") as file:
         if not file.read(1):

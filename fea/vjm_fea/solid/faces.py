@@ -5,14 +5,22 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from vjm.io.errors import did_you_mean, printed
 from vjm.rotations import Array
 
+KINDS = (".step", ".stp", ".brep", ".stl", ".msh")
+"""Endings of drawings."""
 NEAR = 1e-4
 """Distance from a face, over the drawing's diagonal, up to which a point lies on it."""
+
+
+def is_drawing(name: str) -> bool:
+    """Whether a file is a drawing, by its ending."""
+    return Path(name).suffix.lower() in KINDS
 
 
 @dataclass(frozen=True)

@@ -96,6 +96,7 @@ class Assembly:
         elastic: indices of the virtual springs' coordinates.
         springs: the springs' laws.
         natural: coordinates at which springs are free of stress.
+        spans: each part's own coordinates, by name.
         stations: points that show the chain's shape.
         pieces: straight stretches of the rigid bodies.
     """
@@ -112,6 +113,7 @@ class Assembly:
         self.elastic: list[int] = []
         self.springs: list[Spring] = []
         self.natural: dict[int, float] = {}
+        self.spans: dict[str, range] = {}
         self._own: dict[str, int | None] = {}
         self.stations: list[Station] = []
         self.pieces: list[Piece] = []
@@ -119,7 +121,8 @@ class Assembly:
             self._begin(part)
             first = self.size
             self._add(part)
-            (self.passive if isinstance(part, PassiveJoint) else self.elastic).extend(range(first, self.size))
+            self.spans[part.name] = range(first, self.size)
+            (self.passive if isinstance(part, PassiveJoint) else self.elastic).extend(self.spans[part.name])
 
     def _begin(self, part: Part) -> None:
         """Called before a part is added: a chain goes on where it is."""

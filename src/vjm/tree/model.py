@@ -117,6 +117,18 @@ class TreeModel:
             result[:, joint] = share[name]
         return result
 
+    def span(self, part: str) -> range:
+        """The coordinates of a part: of a joint those across its axis first, then its own."""
+        return self._built.spans[part]
+
+    def weighed(self) -> tuple[str, ...]:
+        """The part of each weight in `arrays`, in their order."""
+        return tuple(piece.part for piece in self._built.pieces if piece.mass > 0.0 and piece.joint >= 0)
+
+    def driven_by(self, part: str) -> int:
+        """The one-degree joint that stands at the value of a held joint."""
+        return next(joint for joint, name in self._built.held.items() if name == part)
+
     # --- arrays -------------------------------------------------------------------------------------------
 
     def find(self, part: str, at: float) -> tuple[int, Array]:

@@ -146,23 +146,27 @@ def read_readings(path: Path, sheet: Sheet) -> Readings:
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataError(f"{path.name}: no CSV text in UTF-8: {error}") from error
     try:
-        header, table = _table(lines)
+        header, table = table_of(lines)
         for column in header:
             check_column(column, tuple(sheet.points))
         _check_header(header, sheet)
         rows = np.array([number for number, _ in table])
         text = {name: [cells[i] for _, cells in table] for i, name in enumerate(header)}
         posture = _postures(text, rows, sheet)
-        run = _numbers(text[RUN], RUN, rows) if RUN in text else np.ones(len(rows))
+        run = numbers_of(text[RUN], RUN, rows) if RUN in text else np.ones(len(rows))
         _check_runs(run, rows)
-        values = {name: _numbers(text[name], name, rows) for name in header if name not in (POSTURE, RUN)}
+        values = {name: numbers_of(text[name], name, rows) for name in header if name not in (POSTURE, RUN)}
     except ValueError as error:
         raise DataError(f"{path.name}: {error}") from error
     return Readings(path.name, rows, posture, run.astype(int), values)
 
 
-def _table(lines: list[list[str]]) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """The header, and the rows with their numbers."""
+def table_of(lines: list[list[str]]) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """The header, and the rows with their numbers.
+
+    Raises:
+        ValueError: no header, no row, a column twice, or a row of another length.
+    """
     if not lines:
         raise ValueError("the file is empty; its first line must name the columns")
     header = [name.strip() for name in lines[0]]
@@ -218,8 +222,12 @@ def _postures(text: dict[str, list[str]], rows: np.ndarray, sheet: Sheet) -> np.
     return np.array(labels)
 
 
-def _numbers(cells: list[str], name: str, rows: np.ndarray) -> Array:
-    """A column ``(n,)``, nan for a blank."""
+def numbers_of(cells: list[str], name: str, rows: np.ndarray) -> Array:
+    """A column ``(n,)``, nan for a blank.
+
+    Raises:
+        ValueError: a cell is no finite number.
+    """
     result = np.full(len(cells), np.nan)
     for i, (cell, row) in enumerate(zip(cells, rows, strict=True)):
         if not cell:

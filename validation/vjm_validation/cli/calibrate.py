@@ -12,6 +12,9 @@ from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_updating.calibrate.command import PAGE, STAGES, calibrate, prepare
 from vjm_updating.calibrate.summary_text import tables
+from vjm_updating.poses.command import calibrate_poses
+from vjm_updating.poses.sheet import kind_of_sheet
+from vjm_updating.poses.summary_text import lines as lines_of_poses
 from vjm_validation.cli.doubts import Strict, warn
 
 
@@ -25,7 +28,8 @@ def calibrate_(
         Parameter(
             consume_multiple=True,
             help="What to look for: part.factor, part.section, part.EIz, part.diagonal, part.C11, part.matrix, "
-            "actuator.compliance; by default one factor for every elastic part.",
+            "actuator.compliance; by default one factor for every elastic part. Of tests of poses: families, see "
+            "docs/poses.md.",
         ),
     ] = (),
     next_: Annotated[
@@ -33,7 +37,9 @@ def calibrate_(
         Parameter(
             name="--next",
             consume_multiple=True,
-            help="Feasible next ramps, POSTURE:END or POSTURE:AXIS:END in mm or rad, such as D:-12 or B:y:2.",
+            help="Feasible next ramps, POSTURE:END or POSTURE:AXIS:END in mm or rad, such as D:-12 "
+            "or B:y:2. Of tests of "
+            "poses: a CSV file of postures.",
         ),
     ] = (),
     figure: Annotated[
@@ -43,6 +49,8 @@ def calibrate_(
     strict: Strict = False,
 ) -> int:
     """Fit spring compliances to measured force-displacement readings, with their uncertainty."""
+    if kind_of_sheet(sheet) == "poses":
+        return _by_poses(data, sheet, out, fit, next_, figure, json=json, strict=strict)
     task = prepare(data, sheet, fit, next_, strict=strict)
     warn(task.findings)
     with terminal.progress(quiet=json) as progress:
@@ -53,5 +61,40 @@ def calibrate_(
     console = terminal.console()
     for item in tables(document):
         console.print(item, soft_wrap=isinstance(item, str))
+    console.print(f"page: {out / PAGE}", soft_wrap=True)
+    return 0
+
+
+def _by_poses(
+    data: Path,
+    sheet: Path,
+    out: Path,
+    fit: tuple[str, ...],
+    next_: tuple[str, ...],
+    figure: str,
+    *,
+    json: bool,
+    strict: bool,
+) -> int:
+    if figure or len(next_) > 1:
+        raise ValueError(f"{sheet.name}: is a test of poses, which has no --figure, and --next takes one CSV file")
+    with terminal.progress(quiet=json) as progress:
+        done = 0
+
+        def tell(_: str) -> None:
+            nonlocal done
+            done += 1
+            progress("calibration", done, 0)
+
+        candidates = Path(next_[0]) if next_ else None
+        document = calibrate_poses(
+            data, sheet, out, families=fit, candidates=candidates, strict=strict, progress=tell
+        )
+    if json:
+        sys.stdout.write(as_json(document))
+        return 0
+    console = terminal.console()
+    for line in lines_of_poses(document):
+        console.print(line, soft_wrap=True)
     console.print(f"page: {out / PAGE}", soft_wrap=True)
     return 0

@@ -13,12 +13,17 @@ from cyclopts import Parameter
 from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_updating.diagnose.command import PAGE, diagnose
+from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.diagnose.summary_text import lines
+from vjm_updating.poses.command import diagnose_poses
+from vjm_updating.poses.document import PoseDiagnosis
+from vjm_updating.poses.sheet import kind_of_sheet
+from vjm_updating.poses.summary_text import lines as lines_of_poses
 from vjm_validation.cli.doubts import Strict, warn
 
 
 def diagnose_(
-    data: Annotated[Path, Parameter(help="Readings, CSV; see docs/diagnosis.md.")],
+    data: Annotated[Path, Parameter(help="Readings, CSV; see docs/diagnosis.md, or docs/poses.md.")],
     *,
     sheet: Annotated[Path, Parameter(help="Test sheet, TOML.")],
     out: Annotated[Path, Parameter(help="Folder for diagnosis.json, diagnosis.html, extended-model.toml.")],
@@ -55,23 +60,30 @@ def diagnose_(
             done += 1
             display("diagnosis", done, 0)
 
-        document = diagnose(
-            data,
-            sheet,
-            out,
-            plug_ins=effects,
-            only=only,
-            without=without,
-            beside=beside,
-            strict=strict,
-            warn=warn,
-            progress=tell,
-        )
+        if kind_of_sheet(sheet) == "poses":
+            if effects or beside:
+                raise ValueError(f"{sheet.name}: --effects and --beside are for ramps, and this is a test of poses")
+            document: Diagnosis | PoseDiagnosis = diagnose_poses(
+                data, sheet, out, only=only, without=without, strict=strict, progress=tell
+            )
+        else:
+            document = diagnose(
+                data,
+                sheet,
+                out,
+                plug_ins=effects,
+                only=only,
+                without=without,
+                beside=beside,
+                strict=strict,
+                warn=warn,
+                progress=tell,
+            )
     if json:
         sys.stdout.write(as_json(document))
         return 0
     console = terminal.console()
-    for line in lines(document):
+    for line in lines_of_poses(document) if isinstance(document, PoseDiagnosis) else lines(document):
         console.print(line, soft_wrap=True)
     console.print(f"page: {out / PAGE}", soft_wrap=True)
     return 0

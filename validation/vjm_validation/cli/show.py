@@ -28,7 +28,8 @@ def show_(
 ) -> int:
     """Write a 3-D view of a machine with its axes, joints, springs and names; or draw a part's faces numbered."""
     # drawing libraries take seconds to import
-    from vjm_validation.cli.show_drawing import is_drawing, show_drawing
+    from vjm_fea.solid.faces import is_drawing
+    from vjm_validation.cli.show_drawing import show_drawing
 
     if is_drawing(model):
         return show_drawing(Path(model), out)

@@ -8,15 +8,10 @@ from rich.table import Table
 
 from vjm.io.errors import printed
 from vjm.io.files import check_writable, write_whole
-from vjm_fea.solid.drawing import KINDS, drawing
+from vjm_fea.solid.drawing import drawing
 from vjm_output import terminal
 from vjm_output.off_screen import why_not_rendered
 from vjm_updating.identify.solid_pictures import numbered_faces
-
-
-def is_drawing(name: str) -> bool:
-    """Whether a name is that of a drawing, by its ending."""
-    return Path(name).suffix.lower() in KINDS
 
 
 def show_drawing(path: Path, out: Path | None, unit_mm: float = 1.0) -> int:

@@ -1,0 +1,1 @@
+"""Robots measured by where they are: joint coordinates and tracked poses under the robot's own weight."""

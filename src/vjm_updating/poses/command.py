@@ -1,0 +1,303 @@
+"""The two commands on sheets of ``kind = "poses"``: from the test's two files to the results."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from vjm import __version__
+from vjm.io.errors import did_you_mean
+from vjm.io.files import check_writable, write_whole
+from vjm.io.model_file import build_chain
+from vjm.io.urdf_text import urdf_text
+from vjm.rotations import Array, rotation_vector
+from vjm_output.documents import as_json
+from vjm_updating.experiment.readings import DataError
+from vjm_updating.poses import document as rows
+from vjm_updating.poses.calibrated import calibrated_document, calibrated_text
+from vjm_updating.poses.contrasts import contrasts, correlations
+from vjm_updating.poses.families import TITLES
+from vjm_updating.poses.identifiability import estimates
+from vjm_updating.poses.ladder import Step, climb
+from vjm_updating.poses.measurement import PoseMeasurement, read_pose_measurement
+from vjm_updating.poses.next_postures import next_postures
+from vjm_updating.poses.page import page
+from vjm_updating.poses.plausibility import DataProblem, check_count, check_units, data_problems
+from vjm_updating.poses.readings import read_candidates
+from vjm_updating.poses.study import COUPLING, OUTLIER, Hypothesis, State, Study, couplings
+from vjm_updating.poses.verdict import judge
+
+DIAGNOSIS, DIAGNOSIS_PAGE, EXTENDED = "diagnosis.json", "diagnosis.html", "extended-model.toml"
+CALIBRATION, CALIBRATION_PAGE, CALIBRATED = "calibration.json", "calibration.html", "calibrated-model.toml"
+URDF = "calibrated.urdf"
+USUAL = ("frame_error", "joint_compliance")
+"""Families of a calibration that names none."""
+SHOWN = 12
+
+
+def prepared(data: Path, sheet: Path) -> tuple[PoseMeasurement, Study]:
+    """A test that was read, checked and aligned.
+
+    Raises:
+        ValueError: a file cannot be used; one line.
+    """
+    measurement = read_pose_measurement(data, sheet)
+    check_units(measurement)
+    study = Study(measurement.sheet, measurement.machine, measurement.data)
+    check_count(study)
+    return measurement, study
+
+
+def _chosen(study: Study, only: Sequence[str], without: Sequence[str]) -> list[str]:
+    """Names of families and couplings that are thought possible.
+
+    Raises:
+        ValueError: a name is none.
+    """
+    known = [*study.families, *couplings(study)]
+    for name in (*only, *without):
+        if name not in known and name != COUPLING:
+            raise ValueError(
+                f"no family '{name}' for these data; there are {', '.join(known)}{did_you_mean(name, known)}"
+            )
+
+    def is_in(name: str, names: Sequence[str]) -> bool:
+        return name in names or name.partition(".")[0] in names
+
+    return [name for name in known if (not only or is_in(name, only)) and not is_in(name, without)]
+
+
+def diagnose_poses(
+    data: Path, sheet: Path, out: Path, *, only: Sequence[str] = (), without: Sequence[str] = (),
+    strict: bool = False,
+    progress: Callable[[str], None] = lambda _: None,
+) -> rows.PoseDiagnosis:  # fmt: skip
+    """Diagnose a test of poses and write what was found.
+
+    Args:
+        data: readings, CSV.
+        sheet: TOML.
+        out: folder; all files are written at the end or none.
+        only: families that are thought possible; all where none is given.
+        without: families that are not.
+        strict: whether data that are not what they seem are refused.
+        progress: told what is being done.
+
+    Raises:
+        ValueError: a file or a name cannot be used; one line.
+        vjm.errors.NoConvergenceError: the model has no equilibrium in a posture.
+        OSError: the folder cannot be written to.
+    """
+    begun = time.perf_counter()
+    measurement, study = prepared(data, sheet)
+    names = _chosen(study, only, without)
+    problems = _problems(study, strict=strict)
+    check_writable(out)
+    steps = climb(study, names, progress)
+    progress("verdict")
+    verdict = judge(study, steps, problems)
+    first, last = steps[0].state, steps[-1].state
+    common, model, urdf = _common(measurement, study, first, last, begun)
+    found = rows.PoseDiagnosis(
+        **common
+        | {"problems": _problem_rows(verdict.problems)},
+        verdict=verdict.kind,
+        causes=list(verdict.causes),
+        alternatives=[list(names) for names in verdict.alternatives],
+        explained=verdict.explained,
+        ladder=[_rung(step) for step in steps],
+        contrasts_before=_contrasts(study, first),
+        contrasts_after=_contrasts(study, last),
+        shared_correlation_before=correlations(study, first),
+        shared_correlation_after=correlations(study, last),
+        remainder=rows.RemainderRow(**vars(verdict.remainder)),
+        next=verdict.next,
+    )  # fmt: skip
+    progress("report")
+    _write(
+        out, (DIAGNOSIS, DIAGNOSIS_PAGE, EXTENDED), found, page(measurement.sheet, study, steps, found), model, urdf
+    )
+    return found
+
+
+def calibrate_poses(
+    data: Path, sheet: Path, out: Path, *, families: Sequence[str] = (), candidates: Path | None = None,
+    strict: bool = False,
+    progress: Callable[[str], None] = lambda _: None,
+) -> rows.PoseCalibration:  # fmt: skip
+    """Calibrate a robot by poses with chosen families and write what was found.
+
+    Args:
+        data: readings, CSV.
+        sheet: TOML.
+        out: folder; all files are written at the end or none.
+        families: names; none: `USUAL`.
+        candidates: CSV of postures that could be measured next, columns as in the data; None: drawn within limits.
+        strict: whether data that are not what they seem are refused.
+        progress: told what is being done.
+
+    Raises:
+        ValueError: a file or a name cannot be used; one line.
+        vjm.errors.NoConvergenceError: the model has no equilibrium in a posture.
+        OSError: the folder cannot be written to.
+    """
+    begun = time.perf_counter()
+    measurement, study = prepared(data, sheet)
+    chosen = _chosen(study, families or USUAL, ())
+    problems = _problems(study, strict=strict)
+    check_writable(out)
+    progress("base frame and markers")
+    first = study.settle(Hypothesis())
+    hypothesis = Hypothesis()
+    for name in chosen:
+        hypothesis = hypothesis.plus(name)
+    progress("fit")
+    last = study.settle(hypothesis, first)
+    listed = (
+        None
+        if candidates is None
+        else read_candidates(candidates, measurement.sheet, study.machine.joints, study.machine.slides)
+    )
+    common, model, urdf = _common(measurement, study, first, last, begun, listed)
+    found = rows.PoseCalibration(**common | {"problems": _problem_rows(problems)})
+    steps = [Step("", first, ()), Step(", ".join(hypothesis.names), last, ())]
+    progress("report")
+    _write(
+        out,
+        (CALIBRATION, CALIBRATION_PAGE, CALIBRATED),
+        found,
+        page(measurement.sheet, study, steps, found),
+        model,
+        urdf,
+    )
+    return found
+
+
+def _problems(study: Study, *, strict: bool) -> list[DataProblem]:
+    """What is thought wrong with the data.
+
+    Raises:
+        DataError: something is, and doubts are to be refused.
+    """
+    problems = data_problems(study)
+    if problems and strict:
+        raise DataError(f"{study.data.file}: {problems[0].name}: {problems[0].words}")
+    return problems
+
+
+def _problem_rows(problems: Sequence[DataProblem]) -> list[rows.ProblemRow]:
+    return [
+        rows.ProblemRow(name=one.name, words=one.words, before_mm=one.before, after_mm=one.after)
+        for one in problems
+    ]
+
+
+def _write(
+    out: Path, names: tuple[str, str, str], document: rows.PoseCalibration, html: str, model: str, urdf: str
+) -> None:
+    for name, content in zip((*names, URDF), (as_json(document), html, model, urdf), strict=True):
+        write_whole(out / name, content)
+
+
+def _common(
+    measurement: PoseMeasurement,
+    study: Study,
+    first: State,
+    last: State,
+    begun: float,
+    candidates: Array | None = None,
+) -> tuple[dict[str, object], str, str]:
+    """What a calibration and a diagnosis say alike, the model file and the URDF."""
+    data, frames = study.data, last.frames
+    content, left_out = calibrated_document(measurement, study, last)
+    chain = build_chain(content, "the calibrated model")
+    bent = [f"{COUPLING}.{joint}" for joint in last.hypothesis.bent]
+    member_rows = [
+        rows.MemberRow(
+            name=e.name,
+            value=e.value,
+            std=e.std,
+            interval95=[e.low, e.high],
+            unit=e.unit,
+            learnt=e.learnt,
+            identifiable=e.identifiable,
+            one_with=list(e.one_with),
+            at_bound=e.at_bound,
+        )
+        for e in estimates(study, last)
+    ]
+    families = [
+        rows.FamilyRow(
+            name=name,
+            title=TITLES[name],
+            size=last.solution.sizes[study.number(name)],
+            effective=last.solution.effective[study.number(name)],
+            members=[row for row in member_rows if row.name.startswith(f"{name}.")],
+        )
+        for name in last.hypothesis.families
+    ]
+    families += [
+        rows.FamilyRow(name=n, title=TITLES[COUPLING], size=None, effective=None, members=[]) for n in bent
+    ]
+    places = {f"marker {name}": [float(v) for v in frames.m[k]] for k, name in enumerate(data.markers)}
+    common: dict[str, object] = {
+        "postures": len(data),
+        "different_postures": int(study.folds.posture.max()) + 1,
+        "markers": list(data.markers),
+        "left_out": data.left_out,
+        "outliers": int(np.sum(last.weight < OUTLIER)),
+        "before": _rung(Step("", first, ())),
+        "after": _rung(Step("", last, ())),
+        "families": families,
+        "frames": {"base": [*map(float, frames.t), *map(float, _vector(frames.R))], **places},
+        "next_postures": [
+            rows.NextRow(
+                criterion="D" if one.criterion == "D" else "I",
+                joints=list(data.joints),
+                q=one.q.tolist(),
+                members=one.members,
+                prediction=one.prediction,
+            )
+            for one in next_postures(study, last, candidates)
+        ],
+        "problems": [],
+        "not_in_model": left_out,
+        "version": rows.PoseVersionRow(
+            package=__version__, model_sha256=measurement.model_sha256, data_sha256=data.sha256
+        ),
+        "seconds": time.perf_counter() - begun,
+    }
+    return common, calibrated_text(content), urdf_text(chain)
+
+
+def _vector(R: np.ndarray) -> np.ndarray:
+    try:
+        return rotation_vector(R)
+    except ValueError:
+        dyad = R + np.eye(3)
+        axis = dyad[:, int(np.argmax(np.diag(dyad)))]
+        half: np.ndarray = np.pi * axis / np.linalg.norm(axis)
+        return half
+
+
+def _rung(step: Step) -> rows.RungRow:
+    state = step.state
+    fitted, random, region = state.errors.means
+    return rows.RungRow(
+        added=step.added, fitted_mm=fitted, random_mm=random, region_mm=region,
+        parameters=state.blocks.nuisances + sum(state.solution.effective.values()),
+        tried=[
+            rows.TrialRow(
+                name=t.name, gain_random=t.gain_random, sure=float(min(t.sure, 1e3)), gain_region=t.gain_region,
+                log_evidence=t.evidence, pays=t.pays,
+            )
+            for t in step.trials
+        ],
+    )  # fmt: skip
+
+
+def _contrasts(study: Study, state: State) -> list[rows.ContrastRow]:
+    return [rows.ContrastRow(**vars(one)) for one in contrasts(study, state)[:SHOWN]]

@@ -1,0 +1,161 @@
+"""Contrasts that a person can read: what the residuals of a test follow.
+
+Each is the share of the whitened squared residual that a few columns explain beyond the nuisances: turns of one
+joint as a smooth function of its angle, its turn in proportion to its torque, by the way it came, a drift of the
+tracker, a mean by region. Its significance is the F statistic turned into standard deviations of the normal
+distribution. *Shared between markers* asks whether one free turn of the body that carries all of them, posture by
+posture, explains more than as many free numbers of any kind would: residuals that move together belong to what
+the markers share.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from vjm.rotations import Array
+from vjm_updating.poses.study import State, Study
+
+NOTED = 3.0
+"""Standard deviations from which on a contrast counts."""
+MOST = 50.0
+"""Standard deviations beyond which no more is said."""
+MEDIAN = 1.4826
+"""From the median of absolute values to a standard deviation."""
+LEAST_SHARED = 0.15
+"""Share of the variance, beyond what chance gives, from which on markers move together."""
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """One contrast.
+
+    Attributes:
+        name: what the residual follows.
+        kind: ``angle``, ``torque``, ``approach``, ``time``, ``region`` or ``shared``.
+        share: of the squared residual that it explains.
+        significance: standard deviations.
+    """
+
+    name: str
+    kind: str
+    share: float
+    significance: float
+
+
+def contrasts(study: Study, state: State) -> list[Contrast]:
+    """All contrasts of a state's residuals, the largest share first."""
+    blocks, n = state.blocks, state.blocks.nuisances
+    active = state.solution.active
+    y = blocks.y - blocks.J[:, active] @ state.solution.z[active]
+    F = blocks.J[:, :n]
+    Q = np.linalg.qr(F)[0]
+    left = y - Q @ (Q.T @ y)
+    result: list[Contrast] = []
+    columns: dict[tuple[str, str], list[int]] = {}
+    for i, member in enumerate(study.members):
+        if member.family in ("gear_error", "joint_offset", "encoder_scale"):
+            columns.setdefault((f"angle of {member.part}", "angle"), []).append(n + i)
+        elif member.family == "joint_compliance":
+            columns.setdefault((f"torque of {member.part}", "torque"), []).append(n + i)
+        elif member.family == "approach":
+            columns.setdefault((f"way of approach of {member.part}", "approach"), []).append(n + i)
+        elif member.family == "tracker_drift":
+            columns.setdefault((f"{member.name.split('.')[1]}, evenly", "time"), []).append(n + i)
+    for (name, kind), index in columns.items():
+        result.append(_share(name, kind, left, Q, blocks.J[:, index]))
+    result.append(_by_region(study, state, left, Q))
+    if len(study.data.markers) > 1:
+        result.append(shared(study, state))
+    return sorted(result, key=lambda one: -one.share)
+
+
+def _share(name: str, kind: str, left: Array, Q: Array, columns: Array) -> Contrast:
+    rest = columns - Q @ (Q.T @ columns)
+    U, s, _ = np.linalg.svd(rest, full_matrices=False)
+    U = U[:, s > 1e-8 * max(float(s.max(initial=0.0)), 1e-300)]
+    explained, total = float(np.sum((U.T @ left) ** 2)), float(left @ left)
+    return Contrast(name, kind, explained / max(total, 1e-300), _sigmas(explained, total, U.shape[1], len(left)))
+
+
+def _sigmas(explained: float, total: float, p: int, n: int) -> float:
+    freedom = n - p
+    if p == 0 or freedom <= 0 or total <= explained:
+        return 0.0
+    F = explained / p / ((total - explained) / freedom)
+    log_p = float(stats.f.logsf(F, p, freedom))
+    return float(min(stats.norm.isf(np.exp(log_p)) if log_p > -700.0 else np.sqrt(-2.0 * log_p), MOST))
+
+
+def _by_region(study: Study, state: State, left: Array, Q: Array) -> Contrast:
+    """Mean residual of each region of joint space, for each number that a posture gives."""
+    region = study.folds.region[state.blocks.posture]
+    coordinate = np.broadcast_to(np.arange(6), study.present.shape)[study.present]
+    marker = np.broadcast_to(np.arange(study.present.shape[1])[:, None], study.present.shape)[study.present]
+    cell = (marker * 6 + coordinate) * (region.max() + 1) + region
+    columns = (cell[:, None] == np.unique(cell)[None]).astype(float)
+    return _share("region of joint space", "region", left, Q, columns)
+
+
+def shared(study: Study, state: State) -> Contrast:
+    """Whether the markers' residuals move together, posture by posture."""
+    residual, tilt = state.at.residual[..., :3], state.at.tilt[..., :3, :]
+    explained = total = chance = 0.0
+    for r, T in zip(residual, tilt, strict=True):
+        seen = np.isfinite(r).all(axis=1)
+        if seen.sum() < 2:
+            continue
+        y, A = r[seen].reshape(-1), T[seen].reshape(-1, 3)
+        fit = A @ np.linalg.lstsq(A, y, rcond=None)[0]
+        explained += float(fit @ fit)
+        total += float(y @ y)
+        chance += float(y @ y) * 3.0 / len(y)
+    if total == 0.0:
+        return Contrast("shared between markers", "shared", 0.0, 0.0)
+    share, expected = explained / total, chance / total
+    beyond = (share - expected) / max(1.0 - expected, 1e-9)
+    count = int(np.isfinite(residual).all(axis=(1, 2)).sum())
+    # share of one posture: that of a beta distribution, whose mean over postures is nearly normal
+    free = 3 * residual.shape[1]
+    spread = np.sqrt(2.0 * expected * (1.0 - expected) / (free + 2.0) / max(count, 1))
+    return Contrast(
+        "shared between markers: one turn of what carries them", "shared", beyond,
+        float(min((share - expected) / spread, MOST)),
+    )  # fmt: skip
+
+
+def correlations(study: Study, state: State) -> list[float]:
+    """Correlation of the first two markers' residuals along each axis of the tracker, ``(3,)``."""
+    if len(study.data.markers) < 2:
+        return []
+    a, b = state.at.residual[:, 0, :3], state.at.residual[:, 1, :3]
+    both = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
+    if both.sum() < 3:
+        return []
+    return [float(np.corrcoef(a[both, i], b[both, i])[0, 1]) for i in range(3)]
+
+
+def jump(study: Study, state: State) -> tuple[int, Array, float]:
+    """Where the tracker's frame jumps: first posture after it, by how much ``(3,)`` mm, significance.
+
+    The largest two-sample statistic over all places; only of tests whose order is known.
+    """
+    mean = np.nanmean(state.at.residual[..., :3], axis=1)
+    good = np.isfinite(mean).all(axis=1)
+    g = len(mean)
+    if not study.ordered or g < 20:
+        return 0, np.zeros(3), 0.0
+    x = np.where(good[:, None], mean, 0.0)
+    sums, counts = np.cumsum(x, axis=0), np.cumsum(good)
+    spread = MEDIAN * np.nanmedian(np.abs(mean - np.nanmedian(mean, axis=0)), axis=0)
+    at = np.arange(5, g - 5)
+    before, after = (
+        sums[at - 1] / counts[at - 1, None],
+        (sums[-1] - sums[at - 1]) / (counts[-1] - counts[at - 1])[:, None],
+    )
+    scale = spread * np.sqrt(1.0 / counts[at - 1] + 1.0 / (counts[-1] - counts[at - 1]))[:, None]
+    size = np.linalg.norm((after - before) / np.maximum(scale, 1e-12), axis=1)
+    k = int(np.argmax(size))
+    return int(at[k]), after[k] - before[k], float(size[k])

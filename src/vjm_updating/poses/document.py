@@ -1,0 +1,142 @@
+"""``diagnosis.json`` and ``calibration.json`` of tests of poses."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Row(BaseModel):
+    """A frozen table."""
+
+    model_config = ConfigDict(frozen=True)
+
+
+class MemberRow(Row):
+    """A number of a family."""
+
+    name: str
+    value: float
+    std: float
+    interval95: list[float]
+    unit: str
+    learnt: float = Field(description="share of the prior variance that the data took away")
+    identifiable: bool
+    one_with: list[str] = Field(description="members and frames that can make up its effect wholly")
+    at_bound: bool
+
+
+class FamilyRow(Row):
+    """A family that was fitted."""
+
+    name: str
+    title: str
+    size: float | None = Field(description="standard deviation of its members in their units, by the evidence")
+    effective: float | None = Field(description="effective number of members")
+    members: list[MemberRow]
+
+
+class TrialRow(Row):
+    """A family tried on top of a rung."""
+
+    name: str
+    gain_random: float = Field(description="share of the mean distance that it saves, postures held out at random")
+    sure: float = Field(description="that over its standard error")
+    gain_region: float = Field(description="the same, regions held out")
+    log_evidence: float
+    pays: bool
+
+
+class RungRow(Row):
+    """A rung of the ladder: mean distances in mm."""
+
+    added: str
+    fitted_mm: float
+    random_mm: float
+    region_mm: float
+    parameters: float = Field(description="effective number of parameters, frames included")
+    tried: list[TrialRow]
+
+
+class ContrastRow(Row):
+    """What residuals follow."""
+
+    name: str
+    kind: str
+    share: float
+    significance: float
+
+
+class RemainderRow(Row):
+    """What is left."""
+
+    over_noise: float
+    significant: bool
+    kind: str
+    words: str
+
+
+class ProblemRow(Row):
+    """What is thought wrong with the data."""
+
+    name: str
+    words: str
+    before_mm: float
+    after_mm: float
+
+
+class NextRow(Row):
+    """Postures to measure next."""
+
+    criterion: Literal["D", "I"]
+    joints: list[str]
+    q: list[list[float]]
+    members: float = Field(description="factor on the members' standard deviations that they promise")
+    prediction: float = Field(description="factor on the standard deviation of predictions")
+
+
+class PoseVersionRow(Row):
+    """What it was made with."""
+
+    package: str
+    model_sha256: str
+    data_sha256: str
+
+
+class PoseCalibration(Row):
+    """A calibration by poses."""
+
+    kind: Literal["poses"] = "poses"
+    postures: int
+    different_postures: int
+    markers: list[str]
+    left_out: int
+    outliers: int
+    before: RungRow
+    after: RungRow
+    families: list[FamilyRow]
+    frames: dict[str, list[float]] = Field(
+        description="base in the tracker's frame, and the markers' places, mm, rad"
+    )
+    next_postures: list[NextRow]
+    problems: list[ProblemRow]
+    not_in_model: list[str] = Field(description="what the calibrated model file cannot hold")
+    version: PoseVersionRow
+    seconds: float
+
+
+class PoseDiagnosis(PoseCalibration):
+    """A diagnosis by poses."""
+
+    verdict: Literal["none", "named", "class", "partly", "unknown"]
+    causes: list[str]
+    alternatives: list[list[str]]
+    explained: float = Field(description="share of the error held out beyond the noise that the causes save")
+    ladder: list[RungRow]
+    contrasts_before: list[ContrastRow]
+    contrasts_after: list[ContrastRow]
+    shared_correlation_before: list[float] = Field(description="of the first two markers' residuals, by axis")
+    shared_correlation_after: list[float]
+    remainder: RemainderRow
+    next: str

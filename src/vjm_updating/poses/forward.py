@@ -1,0 +1,267 @@
+"""Where the markers are by the model, and exact derivatives of that by every member and nuisance.
+
+The prediction of a marker is ``y = R (p_m + R_m m) + t``: p_m, R_m the frame on its body at the loaded
+equilibrium, m what the marker's place in it is off, R and t the tracker's frame. R, t, m, and the marker's own
+turn where it is tracked, are nuisances: never reported as causes, refitted under every hypothesis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.errors import NoConvergenceError
+from vjm.rotations import Array, rotation_from_vector
+from vjm.tree.arrays import TreeArrays
+from vjm.tree.derivatives import FrameDerivatives, frame_derivatives
+from vjm.tree.entry_points import LOST, equilibria_of
+from vjm_updating.poses.families import COMPLIANCE, DRIFT, FACTOR, MASS, STRETCH, VALUE, Member
+from vjm_updating.poses.machine import RIGID, PoseMachine
+from vjm_updating.poses.readings import PoseData
+
+LARGEST_TURN = 0.5
+"""rad: what one update may turn a nuisance frame by."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """The nuisances.
+
+    Attributes:
+        R: ``(3, 3)`` and
+        t: ``(3,)`` mm, the base in the tracker's frame.
+        m: ``(k, 3)`` mm, where the markers are off their guesses.
+        M: ``(k, 3, 3)`` the tracked frames in those of their bodies.
+    """
+
+    R: Array
+    t: Array
+    m: Array
+    M: Array
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """A model at a state, against the readings.
+
+    Attributes:
+        residual: ``(g, k, 6)`` readings less prediction, mm and rad, nan where there is no reading.
+        nuisance: ``(g, k, 6, n_f)`` derivatives of the prediction by the nuisances.
+        member: ``(g, k, 6, P)`` by the members, per unit of each.
+        torque: ``(g, n_joints)`` what bears on each of the data's joints, N mm or N.
+        tilt: ``(g, k, 6, 3)`` by a turn of the body that all markers share, about the base's axes.
+    """
+
+    residual: Array
+    nuisance: Array
+    member: Array
+    torque: Array
+    tilt: Array
+
+
+class PoseForward:
+    """The model of a test: a machine, its postures and the members that may be added to it."""
+
+    def __init__(self, machine: PoseMachine, data: PoseData, gravity: Sequence[float]) -> None:
+        self.machine, self.data = machine, data
+        self.gravity = (float(gravity[0]), float(gravity[1]), float(gravity[2]))
+        self.members: list[Member] = []
+        tree = machine.tree
+        q = machine.rows(data.q)
+        self._values, self._natural = tree.values(q), tree.naturals(q)
+        self._arrays = tree.arrays(self.gravity)
+        self._wrench = (
+            np.ascontiguousarray(data.wrench) if data.wrench.any() else np.zeros((1, len(data.markers), 6))
+        )
+        self._start = np.zeros((len(data), tree.size))
+        self._stiffness = np.ones(tree.size)
+        self._block = {int(f): b for b, f in enumerate(self._arrays.first[:-1])}
+        self._coupled = [tree.joints.index(name) for name in machine.joints]
+
+    @property
+    def nuisances(self) -> int:
+        """How many there are: six of the tracker, three a marker, three more where it is tracked as a frame."""
+        return 6 + 3 * len(self.data.markers) + 3 * len(self.tracked)
+
+    @property
+    def tracked(self) -> list[int]:
+        """Markers whose orientation was tracked."""
+        seen = np.isfinite(self.data.orientation).all(axis=(2, 3)).any(axis=0)
+        return [int(k) for k in np.flatnonzero(seen)]
+
+    def torques(self) -> Array:
+        """Root mean square ``(n_tree,)`` of what each coordinate bears in the machine as the model file has it."""
+        x, _, _, _ = self._solve(self._arrays, self._values)
+        K = np.array([self._arrays.K[self._block[c], 0, 0] if c in self._block else 0.0 for c in range(x.shape[1])])
+        result: Array = np.sqrt(np.mean(((x - self._natural) * K) ** 2, axis=0))
+        return result
+
+    def evaluate(self, z: Array, frames: Frames, *, only: np.ndarray | None = None) -> Linearised:
+        """Residuals and derivatives at members ``z`` (P,), in units, and nuisances.
+
+        Raises:
+            NoConvergenceError: a posture has no equilibrium.
+        """
+        arrays, values = self._changed(z)
+        x, forces, R, p = self._solve(arrays, values)
+        d = frame_derivatives(arrays, values, self._natural, self._wrench, x)
+        columns = self._columns(z, arrays, x, d)
+        return self._seen(z, frames, R, p, columns, forces)
+
+    def unloaded(self) -> tuple[Array, Array]:
+        """End frames by the nominal machine: ``(g, k, 3, 3)`` and ``(g, k, 3)`` mm."""
+        _, _, R, p = self._solve(self._arrays, self._values)
+        return R, p
+
+    def _changed(self, z: Array) -> tuple[TreeArrays, Array]:
+        """Arrays and joints' values at the members' sizes."""
+        K, load, values = self._arrays.K.copy(), self._arrays.load.copy(), self._values.copy()
+        for size, member in zip(z, self.members, strict=True):
+            if size == 0.0:
+                continue
+            change = size * member.unit
+            if member.acts == VALUE:
+                values[:, member.index] += change * (1.0 if member.basis is None else member.basis)
+            elif member.acts == COMPLIANCE:
+                K[self._block[member.index]][0, 0] = 1.0 / max(member.nominal + change, RIGID)
+            elif member.acts == FACTOR:
+                K[self._block[member.index]] /= max(1.0 + change, 1e-3)
+            elif member.acts == MASS:
+                load[member.index] *= max(1.0 + change, 0.0)
+        return self._arrays._replace(K=K, load=load), values
+
+    def _solve(self, arrays: TreeArrays, values: Array) -> tuple[Array, Array, Array, Array]:
+        g = len(self._start)
+        k, x = len(self.data.markers), self._start.copy()
+        verdict, forces = np.zeros(g, dtype=np.int64), np.zeros((g, len(arrays.parent)))
+        R, p, moved, none = np.zeros((g, k, 3, 3)), np.zeros((g, k, 3)), np.zeros((g, k, 6)), np.zeros((0, k, 6, 6))
+        equilibria_of(arrays, values, self._natural, self._wrench, x, verdict, forces, R, p, moved, none, none)
+        if np.any(verdict == LOST):
+            row = int(self.data.row[int(np.argmax(verdict == LOST))])
+            raise NoConvergenceError(f"{self.data.file}: row {row}: the model has no equilibrium in that posture")
+        self._start = x
+        return x, forces, R, p
+
+    def _columns(self, z: Array, arrays: TreeArrays, x: Array, d: FrameDerivatives) -> Array:
+        """Velocities ``(g, k, 6, P)`` of the end frames in the base's axes, per unit of each member."""
+        g, k = len(self.data), len(self.data.markers)
+        result = np.zeros((g, k, 6, len(self.members)))
+        for i, (size, member) in enumerate(zip(z, self.members, strict=True)):
+            if member.acts == VALUE:
+                column = d.value[..., member.index]
+                if member.basis is not None:
+                    column = column * member.basis[:, None, None]
+            elif member.acts == COMPLIANCE:
+                c = member.index
+                stiffness = arrays.K[self._block[c], 0, 0]
+                column = d.force[..., c] * ((x[:, c] - self._natural[:, c]) * stiffness**2)[:, None, None]
+            elif member.acts == FACTOR:
+                b = self._block[member.index]
+                span = slice(int(arrays.first[b]), int(arrays.first[b + 1]))
+                width = span.stop - span.start
+                force = (x[:, span] - self._natural[:, span]) @ arrays.K[b, :width, :width].T
+                column = np.einsum("gkan,gn->gka", d.force[..., span], force) / (1.0 + size * member.unit)
+            elif member.acts == MASS:
+                column = d.load[..., member.index] / max(1.0 + size * member.unit, 1e-6)
+            else:
+                continue
+            result[..., i] = member.unit * column
+        return result
+
+    def _seen(self, z: Array, frames: Frames, R: Array, p: Array, columns: Array, forces: Array) -> Linearised:
+        """What the tracker sees of the end frames, and how it changes."""
+        data = self.data
+        g, k = len(data), len(data.markers)
+        arm = np.einsum("gkab,kb->gka", R, frames.m)
+        place = p + arm
+        cross = np.zeros((g, k, 3, 3))  # velocity of the marker by the body's angular velocity
+        cross[..., 0, 1], cross[..., 0, 2] = arm[..., 2], -arm[..., 1]
+        cross[..., 1, 0], cross[..., 1, 2] = -arm[..., 2], arm[..., 0]
+        cross[..., 2, 0], cross[..., 2, 1] = arm[..., 1], -arm[..., 0]
+        moved = columns[..., :3, :] + cross @ columns[..., 3:, :]
+        J = np.concatenate([frames.R @ moved, frames.R @ columns[..., 3:, :]], axis=2)
+        seen = place @ frames.R.T + frames.t
+        for i, (size, member) in enumerate(zip(z, self.members, strict=True)):
+            basis = np.zeros(g) if member.basis is None else member.basis
+            if member.acts == DRIFT:
+                J[:, :, member.index, i] = member.unit * basis[:, None]
+            elif member.acts == STRETCH:
+                J[..., :3, i] = member.unit * basis[:, None, None] * (place @ frames.R.T)
+            else:
+                continue
+            seen = seen + size * J[..., :3, i]
+        F = np.zeros((g, k, 6, self.nuisances))
+        centre = frames.t + frames.R @ place.mean(axis=(0, 1))
+        for a in range(3):
+            F[:, :, :3, a] = np.cross(np.eye(3)[a], seen - centre)
+            F[:, :, 3 + a, a] = 1.0
+            F[:, :, a, 3 + a] = 1.0
+        for j in range(k):
+            F[:, j, :3, 6 + 3 * j : 9 + 3 * j] = frames.R @ R[:, j]
+        turned = frames.R @ R @ frames.M
+        for place_of, j in enumerate(self.tracked):
+            first = 6 + 3 * k + 3 * place_of
+            F[:, j, 3:, first : first + 3] = turned[:, j]
+        residual = np.full((g, k, 6), np.nan)
+        residual[..., :3] = data.position - seen
+        residual[..., 3:] = _turn_between(turned, data.orientation)
+        tilt = np.zeros((g, k, 6, 3))
+        for a in range(3):
+            tilt[:, :, :3, a] = np.cross(np.eye(3)[a], place) @ frames.R.T
+            tilt[:, :, 3:, a] = frames.R[:, a]
+        return Linearised(residual, F, J, self.machine.tree.torques(forces)[:, self._coupled], tilt)
+
+    def moved(self, frames: Frames, step: Array) -> Frames:
+        """Nuisances after a step ``(n_f,)`` in the coordinates of `Linearised.nuisance`."""
+        k = len(self.data.markers)
+        turn = step[:3]
+        size = float(np.linalg.norm(turn))
+        if size > LARGEST_TURN:
+            turn = turn * (LARGEST_TURN / size)
+        _, p = self.ends_at(frames)
+        centre = frames.t + frames.R @ p.mean(axis=(0, 1))
+        Q = rotation_from_vector(turn)
+        M = frames.M.copy()
+        for place_of, j in enumerate(self.tracked):
+            first = 6 + 3 * k + 3 * place_of
+            M[j] = M[j] @ rotation_from_vector(step[first : first + 3])
+        return Frames(
+            Q @ frames.R,
+            Q @ (frames.t - centre) + centre + step[3:6],
+            frames.m + step[6 : 6 + 3 * k].reshape(k, 3),
+            M,
+        )
+
+    def ends_at(self, frames: Frames) -> tuple[Array, Array]:
+        """End frames of the nominal machine with the markers' places, the base's axes."""
+        if not hasattr(self, "_nominal"):
+            self._nominal = self.unloaded()
+        R, p = self._nominal
+        return R, p + np.einsum("gkab,kb->gka", R, frames.m)
+
+    def with_machine(self, machine: PoseMachine) -> PoseForward:
+        """The same test of another machine with the same members."""
+        other = PoseForward(machine, self.data, self.gravity)
+        if len(other._arrays.K) != len(self._arrays.K):
+            raise ValueError("a machine of other springs has other members")
+        shift = {self.machine.driven[name]: machine.driven[name] for name in machine.driven}
+        shift |= {a.index: b.index for a, b in zip(self.machine.frames, machine.frames, strict=True)}
+        other.members = [
+            replace(member, index=shift[member.index]) if member.acts == VALUE else member
+            for member in self.members
+        ]
+        return other
+
+
+def _turn_between(R: Array, other: Array) -> Array:
+    """Rotation vectors ``(g, k, 3)`` from predicted to read orientations, for small turns; nan where none."""
+    D = other @ np.swapaxes(R, -1, -2)
+    w = 0.5 * np.stack([D[..., 2, 1] - D[..., 1, 2], D[..., 0, 2] - D[..., 2, 0], D[..., 1, 0] - D[..., 0, 1]], -1)
+    sine = np.linalg.norm(w, axis=-1)
+    cosine = 0.5 * (np.trace(D, axis1=-2, axis2=-1) - 1.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        scale = np.where(sine > 1e-9, np.arctan2(sine, cosine) / sine, 1.0)
+    result: Array = w * scale[..., None]
+    return result

@@ -1,0 +1,245 @@
+"""The robot with a place for every error that is thought possible: the machine of the model file, extended.
+
+Behind the base lie springs of the base. Before each joint lie held joints for the error of the frame between it and
+the one before: three shifts and two turns, in the joint's own axes. Each joint has springs about its own axis and
+about the two others. Each link gives way at its middle. All are there from the start, at zero or all but rigid, so
+that every hypothesis is a vector of numbers on the same machine, and its derivatives are those of
+`vjm.tree.derivatives`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint, joint_axes
+from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
+from vjm.rotations import AXES, Array, frame
+from vjm.tree.model import TreeModel
+
+RIGID = 1e-14
+"""rad/(N mm): the compliance of what is thought rigid. A torque of 1e6 N mm turns it by 1e-8 rad: 1e-5 mm at a
+metre. Smaller ones would lose digits in the tangent, whose largest stiffness it gives."""
+FRAME = ("shift-x", "shift-y", "shift-z", "turn-x", "turn-y")
+"""Errors of the frame before a joint: along and about axes of which z is the joint's."""
+BASE = ("x", "y", "z")
+OWN, ACROSS = "own", "across"
+SHORTEST_LINK = 20.0
+"""mm: a shorter one has no bending that could be seen."""
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A coordinate whose compliance is to be found.
+
+    Attributes:
+        part: of the model file that it belongs to; ``base``.
+        kind: ``own``, ``across``, ``link``, ``base`` or ``beam``.
+        label: what tells it from others of the part.
+        span: its coordinates: one; of a beam all.
+        nominal: compliance that the model gives it, rad/(N mm) or mm/N; of a beam 1, a factor.
+        slides: whether its coordinate is a length.
+    """
+
+    part: str
+    kind: str
+    label: str
+    span: range
+    nominal: float
+    slides: bool = False
+
+
+@dataclass(frozen=True)
+class FrameError:
+    """A held joint that stands for one error of the frame before a joint."""
+
+    joint: str
+    label: str
+    index: int
+
+
+class PoseMachine:
+    """The extended machine.
+
+    Attributes:
+        tree: its assembled arrays.
+        joints: names of the joints that the data give, and
+        slides: whether each slides.
+        driven: one-degree joint of every joint with a coordinate, coupled ones too, by name.
+        springs: coordinates whose compliance is to be found.
+        frames: errors of frames.
+        masses: part of each load of the tree's arrays that is a weight, in their order.
+        coupled: the coupled joints' names and whether what bends is passed on.
+    """
+
+    def __init__(self, chain: Chain, ends: dict[str, tuple[str, Array]], *, rigid: bool = False) -> None:
+        """Extend a machine.
+
+        Args:
+            chain: of the model file.
+            ends: part behind which each marker rides, and where there, ``(3,)`` mm, by the marker's name.
+            rigid: set aside the compliances of joints.
+
+        Raises:
+            ValueError: a part or a spring that has no place here.
+        """
+        _refuse(chain)
+        self._chain = chain
+        self._parts: list[Part] = []
+        self._after: dict[str, str] = {}
+        self._frames: list[tuple[str, str, str]] = []
+        self._springs: list[tuple[str, str, str, str, int | None, float, bool]] = []
+        self._ends_at: dict[str, str] = {}
+        self._add_base()
+        previous = ""
+        for part in chain.parts:
+            behind = chain.after.get(part.name, previous)
+            self._add(part, self._ends_at.get(behind, behind), rigid=rigid)
+            previous = part.name
+        named = {}
+        for marker, (part_name, place) in ends.items():
+            on = part_name or chain.parts[-1].name
+            if on not in {p.name for p in chain.parts}:
+                known = ", ".join(p.name for p in chain.parts)
+                raise ValueError(f"[markers.{marker}] on = '{on}' is no part of the model, which has {known}")
+            self._append(RigidOffset(f"{marker}~marker", frame(p=place)), self._ends_at.get(on, on))
+            named[marker] = f"{marker}~marker"
+        extended = replace(
+            chain, parts=tuple(self._parts), after=self._after, ends=named, postures={}, held={}, point_springs=()
+        )
+        self.tree = TreeModel(extended)
+        own = {part.name: part for part in chain.parts if isinstance(part, HeldJoint)}
+        self.joints = tuple(name for name, part in own.items() if not isinstance(part, CoupledJoint))
+        self.slides = tuple(own[name].slides for name in self.joints)
+        self.limits = tuple(own[name].limits for name in self.joints)
+        self.coupled = {name: part.as_bent for name, part in own.items() if isinstance(part, CoupledJoint)}
+        self.driven = {name: self.tree.driven_by(name) for name in own}
+        self.turning = {name for name, part in own.items() if not part.slides}
+        self.frames = tuple(FrameError(j, label, self.tree.driven_by(part)) for j, label, part in self._frames)
+        self.springs = tuple(
+            Spring(
+                part,
+                kind,
+                label,
+                self.tree.span(where) if at is None else _one(self.tree.span(where), at),
+                c,
+                slides,
+            )
+            for part, kind, label, where, at, c, slides in self._springs
+        )
+        self.masses = self.tree.weighed()
+
+    def _append(self, part: Part, behind: str) -> None:
+        self._parts.append(part)
+        self._after[part.name] = behind
+
+    def _add_base(self) -> None:
+        behind = ""
+        for axis in BASE:
+            name = f"base~turn-{axis}"
+            self._append(ActuatedJoint(name, AXES[axis], compliance=RIGID), behind)
+            self._springs.append(("base", "base", f"about {axis}", name, 0, 0.0, False))
+            behind = name
+        self._ends_at[""] = behind
+
+    def _add(self, part: Part, behind: str, *, rigid: bool) -> None:
+        match part:
+            case SprungJoint() | PassiveJoint():
+                self._append(part, behind)
+            case ActuatedJoint() | CoupledJoint():
+                self._append_joint(part, behind, rigid=rigid)
+            case RigidOffset():
+                self._append_link(part, behind)
+            case Beam():
+                self._append(part, behind)
+                if part.segments is None or part.segments == 1:
+                    self._springs.append((part.name, "beam", "factor", part.name, None, 1.0, False))
+            case _:
+                self._append(part, behind)
+
+    def _append_joint(self, joint: ActuatedJoint | CoupledJoint, behind: str, *, rigid: bool) -> None:
+        axes = joint_axes(joint.axis)
+        for k, label in enumerate(FRAME):
+            name = f"{joint.name}~{label}"
+            self._append(ActuatedJoint(name, axes[:, k % 3], slides=k < 3), behind)
+            self._frames.append((joint.name, label, name))
+            behind = name
+        keep = isinstance(joint, ActuatedJoint) and joint.matrix is not None
+        if keep and not rigid:
+            self._append(joint, behind)
+            return
+        own = 0.0 if rigid else joint.compliance
+        lateral = (0.0, 0.0) if rigid else joint.lateral
+        at_least = (max(lateral[0], RIGID), max(lateral[1], RIGID))
+        changed = replace(joint, compliance=max(own, RIGID), lateral=at_least)
+        if isinstance(changed, ActuatedJoint):
+            changed = replace(changed, matrix=None)
+        self._append(changed, behind)
+        for k, label in enumerate(("first", "second")):
+            self._springs.append((joint.name, ACROSS, label, joint.name, k, lateral[k], False))
+        self._springs.append((joint.name, OWN, "own", joint.name, 2, own, joint.slides))
+
+    def _append_link(self, link: RigidOffset, behind: str) -> None:
+        along = link.transform[:3, 3]
+        length = float(np.linalg.norm(along))
+        if length < SHORTEST_LINK:
+            self._append(link, behind)
+            return
+        axes = joint_axes(along / length)
+        half = 0.5 * along
+        far = link.mass > 0.0 and float(link.centre_of_mass @ along) > 0.5 * length**2
+        near = link.mass > 0.0 and not far
+        root = RigidOffset(
+            f"{link.name}~root", frame(p=half), link.mass if near else 0.0, link.centre_of_mass if near else None
+        )
+        self._append(root, behind)
+        behind = root.name
+        for k, label in enumerate(("first", "second", "twist")):
+            name = f"{link.name}~{label}"
+            self._append(ActuatedJoint(name, axes[:, k], compliance=RIGID), behind)
+            self._springs.append((link.name, "link", label, name, 0, 0.0, False))
+            behind = name
+        rest = frame(link.transform[:3, :3], half)
+        centre = link.centre_of_mass - half if far else None
+        self._append(RigidOffset(link.name, rest, link.mass if far else 0.0, centre), behind)
+
+    @property
+    def chain(self) -> Chain:
+        """The machine of the model file."""
+        return self._chain
+
+    def rows(self, q: Array) -> Array:
+        """Rows of the tree's coordinates ``(g, n_tree)`` from those of the data's joints ``(g, n)``."""
+        result = np.zeros((len(q), len(self.tree.joints)))
+        result[:, [self.tree.joints.index(name) for name in self.joints]] = q
+        return result
+
+
+def with_coupling(chain: Chain, joint: str, *, as_bent: bool) -> Chain:
+    """The machine with a coupled joint that passes on what bends, or does not."""
+    parts = tuple(
+        replace(part, as_bent=as_bent) if isinstance(part, CoupledJoint) and part.name == joint else part
+        for part in chain.parts
+    )
+    return replace(chain, parts=parts)
+
+
+def _one(span: range, at: int) -> range:
+    return range(span[at], span[at] + 1)
+
+
+def _refuse(chain: Chain) -> None:
+    if chain.point_springs:
+        raise ValueError(f"{chain.name}: springs between points are not known to tests of poses: leave them out")
+    if not chain.held_joints:
+        raise ValueError(
+            f"{chain.name}: no joint is driven: a test of poses needs parts of kind = 'actuated' whose coordinates "
+            "the data give"
+        )
+    for part in chain.parts:
+        if isinstance(part, PassiveJoint | Actuator | Mount):
+            raise ValueError(
+                f"{chain.name}: part '{part.name}' has no coordinate in a test of poses: make it kind = 'actuated'"
+            )

@@ -1,0 +1,128 @@
+"""The next postures to measure: those that make the members (D) or the predictions (I) most certain.
+
+From a list, or drawn within the joints' limits. Chosen one after another: D-optimal adds the most to the log
+determinant of the information about the members, I-optimal takes the most from the mean variance of predictions
+of the postures measured so far (Atkinson, Donev and Tobias, Optimum Experimental Designs, 2007).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.errors import NoConvergenceError
+from vjm.rotations import Array
+from vjm_updating.poses.families import members_of
+from vjm_updating.poses.forward import PoseForward
+from vjm_updating.poses.study import State, Study
+
+CANDIDATES = 200
+COUNT = 6
+SEED = 7
+SAMPLE = 60
+"""Measured postures whose predictions are looked at."""
+
+
+@dataclass(frozen=True)
+class NextPostures:
+    """What to measure next.
+
+    Attributes:
+        criterion: ``D`` or ``I``.
+        q: ``(n, joints)`` mm and rad.
+        members: factor on the members' standard deviations, geometric mean, that they promise.
+        prediction: factor on the standard deviation of predictions.
+    """
+
+    criterion: str
+    q: Array
+    members: float
+    prediction: float
+
+
+def candidates(study: Study, count: int = CANDIDATES) -> Array:
+    """Postures ``(count, n)`` drawn within the joints' limits, and no further than what was measured reaches."""
+    low, high = study.data.q.min(axis=0), study.data.q.max(axis=0)
+    for i, limits in enumerate(study.machine.limits):
+        if limits is not None:
+            low[i], high[i] = max(low[i], limits[0]), min(high[i], limits[1])
+    return np.random.default_rng(SEED).uniform(low, np.maximum(high, low), (count, len(low)))
+
+
+def next_postures(study: Study, state: State, q: Array | None = None) -> list[NextPostures]:
+    """Next postures by both criteria; empty where nothing was fitted but frames."""
+    if not state.hypothesis.families:
+        return []
+    q = candidates(study) if q is None else q
+    try:
+        J = _derivatives(study, state, q)
+    except NoConvergenceError:
+        return []
+    active = state.solution.active
+    sigma = _sigma(state)
+    rows = J[..., active] / sigma[None, :, None]
+    rows = np.nan_to_num(rows)
+    keep = np.linspace(0, len(study.data) - 1, min(SAMPLE, len(study.data))).astype(int)
+    seen = np.concatenate([state.at.nuisance, state.at.member], axis=3)[keep][..., :3, :]
+    view = seen.reshape(-1, seen.shape[-1])[:, active]
+    return [_chosen(criterion, state, rows, view, q) for criterion in ("D", "I")]
+
+
+def _sigma(state: State) -> Array:
+    """Standard deviation ``(6 k,)`` of one reading."""
+    sigma: Array = np.nanmedian(state.sigma, axis=0).reshape(-1)
+    present = np.isfinite(state.at.residual).any(axis=0).reshape(-1)
+    return np.where(present, sigma, np.inf)
+
+
+def _derivatives(study: Study, state: State, q: Array) -> Array:
+    """Derivatives ``(c, 6 k, P)`` of what would be read in other postures."""
+    g = len(q)
+    blank = study.data.only(np.zeros(g, dtype=int))
+    data = replace(blank, q=q, wrench=np.zeros_like(blank.wrench), time=None, temperature=None, row=np.arange(g))
+    machine = study.forward(state.hypothesis.bent).machine
+    forward = PoseForward(machine, data, study.sheet.test.gravity)
+    there = {m.name: m for m in members_of(machine, data, np.ones(machine.tree.size), ordered=False)}
+    forward.members = [
+        replace(there[m.name], unit=m.unit) if m.name in there else replace(m, basis=np.zeros(g))
+        for m in study.members
+    ]
+    at = forward.evaluate(state.z, state.frames)
+    J = np.concatenate([at.nuisance, at.member], axis=3)
+    result: Array = J.reshape(g, -1, J.shape[-1])
+    return result
+
+
+def _chosen(criterion: str, state: State, rows: Array, view: Array, q: Array) -> NextPostures:
+    n = state.blocks.nuisances
+    before = state.solution.covariance
+    free = np.diag(before) > 0.0
+    C = before.copy()
+    taken: list[int] = []
+    for _ in range(min(COUNT, len(q))):
+        best, best_gain = -1, -np.inf
+        for i, J in enumerate(rows):
+            if i in taken:
+                continue
+            S = np.eye(len(J)) + J @ C @ J.T
+            if criterion == "D":
+                gain = float(np.linalg.slogdet(S)[1])
+            else:
+                G = view @ C @ J.T
+                gain = float(np.sum(G * np.linalg.solve(S, G.T).T))
+            if gain > best_gain:
+                best, best_gain = i, gain
+        taken.append(best)
+        J = rows[best]
+        CJ = C @ J.T
+        C = C - CJ @ np.linalg.solve(np.eye(len(J)) + J @ CJ, CJ.T)
+    members = free.copy()
+    members[:n] = False
+    ratio = np.sqrt(np.maximum(np.diag(C)[members], 1e-300) / np.diag(before)[members])
+    seen_before = np.einsum("ri,ij,rj->r", view, before, view)
+    seen_after = np.einsum("ri,ij,rj->r", view, C, view)
+    return NextPostures(
+        criterion, q[taken], float(np.exp(np.mean(np.log(ratio)))) if len(ratio) else 1.0,
+        float(np.sqrt(seen_after.sum() / max(seen_before.sum(), 1e-300))),
+    )  # fmt: skip

@@ -1,0 +1,76 @@
+"""The page of a diagnosis or a calibration by poses, which needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vjm_output.plot_style import Picture, figure, png
+from vjm_output.templating import environment
+from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
+from vjm_updating.poses.ladder import Step
+from vjm_updating.poses.sheet import PoseSheet
+from vjm_updating.poses.study import Study
+
+BEFORE, AFTER, FITTED = "#D55E00", "#0072B2", "#7a7a7a"
+HEADLINES = {
+    "none": "The model explains the readings within the sheet's noise.",
+    "named": "What the model gets wrong is named.",
+    "class": "Several causes explain the readings alike; these readings cannot tell them apart.",
+    "partly": "Most of what the model gets wrong is named; what remains is more than noise.",
+    "unknown": "The model is wrong, and what is known explains too little of it.",
+}
+TONES = {"none": "agrees", "named": "cause", "class": "differs", "partly": "differs", "unknown": "failed"}
+
+
+def page(sheet: PoseSheet, study: Study, steps: Sequence[Step], found: PoseCalibration) -> str:
+    """The page as HTML."""
+    diagnosis = found if isinstance(found, PoseDiagnosis) else None
+    template = environment("vjm_updating.poses").get_template("poses.html.j2")
+    return template.render(
+        title=sheet.test.title or sheet.file, model=study.machine.chain.name, sheet=sheet, data=study.data.file,
+        found=found, diagnosis=diagnosis, ladder=diagnosis.ladder if diagnosis else [found.before, found.after],
+        headline=HEADLINES[diagnosis.verdict] if diagnosis else "Calibration by tracked poses.",
+        tone=TONES[diagnosis.verdict] if diagnosis else "cause",
+        pictures=[_ladder(steps), _residuals(steps)],
+    )  # fmt: skip
+
+
+def _ladder(steps: Sequence[Step]) -> Picture:
+    names = ["frames only", *(step.added for step in steps[1:])]
+    means = np.array([step.state.errors.means for step in steps])
+    with figure(2.6, columns=1) as (fig, (axes,)):
+        at = np.arange(len(steps))
+        for column, (label, colour, mark) in enumerate(
+            (("fitted", FITTED, "."), ("held out at random", AFTER, "o"), ("held out by region", BEFORE, "^"))
+        ):
+            axes.plot(at, means[:, column], mark + "-", color=colour, label=label, lw=1.2, ms=4)
+        axes.set_xticks(at, [name.replace("_", " ") for name in names], rotation=20, ha="right")
+        axes.set_yscale("log")
+        axes.set_ylabel("mean distance, mm")
+        axes.legend()
+        content = png(fig)
+    return Picture(
+        "ladder", content, "The ladder", "Mean distance of the markers from their predictions, rung by rung."
+    )
+
+
+def _residuals(steps: Sequence[Step]) -> Picture:
+    first, last = steps[0].state.errors.random, steps[-1].state.errors.random
+    with figure(2.4, columns=2) as (fig, axes):
+        order = np.arange(len(first))
+        for distance, label, colour in ((first, "frames only", BEFORE), (last, "at the end", AFTER)):
+            mean = np.nanmean(distance, axis=1)
+            axes[0].plot(order, mean, ".", ms=2, color=colour, label=label)
+            axes[1].hist(mean, bins=40, color=colour, alpha=0.6, label=label)
+        axes[0].set_xlabel("posture, in the order of the file")
+        axes[0].set_ylabel("distance held out, mm")
+        axes[0].set_yscale("log")
+        axes[1].set_xlabel("distance held out, mm")
+        axes[1].set_ylabel("postures")
+        axes[1].legend()
+        content = png(fig)
+    return Picture(
+        "residuals", content, "Postures held out at random", "Each predicted without its own part of the test."
+    )

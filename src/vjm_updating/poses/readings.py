@@ -1,0 +1,250 @@
+"""The readings of a test of poses: one row a posture, the coordinates of the joints and where the markers were."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from vjm.io.errors import did_you_mean
+from vjm.rotations import Array, rotation_from_vector
+from vjm_updating.experiment.readings import DataError, numbers_of, table_of
+from vjm_updating.poses.sheet import PoseSheet
+
+POSITION, NOISE = ("x_mm", "y_mm", "z_mm"), ("x_std_mm", "y_std_mm", "z_std_mm")
+ANGLES, ANGLES_DEG = ("rx_rad", "ry_rad", "rz_rad"), ("rx_deg", "ry_deg", "rz_deg")
+QUATERNION = ("qw", "qx", "qy", "qz")
+WRENCH = ("fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm")
+COORDINATE = {"q_rad": False, "q_mm": True}
+TORQUE = ("tau_Nmm", "tau_N")
+READING, TIME, TEMPERATURE = "reading", "time_s", "temperature_C"
+OF_MARKERS = (*POSITION, *NOISE, *ANGLES, *ANGLES_DEG, *QUATERNION, *WRENCH)
+
+
+@dataclass(frozen=True)
+class PoseData:
+    """g postures of a robot with k markers.
+
+    Attributes:
+        file: name for messages.
+        sha256: of the file.
+        row: ``(g,)`` line of the file, the header being line 1.
+        joints: names of the n joints, the model's.
+        q: ``(g, n)`` their coordinates, mm and rad.
+        markers: names of the k markers.
+        position: ``(g, k, 3)`` mm in the tracker's frame, nan where a coordinate of a marker was not seen.
+        orientation: ``(g, k, 3, 3)`` in the tracker's frame, nan where it was not tracked.
+        sigma: ``(g, k, 3)`` mm, 1 sigma of the positions.
+        wrench: ``(g, k, 6)`` applied at the markers, the base's axes, N and N mm.
+        torque: ``(g, n)`` measured, nan where not.
+        time: ``(g,)`` s, or None.
+        temperature: ``(g,)`` °C, or None.
+        left_out: rows without a joint's coordinate or without any marker.
+    """
+
+    file: str
+    sha256: str
+    row: np.ndarray
+    joints: tuple[str, ...]
+    q: Array
+    markers: tuple[str, ...]
+    position: Array
+    orientation: Array
+    sigma: Array
+    wrench: Array
+    torque: Array
+    time: Array | None
+    temperature: Array | None
+    left_out: int
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def only(self, keep: np.ndarray) -> PoseData:
+        """The postures of a mask or of indices."""
+        rows = {
+            name: getattr(self, name)[keep]
+            for name in ("row", "q", "position", "orientation", "sigma", "wrench", "torque")
+        }
+        time = None if self.time is None else self.time[keep]
+        temperature = None if self.temperature is None else self.temperature[keep]
+        return replace(self, **rows, time=time, temperature=temperature)
+
+
+def read_poses(path: Path, sheet: PoseSheet, joints: tuple[str, ...], slides: tuple[bool, ...]) -> PoseData:
+    """The readings of a data file, which fit their sheet.
+
+    Args:
+        path: of the CSV file.
+        sheet: its sheet.
+        joints: names of the model's joints whose coordinates the data have to give.
+        slides: whether each slides.
+
+    Raises:
+        DataError: they do not; one line.
+    """
+    try:
+        raw = path.read_bytes()
+        text = raw.decode("utf-8-sig")
+        header, rows = table_of(list(csv.reader(line for line in text.splitlines() if not line.startswith("#"))))
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise DataError(f"{path.name}: no CSV text in UTF-8: {error}") from error
+    except ValueError as error:
+        raise DataError(f"{path.name}: {error}") from error
+    try:
+        return _read(path.name, hashlib.sha256(raw).hexdigest(), header, rows, sheet, joints, slides)
+    except ValueError as error:
+        raise DataError(f"{path.name}: {error}") from error
+
+
+def read_candidates(path: Path, sheet: PoseSheet, joints: tuple[str, ...], slides: tuple[bool, ...]) -> Array:
+    """Postures ``(c, n)`` that could be measured, from a CSV file with the columns of the joints.
+
+    Raises:
+        DataError: it cannot be used; one line.
+    """
+    try:
+        header, table = table_of(list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines())))
+        names = {
+            f"{sheet.joints.get(c.partition('.')[0], c.partition('.')[0])}.{c.partition('.')[2]}": c for c in header
+        }
+        rows, columns = np.array([number for number, _ in table]), []
+        for joint, sliding in zip(joints, slides, strict=True):
+            key = f"{joint}.q_mm" if sliding else f"{joint}.q_rad"
+            if key not in names:
+                raise ValueError(f"column '{key}' is missing: add it")
+            place = header.index(names[key])
+            columns.append(numbers_of([cells[place] for _, cells in table], key, rows))
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise DataError(f"{path.name}: {error}") from error
+    result = np.column_stack(columns)
+    if not np.isfinite(result).all():
+        raise DataError(
+            f"{path.name}: row {rows[int(np.argmin(np.isfinite(result).all(axis=1)))]} has a blank: fill it"
+        )
+    return result
+
+
+def _read(
+    file: str, sha256: str, header: list[str], table: list[tuple[int, list[str]]], sheet: PoseSheet,
+    joints: tuple[str, ...], slides: tuple[bool, ...],
+) -> PoseData:  # fmt: skip
+    rows = np.array([number for number, _ in table])
+    names = {column: sheet.joints.get(column.partition(".")[0], column.partition(".")[0]) for column in header}
+    for column in header:
+        _check_column(column, names[column], sheet, joints)
+    columns = {
+        column: numbers_of([cells[i] for _, cells in table], column, rows)
+        for i, column in enumerate(header)
+        if column != READING
+    }
+    by_name = {f"{names[c]}.{c.partition('.')[2]}" if "." in c else c: values for c, values in columns.items()}
+    g, nothing = len(rows), np.full(len(rows), np.nan)
+
+    q = np.empty((g, len(joints)))
+    for i, (joint, sliding) in enumerate(zip(joints, slides, strict=True)):
+        column = f"{joint}.q_mm" if sliding else f"{joint}.q_rad"
+        if column not in by_name:
+            other = f"{joint}.q_rad" if sliding else f"{joint}.q_mm"
+            said = f", which {'slides' if sliding else 'turns'}; the file has {other}" if other in by_name else ""
+            raise ValueError(f"column '{column}' is missing{said}: add it, or name its column in [joints]")
+        q[:, i] = by_name[column]
+    torque = np.column_stack(
+        [by_name.get(f"{j}.tau_{'N' if s else 'Nmm'}", nothing) for j, s in zip(joints, slides, strict=True)]
+    )
+    markers = tuple(sheet.markers)
+
+    def of_markers(keys: tuple[str, ...], absent: float) -> Array:
+        missing = np.full(g, absent)
+        return np.stack(
+            [np.column_stack([by_name.get(f"{m}.{key}", missing) for key in keys]) for m in markers], axis=1
+        )
+
+    for marker in markers:
+        if not any(f"{marker}.{key}" in by_name for key in POSITION):
+            raise ValueError(f"column '{marker}.x_mm' is missing: add it, or take [markers.{marker}] away")
+    position = of_markers(POSITION, np.nan)
+    sigma = of_markers(NOISE, sheet.tracker.noise_mm)
+    sigma = np.where(np.isnan(sigma) | (sigma <= 0.0), sheet.tracker.noise_mm, sigma)
+    wrench = np.nan_to_num(of_markers(WRENCH, 0.0))
+    orientation = np.stack([_orientation(m, sheet, by_name, g) for m in markers], axis=1)
+    keep = np.asarray(np.isfinite(q).all(axis=1) & np.isfinite(position).any(axis=(1, 2)))
+    data = PoseData(
+        file, sha256, rows, joints, q, markers, position, orientation, sigma, wrench, torque,
+        by_name.get(TIME), by_name.get(TEMPERATURE), int((~keep).sum()),
+    )  # fmt: skip
+    for name in (TIME, TEMPERATURE):
+        if name in by_name and np.isnan(by_name[name][keep]).any():
+            raise ValueError(f"column {name} has blanks: complete it or leave the column away")
+    if not keep.any():
+        raise ValueError("no row has all joints and a marker: nothing to be fitted")
+    return data.only(keep)
+
+
+def _check_column(column: str, name: str, sheet: PoseSheet, joints: tuple[str, ...]) -> None:
+    if column in (READING, TIME, TEMPERATURE):
+        return
+    key = column.partition(".")[2]
+    if name in joints and key in (*COORDINATE, *TORQUE):
+        return
+    if name in sheet.markers and key in OF_MARKERS:
+        return
+    known = [*joints, *sheet.markers, *sheet.joints]
+    if key in (*COORDINATE, *TORQUE):
+        raise ValueError(
+            f"column '{column}': the model has no joint '{name}' that is driven; it has {', '.join(joints)}: "
+            f"name it in [joints] or delete it{did_you_mean(name, known)}"
+        )
+    if key in OF_MARKERS:
+        raise ValueError(f"column '{column}': no marker '{name}': add [markers.{name}] or delete the column")
+    raise ValueError(
+        f"column '{column}' is not known: a joint's is JOINT.q_rad, a marker's MARKER.x_mm: "
+        f"rename or delete it{did_you_mean(column, [READING, TIME, TEMPERATURE])}"
+    )
+
+
+def _orientation(marker: str, sheet: PoseSheet, columns: dict[str, Array], g: int) -> Array:
+    """Rotations ``(g, 3, 3)`` of a marker as its table says they are to be read."""
+    result, how = np.full((g, 3, 3), np.nan), sheet.markers[marker].orientation
+    if how == "none":
+        return result
+    if how == "quaternion":
+        keys: tuple[str, ...] = QUATERNION
+        factor = 1.0
+    elif f"{marker}.{ANGLES_DEG[0]}" in columns:
+        keys, factor = ANGLES_DEG, np.pi / 180.0
+    else:
+        keys, factor = ANGLES, 1.0
+    for key in keys:
+        if f"{marker}.{key}" not in columns:
+            raise ValueError(f"column '{marker}.{key}' is missing: add it, or write orientation = 'none'")
+    values = factor * np.column_stack([columns[f"{marker}.{key}"] for key in keys])
+    for i in np.flatnonzero(np.isfinite(values).all(axis=1)):
+        result[i] = rotation_by(how, values[i])
+    return result
+
+
+def rotation_by(how: str, values: Array) -> Array:
+    """Rotation ``(3, 3)`` of a marker from its columns, rad or a quaternion ``(w, x, y, z)``.
+
+    Raises:
+        ValueError: a quaternion of length zero.
+    """
+    if how == "quaternion":
+        length = float(np.linalg.norm(values))
+        if length < 1e-6:
+            raise ValueError("a quaternion has the length zero: leave a missed sample blank")
+        w, v = values[0] / length, values[1:] / length
+        angle = 2.0 * np.arctan2(np.linalg.norm(v), w)
+        return rotation_from_vector(v * (angle / np.linalg.norm(v) if np.any(v) else 0.0))
+    if how == "rotation vector":
+        return rotation_from_vector(values)
+    X, Y, Z = (rotation_from_vector(np.eye(3)[i] * values[i]) for i in range(3))
+    return Z @ Y @ X if how == "fixed xyz" else X @ Y @ Z
