@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vjm_output.plot_style import Picture, figure, png
+from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_output.templating import environment
 from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.poses.ladder import Step
@@ -50,9 +50,9 @@ def _ladder(steps: Sequence[Step]) -> Picture:
         axes.set_yscale("log")
         axes.set_ylabel("mean distance, mm")
         axes.legend()
-        content = png(fig)
+        drawing = drawing_of(fig)
     return Picture(
-        "ladder", content, "The ladder", "Mean distance of the markers from their predictions, rung by rung."
+        "ladder", drawing, "The ladder", "Mean distance of the markers from their predictions, rung by rung."
     )
 
 
@@ -70,7 +70,7 @@ def _residuals(steps: Sequence[Step]) -> Picture:
         axes[1].set_xlabel("distance held out, mm")
         axes[1].set_ylabel("postures")
         axes[1].legend()
-        content = png(fig)
+        drawing = drawing_of(fig)
     return Picture(
-        "residuals", content, "Postures held out at random", "Each predicted without its own part of the test."
+        "residuals", drawing, "Postures held out at random", "Each predicted without its own part of the test."
     )
