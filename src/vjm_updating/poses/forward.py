@@ -98,7 +98,7 @@ class PoseForward:
         result: Array = np.sqrt(np.mean(((x - self._natural) * K) ** 2, axis=0))
         return result
 
-    def evaluate(self, z: Array, frames: Frames, *, only: np.ndarray | None = None) -> Linearised:
+    def evaluate(self, z: Array, frames: Frames) -> Linearised:
         """Residuals and derivatives at members ``z`` (P,), in units, and nuisances.
 
         Raises:

@@ -53,13 +53,6 @@ class TrackerTable(Table):
     source: str = ""
 
 
-class TelescopeTable(Table):
-    """A beam whose free length is the coordinate of a joint: the part before it holds the rest."""
-
-    beam: Label
-    joint: Label
-
-
 class BaseGuess(Table):
     """First guess of the base in the tracker's frame, where fewer than three postures tell."""
 
@@ -78,7 +71,6 @@ class PoseSheet(Table):
     markers: dict[Label, MarkerTable] = Field(min_length=1)
     tracker: TrackerTable
     base: BaseGuess | None = None
-    telescope: TelescopeTable | None = None
     file: str = Field("", exclude=True)
     folder: Path = Field(Path(), exclude=True)
 
@@ -122,5 +114,5 @@ def read_pose_sheet(path: Path) -> PoseSheet:
 
 
 def _known_keys(_: str) -> Iterable[str]:
-    tables: tuple[type[Table], ...] = (PoseSheet, PoseTest, MarkerTable, TrackerTable, TelescopeTable, BaseGuess)
+    tables: tuple[type[Table], ...] = (PoseSheet, PoseTest, MarkerTable, TrackerTable, BaseGuess)
     return [name for table in tables for name in table.model_fields if name not in ("file", "folder")]

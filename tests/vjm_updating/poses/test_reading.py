@@ -1,0 +1,91 @@
+"""The two files of a test of poses: orientation by every convention, and one line for what cannot be used."""
+
+import numpy as np
+import pytest
+from hidden_effects.poses.injector import Hidden, rest
+from hidden_effects.poses.robots import PLANAR, SEVEN, document, sheet_text
+
+from vjm.io.toml_text import toml_text
+from vjm.rotations import rotation_from_vector, rotation_vector
+from vjm_updating.poses.command import prepared
+from vjm_updating.poses.readings import rotation_by
+from vjm_updating.poses.study import Hypothesis
+
+NOISE_RAD = 1e-4
+
+
+def test_conventions_of_orientation():
+    a, b, c = 0.3, -0.7, 1.1
+    X, Y, Z = (rotation_from_vector(v) for v in np.diag([a, b, c]))
+    assert np.allclose(rotation_by("fixed xyz", np.array([a, b, c])), Z @ Y @ X, atol=1e-14)
+    assert np.allclose(rotation_by("moving xyz", np.array([a, b, c])), X @ Y @ Z, atol=1e-14)
+    # half the angle about z as a unit quaternion, scaled by two
+    assert np.allclose(
+        rotation_by("quaternion", 2.0 * np.array([np.cos(c / 2), 0, 0, np.sin(c / 2)])), Z, atol=1e-14
+    )
+    with pytest.raises(ValueError, match="length zero"):
+        rotation_by("quaternion", np.zeros(4))
+
+
+def test_tracked_orientation_fits_to_its_noise(tmp_path):
+    rng = np.random.default_rng(2)
+    q = rng.uniform(-1.9, 1.9, (40, 7))
+    T = rest(SEVEN, Hidden.nothing(7), q)
+    view, own = rotation_from_vector([0.4, -1.0, 0.8]), rotation_from_vector([1.0, 0.5, -0.3])
+    rows = []
+    for posture, frame in zip(q, T, strict=True):
+        turned = rotation_from_vector(rng.normal(0.0, NOISE_RAD, 3)) @ view @ frame[:3, :3] @ own
+        rows.append(
+            [
+                *posture,
+                *(view @ frame[:3, 3] + [5.0, 6.0, 7.0] + rng.normal(0.0, 0.05, 3)),
+                *rotation_vector(turned),
+            ]
+        )
+    header = [*(f"joint-{i}.q_rad" for i in range(1, 8)), *(f"target.{n}" for n in ("x_mm", "y_mm", "z_mm"))]
+    header += [f"target.r{a}_rad" for a in "xyz"]
+    text = "\n".join(",".join(map(repr, map(float, row))) for row in rows)
+    (tmp_path / "readings.csv").write_text(",".join(header) + "\n" + text + "\n")
+    (tmp_path / "model.toml").write_text(toml_text(document(SEVEN)))
+    sheet = sheet_text(SEVEN, 0.05).replace("sigma_mm = 200.0", 'sigma_mm = 200.0\norientation = "rotation vector"')
+    (tmp_path / "sheet.toml").write_text(sheet + f"noise_rad = {NOISE_RAD}\n")
+    _, study = prepared(tmp_path / "readings.csv", tmp_path / "sheet.toml")
+    state = study.settle(Hypothesis())
+    # 120 angles, six of them spent on frames: the estimate's own standard deviation is 7 %
+    assert np.sqrt(np.mean(state.at.residual[..., 3:] ** 2)) == pytest.approx(NOISE_RAD, rel=0.25)
+    assert np.sqrt(np.mean(state.at.residual[..., :3] ** 2)) == pytest.approx(0.05, rel=0.25)
+
+
+CSV = "joint-1.q_rad,joint-2.q_rad,target.x_mm,target.y_mm,target.z_mm\n0.1,0.2,1,2,3\n"
+
+
+@pytest.mark.parametrize(
+    ("csv", "change", "said"),
+    [
+        (CSV.replace("joint-2", "joint-3"), None, "readings.csv: column 'joint-3.q_rad': the model has no joint"),
+        (CSV.replace("joint-2.q_rad", "joint-2.q_mm"), None, "column 'joint-2.q_rad' is missing, which turns"),
+        (CSV.replace("target.x_mm,", "tarket.x_mm,"), None, "no marker 'tarket': add [markers.tarket]"),
+        (CSV.replace("0.1,0.2", "0.1,x"), None, "row 2, column joint-2.q_rad: 'x' is no number"),
+        (CSV.replace("0.1,0.2", "0.1,"), None, "no row has all joints and a marker"),
+        (CSV, ("noise_mm", "nose_mm"), "sheet.toml: "),
+        (
+            CSV,
+            ("sigma_mm = 200.0", 'on = "hand"'),
+            "sheet.toml: [markers.target] on = 'hand' is no part of the model",
+        ),
+        (CSV, ('"model.toml"', '"robot.urdf"'), "sheet.toml: [test] model: no file robot.urdf beside the sheet"),
+        (CSV, ("gravity = [0.0, -9.81, 0.0]", "gravity = [0.0, -9810.0, 0.0]"), "write it in m/s²"),
+    ],
+)
+def test_what_cannot_be_used_is_said_in_one_line(csv, change, said, tmp_path):
+    (tmp_path / "readings.csv").write_text(csv)
+    (tmp_path / "model.toml").write_text(toml_text(document(PLANAR)))
+    sheet = sheet_text(PLANAR, 0.05)
+    if change:
+        assert change[0] in sheet
+        sheet = sheet.replace(*change)
+    (tmp_path / "sheet.toml").write_text(sheet)
+    with pytest.raises(ValueError) as caught:
+        prepared(tmp_path / "readings.csv", tmp_path / "sheet.toml")
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
