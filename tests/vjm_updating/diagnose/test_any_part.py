@@ -130,11 +130,13 @@ def is_named(found: Diagnosis, part: str) -> bool:
     )
 
 
-def test_forearm_of_a_library_arm_is_named(tmp_path: Path) -> None:
-    data, sheet = measured(tmp_path, "planar-2r", "fore", ("bent", "folded"), "uy_mm", 3.0, seed=0)
+@pytest.mark.parametrize("part", ["upper", "fore"])
+def test_each_link_of_a_library_arm_is_named(tmp_path: Path, part: str) -> None:
+    # across its plane, where both links bend and twist
+    data, sheet = measured(tmp_path, "planar-2r", part, ("bent", "folded"), "uz_mm", 3.0, seed=0)
     found = diagnose(data, sheet, tmp_path / "out")
-    assert is_named(found, "fore")
-    assert "link_compliance.fore" in (tmp_path / "out" / "extended-model.toml").read_text()
+    assert is_named(found, part)
+    assert f"link_compliance.{part}" in (tmp_path / "out" / "extended-model.toml").read_text()
 
 
 def test_every_part_of_a_machine_has_its_tolerances_and_causes(tmp_path: Path) -> None:
