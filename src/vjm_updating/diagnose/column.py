@@ -57,7 +57,7 @@ class ColumnBow(LinkBow):
 
     def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
         """Built with the bow."""
-        return replace(machine, bow=(values[0], 0.0))
+        return machine.bent(link_of(machine.nominal), values[0], 0.0)
 
     def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
         """Amplitude, and the side."""
@@ -277,9 +277,7 @@ class ColumnForward:
         if stress is None and handbook:
             stress = self._handbook()
         machine = self.machine(found, z, hypothesis)
-        return self._reached(
-            stress, machine.chain(), machine.bow[0], lambda w: self._force(found, z, hypothesis, w)
-        )
+        return self._reached(stress, machine.chain(), _bow(machine), lambda w: self._force(found, z, hypothesis, w))
 
     def handbook_yield(self) -> str:
         """Where the sheet's own column, straight and elastic, would reach the model's yield stress: no fit."""
@@ -337,6 +335,11 @@ class ColumnForward:
                 left = max(values[0] - euler / fibres.area, 1.0)
                 proof = left * section.EIz / modulus / (0.5 * fibres.depth)
                 return column_force(
-                    w, beam.length, section.EIz, machine.bow[0], proof, fibres, values[1], SET * modulus / left
+                    w, beam.length, section.EIz, _bow(machine), proof, fibres, values[1], SET * modulus / left
                 )
-        return column_force(w, beam.length, section.EIz, machine.bow[0])
+        return column_force(w, beam.length, section.EIz, _bow(machine))
+
+
+def _bow(machine: ModifiedChain) -> float:
+    """Amplitude of the column's bow towards the positive deflection, mm."""
+    return machine.bow_of(link_of(machine.nominal))[0]

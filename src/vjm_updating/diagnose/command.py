@@ -167,7 +167,13 @@ def _proved(prepared: Prepared, verdict: Verdict) -> tuple[Verdict, list[Candida
     if not verdict.members:
         return verdict, [], critical_points(prepared.fitter, null, null)
     candidates = [
-        CandidateRow(causes=sorted(m.causes), probability=p, parameters=_values(prepared, m.fit, places), gain=own)
+        CandidateRow(
+            causes=sorted(m.causes),
+            places=sorted({e.place for e in m.fit.hypothesis}),
+            probability=p,
+            parameters=_values(prepared, m.fit, places),
+            gain=own,
+        )
         for m, p, own, places in zip(verdict.members, verdict.probabilities, gains, verdict.places, strict=True)
     ]
     return verdict, candidates, points[0]
@@ -287,7 +293,8 @@ def _values(prepared: Prepared, fit: Fit, places: Sequence[Ranked]) -> dict[str,
             result[DEPARTS] = f"{departs:.3g}, where yield takes a hundredth of the load"
     for effect in fit.hypothesis:
         if effect.part and not any(name.startswith(f"{effect.cause}.{effect.part}") for name in result):
-            result[f"{effect.cause}.part"] = effect.part
+            other = [e.part for place in places for e in place.fit.hypothesis if e.cause == effect.cause]
+            result[f"{effect.cause}.part"] = " or ".join(dict.fromkeys([effect.part, *other]))
     return result
 
 

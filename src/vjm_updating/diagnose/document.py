@@ -79,6 +79,7 @@ class CandidateRow(Row):
     """A set of causes that remains possible."""
 
     causes: list[str]
+    places: list[str] = Field([], description="the causes with the part that each sits in, as in creep(foot)")
     probability: float
     parameters: dict[str, ValueRow | str]
     gain: GainRow | None = Field(description="null where it is a mistake of the instruments alone")

@@ -109,9 +109,18 @@ def _reported(fit: Fit, z: Array, index: int, force: float) -> dict[str, float]:
     values = values_of(fit.found, z, fit.hypothesis)[index]
     key = release_key(effect)
     if key is None:
-        return effect.reported(values, force)
+        said = effect.reported(values, force)
+        return {_named(fit, index, name.removeprefix(f"{effect.cause}.")): v for name, v in said.items()}
     name = {"modulus": "factor", "length": "delta_mm"}.get(key[0], effect.part)
-    return {f"{effect.cause}.{name}": float(values[0])}
+    return {_named(fit, index, name): float(values[0])}
+
+
+def _named(fit: Fit, index: int, name: str) -> str:
+    """Name of an effect's parameter: with the part, where one cause sits in several parts."""
+    effect = fit.hypothesis[index]
+    again = sum(other.cause == effect.cause for other in fit.hypothesis) > 1
+    inside = again and effect.part and not name.startswith(effect.part)
+    return f"{effect.cause}.{effect.part}.{name}" if inside else f"{effect.cause}.{name}"
 
 
 def _covariance(fitter: Fitter, fit: Fit) -> Array:

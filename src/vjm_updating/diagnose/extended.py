@@ -64,7 +64,7 @@ def extended_document(measurement: Measurement, fitter: Fitter, fit: Fit) -> dic
         ValueError: the machine is not one that a model file admits.
     """
     machine: ModifiedChain = fitter.forward.machine(fit.found, fit.at.z, fit.hypothesis)
-    springs = replace(machine, bow=(0.0, 0.0), asymmetry=(), weight=()).chain()
+    springs = replace(machine, bow=(), asymmetry=(), weight=()).chain()
     document = calibrated_document(measurement, springs)
     title = str(measurement.document["title"])
     document["title"] = f"{title}, extended" if fit.hypothesis else title
@@ -74,10 +74,9 @@ def extended_document(measurement: Measurement, fitter: Fitter, fit: Fit) -> dic
     )
     engine = machine.engine
     document["springs"] = {"link_segments": engine.segments or 1, "foot_segments": engine.foot_segments or 1}
-    link = _part(document, link_of(machine.nominal))
-    if any(machine.bow):
-        own = beam_of(machine.nominal, link_of(machine.nominal)).bow
-        link["bow_mm"] = [float(a + b) for a, b in zip(own, machine.bow, strict=True)]
+    for name, along_y, along_z in machine.bow:
+        y, z = beam_of(machine.nominal, name).bow
+        _part(document, name)["bow_mm"] = [float(y + along_y), float(z + along_z)]
     for name, mass in machine.weight:
         part = _part(document, name)
         part["mass_kg"] = float(mass)

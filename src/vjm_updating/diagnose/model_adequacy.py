@@ -22,6 +22,8 @@ from vjm_updating.experiment.channels import WRENCH
 
 DRAWS = 4000
 SEED = 17
+OTHERS = 3.0
+"""Spread of shapes over the machines of all makers, over that of the usual ones."""
 TAIL = 0.02
 """Share of the least p-values among draws that is their tail."""
 ROUGH = 1.35
@@ -101,8 +103,8 @@ def _strained(fit: Fit) -> tuple[float, str]:
 def _unusual(fit: Fit) -> tuple[float, str]:
     """Chance of a shape as far from the usual as the farthest of a fit's laws, and that one in words.
 
-    A size may be anything. A fit lies between a shape's usual value and what the readings say, so the
-    chance is rather less.
+    A size may be anything. Usual values are those of one maker's machines; others' differ from them by three times
+    their spread.
     """
     off, _ = prior(fit.found, fit.at.z)
     shapes: list[int] = []
@@ -113,7 +115,7 @@ def _unusual(fit: Fit) -> tuple[float, str]:
         return 1.0, ""
     farthest = max(shapes, key=lambda i: abs(float(off[i])))
     words = f"{fit.found[farthest].name} {abs(off[farthest]):.1f} sigma from the usual"
-    return min(1.0, len(shapes) * float(chi2.sf(off[farthest] ** 2, 1))), words
+    return min(1.0, len(shapes) * float(chi2.sf((off[farthest] / OTHERS) ** 2, 1))), words
 
 
 def _least(blocks: Sequence[_Block], level: float) -> Array:

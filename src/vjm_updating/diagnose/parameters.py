@@ -10,13 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm.model.chain import FOOT
 from vjm.rotations import Array
 from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero, size_of
 from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.mechanisms.effect import Effect, Quantity
 from vjm_updating.mechanisms.link_length import LinkLength
-from vjm_updating.mechanisms.modified_chain import link_of
+from vjm_updating.mechanisms.modified_chain import beam_of, links_of
 from vjm_updating.mechanisms.part_compliance import FootCompliance, LinkCompliance
 
 Hypothesis = tuple[Effect, ...]
@@ -131,11 +130,10 @@ def nuisance_coordinates(observed: Observed) -> list[Coordinate]:
             ("scale", known.scale if known else 0.0, 0.01),
         ):
             found.append(_nuisance(kind, channel, sigma, usual))
-    parts = [beam.name for beam in chain.beams if beam.name in (FOOT, link_of(chain))]
-    found += [_nuisance("modulus", part, sheet.tolerance.modulus_rel, 0.02) for part in parts]
-    link = link_of(chain)
-    whole = next(beam.length for beam in chain.beams if beam.name == link)
-    found.append(_nuisance("length", link, sheet.tolerance.link_length_mm, 0.2, SHARE * whole))
+    found += [_nuisance("modulus", beam.name, sheet.tolerance.modulus_rel, 0.02) for beam in chain.beams]
+    for link in links_of(chain):
+        far = SHARE * beam_of(chain, link).length
+        found.append(_nuisance("length", link, sheet.tolerance.link_length_mm, 0.2, far))
     return found
 
 

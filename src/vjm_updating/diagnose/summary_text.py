@@ -12,7 +12,9 @@ def lines(found: Diagnosis) -> list[str]:
     if found.residual:
         result.append(found.residual)
     for candidate in found.candidates:
-        result.append(f"  {' + '.join(candidate.causes)}, probability {candidate.probability:.2f}")
+        result.append(
+            f"  {' + '.join(candidate.places or candidate.causes)}, probability {candidate.probability:.2f}"
+        )
         for name, value in candidate.parameters.items():
             text = value if isinstance(value, str) else f"{value.value:.5g} ± {value.std:.2g}"
             result.append(f"    {name} = {text}")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import expit
+from scipy.stats import chi2
 
 from vjm_updating.diagnose.equivalence_classes import best_verdict
 from vjm_updating.diagnose.evidence import size_covariance, would_not_show
@@ -77,19 +78,17 @@ def judge(search: Search, best: Ranked) -> Verdict:
     best = search.settled(best)
     rest = search.rest(best.fit)
     explained = search.null.objective - best.fit.objective
-    if best.labels:
-        misses = rest.p < DOUBTFUL and rest.left > WRONG_LAW * explained
-        wrong = misses or rest.unusual < DOUBTFUL or not best.fit.converged
-    else:
-        wrong = rest.p < MISFIT
-    wrong = wrong or rest.strained < STRAINED
+    doubt = left_by_laws(rest, explained) if best.labels else rest.p
+    ended = best.fit.converged or not best.labels
+    wrong = doubt < (DOUBTFUL if best.labels else MISFIT) or rest.strained < STRAINED or not ended
+    wrong = wrong or rest.unusual < DOUBTFUL
     if best.labels and not wrong:
         search.alike(best)
         for near in [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]:
             search.settled(near)
     weights = _weights(search, best)
     if wrong:
-        sure = min(SUREST, 1.0 - min(rest.p, rest.strained, rest.unusual))
+        sure = min(SUREST, 1.0 - min(doubt, rest.strained, rest.unusual))
         return Verdict("unknown", (), (), sure, _others(weights, []), rest)
     if not best.labels:
         return Verdict("none", (), (), _quiet(search, rest), _others(weights, [best]), rest)
@@ -114,7 +113,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
     if kind == "class":
         sure = ANY_CLASS + (1.0 - ANY_CLASS) * sure
     # what the misfit test nearly rejects is less sure
-    sure *= float(np.clip(rest.p / 0.02, 0.3, 1.0)) * FURTHER ** (len(members[0].labels) - 1)
+    sure *= float(np.clip(doubt / 0.02, 0.3, 1.0)) * FURTHER ** (len(members[0].labels) - 1)
     places = [
         tuple(r for r, w in weights.items() if _elsewhere(r, member) and w >= AS_LIKELY * weights[member])
         for member in members
@@ -128,6 +127,21 @@ def judge(search: Search, best: Ranked) -> Verdict:
         rest,
         tuple(places),
     )
+
+
+def left_by_laws(rest: Misfit, explained: float) -> float:
+    """Chance of what a fit leaves where its causes are right and their laws are so to some per cent.
+
+    What is left is noise, or a zero-mean Gaussian discrepancy in proportion to what the causes explain, whichever
+    makes it more likely. `WRONG_LAW` is two standard deviations of that, so one is 7 % of the effect's size.
+
+    Args:
+        rest: what the fit leaves.
+        explained: squares that its causes explain.
+    """
+    if rest.left <= 0.0 or explained <= 0.0:
+        return rest.p
+    return max(rest.p, float(chi2.sf(4.0 * rest.left / (WRONG_LAW * explained), 1)))
 
 
 def proved(verdict: Verdict, before: float, after: float, expected: float) -> Verdict:

@@ -35,8 +35,8 @@ class ContactCompliance(Effect):
         )
 
     def trials(self) -> Sequence[tuple[float, ...]]:
-        """Hertz's."""
-        return [(0.01, 2.0 / 3.0)]
+        """Hertz's, and rougher and smoother contacts."""
+        return [(0.01, 2.0 / 3.0), (0.01, 0.4), (0.05, 2.0 / 3.0)]
 
     def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
         """One element with that law."""

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm.model.chain import FOOT
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.element_sites import drive, foot
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, foot_of, link_of
 from vjm_updating.mechanisms.series_elements import AlongLine, Element, Place, retarded, together
 
 LATER = 6.0
@@ -85,5 +84,5 @@ def effects(scene: Scene) -> list[Effect]:
     clock = {"duration": scene.duration, "interval": scene.interval}
     own = ModifiedChain(scene.chain, scene.engine).drive
     found: list[Effect] = [Creep("actuator", own.compliance, **clock)] if own and own.compliance > 0.0 else []
-    found += [Creep("foot", **clock) for b in scene.chain.beams if b.name == FOOT != link]
+    found += [Creep("foot", **clock)] if foot_of(scene.chain) else []
     return [*found, Creep("link", **clock)] if beam_of(scene.chain, link).section is not None else found

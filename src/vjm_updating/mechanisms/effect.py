@@ -98,6 +98,11 @@ class Effect:
         return f"{self.cause}.{self.part}" if self.part else self.cause
 
     @property
+    def place(self) -> str:
+        """Cause and place as people read them."""
+        return f"{self.cause}({self.part})" if self.part else self.cause
+
+    @property
     def contains(self) -> tuple[str, ...]:
         """Causes that are this one with a parameter at its neutral value."""
         return ()

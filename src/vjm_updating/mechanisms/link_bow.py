@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, links_of, place_of
 
 CROOKED = 30.0
 """Lengths over mid-span amplitudes below which a link is not one that should be straight."""
@@ -20,11 +20,15 @@ class LinkBow(Effect):
 
     Attributes:
         sizes: amplitudes to begin a search with, mm.
-        length: of the link, mm.
+        length: of the beam, mm.
+        beam: its name.
+        part: the same where there are several links.
     """
 
     sizes: tuple[float, ...] = (0.5, 2.0)
     length: float = 310.0
+    beam: str = "link"
+    part: str = ""
     cause = "link_bow"
     extent = 2
     title = "the bar is not straight when unloaded"
@@ -42,7 +46,7 @@ class LinkBow(Effect):
 
     def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
         """Built with the bow."""
-        return replace(machine, bow=(machine.bow[0] + values[0], machine.bow[1] + values[1]))
+        return machine.bent(self.beam, values[0], values[1])
 
     def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
         """Amplitude, and direction about the link's axis from the section's y axis."""
@@ -51,6 +55,12 @@ class LinkBow(Effect):
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """Where the link's section is known: one spring alone has no shape."""
-    link = beam_of(scene.chain, link_of(scene.chain))
-    return [LinkBow(length=link.length)] if (scene.engine.segments or 1) > 1 and link.section is not None else []
+    """One a link whose section is known: one spring alone has no shape."""
+    if (scene.engine.segments or 1) == 1:
+        return []
+    links = [beam_of(scene.chain, name) for name in links_of(scene.chain)]
+    return [
+        LinkBow(length=link.length, beam=link.name, part=place_of(scene.chain, link.name))
+        for link in links
+        if link.section is not None and link.length > 0.0
+    ]

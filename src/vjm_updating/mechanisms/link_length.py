@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, link_of
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of, place_of
 
 
 @dataclass(frozen=True)
@@ -14,10 +14,12 @@ class LinkLength(Effect):
     """The bar's length is off; the unloaded pose moves with it.
 
     Attributes:
-        beam: the part's name.
+        beam: the link's name.
+        part: the same where there are several.
     """
 
     beam: str = "link"
+    part: str = ""
     cause = "link_length"
     title = "the bar is longer or shorter than drawn"
 
@@ -35,5 +37,5 @@ class LinkLength(Effect):
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """Always."""
-    return [LinkLength(beam=link_of(scene.chain))]
+    """One a link."""
+    return [LinkLength(name, place_of(scene.chain, name)) for name in links_of(scene.chain)]

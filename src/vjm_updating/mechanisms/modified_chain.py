@@ -12,14 +12,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from vjm.model.chain import Chain
+from vjm.model.chain import FOOT, Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
 from vjm.model.lumped import LumpedModel
 from vjm.model.parameters import beam_length, compliance_factor
 from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 
-LINK = "link"
 STANDARD_GRAVITY = 9.80665
 """m/s²."""
 KEPT = 64
@@ -37,7 +37,7 @@ class ModifiedChain:
         engine: of its lumped model; how many springs.
         factors: of a part's compliance over its nominal value, by part.
         lengthened: mm by beam.
-        bow: of the link at mid-span along its section's y and z axes, mm.
+        bow: of beams at mid-span along their section's y and z axes, mm, by part.
         asymmetry: stiffness in pull over that in push, by part.
         weight: mass in kg that is spread over each beam, by part.
         gravity: direction of the weight.
@@ -47,7 +47,7 @@ class ModifiedChain:
     engine: VjmEngine
     factors: tuple[tuple[str, float], ...] = ()
     lengthened: tuple[tuple[str, float], ...] = ()
-    bow: tuple[float, float] = (0.0, 0.0)
+    bow: tuple[tuple[str, float, float], ...] = ()
     asymmetry: tuple[tuple[str, float], ...] = ()
     weight: tuple[tuple[str, float], ...] = ()
     gravity: tuple[float, float, float] = (0.0, 0.0, -1.0)
@@ -71,6 +71,17 @@ class ModifiedChain:
         own[part] = own.get(part, 0.0) + by
         return replace(self, lengthened=tuple(sorted(own.items())))
 
+    def bent(self, part: str, along_y: float, along_z: float) -> ModifiedChain:
+        """The machine with a beam bowed by so many mm more."""
+        own = {name: (y, z) for name, y, z in self.bow}
+        y, z = self.bow_of(part)
+        own[part] = y + along_y, z + along_z
+        return replace(self, bow=tuple((name, *bow) for name, bow in sorted(own.items()) if any(bow)))
+
+    def bow_of(self, part: str) -> tuple[float, float]:
+        """Amplitudes of a beam's bow along its section's y and z axes, mm."""
+        return next(((y, z) for name, y, z in self.bow if name == part), (0.0, 0.0))
+
     def chain(self, pulls: bool = True) -> Chain:
         """The chain as it is, in pull or in push, where these differ."""
         chain = self.nominal
@@ -91,18 +102,19 @@ class ModifiedChain:
                 chain = replace(chain, parts=parts)
         return chain
 
-    def model(self, pulls: bool = True) -> LumpedModel:
-        """The lumped model, its springs free of stress where they are drawn: a bow is not in it.
+    def model(self, posture: str, pulls: bool = True) -> LumpedModel:
+        """The lumped model in a posture, its springs free of stress where they are drawn: a bow is not in it.
 
-        Machines that differ in nothing but the bow share one.
+        Machines that differ in nothing but the bow share one, and postures where only passive joints differ.
         """
+        standing = posture if self.nominal.held_joints else ""
         key = (
             id(self.nominal), self.engine, self.factors, self.lengthened, self.asymmetry, self.weight,
-            pulls or not self.asymmetry,
+            pulls or not self.asymmetry, standing,
         )  # fmt: skip
         known = _MODELS.get(key)
         if known is None:
-            known = _MODELS[key] = self.nominal, self.engine.model(self.chain(pulls))
+            known = _MODELS[key] = self.nominal, self.engine.model(self.chain(pulls).at(posture))
             if len(_MODELS) > KEPT:
                 _MODELS.popitem(last=False)
         return known[1]
@@ -125,12 +137,16 @@ class ModifiedChain:
         result: Array = self.nominal.base[:3, :3] @ np.asarray(self.drive.axis)
         return result
 
-    def line(self, posture: str) -> Array:
-        """Unit vector ``(3,)`` along the link in an unloaded posture, from its root to its tip, world axes."""
-        model = ModifiedChain(self.nominal, self.engine).model()
-        k = model.kinematics(model.configuration(self.nominal.posture(posture)))
+    def line(self, posture: str, part: str = "") -> Array:
+        """Unit vector ``(3,)`` along a beam, the last one by default, from its root to its tip, world axes.
+
+        That of the unloaded posture.
+        """
+        part = part or link_of(self.nominal)
+        model = ModifiedChain(self.nominal, self.engine).model(posture)
+        k = model.kinematics(model.configuration(model.chain.posture(posture)))
         points = model.shape(k)
-        own = [i for i, station in enumerate(model.stations) if station.part == link_of(self.nominal)]
+        own = [i for i, station in enumerate(model.stations) if station.part == part]
         along = points[own[-1]] - points[own[0]]
         result: Array = along / np.linalg.norm(along)
         return result
@@ -141,10 +157,25 @@ def beam_of(chain: Chain, name: str) -> Beam:
     return next(beam for beam in chain.beams if beam.name == name)
 
 
-def link_of(chain: Chain) -> str:
-    """The beam called link, else the last one."""
+def foot_of(chain: Chain) -> str | None:
+    """The beam that carries the first link: the one that a model calls foot, where it has others."""
     names = [beam.name for beam in chain.beams]
-    return LINK if LINK in names else names[-1]
+    return FOOT if FOOT in names and len(names) > 1 else None
+
+
+def links_of(chain: Chain) -> list[str]:
+    """All beams but the foot, from the base to the end-effector."""
+    return [beam.name for beam in chain.beams if beam.name != foot_of(chain)]
+
+
+def link_of(chain: Chain) -> str:
+    """The last link, along which the end-effector is carried."""
+    return links_of(chain)[-1]
+
+
+def place_of(chain: Chain, link: str) -> str:
+    """Word for a link where there are several; empty where it is the only one."""
+    return link if len(links_of(chain)) > 1 else ""
 
 
 def springs_of(model: LumpedModel, part: str) -> list[slice]:
@@ -152,10 +183,15 @@ def springs_of(model: LumpedModel, part: str) -> list[slice]:
     at = 0
     for own in model.chain.parts:
         count = 0
-        if isinstance(own, Actuator | Mount):
-            count = int(own.compliance > 0.0)
-        elif isinstance(own, Beam):
-            count = own.segments or 1
+        match own:
+            case Actuator() | Mount():
+                count = int(own.compliance > 0.0)
+            case Beam():
+                count = own.segments or 1
+            case ActuatedJoint(matrix=None) | CoupledJoint():
+                count = sum(c > 0.0 for c in (*own.lateral, own.compliance))
+            case ActuatedJoint() | SprungJoint():
+                count = 1
         if own.name == part:
             return [where for _, where in model.blocks[at : at + count]]
         at += count
@@ -163,33 +199,34 @@ def springs_of(model: LumpedModel, part: str) -> list[slice]:
 
 
 @lru_cache(maxsize=KEPT)
-def bowed(model: LumpedModel, posture: str, bow: tuple[float, float]) -> Array:
-    """Coordinates ``(n,)`` of a link that is a half sine wave when unloaded, its ends where they were.
+def bowed(model: LumpedModel, posture: str, bow: tuple[tuple[str, float, float], ...]) -> Array:
+    """Coordinates ``(n,)`` of a machine whose beams are half sine waves when unloaded, its ends where they were.
 
     ``v = a sin(πs/L)`` has the curvature ``−a (π/L)² sin(πs/L)``, which the springs have as turns; the passive
     joints turn with the ends' slopes and keep the end-effector in place as well as they can.
 
     Args:
-        model: with the link in several springs.
+        model: with the beams in several springs.
         posture: label.
-        bow: mid-span amplitudes along the section's y and z, mm.
+        bow: mid-span amplitudes along the section's y and z, mm, by part.
 
     Raises:
-        ValueError: the link is one spring, which has no shape.
+        ValueError: a beam is one spring, which has no shape.
     """
-    part = link_of(model.chain)
-    springs = springs_of(model, part)
-    beam = beam_of(model.chain, part)
-    if beam.segments is None or beam.segments < 2:
-        raise ValueError(f"part '{part}' is one spring: split it before it can be bowed")
     x = np.zeros(model.size)
-    n, length = beam.segments, beam.length
-    for i, where in enumerate(springs):
-        # what the slope changes by over the segment
-        bend = np.pi / length * (np.cos(np.pi * i / n) - np.cos(np.pi * (i + 1) / n))
-        # deflection along y turns about z, deflection along z about −y
-        x[where][5] -= bow[0] * bend
-        x[where][4] += bow[1] * bend
+    length = 1.0
+    for part, along_y, along_z in bow:
+        springs = springs_of(model, part)
+        beam = beam_of(model.chain, part)
+        if beam.segments is None or beam.segments < 2:
+            raise ValueError(f"part '{part}' is one spring: split it before it can be bowed")
+        n, length = beam.segments, beam.length
+        for i, where in enumerate(springs):
+            # what the slope changes by over the segment
+            bend = np.pi / length * (np.cos(np.pi * i / n) - np.cos(np.pi * (i + 1) / n))
+            # deflection along y turns about z, deflection along z about −y
+            x[where][5] -= along_y * bend
+            x[where][4] += along_z * bend
     start = model.configuration(model.chain.posture(posture))
     aim = model.kinematics(start).end
     for _ in range(2):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from vjm.model.chain import FOOT
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, link_of
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, foot_of, links_of, place_of
 
 FACTOR = Quantity("factor", 0.2, 5.0, 0.02, neutral=1.0)
 """Compliance over its nominal value."""
@@ -19,9 +19,11 @@ class PartCompliance(Effect):
 
     Attributes:
         beam: the part's name.
+        part: the same where there are several links.
     """
 
     beam: str = ""
+    part: str = ""
     cause = "part_compliance"
 
     def quantities(self) -> tuple[Quantity, ...]:
@@ -55,7 +57,6 @@ class LinkCompliance(PartCompliance):
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """One for each of the two parts that the chain has."""
-    link = link_of(scene.chain)
-    feet: list[Effect] = [FootCompliance() for beam in scene.chain.beams if beam.name == FOOT and link != FOOT]
-    return [*feet, LinkCompliance(beam=link)]
+    """One for each beam that the chain has."""
+    feet: list[Effect] = [FootCompliance()] if foot_of(scene.chain) else []
+    return [*feet, *(LinkCompliance(name, place_of(scene.chain, name)) for name in links_of(scene.chain))]

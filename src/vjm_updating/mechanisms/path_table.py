@@ -176,8 +176,8 @@ def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool) -> Table:
         x, y, z = (STANDARD_GRAVITY * g for g in machine.gravity)
         gravity = (x, y, z)
     load_case = LoadCase(half.posture, half.reach, half.direction, branch=half.branch, gravity=gravity)
-    model = machine.model(pulls)
-    bow = bowed(model, half.posture, machine.bow) if any(machine.bow) else None
+    model = machine.model(half.posture, pulls)
+    bow = bowed(model, half.posture, machine.bow) if machine.bow else None
     problem = LumpedProblem(model, load_case, machine.engine.label, bow)
     grid = np.linspace(0.0, half.reach, NODES + 1)
     table = _walk(problem, grid, loaded=gravity is not None)

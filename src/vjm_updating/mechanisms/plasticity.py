@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vjm.model.chain import FOOT
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.element_sites import drive, foot
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, link_of
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, foot_of
 from vjm_updating.mechanisms.series_elements import AlongLine, Element, together, yielding
 
 
@@ -66,7 +65,6 @@ class Plasticity(Effect):
 def effects(scene: Scene) -> list[Effect]:
     """In drive, foot and joints."""
     has = ModifiedChain(scene.chain, scene.engine).drive_axis is not None
-    link = link_of(scene.chain)
     found: list[Effect] = [Plasticity("actuator", scene.force)] if has else []
-    found += [Plasticity("foot", scene.force) for b in scene.chain.beams if b.name == FOOT != link]
+    found += [Plasticity("foot", scene.force)] if foot_of(scene.chain) else []
     return [*found, Plasticity("joints", scene.force)] if scene.chain.joints else found

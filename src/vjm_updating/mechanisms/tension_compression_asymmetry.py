@@ -11,9 +11,11 @@ from vjm.model.chain import FOOT
 from vjm.rotations import Array
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.element_sites import drive
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, link_of
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, foot_of, links_of, place_of
 from vjm_updating.mechanisms.series_elements import Element, memoryless
 
+LINK = "link"
+"""Word for a link that is the only one."""
 RATIO = Quantity("ratio", 0.1, 10.0, 0.05, neutral=1.0)
 AS_DRAWN = Quantity("as_drawn", -1.5, 1.5, 0.5, usual=0.0, spread=0.7)
 """Which way has the drawn stiffness: pull at 1, push at -1, at 0 neither but their geometric mean."""
@@ -41,7 +43,7 @@ class Asymmetry(TwoWays):
     """Two factors on all stiffnesses of a part, one in pull and one in push.
 
     Attributes:
-        part: ``foot`` or ``link``.
+        part: ``foot`` or ``link``, or the link's name where there are several.
         beam: the part's name in the chain.
     """
 
@@ -87,8 +89,7 @@ class DriveAsymmetry(TwoWays):
 
 def effects(scene: Scene) -> list[Effect]:
     """Of the drive where the model has a spring there, of the foot and of the link."""
-    link = link_of(scene.chain)
     own = ModifiedChain(scene.chain, scene.engine).drive
     found: list[Effect] = [DriveAsymmetry(own.compliance)] if own and own.compliance > 0.0 else []
-    found += [Asymmetry(part="foot", beam=FOOT) for b in scene.chain.beams if b.name == FOOT != link]
-    return [*found, Asymmetry(part="link", beam=link)]
+    found += [Asymmetry(part="foot", beam=FOOT)] if foot_of(scene.chain) else []
+    return [*found, *(Asymmetry(place_of(scene.chain, name) or LINK, name) for name in links_of(scene.chain))]

@@ -83,8 +83,8 @@ CASES = {
         12,
         (),
     ),
-    "weight": ((Gravity(),), [(40.0,)], 12, ("--gravity=0,0,-9.80665",)),
-    "weight of foot and bar": ((Gravity(foot=0.3),), [(40.0, 0.6)], 12, ("--gravity=0,0,-9.80665",)),
+    "weight": ((Gravity(),), [(1.5,)], 12, ("--gravity=0,0,-9.80665",)),
+    "weight of foot and bar": ((Gravity(foot=0.3),), [(1.5, 0.2)], 12, ("--gravity=0,0,-9.80665",)),
     "tilt": ((LoadMisalignment(),), [(0.05, -0.02)], 12, ("--axis",)),
     "bow on a base": ((LinkBow(), BaseCompliance()), [(-1.5, 0.2), (2e-5, 1.0, 1.0)], 12, ()),
 }

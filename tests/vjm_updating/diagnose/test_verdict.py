@@ -4,13 +4,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from vjm_updating.diagnose.command import _residual_words
 from vjm_updating.diagnose.instrument import InstrumentZero, ThermalDrift
 from vjm_updating.diagnose.model_adequacy import Misfit
 from vjm_updating.diagnose.parameters import coordinates
 from vjm_updating.diagnose.scored_hypothesis import Ranked
-from vjm_updating.diagnose.verdict import PAYS, Verdict, _elsewhere, _quiet, needless, proved
+from vjm_updating.diagnose.stopping import WRONG_LAW
+from vjm_updating.diagnose.verdict import PAYS, Verdict, _elsewhere, _quiet, left_by_laws, needless, proved
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.actuator_hardening import RATIO, ActuatorHardening
 
@@ -110,3 +112,16 @@ def test_a_cause_may_sit_in_another_place():
 )
 def test_unknown_says_what_made_it_so(rest, words):
     assert words in _residual_words(Verdict("unknown", (), (), 0.9, (), rest))
+
+
+@pytest.mark.parametrize("size", [0.5, 1.0, 3.0])
+def test_what_a_law_leaves_is_judged_by_what_it_explains(size):
+    # a leftover of so many standard deviations of the discrepancy has a Gaussian's two-sided chance
+    explained = 160.0**2
+    rest = Misfit(1e-12, size**2 * WRONG_LAW / 4.0 * explained, "fx_N: shape")
+    assert left_by_laws(rest, explained) == pytest.approx(2.0 * norm.sf(size), rel=1e-9)
+
+
+def test_noise_excuses_what_no_law_does():
+    assert left_by_laws(Misfit(0.4, 30.0, "fx_N: shape"), 1.0) == 0.4
+    assert left_by_laws(Misfit(1e-9, 30.0, "fx_N: shape"), 0.0) == 1e-9

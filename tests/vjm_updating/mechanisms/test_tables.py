@@ -50,7 +50,7 @@ def test_bifurcation_stands_where_the_path_has_it(machine):
 def test_bowed_column_follows_the_exact_amplification():
     # a pinned column with a half-sine bow a of its own carries P at a mid deflection a P/(P_E − P) beyond a
     chain = load_chain("pinned-column")
-    machine = ModifiedChain(chain, VjmEngine(16), bow=(0.5, 0.0))
+    machine = ModifiedChain(chain, VjmEngine(16), bow=((chain.beams[0].name, 0.5, 0.0),))
     table = tabulate(machine, HalfRay("straight", BACK, 0.08), pulls=False)
     section = chain.beams[0].effective_section()
     L = chain.beams[0].length
@@ -67,7 +67,7 @@ def test_bowed_column_follows_the_exact_amplification():
 
 def test_bow_keeps_the_ends_in_place(machine):
     model = machine.engine.model(machine.nominal)
-    x = bowed(model, "A", (0.7, -0.3))
+    x = bowed(model, "A", (("link", 0.7, -0.3),))
     start = model.configuration(machine.nominal.posture("A"))
     before, after = model.kinematics(start).end, model.kinematics(start + x).end
     # the chord of the bow is shorter by a²π²/4L
@@ -105,7 +105,7 @@ def test_weight_is_followed_where_the_march_stumbles(machine, monkeypatch):
     step_by_step = tabulate(heavy, HalfRay("B", BACK, 2.0), pulls=False)
     assert given_up
     # both residuals are below the solver's tolerance in the model's units, 1e-7 N and 3e-5 N mm
-    unit = heavy.model().wrench_scale
+    unit = heavy.model("B").wrench_scale
     assert np.abs((step_by_step.wrench - whole.wrench) / unit).max() < TOLERANCE
     assert np.abs(step_by_step.stiffness - whole.stiffness).max() < TOLERANCE * np.abs(whole.stiffness).max()
 
