@@ -156,9 +156,7 @@ def _findings(found: SolidCompliance, beams: list[BeamDocument], taper: TaperDoc
     EI = [value for value in (beam.EIy_Nmm2, beam.EIz_Nmm2) if value is not None]
     if EI and beam.met:
         euler = np.pi**2 * min(EI) / (4.0 * beam.length_mm**2)
-        lines.append(
-            f"as the beam below, free at its tip, it buckles at {number(float(euler), 3)} N of compression"
-        )
+        lines.append(f"as that beam, free at its tip, it buckles at {number(float(euler), 3)} N of compression")
     if taper is not None and not beams[0].met and taper.worst_scaled < TAPERS:
         lines.append(
             f"as a straight tapered beam from base to tip: EIy {number(taper.EIy_Nmm2[0], 3)} to "

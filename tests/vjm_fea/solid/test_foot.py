@@ -17,6 +17,7 @@ from vjm_fea.solid.drawing import drawing
 from vjm_fea.solid.elasticity import ElasticSolid, Material
 
 E, NU = 70000.0, 0.33
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ from vjm_fea.solid.elasticity import ElasticSolid, Material
 from vjm_fea.solid.solver import factorized
 
 E, NU = 210_000.0, 0.3
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module", autouse=True)
