@@ -58,6 +58,7 @@ def test_a_prism_as_json(folder):
     assert beam["length_mm"] == pytest.approx(100.0, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["prism.stl", "prism.msh"])
 def test_other_kinds_of_drawing(folder, name):
     done = run(folder, name, "--json", "--accuracy", "2")
