@@ -63,14 +63,19 @@ def parsed_grid(text: str, manipulator: Manipulator) -> Grid:
             name, _, numbers = word.partition("=")
             if name.strip() not in ("x", "y", "z") or not numbers:
                 raise ValueError(f"--grid {text}: '{word}' is not x=from:to:count, y=… or z=…")
-            axes["xyz".index(name.strip())] = _axis(text, numbers)
+            axes["xyz".index(name.strip())] = grid_axis(text, numbers)
     grid = Grid((axes[0], axes[1], axes[2]))
     if len(grid) > MOST:
         raise ValueError(f"--grid {text}: {len(grid)} poses are more than {MOST}")
     return grid
 
 
-def _axis(text: str, numbers: str) -> tuple[float, ...]:
+def grid_axis(text: str, numbers: str) -> tuple[float, ...]:
+    """Values of ``from:to:count`` or of one number; ``text`` is the option, for messages.
+
+    Raises:
+        ValueError: it is neither.
+    """
     words = numbers.split(":")
     try:
         values = [float(word) for word in words]
