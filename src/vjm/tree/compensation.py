@@ -159,7 +159,7 @@ def _path(
     before = start
     for k, position in enumerate(positions):
         rotation = None if rotations is None else rotations[k]
-        q = _near(model, before, position, rotation, index) if before is not None else None
+        q = near(model, before, position, rotation, index) if before is not None else None
         if q is None:
             try:
                 solutions = postures_of(model, position, rotation, end)
@@ -174,7 +174,7 @@ def _path(
     return np.array(rows)
 
 
-def _near(model: TreeModel, q: Array, position: Array, rotation: Array | None, index: int) -> Array | None:
+def near(model: TreeModel, q: Array, position: Array, rotation: Array | None, index: int) -> Array | None:
     """A solution by Newton's method from coordinates ``(n,)``; None where that goes astray."""
     q = q[None].copy()
     unit = np.repeat([1.0 / model.reach, 1.0], 3)

@@ -68,14 +68,19 @@ def parsed_grid(text: str, manipulator: Manipulator) -> Grid:
             if name.strip() in seen:
                 raise ValueError(f"--grid {text}: {name.strip()} is given twice: which is meant?")
             seen.add(name.strip())
-            axes["xyz".index(name.strip())] = _axis(text, numbers)
+            axes["xyz".index(name.strip())] = grid_axis(text, numbers)
     grid = Grid((axes[0], axes[1], axes[2]))
     if len(grid) > MOST:
         raise ValueError(f"--grid {text}: {len(grid)} poses are more than {MOST}")
     return grid
 
 
-def _axis(text: str, numbers: str) -> tuple[float, ...]:
+def grid_axis(text: str, numbers: str) -> tuple[float, ...]:
+    """Values of ``from:to:count`` or of one number; ``text`` is the option, for messages.
+
+    Raises:
+        ValueError: it is neither.
+    """
     words = numbers.split(":")
     try:
         values = [float(word) for word in words]

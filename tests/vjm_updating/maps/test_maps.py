@@ -125,7 +125,7 @@ def test_the_command_writes_csv_vtk_and_a_figure(tmp_path, capsys, monkeypatch):
     )
     assert "kt_min_N_per_mm" in capsys.readouterr().out
     lines = (tmp_path / "map.csv").read_text(encoding="utf-8").splitlines()
-    assert lines[0].startswith("# model=orthoglide engine=vjm-paper quantity=stiffness")
+    assert lines[0].startswith("# model=orthoglide engine=vjm-4 quantity=stiffness")
     rows = list(csv.DictReader(lines[1:]))
     assert len(rows) == 6
     assert list(rows[0]) == ["x_mm", "y_mm", "z_mm", *COLUMNS[Quantity.STIFFNESS], "status"]

@@ -90,3 +90,25 @@ def test_what_no_arm_takes_is_refused(validate, words, said):
     result = validate("stiffness", *words, status=2)
     assert said in result.err
     assert result.err.count("\n") == 1
+
+
+def test_weight_and_a_load_change_what_a_bent_arm_bears(validate):
+    """The load on a part stays while the force grows, so that the stiffness at the beginning is another."""
+    words = (
+        "planar-2r",
+        "--posture",
+        "bent",
+        "--force",
+        "--to",
+        "200",
+        "--free",
+        "x,y,z,rx,ry,rz",
+        "--direction=-",
+        "--json",
+    )
+    plain, loaded = (
+        json.loads(validate("buckling", *words, *more).out)["chain"]["bent"]["compression"]["vjm-16"]["K0"]
+        for more in ((), ("--gravity", "0,-9.81,0", "--load", "upper@0.5:0,-400,0"))
+    )
+    # 50 N and 400 N turn the joints by up to a tenth of a radian
+    assert 1e-3 < abs(loaded / plain - 1.0) < 0.2

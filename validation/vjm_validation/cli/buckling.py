@@ -18,7 +18,7 @@ from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
 from vjm_validation.cli import pages, tables
 from vjm_validation.cli.doubts import Strict, considered
-from vjm_validation.cli.load_case_options import parsed_load_case
+from vjm_validation.cli.load_case_options import GravityOption, LoadOption, parsed_load_case
 from vjm_validation.cli.options import (
     FootSegments,
     Force,
@@ -58,6 +58,8 @@ def buckling_(
     ] = None,
     free: Free = "",
     force: Force = False,
+    gravity: GravityOption = "",
+    load: LoadOption = (),
     jobs: Annotated[int, Parameter(help="Processes; 0 is one a core.")] = 1,
     json: Json = False,
     plot: pages.Plot = None,
@@ -82,7 +84,9 @@ def buckling_(
     tasks = []
     for label, way, solver in cases:
         end = way.sign * to if to is not None else ramp_end(chain, label, way)
-        load_case = parsed_load_case(label, end, force=force, free=free, control=TO_LIMIT if force else RAMP)
+        load_case = parsed_load_case(
+            label, end, force=force, free=free, gravity=gravity, loads=load, control=TO_LIMIT if force else RAMP
+        )
         within_reach("--to", chain, load_case.displacement(load_case.length).tolist())
         tasks.append(Task(solver, chain, load_case))
     with terminal.progress(quiet=json) as progress:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -12,29 +14,37 @@ import numpy as np
 from cyclopts import Parameter
 
 from vjm.io.files import locked
-from vjm.io.manipulator_file import load_manipulator
+from vjm.io.manipulator_file import load_manipulator, load_model
+from vjm.model.chain import Chain
 from vjm.plain_numbers import plain_number
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
+from vjm_updating.maps.arm_map import map_arm, write_arm_map
 from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
 from vjm_updating.maps.output import write_map
 from vjm_updating.maps.pose_grid import parsed_grid
-from vjm_updating.maps.run import Map, MapResult, run_map
+from vjm_updating.maps.run import Map, run_map
 from vjm_validation.cli import pages
 from vjm_validation.cli.doubts import Strict, considered
+from vjm_validation.cli.load_case_options import GravityOption, acceleration
 from vjm_validation.engines import EngineOptions, engine_by_name
+from vjm_validation.load_any_model import postures
+from vjm_validation.loaded_stiffness import held_by_itself
 
 INTERRUPTED = 130
+REFINED = "vjm-4"
+"""Springs a beam by default: critical loads of a pinned column within 1e-3, at a quarter of the cost of 16."""
 
 
 def map_(
-    model: Annotated[str, Parameter(help="A manipulator of the library, or a path to a file.")],
+    model: Annotated[str, Parameter(help="A manipulator or an arm of the library, or a path to a file.")],
     *,
     grid: Annotated[
         str,
         Parameter(
             allow_leading_hyphen=True,
-            help="Points a side of the model's workspace, such as 21, or x=from:to:count,y=…,z=… in mm from home.",
+            help="Points a side of the workspace, such as 21, or x=from:to:count,y=…,z=… in mm: from home; of an "
+            "arm the tool's place in the world, or joints by name, such as elbow=0:2:21.",
         ),
     ] = "11",
     quantity: Annotated[Quantity, Parameter(help="stiffness, critical or deflection.")] = Quantity.STIFFNESS,
@@ -43,7 +53,10 @@ def map_(
         Parameter(allow_leading_hyphen=True, help="fx,fy,fz,mx,my,mz on the platform, N and N mm."),
     ] = "",
     most: Annotated[float, Parameter(help="Largest force tried for a critical one, N.")] = 20_000.0,
-    engine: Annotated[str, Parameter(help="vjm-paper, or vjm-<n> for refined chains.")] = "vjm-paper",
+    posture: Annotated[str, Parameter(help="Of an arm: what the grid leaves out; the first by default.")] = "",
+    gravity: GravityOption = "",
+    end: Annotated[str, Parameter(help="Of a tree: name of the end frame.")] = "",
+    engine: Annotated[str, Parameter(help="vjm-<n> for n springs a beam, vjm, or vjm-paper.")] = REFINED,
     jobs: Annotated[int, Parameter(help="Processes; one a core by default.")] = 0,
     scheduler: Annotated[str, Parameter(help="Address of a Dask scheduler instead, such as tcp://host:8786.")] = "",
     out: Annotated[Path | None, Parameter(help="Folder; a map that was cut off goes on there.")] = None,
@@ -52,18 +65,25 @@ def map_(
     strict: Strict = False,
 ) -> int:
     """Map a quantity over a manipulator's workspace: CSV, VTK, a figure and a render."""
-    springs = engine_by_name(engine, EngineOptions())
+    target = load_model(model)
+    springs = engine_by_name(engine, EngineOptions(), target)
     if not isinstance(springs, VjmEngine):
-        raise ValueError(f"--engine {engine}: maps are made with vjm-paper or vjm-<n>f<m>")
+        raise ValueError(f"--engine {engine}: maps are made with vjm, vjm-<n> or vjm-paper")
     if jobs < 0:
         raise ValueError(f"--jobs: must be at least 1, not {jobs}")
     if not 0.0 < most < np.inf:
         raise ValueError(f"--most: must be a positive force in N, not {most}")
     pages.check(plot, report)
+    folder = out or Path("reports") / "maps" / f"{target.name}-{quantity}-{time.strftime('%Y%m%d-%H%M%S')}"
+    if isinstance(target, Chain):
+        considered(model, strict)
+        arm = _of_arm(target, springs, quantity, grid, posture, wrench, acceleration(gravity), end, folder)
+        return _said(arm, plot, report)
+    if posture or gravity or end:
+        raise ValueError("--posture, --gravity and --end are for maps of arms: leave them out")
     machine = load_manipulator(model)
     considered(model, strict)
     wanted = Map(machine, springs, quantity, parsed_grid(grid, machine), _wrench(wrench, quantity), most)
-    folder = out or Path("reports") / "maps" / f"{machine.name}-{quantity}-{time.strftime('%Y%m%d-%H%M%S')}"
     try:
         with locked(folder), terminal.progress() as progress:
             result = run_map(
@@ -75,47 +95,97 @@ def map_(
             f"interrupted; what is finished is in {folder}: the same command with --out {folder} goes on"
         )
         return INTERRUPTED
-    console = terminal.console()
-    solved = [why == OK for why in result.why]
-    console.print(
-        f"{machine.name}, {springs.label}, {quantity}: {sum(solved)} of {len(solved)} poses", soft_wrap=True
-    )
-    for k, name in enumerate(COLUMNS[quantity]):
-        values = result.values[np.isfinite(result.values[:, k]), k]
-        if values.size:
-            console.print(f"  {name}: {values.min():.6g} to {values.max():.6g}", soft_wrap=True)
-    reasons = [why for why in result.why if why != OK]
-    for why in list(dict.fromkeys(reasons))[:5]:
-        console.print(f"  {reasons.count(why)} poses: {why}", soft_wrap=True)
+    places = result.map.grid.poses()[:, :3]
     files = write_map(result, folder)
-    for file in files:
+    return _said(
+        Mapped(machine.name, springs.label, quantity, places, result.values, result.why, files), plot, report
+    )
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """A map as it is shown.
+
+    Attributes:
+        name: of the machine.
+        engine: label.
+        quantity: what was asked.
+        places: ``(g, 3)`` of the platform or tool, mm.
+        values: ``(g, k)`` in the order of `COLUMNS`.
+        why: ``ok``, or why there is no value.
+        files: that were written.
+    """
+
+    name: str
+    engine: str
+    quantity: Quantity
+    places: np.ndarray
+    values: np.ndarray
+    why: Sequence[str]
+    files: Sequence[Path]
+
+
+def _of_arm(
+    chain: Chain,
+    springs: VjmEngine,
+    quantity: Quantity,
+    grid: str,
+    posture: str,
+    wrench: str,
+    gravity: tuple[float, float, float] | None,
+    end: str,
+    folder: Path,
+) -> Mapped:
+    if not held_by_itself(chain):
+        raise ValueError(f"{chain.name}: is a single chain that swings, and this needs a manipulator or an arm")
+    label = postures(chain, (posture,) if posture else ())[0]
+    load = (0.0,) * 6 if not wrench and gravity else _wrench(wrench, quantity)
+    with locked(folder):
+        found = map_arm(chain, springs, quantity, grid, label, wrench=load, gravity=gravity, end=end)
+        files = write_arm_map(found, folder)
+    return Mapped(chain.name, springs.label, quantity, found.tool, found.values, found.why, files)
+
+
+def _said(found: Mapped, plot: Path | None, report: Path | None) -> int:
+    """What a map holds, in some lines."""
+    console = terminal.console()
+    solved = sum(each == OK for each in found.why)
+    console.print(
+        f"{found.name}, {found.engine}, {found.quantity}: {solved} of {len(found.why)} poses", soft_wrap=True
+    )
+    for k, column in enumerate(COLUMNS[found.quantity]):
+        finite = found.values[np.isfinite(found.values[:, k]), k]
+        if finite.size:
+            console.print(f"  {column}: {finite.min():.6g} to {finite.max():.6g}", soft_wrap=True)
+    reasons = [each for each in found.why if each != OK]
+    for reason in list(dict.fromkeys(reasons))[:5]:
+        console.print(f"  {reasons.count(reason)} poses: {reason}", soft_wrap=True)
+    for file in found.files:
         console.print(f"{file}", soft_wrap=True)
-    pages.draw(plot, report, lambda: _content(result, files), console)
+    pages.draw(plot, report, lambda: _content(found), console)
     sys.stdout.flush()
     return 0
 
 
-def _content(result: MapResult, files: list[Path]) -> pages.Content:
+def _content(found: Mapped) -> pages.Content:
     from vjm_output.plot_style import Drawing, Picture
     from vjm_validation.report.tables import Table
 
-    titles = {"map.png": "Levels of z side by side", "render.png": "Planes through the middle of the workspace"}
+    titles = {"map.png": "The map", "render.png": "Planes through the middle of the workspace"}
     pictures = [
-        Picture(
-            file.stem, Drawing(file.read_bytes()), titles[file.name], f"{result.map.quantity}; one colour scale."
-        )
-        for file in files
+        Picture(file.stem, Drawing(file.read_bytes()), titles[file.name], f"{found.quantity}; one colour scale.")
+        for file in found.files
         if file.name in titles
     ]
-    names = COLUMNS[result.map.quantity]
     rows = [
-        (*(f"{v:.6g}" for v in pose[:3]), *("–" if np.isnan(v) else f"{v:.6g}" for v in values), why)
-        for pose, values, why in zip(result.map.grid.poses(), result.values, result.why, strict=True)
+        (*(f"{v:.6g}" for v in place), *("–" if np.isnan(v) else f"{v:.6g}" for v in values), why)
+        for place, values, why in zip(found.places, found.values, found.why, strict=True)
     ]
+    names = COLUMNS[found.quantity]
     table = Table("Every pose", ("x, mm", "y, mm", "z, mm", *names, "status"), tuple(rows), words=0)
-    solved = sum(why == OK for why in result.why)
-    title = f"{result.map.manipulator.name}, {result.map.springs.label}: {result.map.quantity}"
-    return pages.Content(title, f"{solved} of {len(result.why)} poses have an answer.", pictures, [table])
+    solved = sum(why == OK for why in found.why)
+    title = f"{found.name}, {found.engine}: {found.quantity}"
+    return pages.Content(title, f"{solved} of {len(found.why)} poses have an answer.", pictures, [table])
 
 
 def _wrench(text: str, quantity: Quantity) -> tuple[float, ...]:

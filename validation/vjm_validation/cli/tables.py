@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.box import SIMPLE
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from vjm.continuation.path import Path
@@ -32,7 +33,7 @@ def path_table(path: Path) -> Table:
     unit = "mm" if path.load_case.direction[:3].any() else "rad"
     force = "N" if unit == "mm" else "N mm"
     way = "; magnitudes: the ramp goes against its axis" if path.load_case.sign < 0 and not driven else ""
-    title = f"{path.model}, posture {path.load_case.posture}, {path.engine}{way}"
+    title = escape(f"{path.model}, posture {path.load_case.posture}, {path.engine}{way}")
     table = Table(title=title, title_justify="left")
     columns = ["ux mm", "uy mm", "uz mm", "load factor", "its stiffness"]
     if not driven:
@@ -78,7 +79,7 @@ def metrics_table(document: BucklingDocument) -> Table:
             table.add_row(f"{posture} {direction}", style="bold")
             for engine, metrics in engines.items():
                 values = (_number(getattr(metrics, name), 5) for name in numbers)
-                table.add_row(f"  {engine}", str(metrics.critical) if metrics.critical else "none", *values)
+                table.add_row(f"  {escape(engine)}", str(metrics.critical) if metrics.critical else "none", *values)
     return table
 
 
@@ -97,9 +98,8 @@ def acceptance_table(rows: Sequence[AcceptanceRow]) -> Table:
 def stiffness(console: Console, document: StiffnessDocument) -> None:
     """One loaded equilibrium."""
     where = f", end frame {document.end}" if document.end else ""
-    console.print(
-        f"{document.model}, posture {document.posture}, {document.engine}, imposed {document.control}{where}"
-    )
+    title = f"{document.model}, posture {document.posture}, {document.engine}, imposed {document.control}{where}"
+    console.print(escape(title))
     console.print(_row("displacement, mm rad", document.displacement))
     console.print(_row("wrench, N N mm", document.wrench))
     if document.torques:

@@ -124,6 +124,7 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
     lumped = engine_by_name(request.engines[0], EngineOptions(request.segments), machine)
     if not isinstance(lumped, VjmEngine):
         raise ValueError(f"--engine {request.engines[0]}: the first engine must be vjm, vjm-paper or vjm-<n>")
+    lumped = _refined(lumped, machine)
     found = OwnMachine(machine, held, _size(request, machine, labels, lumped, held))
     engines: list[Engine] = [whole(lumped)]
     for name in request.engines[1:]:
@@ -153,6 +154,17 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
     found.critical = [_critical_row(key, path) for key, path in found.criticals.items()]
     _converge(request, found, lumped, whole, progress)
     return found
+
+
+def _refined(engine: VjmEngine, machine: Chain) -> VjmEngine:
+    """The engine with its springs in beams too that have a smaller number of their own: elements split them all."""
+    n = engine.segments
+    if n is None:
+        return engine
+    chains = [leg.chain for leg in machine.legs] if isinstance(machine, Manipulator) else [machine]
+    beams = [beam for chain in chains for beam in chain.beams if beam.section is not None]
+    few = dict.fromkeys(beam.name for beam in beams if (beam.own_segments or n) < n)
+    return replace(engine, parts=(*((name, n) for name in few), *engine.parts))
 
 
 def extent(machine: Chain) -> float:

@@ -19,6 +19,8 @@ AGREEMENT = 2e-3
 """Of what both engines compute: 16 springs a beam, and 8 elements, are good to 1e-4 and to 7e-4 near buckling."""
 RESIDUAL = 1e-8
 """Scaled; the lumped solver stops at 1e-11, Exudyn at 1e-9 of its own norm."""
+FAR = 3.0
+"""Times the machine's first critical force, up to which critical points must agree."""
 CONVERGENCE = 1e-3
 """Of 16 springs a beam, to 32."""
 
@@ -107,6 +109,9 @@ def _critical_rows(found: OwnMachine) -> list[AcceptanceRow]:
         return []
     # where one of them gave up before the other's critical point, there is nothing to compare
     comparable = [(a, b) for a, b in pairs if not (a.stopped or b.stopped) or (a.kind and b.kind)]
+    first = min((row.F_cr for pair in pairs for row in pair if row.F_cr), default=0.0)
+    # what lies far beyond the first loss of stability is listed, and decides nothing
+    comparable = [pair for pair in comparable if not any(row.F_cr and row.F_cr > FAR * first for row in pair)]
     kinds = [
         f"{a.posture} {a.direction}: {a.kind or 'none'} and {b.kind or 'none'}"
         for a, b in comparable

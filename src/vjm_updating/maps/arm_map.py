@@ -1,0 +1,245 @@
+"""Maps of arms and trees: stiffness or deflection over a grid of joint coordinates or of tool positions."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from vjm import __version__
+from vjm.io.files import write_whole
+from vjm.model.chain import Chain
+from vjm.rotations import Array
+from vjm.tree.compensation import near
+from vjm.tree.equilibria import equilibria, unloaded_frames
+from vjm.tree.model import Gravity, TreeModel
+from vjm.vjm_engine import VjmEngine
+from vjm_output.plot_style import figure, png
+from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
+from vjm_updating.maps.output import SHOWN, TITLES
+from vjm_updating.maps.pose_grid import MOST, grid_axis
+
+TOOL = ("x", "y", "z")
+LOST, UNSTABLE = "no equilibrium under these loads", "the equilibrium is unstable"
+UNREACHED = "not reached from its neighbours and the posture"
+ROUNDING = 1e-12
+"""Over the largest: compliance that is none."""
+
+
+@dataclass(frozen=True)
+class ArmGrid:
+    """Values of joints or of tool coordinates.
+
+    Attributes:
+        axes: by name: joints, mm or rad, or x, y, z of the tool in mm, world.
+        tool: whether they are of the tool.
+    """
+
+    axes: dict[str, tuple[float, ...]]
+    tool: bool
+
+    @property
+    def varied(self) -> list[str]:
+        """Names with more than one value."""
+        return [name for name, values in self.axes.items() if len(values) > 1]
+
+
+def parsed_arm_grid(text: str, model: TreeModel) -> ArmGrid:
+    """The grid of an option such as ``elbow=0:2:21,wrist=0.5`` or ``x=400:600:11,z=200``.
+
+    Raises:
+        ValueError: it makes no sense; one line that says what would.
+    """
+    joints = set(model.joints)
+    axes: dict[str, tuple[float, ...]] = {}
+    for word in text.split(","):
+        name, _, numbers = (piece.strip() for piece in word.partition("="))
+        if (name not in joints and name not in TOOL) or not numbers:
+            known = f"x, y, z or a joint ({', '.join(model.joints)})"
+            raise ValueError(f"--grid {text}: '{word}' is not NAME=from:to:count with {known}")
+        axes[name] = grid_axis(text, numbers)
+    own = {name for name in axes if name in joints}
+    if own and len(own) < len(axes):
+        raise ValueError(f"--grid {text}: give joints or coordinates of the tool, not both")
+    count = int(np.prod([len(values) for values in axes.values()], dtype=float))
+    if count > MOST:
+        raise ValueError(f"--grid {text}: {count} points are more than {MOST}")
+    return ArmGrid(axes, not own)
+
+
+@dataclass(frozen=True)
+class ArmMap:
+    """A map.
+
+    Attributes:
+        chain: the machine.
+        engine: label.
+        joints: names of the n joints.
+        quantity: what was asked.
+        grid: where.
+        q: coordinates ``(g, n)``; nan where a tool position is not reached.
+        tool: positions ``(g, 3)`` of the unloaded end, mm.
+        values: ``(g, k)`` in the order of `COLUMNS`.
+        why: ``ok``, or why there is no value.
+    """
+
+    chain: Chain
+    engine: str
+    joints: tuple[str, ...]
+    quantity: Quantity
+    grid: ArmGrid
+    q: Array
+    tool: Array
+    values: Array
+    why: list[str]
+
+
+def map_arm(
+    chain: Chain,
+    engine: VjmEngine,
+    quantity: Quantity,
+    grid: str,
+    posture: str,
+    *,
+    wrench: Sequence[float] = (0.0,) * 6,
+    gravity: Gravity | None = None,
+    end: str = "",
+) -> ArmMap:
+    """Evaluate a quantity at every point of a grid, all equilibria in one batch.
+
+    Args:
+        chain: arm or tree.
+        engine: that splits its beams.
+        quantity: stiffness or deflection.
+        grid: see `parsed_arm_grid`; what it leaves out stays as in the posture, the tool's direction too where the
+            machine has six joints or more.
+        posture: label.
+        wrench: ``(6,)`` on the end, N, N mm.
+        gravity: m/s².
+        end: name of the end frame; the first where it is empty.
+
+    Raises:
+        ValueError: the quantity, the grid, the posture or the end makes no sense.
+    """
+    if quantity is Quantity.CRITICAL:
+        raise ValueError("--quantity critical: is for platforms; arms have stiffness and deflection")
+    model = TreeModel(engine.split(chain))
+    if end and end not in model.ends:
+        raise ValueError(f"--end: {chain.name} has no end frame '{end}' (it has {', '.join(model.ends)})")
+    index = model.ends.index(end) if end else 0
+    points, home = parsed_arm_grid(grid, model), model.posture(posture)
+    q = _tool_rows(model, points, home, index) if points.tool else _joint_rows(model, points, home)
+    reached = np.asarray(np.isfinite(q).all(axis=1)).reshape(-1)
+    values, tool = np.full((len(q), len(COLUMNS[quantity])), np.nan), np.full((len(q), 3), np.nan)
+    why = [OK if good else UNREACHED for good in reached.tolist()]
+    if reached.any():
+        on_ends = np.zeros((len(model.ends), 6))
+        on_ends[index] = wrench
+        stiff = quantity is Quantity.STIFFNESS
+        found = equilibria(model, q[reached], gravity=gravity, wrench=on_ends, compliance=stiff)
+        tool[reached] = unloaded_frames(model, q[reached])[1][:, index]
+        if stiff:
+            assert found.compliance is not None
+            rows = _stiffnesses(found.compliance[:, index])
+        else:
+            moved = found.deflection[:, index]
+            rows = np.hstack([moved, np.linalg.norm(moved[:, :3], axis=1, keepdims=True)])
+        good = np.asarray(found.found & found.stable)
+        rows[~good] = np.nan
+        values[reached] = rows
+        for k, row in enumerate(np.flatnonzero(reached)):
+            why[row] = OK if good[k] else UNSTABLE if found.found[k] else LOST
+    return ArmMap(chain, engine.label, model.joints, quantity, points, q, tool, values, why)
+
+
+def _joint_rows(model: TreeModel, grid: ArmGrid, home: Array) -> Array:
+    rows = np.tile(home, (int(np.prod([len(v) for v in grid.axes.values()])), 1))
+    columns = [model.joints.index(name) for name in grid.axes]
+    rows[:, columns] = np.array(list(product(*grid.axes.values())))
+    return rows
+
+
+def _tool_rows(model: TreeModel, grid: ArmGrid, home: Array, index: int) -> Array:
+    """Joint coordinates of tool positions, each found from the one before it or from the posture."""
+    R, p = (frames[0, index] for frames in unloaded_frames(model, home))
+    rotation = R if len(home) >= 6 else None
+    axes = [grid.axes.get(name, (float(p[k]),)) for k, name in enumerate(TOOL)]
+    rows, before = [], home
+    for position in product(*axes):
+        q = near(model, before, np.array(position), rotation, index)
+        if q is None and before is not home:
+            q = near(model, home, np.array(position), rotation, index)
+        rows.append(np.full(len(home), np.nan) if q is None else q)
+        before = home if q is None else q
+    return np.array(rows)
+
+
+def _stiffnesses(C: Array) -> Array:
+    """Smallest and largest stiffness against forces and moments ``(g, 4)`` of compliances ``(g, 6, 6)``."""
+    rows = []
+    for part in (slice(0, 3), slice(3, 6)):
+        block = C[:, part, part]
+        values = np.linalg.eigvalsh(0.5 * (block + np.swapaxes(block, 1, 2)))
+        with np.errstate(divide="ignore"):
+            # in a direction in which nothing moves the stiffness is infinite
+            least = np.where(values[:, 0] > ROUNDING * values[:, 2], values[:, 0], 0.0)
+            rows += [1.0 / values[:, 2], 1.0 / least]
+    return np.stack(rows, axis=1)
+
+
+def write_arm_map(found: ArmMap, folder: Path) -> list[Path]:
+    """Write ``map.csv`` and, over one or two varied axes, ``map.png``.
+
+    Returns:
+        The files.
+    """
+    files = [folder / "map.csv"]
+    stream = io.StringIO()
+    stream.write(
+        f"# model={found.chain.name} engine={found.engine} quantity={found.quantity} version={__version__}"
+    )
+    stream.write(f" model_sha256={found.chain.sha256}\n")
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow([*found.joints, "x_mm", "y_mm", "z_mm", *COLUMNS[found.quantity], "status"])
+    for q, p, row, why in zip(found.q, found.tool, found.values, found.why, strict=True):
+        writer.writerow([*("" if np.isnan(v) else f"{v:.9g}" for v in (*q, *p, *row)), why])
+    write_whole(files[0], stream.getvalue())
+    if len(found.grid.varied) in (1, 2):
+        files.append(folder / "map.png")
+        write_whole(files[-1], _picture(found))
+    return files
+
+
+def _picture(found: ArmMap) -> bytes:
+    values = found.values[:, SHOWN[found.quantity]]
+    names = found.grid.varied
+    x = np.array(found.grid.axes[names[0]])
+    with figure(3.6, 1) as (fig, (ax,)):
+        ax.set(xlabel=_axis_title(found, names[0]), title=f"{found.chain.name}, {found.engine}")
+        if len(names) == 1:
+            ax.plot(x, values, "o-", ms=3)
+            ax.set_ylabel(TITLES[found.quantity])
+        else:
+            table = _in_order(found, names, values)
+            mesh = ax.pcolormesh(x, np.array(found.grid.axes[names[1]]), table.T, shading="nearest", cmap="viridis")
+            ax.set_ylabel(_axis_title(found, names[1]))
+            fig.colorbar(mesh, ax=ax, label=TITLES[found.quantity])
+        return png(fig)
+
+
+def _in_order(found: ArmMap, names: Sequence[str], values: Array) -> Array:
+    """Values over the two varied axes ``(a, b)`` in the order of the names."""
+    # tool positions run in the order x, y, z whatever the option's order
+    order = [name for name in TOOL if name in names] if found.grid.tool else list(names)
+    table = values.reshape([len(found.grid.axes[name]) for name in order])
+    return table if order == list(names) else table.T
+
+
+def _axis_title(found: ArmMap, name: str) -> str:
+    part = next((part for part in found.chain.parts if part.name == name), None)
+    return f"{name}, {'mm' if found.grid.tool or getattr(part, 'slides', False) else 'rad'}"

@@ -1,0 +1,102 @@
+"""Maps of arms: against equilibria one by one and a closed form, and what is out of reach."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+
+from vjm.io.model_file import load_chain
+from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint
+from vjm.model.parts import RigidOffset
+from vjm.rotations import AXES, translation
+from vjm.tree.equilibria import equilibria
+from vjm.tree.model import TreeModel
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.maps.arm_map import UNREACHED, map_arm, write_arm_map
+from vjm_updating.maps.evaluate import Quantity
+from vjm_validation.cli.main import run
+
+C, L = 1e-8, 400.0
+
+
+def two_links() -> Chain:
+    """Two rigid links of 400 mm on gears about z."""
+    parts = [
+        part
+        for i in range(2)
+        for part in (
+            ActuatedJoint(f"j{i}", AXES["z"], compliance=C),
+            RigidOffset(f"l{i}", translation([L, 0.0, 0.0])),
+        )
+    ]
+    return Chain("two", tuple(parts), postures={"bent": np.zeros(0)}, held={"bent": {"j0": 0.0, "j1": 1.0}})
+
+
+def test_a_stiffness_over_a_joint_is_the_closed_form():
+    found = map_arm(two_links(), VjmEngine(), Quantity.STIFFNESS, "j1=0.2:2.8:14", "bent")
+    assert found.q[:, 1] == pytest.approx(np.linspace(0.2, 2.8, 14))
+    for q, row in zip(found.q[:, 1], found.values, strict=True):
+        far = np.array([[-L * np.sin(q), L + L * np.cos(q)], [-L * np.sin(q), L * np.cos(q)]])
+        compliance = C * far.T @ far
+        # what lies out of the plane is rigid, so that the largest stiffness is infinite
+        assert row[0] == pytest.approx(1.0 / np.linalg.eigvalsh(compliance)[1], rel=1e-9)
+        assert np.isinf(row[1])
+        assert row[2] == pytest.approx(0.5 / C, rel=1e-9)
+
+
+def test_a_deflection_over_the_tool_s_place_is_that_of_the_posture_there():
+    chain = load_chain("planar-2r")
+    wrench = (30.0, -50.0, 0.0, 0.0, 0.0, 0.0)
+    words = (chain, VjmEngine(2), Quantity.DEFLECTION, "y=-100:100:3,x=500:920:5", "bent")
+    found = map_arm(*words, wrench=wrench, gravity=(0.0, -9.81, 0.0))
+    # the whole arm is 900 mm long
+    lost = np.array([why == UNREACHED for why in found.why])
+    assert lost.tolist() == [x == 920 for x in (500, 605, 710, 815, 920) for _ in range(3)]
+    model = TreeModel(chain.refined(2))
+    for q, tool, row in zip(found.q[~lost], found.tool[~lost], found.values[~lost], strict=True):
+        at = equilibria(model, q, wrench=np.array(wrench), gravity=(0.0, -9.81, 0.0))
+        assert row[:6] == pytest.approx(at.deflection[0, 0], abs=1e-9)
+        assert row[6] == pytest.approx(np.linalg.norm(at.deflection[0, 0, :3]), rel=1e-9)
+        assert np.abs(tool[0] - np.array([500.0, 605.0, 710.0, 815.0])).min() < 1e-6
+    assert np.isnan(found.values[lost]).all()
+
+
+def test_its_files(tmp_path):
+    found = map_arm(two_links(), VjmEngine(), Quantity.STIFFNESS, "j0=0:1:3,j1=0.5:2:4", "bent")
+    files = write_arm_map(found, tmp_path)
+    assert [file.name for file in files] == ["map.csv", "map.png"]
+    lines = files[0].read_text().splitlines()
+    rows = list(csv.DictReader(lines[1:]))
+    assert lines[0].startswith("# model=two engine=vjm-paper quantity=stiffness")
+    assert len(rows) == 12
+    assert float(rows[5]["kt_min_N_per_mm"]) == pytest.approx(found.values[5, 0], rel=1e-8)
+    assert files[1].stat().st_size > 5000
+
+
+def test_the_command_takes_an_arm(tmp_path, capsys):
+    words = ["map", "ur10", "--posture", "work", "--grid", "elbow=1:2:5", "--out", str(tmp_path / "map")]
+    assert run(words) == 0
+    assert "ur10, vjm-4, stiffness: 5 of 5 poses" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ["--grid", "wrist=0:1:3"],
+            "'wrist=0:1:3' is not NAME=from:to:count with x, y, z or a joint (shoulder-pan",
+        ),
+        (["--grid", "x=0:1:3,elbow=1"], "give joints or coordinates of the tool, not both"),
+        (["--grid", "elbow=2:1:3"], "'2:1:3' must run upwards"),
+        (["--grid", "elbow=0:1:3", "--quantity", "critical"], "--quantity critical: is for platforms"),
+        (["--grid", "elbow=0:1:3", "--quantity", "deflection"], "--wrench: a map of the deflection needs one"),
+        (["--grid", "elbow=0:1:3", "--end", "hand"], "no end frame 'hand'"),
+    ],
+)
+def test_bad_words_are_refused(words, said, tmp_path, capsys):
+    assert run(["map", "ur10", *words, "--out", str(tmp_path / "map")]) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "map" / "map.csv").exists()
