@@ -73,6 +73,11 @@ class Section:
             self.GAy * count, self.GAz * count, self.mass * count,
         )  # fmt: skip
 
+    @property
+    def shears(self) -> bool:
+        """Whether it states a shear stiffness."""
+        return bool(np.isfinite(self.GAy) or np.isfinite(self.GAz))
+
     def compliance_at_middle(self, length: float) -> Array:
         """Compliance ``(6, 6)`` of a straight piece of ``length`` mm, read at its middle, where it is diagonal.
 

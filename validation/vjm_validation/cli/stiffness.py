@@ -26,6 +26,7 @@ from vjm_validation.cli.options import (
     Shear,
     engine_options,
     six,
+    with_shear,
     within_reach,
 )
 from vjm_validation.cli.status import OK, UsageError
@@ -52,16 +53,16 @@ def stiffness_(
     segments: Segments = None,
     foot_segments: FootSegments = None,
     placement: PlacementOption = Placement.BEST,
-    shear: Shear = False,
+    shear: Shear = None,
     json: Json = False,
     strict: Strict = False,
 ) -> int:
     """The loaded equilibrium: deflection, wrench, 6×6 stiffness (18) and the unloaded one, stability."""
     if wrench is not None and displacement is not None:
         raise UsageError("give --wrench or --displacement, not both: one imposes the other")
-    chain, whole = loaded(model)
+    chain, whole = loaded(model, shear=with_shear(shear))
     doubts = considered(model, strict)
-    solver = engine_by_name(engine, engine_options(segments, foot_segments, placement, shear), chain)
+    solver = engine_by_name(engine, engine_options(segments, foot_segments, placement), chain)
     label = postures(chain, (posture,) if posture else ())[0]
     if (
         displacement is None
