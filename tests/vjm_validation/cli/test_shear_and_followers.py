@@ -79,8 +79,8 @@ def test_shear_that_the_file_states_counts_in_every_engine(model, engine, apart)
 
 
 def test_the_old_option_is_taken_with_a_line(model):
-    found, words = critical(model, "vjm-4", "--shear")
-    assert found == pytest.approx(critical(model, "vjm-4")[0], rel=1e-12)
+    found, words = critical(model, "vjm-8", "--shear")
+    assert found == pytest.approx(critical(model, "vjm-8")[0], rel=1e-12)
     assert words.count("\n") == 1
     assert "--shear" in words
 
