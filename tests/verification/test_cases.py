@@ -17,7 +17,7 @@ SLOW = {
         "arch-120", "arch-180", "arch-215", "arch-240", "princeton-13-3", "princeton-8-9", "bend-45",
         "column-pinned-shear", "column-clamped-pinned-shear", "column-end-springs", "postbuckling-pinned-shear",
         "cantilever-tip-moment", "cantilever-follower-large", "column-partly-following",
-        "postbuckling-clamped-free", "column-clamped-free", "cantilever-tip-force-shear",
+        "postbuckling-clamped-free", "column-clamped-free", "cantilever-tip-force-shear", "strip-lateral",
     },
     "opensees": {case.name for case in library()} - {"toggle", "column-pinned", "cantilever-tip-force"},
 }  # fmt: skip
@@ -72,5 +72,5 @@ def test_the_table_of_the_ladder_is_complete():
         *("column-end-springs", "column-lateral-spring", "column-pinned-shear"),
         *("postbuckling-pinned", "postbuckling-pinned-far", "bend-45", "princeton-8-9", "princeton-13-3"),
         *("arch-120", "arch-180", "arch-215", "arch-240", "lumped-bar", "lumped-two-bars", "toggle"),
-        *("toggle-snap-back", "lumped-dead-follower", "linear-cantilever", "linear-l-frame"),
+        *("strip-lateral", "toggle-snap-back", "lumped-dead-follower", "linear-cantilever", "linear-l-frame"),
     } <= names

@@ -137,7 +137,7 @@ def test_what_cannot_be_meshed_is_refused(orthoglide):
     with pytest.raises(ValueError, match="finite GAy and GAz"):
         ExudynEngine(shear=True, corrected=False).problem(orthoglide, LoadCase("A", 1.0))
     with pytest.raises(ValueError, match="ask for shear"):
-        ExudynEngine(corrected=False).problem(orthoglide, LoadCase("A", 1.0))
+        ExudynEngine(shear=False, corrected=False).problem(orthoglide, LoadCase("A", 1.0))
     with pytest.raises(ValueError, match="at least one element"):
         ExudynEngine(elements=0).problem(orthoglide, LoadCase("A", 1.0))
 

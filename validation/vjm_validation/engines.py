@@ -36,14 +36,12 @@ class EngineOptions:
         segments: springs or elements in every beam that has no number of its own; None for the engine's default.
         foot_segments: springs in the foot; None for one. Finite elements split it like any beam.
         placement: where a spring sits in its segment.
-        shear: whether finite element sections keep their shear flexibility.
         parts: springs by the name of the beam, for the virtual joint method.
     """
 
     segments: int | None = None
     foot_segments: int | None = None
     placement: Placement = Placement.BEST
-    shear: bool = False
     parts: tuple[tuple[str, int], ...] = ()
 
 
@@ -74,7 +72,7 @@ def engine_by_name(name: str, options: EngineOptions = EngineOptions(), chain: o
     if name in ("vjm-linear", "vjm-unloaded-jacobian", "msa"):
         return _baseline(name)
     if name in ("exudyn", "exudyn-footspring", "opensees"):
-        return _finite_elements(name, options)
+        return _finite_elements(name, options, chain)
     near = get_close_matches(name, DESCRIPTIONS, 1)
     hint = f"; did you mean '{near[0]}'?" if near else ""
     raise ValueError(f"unknown engine '{name}'{hint} (there are {', '.join(DESCRIPTIONS)})")
@@ -102,14 +100,19 @@ def _baseline(name: str) -> Engine:
     return known[name]
 
 
-def _finite_elements(name: str, options: EngineOptions) -> Engine:
+def _finite_elements(name: str, options: EngineOptions, chain: object) -> Engine:
     if options.parts:
         raise ValueError(f"--segments: {name} takes one number of elements for all beams, not numbers by part")
     elements = options.segments or DEFAULT_SEGMENTS
     if name == "opensees":
+        if isinstance(chain, Chain) and chain.shears:
+            raise ValueError(
+                "opensees: its corotational beams are rigid in shear, but the model states GA: "
+                "--no-shear leaves it out in every engine, or take vjm or exudyn"
+            )
         from vjm_fea.opensees import OpenSeesEngine
 
         return OpenSeesEngine(elements=elements)
     from vjm_fea.exudyn.engine import ExudynEngine
 
-    return ExudynEngine(foot_spring=name.endswith("footspring"), elements=elements, shear=options.shear)
+    return ExudynEngine(foot_spring=name.endswith("footspring"), elements=elements)

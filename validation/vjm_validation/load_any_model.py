@@ -16,16 +16,22 @@ if TYPE_CHECKING:
     from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine
 
 
-def loaded(name_or_path: str) -> tuple[Chain, Callable[[Engine], Engine]]:
+def loaded(name_or_path: str, *, shear: bool = True) -> tuple[Chain, Callable[[Engine], Engine]]:
     """A model, and what makes of an engine one that walks it.
 
     A manipulator goes under the name of a chain here: commands ask for its name, postures and size only, and hand
     it to the engine.
 
+    Args:
+        name_or_path: of the model.
+        shear: whether the shear stiffness that it states counts.
+
     Raises:
         ModelFileError: see `vjm.io.manipulator_file.load_model`.
     """
     model = load_model(name_or_path)
+    if not shear:
+        model = model.rigid_in_shear()
     if isinstance(model, Chain):
         return model, lambda engine: engine
     return cast(Chain, model), lambda engine: cast(Engine, solver(engine))

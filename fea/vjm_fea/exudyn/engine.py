@@ -36,7 +36,7 @@ class ExudynEngine:
 
     foot_spring: bool = False
     elements: int = 16
-    shear: bool = False
+    shear: bool = True
     corrected: bool = True
 
     @property

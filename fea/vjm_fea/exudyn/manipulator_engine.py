@@ -120,7 +120,7 @@ class ManipulatorExudynEngine:
     """
 
     elements: int = 16
-    shear: bool = False
+    shear: bool = True
 
     @property
     def label(self) -> str:

@@ -193,6 +193,8 @@ class _ArcWalk:
             if entered is not None:
                 self.forwards = entered.state - self.events[-1].point.state  # type: ignore[union-attr]
                 self.points.append(entered)
+                if abs(entered.ramp) >= end:
+                    return ""
                 step = min(self.control.first, 10.0 * (entered.s - self.events[-1].s))
                 continue
             self.forwards = there.state - here.state

@@ -34,6 +34,8 @@ LAST_AMPLITUDE = 0.2
 ENTRY = 1e-2
 """Scaled amplitude at which a branch is entered that is followed by its arc: its stability, which grows with the
 square, is told apart from what is neutral."""
+NEIGHBOUR = 20.0
+"""Distance of that state from the bifurcation, over its amplitude, from which it is no neighbour."""
 
 
 M = TypeVar("M", bound=LoadedModel)
@@ -134,6 +136,8 @@ class LoadedProblem(ABC, Generic[M]):
         def entered(at: Configuration[M], mode: Array) -> Equilibrium:
             ramp, there = self._on_branch(at, mode, ENTRY, critical.ramp)
             change = self.distance(np.concatenate([there.x - at.x, np.zeros(6), [ramp - critical.ramp]]))
+            if change > NEIGHBOUR * ENTRY:
+                raise NoConvergenceError("the state found on the crossing branch is a jump away")
             return self.equilibrium(critical.s + change, there, ramp)
 
         return self._firmest(critical, sign, entered)

@@ -202,6 +202,21 @@ class Chain:
 
         return replace(self, parts=tuple(split(part) for part in self.parts))
 
+    @property
+    def shears(self) -> bool:
+        """Whether a beam states a shear stiffness."""
+        return any(beam.section is not None and beam.section.shears for beam in self.beams)
+
+    def rigid_in_shear(self) -> Chain:
+        """The same machine with the shear of its sections neglected; given matrices stay as they are."""
+        parts = (
+            replace(part, section=replace(part.section, GAy=np.inf, GAz=np.inf))
+            if isinstance(part, Beam) and part.section is not None
+            else part
+            for part in self.parts
+        )
+        return replace(self, parts=tuple(parts))
+
     def with_actuator_compliance(self, compliance: float) -> Chain:
         """The same machine with every drive giving way by ``compliance`` mm/N."""
         return replace(

@@ -155,6 +155,11 @@ class LoadCase:
             raise ValueError(f"gravity is three finite numbers in m/s², got {self.gravity}")
 
     @property
+    def conservative(self) -> bool:
+        """Whether its loads have a potential: no follower, and no moment."""
+        return not any(load.follower or any(load.wrench[3:]) for load in self.loads)
+
+    @property
     def by_arc(self) -> bool:
         """Whether the path's parameter is the length of its arc."""
         return self.control in (ARC, TO_LIMIT)

@@ -73,6 +73,11 @@ class Section:
             self.GAy * count, self.GAz * count, self.mass * count,
         )  # fmt: skip
 
+    @property
+    def shears(self) -> bool:
+        """Whether it states a shear stiffness."""
+        return bool(np.isfinite(self.GAy) or np.isfinite(self.GAz))
+
     def compliance_at_middle(self, length: float) -> Array:
         """Compliance ``(6, 6)`` of a straight piece of ``length`` mm, read at its middle, where it is diagonal.
 
@@ -212,7 +217,10 @@ class Beam:
             ValueError: the part is known by its compliance matrix only.
         """
         if self.section is None:
-            raise ValueError(f"part '{self.name}' has no section: it cannot be split or meshed")
+            raise ValueError(
+                f"part '{self.name}' has no section: it cannot be split or meshed; "
+                "give it segments = 1 or a section, or take vjm-paper, for which its matrix is enough"
+            )
         return self.section.times(self.count)
 
     @property

@@ -235,8 +235,17 @@ class Manipulator:
 
     @property
     def characteristic_length(self) -> float:
-        """The longest elastic part's length in mm."""
+        """The longest part's length in mm."""
         return max(leg.chain.characteristic_length for leg in self.legs)
+
+    @property
+    def shears(self) -> bool:
+        """Whether a beam states a shear stiffness."""
+        return any(leg.chain.shears for leg in self.legs)
+
+    def rigid_in_shear(self) -> Manipulator:
+        """The same machine with the shear of its sections neglected; given matrices stay as they are."""
+        return replace(self, legs=tuple(replace(leg, chain=leg.chain.rigid_in_shear()) for leg in self.legs))
 
     def leg(self, name: str) -> Leg:
         """The leg of a name.

@@ -29,8 +29,10 @@ from vjm_validation.cli.options import (
     Segments,
     Shear,
     engine_options,
+    flutter_words,
     gave_up,
     processes,
+    with_shear,
     within_reach,
 )
 from vjm_validation.cli.status import UsageError
@@ -52,7 +54,7 @@ def buckling_(
     segments: Segments = None,
     foot_segments: FootSegments = None,
     placement: PlacementOption = Placement.BEST,
-    shear: Shear = False,
+    shear: Shear = None,
     to: Annotated[
         float | None, Parameter(help="How far to go, mm, with --force N; 4 mm by default, 14 where that says more.")
     ] = None,
@@ -72,9 +74,9 @@ def buckling_(
     if force and to is None:
         raise UsageError("--to: with --force say up to how many N")
     pages.check(plot, report)
-    chain, whole = loaded(model)
+    chain, whole = loaded(model, shear=with_shear(shear))
     doubts = considered(model, strict)
-    options = engine_options(segments, foot_segments, placement, shear)
+    options = engine_options(segments, foot_segments, placement)
     solvers = [whole(engine_by_name(name, options, chain)) for name in engine]
     directions = (
         [Direction.TENSION if direction == "+" else Direction.COMPRESSION] if direction else list(Direction)
@@ -108,6 +110,8 @@ def buckling_(
         sys.stdout.write(as_json(document))
     else:
         terminal.console().print(tables.metrics_table(document))
+        for line in flutter_words(paths):
+            terminal.console().print(line, soft_wrap=True)
     pages.draw(plot, report, lambda: _content(paths, document), None if json else terminal.console())
     return gave_up(paths)
 

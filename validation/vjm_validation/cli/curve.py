@@ -25,8 +25,10 @@ from vjm_validation.cli.options import (
     Segments,
     Shear,
     engine_options,
+    flutter_words,
     gave_up,
     positive,
+    with_shear,
     within_reach,
 )
 from vjm_validation.engines import engine_by_name
@@ -47,7 +49,7 @@ def curve_(
     segments: Segments = None,
     foot_segments: FootSegments = None,
     placement: PlacementOption = Placement.BEST,
-    shear: Shear = False,
+    shear: Shear = None,
     branch: Annotated[
         Literal["+", "-", "0"],
         Parameter(
@@ -72,7 +74,7 @@ def curve_(
 ) -> int:
     """Walk one load path and show it."""
     positive("--steps", steps)
-    chain, whole = loaded(model)
+    chain, whole = loaded(model, shear=with_shear(shear))
     considered(model, strict)
     label = postures(chain, (posture,) if posture else ())[0]
     load_case = parsed_load_case(
@@ -80,7 +82,7 @@ def curve_(
         loads=load, gravity=gravity, control=control, imperfection=imperfection,
     )  # fmt: skip
     within_reach("--to", chain, load_case.displacement(load_case.length).tolist())
-    solver = whole(engine_by_name(engine, engine_options(segments, foot_segments, placement, shear), chain))
+    solver = whole(engine_by_name(engine, engine_options(segments, foot_segments, placement), chain))
     pages.check(plot, report)
     if csv is not None:
         check_writable(csv.parent)
@@ -91,6 +93,8 @@ def curve_(
     console = terminal.console()
     console.print(tables.path_table(path))
     for line in tables.event_lines(path):
+        console.print(line, soft_wrap=True)
+    for line in flutter_words([path]):
         console.print(line, soft_wrap=True)
     if csv is not None:
         console.print(f"path: {csv}", soft_wrap=True)

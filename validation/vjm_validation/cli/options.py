@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from vjm.continuation.path import Path
+from vjm.continuation.path import EventKind, Path
 from vjm.model.chain import Chain
 from vjm.model.parts import Placement
 from vjm.plain_numbers import plain_number, whole_number
@@ -32,7 +32,15 @@ PlacementOption = Annotated[
     Placement,
     Parameter(name="--placement", help="Where a spring sits in its segment: end, middle, two-thirds or best."),
 ]
-Shear = Annotated[bool, Parameter(name="--shear", negative="", help="Let finite elements shear.")]
+Shear = Annotated[
+    bool | None,
+    Parameter(
+        name="--shear",
+        negative="--no-shear",
+        show_default=False,
+        help="Leave out the shear that the model states; by default every engine has it.",
+    ),
+]
 Free = Annotated[str, Parameter(help="Components of the pose that are let go, such as rx,ry,rz.")]
 Force = Annotated[
     bool, Parameter(negative="", help="Drive a dead force or moment along --axis, N or N mm, instead of the pose.")
@@ -46,13 +54,18 @@ Posture = Annotated[
 Model = Annotated[str, Parameter(help="A model of the library, or a path to a model file.")]
 
 
-def engine_options(
-    segments: str | None, foot_segments: int | None, placement: Placement, shear: bool
-) -> EngineOptions:
+def engine_options(segments: str | None, foot_segments: int | None, placement: Placement) -> EngineOptions:
     """What the command line says about an engine, checked."""
     number, parts = segments_of(segments)
     positive("--foot-segments", foot_segments)
-    return EngineOptions(number, foot_segments, placement, shear, parts)
+    return EngineOptions(number, foot_segments, placement, parts)
+
+
+def with_shear(shear: bool | None) -> bool:
+    """Whether the model's shear counts; ``--shear``, which once asked finite elements for it, is told so."""
+    if shear:
+        terminal.error("--shear: is no longer needed: what the model states of shear counts in every engine")
+    return shear is not False
 
 
 def segments_of(text: str | None) -> tuple[int | None, tuple[tuple[str, int], ...]]:
@@ -110,6 +123,17 @@ def within_reach(name: str, chain: Chain, displacement: Sequence[float]) -> None
     turn = max(abs(v) for v in displacement[3:])
     if turn > 3.0:
         raise UsageError(f"{name}: {turn:g} rad is out of reach: rotations end short of half a turn, at 3 rad")
+
+
+def flutter_words(paths: Sequence[Path]) -> list[str]:
+    """What statics does not say under loads without a potential: a line each where paths have such."""
+    without = [path for path in paths if not path.load_case.conservative]
+    if not without:
+        return []
+    why = "followers and moments have no potential"
+    if any(event.kind is EventKind.BIFURCATION for path in without for event in path.events):
+        return [f"{why}: the losses of stability are the static ones; flutter is not examined"]
+    return [f"{why}: no static loss of stability; flutter is not examined"]
 
 
 def gave_up(paths: Sequence[Path]) -> int:

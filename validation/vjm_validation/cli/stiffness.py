@@ -27,6 +27,7 @@ from vjm_validation.cli.options import (
     Shear,
     engine_options,
     six,
+    with_shear,
     within_reach,
 )
 from vjm_validation.cli.status import OK, UsageError
@@ -54,7 +55,7 @@ def stiffness_(
     segments: Segments = None,
     foot_segments: FootSegments = None,
     placement: PlacementOption = Placement.BEST,
-    shear: Shear = False,
+    shear: Shear = None,
     json: Json = False,
     plot: pages.Plot = None,
     report: pages.Report = None,
@@ -64,9 +65,9 @@ def stiffness_(
     if wrench is not None and displacement is not None:
         raise UsageError("give --wrench or --displacement, not both: one imposes the other")
     pages.check(plot, report)
-    chain, whole = loaded(model)
+    chain, whole = loaded(model, shear=with_shear(shear))
     doubts = considered(model, strict)
-    solver = engine_by_name(engine, engine_options(segments, foot_segments, placement, shear), chain)
+    solver = engine_by_name(engine, engine_options(segments, foot_segments, placement), chain)
     label = postures(chain, (posture,) if posture else ())[0]
     if (
         displacement is None

@@ -239,3 +239,23 @@ def _winkler_load(column: Column, foundation: float, wave_number: float) -> floa
     if radicand < 0.0:
         return float("inf")
     return float(-2.0 * c / (b + np.sqrt(radicand)))
+
+
+def lateral_strip(length: float, EI: float, GJ: float) -> float:
+    """Critical force in N across the tip of a clamped strip, in its plane of great stiffness.
+
+    ``γ √(EI GJ)/L²`` with ``J₋¼(γ/2) = 0``, γ = 4.0126 (Prandtl 1899; Timoshenko and Gere 1961, chapter 6), for a
+    strip that does not bend in its plane before it buckles.
+
+    Args:
+        length: mm.
+        EI: of bending across the strip, N mm².
+        GJ: of torsion without warping, N mm².
+
+    Raises:
+        ValueError: an argument is not above zero.
+    """
+    if not min(length, EI, GJ) > 0.0:
+        raise ValueError(f"length = {length}, EI = {EI}, GJ = {GJ}: each must be above 0")
+    half = float(brentq(lambda x: jv(-0.25, x), 1.5, 2.5, xtol=1e-14))
+    return 2.0 * half * float(np.sqrt(EI * GJ)) / length**2
