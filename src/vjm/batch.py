@@ -2,7 +2,7 @@
 
 `trace_all` takes engines, chains and load cases, `map_all` a function and its arguments. Results come in the order
 of the items and do not depend on the number of processes, which share nothing: each item is computed from itself
-alone. Not even lumped models are shared between walks: theirs keep the modes that they found last.
+alone. Not even lumped models are shared between paths: theirs keep the modes that they found last.
 
 Processes are spawned, since forking a process that runs threads is not safe, and take a second or two to import.
 Each leaves linear algebra one thread. It asks for its next items when it is done with the last, so many of them at
@@ -80,7 +80,7 @@ def trace_all(
     progress: Progress | None = None,
     done: Callable[[int, Path | Failure], None] | None = None,
 ) -> list[Path | Failure]:
-    """Walk many paths.
+    """Trace many paths.
 
     A path that ends early says so itself, see `vjm.continuation.path.Path.stopped`. A task that has none at all,
     because of its chain, its load case or a solver, is a `Failure` in its place and stops no other.

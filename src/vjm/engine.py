@@ -1,4 +1,4 @@
-"""What every engine is: something that walks a chain through a load case and returns its path."""
+"""What every engine is: something that traces the path of a chain under a load case."""
 
 from __future__ import annotations
 

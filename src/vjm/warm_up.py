@@ -24,7 +24,7 @@ from vjm.vjm_engine import VjmEngine
 
 
 def main() -> None:
-    """Walk a short path of each kind."""
+    """Trace a short path of each kind."""
     chain, engine = load_chain("orthoglide-chain"), VjmEngine(4)
     load_case = LoadCase("A", -3.0)
     path = engine.trace(chain, load_case)

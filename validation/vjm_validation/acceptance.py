@@ -181,7 +181,7 @@ def robot_rows(study: RobotStudy | None) -> list[AcceptanceRow]:
     result += [
         none_of("robots: paths complete", "every path reaches its end or a critical point", lost),
         none_of("robots: kinds of critical points", "the same in all engines that are refined", kinds),
-        none_of("robots: legs that give way first", "the same in all engines that are refined", legs),
+        none_of("robots: legs that lose stability first", "the same in all engines that are refined", legs),
         at_most("robots: critical forces", max(gaps, default=float("nan")), ROBOT_AGREEMENT),
     ]
     curves = study.curves

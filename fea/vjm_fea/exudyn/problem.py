@@ -29,7 +29,7 @@ class ExudynProblem(BeamProblem):
 
         Raises:
             ValueError: a beam without a section, or without shear stiffness where the element needs one; a load on
-                no point of the chain; a load case that the engine cannot walk.
+                no point of the chain; a load case that the engine does not know.
         """
         refuse_imperfection(label, load_case)
         chain = chain.at(load_case.posture)

@@ -15,7 +15,7 @@ from vjm_fea.opensees.problem import OpenSeesProblem
 
 @dataclass(frozen=True)
 class OpenSeesEngine:
-    """Walks a chain with OpenSees' shear-rigid beams in corotational frames.
+    """Traces the paths of a chain with OpenSees' shear-rigid beams in corotational frames.
 
     OpenSees gives the elements' forces and tangents. Rigid pieces and joints, Newton's method, stability and the
     change of branch are here: OpenSees' own constraints are linear in the turns, and so wrong at finite rotation. A

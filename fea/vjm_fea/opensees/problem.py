@@ -30,7 +30,7 @@ class OpenSeesProblem(BeamProblem):
         Raises:
             ImportError: OpenSeesPy, an optional extra, is not installed.
             ValueError: there is no beam, or one without a section; a load on no point of the chain; a load case
-                that the engine cannot walk.
+                that the engine does not know.
         """
         refuse_imperfection(label, load_case)
         chain = chain.at(load_case.posture)

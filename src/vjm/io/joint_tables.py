@@ -80,7 +80,7 @@ class ActuatorTable(PartTable):
 
 
 class MountTable(PartTable):
-    """What carries the chain and gives way along one axis: a frame, a guide."""
+    """What carries the chain and deflects along one axis: a frame, a guide."""
 
     kind: Literal["mount"]
     axis: Axis

@@ -114,14 +114,14 @@ def _drawn(model: LumpedModel, posture: str) -> tuple[Array, int, bool]:
 
     Returns:
         Pose ``(4, 4)`` of the end-effector, how many independent motions the passive joints give it, and whether it
-        gives way in every direction.
+        deflects in every direction.
     """
     here = model.kinematics(model.configuration(model.chain.posture(posture)))
     return here.end, _rank(model, here), _movable(model, here)
 
 
 def _movable(model: LumpedModel, k: Kinematics) -> bool:
-    """Whether a chain gives way in every direction in which it is held: else its wrench is not determined."""
+    """Whether a chain deflects in every direction in which it is held: else its wrench is not determined."""
     J = k.jacobian * model.coordinate_scale / np.repeat([model.chain.characteristic_length, 1.0], 3)[:, None]
     values = np.linalg.eigvalsh(J @ J.T)
     return bool(values[0] > DEPENDENT**2 * values[-1])

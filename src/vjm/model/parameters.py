@@ -72,7 +72,7 @@ def compliance_entry(chain: Chain, part: str, i: int, j: int) -> Parameter:
 
 
 def compliance_factor(chain: Chain, part: str) -> Parameter:
-    """Factor on all that gives way in a part: its compliance matrix, and one over its section's stiffnesses."""
+    """Factor on all compliances of a part: its compliance matrix, and one over its section's stiffnesses."""
     given = _beam(chain, part)
 
     def apply(chain: Chain, value: float) -> Chain:

@@ -100,8 +100,8 @@ class Sensitivity:
     Making them costs as much as the derivatives of a path do; they serve every path of the chain.
 
     Args:
-        engine: that walks the paths.
-        chain: that it walks.
+        engine: that traces the paths.
+        chain: whose paths they are.
         parameters: of this chain.
 
     Raises:

@@ -148,7 +148,7 @@ def check_units(readings: Readings, chain: Chain, engine: VjmEngine, noise: dict
 
 
 def _ratio(f: Array, g: Array) -> tuple[float, float]:
-    """Of measured to predicted, by the median of the large half, which a few wild rows do not move; its spread."""
+    """Of measured to predicted, by the median of the large half, which a few outliers do not move; its spread."""
     large = (np.abs(g) >= np.median(np.abs(g))) & (g != 0.0)
     if not large.any():
         return 1.0, 1.0
@@ -180,7 +180,7 @@ def _check_ratio(file: str, force: str, moved: str, ratio: float, spread: float,
 
 
 def _check_against_buckling(readings: Readings, chain: Chain, engine: VjmEngine, noise: dict[str, float]) -> None:
-    """Of a test steered by another point: no force is a thousand times the one at which the chain gives way."""
+    """Of a test steered by another point: no force is a thousand times the one at which the chain buckles."""
     name = WRENCH[0]
     if name not in readings.values:
         return
@@ -190,7 +190,7 @@ def _check_against_buckling(readings: Readings, chain: Chain, engine: VjmEngine,
             path = engine.trace(chain, LoadCase(label, -REACH * chain.characteristic_length))
         except NoConvergenceError:
             continue
-        # the largest tenth, not one wild row
+        # the largest tenth, not one outlier
         if path.critical is None or not len(force):
             continue
         ratio = float(np.percentile(force, 95.0)) / path.critical.force

@@ -70,7 +70,7 @@ def series_compliance(chain: Chain) -> Array:
     """Compliance ``(6, 6)`` at the tip of beams, offsets and drives in series, base axes, by linear beam theory.
 
     Raises:
-        ValueError: a beam without a section, or a passive joint, which gives way freely.
+        ValueError: a beam without a section, or a passive joint, which moves freely.
     """
     frames, T = [], chain.base
     for part in chain.parts:
@@ -81,7 +81,7 @@ def series_compliance(chain: Chain) -> Array:
             case Beam():
                 T = T @ translation(part.tip)
             case PassiveJoint():
-                raise ValueError(f"part '{part.name}' is a passive joint: it gives way freely")
+                raise ValueError(f"part '{part.name}' is a passive joint: it moves freely")
     C = np.zeros((6, 6))
     for part, at in zip(chain.parts, frames, strict=True):
         R, p = at[:3, :3], at[:3, 3]
@@ -98,10 +98,10 @@ def _check_range(name: str, parts: tuple[Part, ...]) -> None:
     joints = [part.name for part in parts if isinstance(part, PassiveJoint)]
     if joints:
         raise ValueError(
-            f"--part {name}: '{joints[0]}' is a passive joint, which gives way freely: take parts between joints"
+            f"--part {name}: '{joints[0]}' is a passive joint, which moves freely: take parts between joints"
         )
     if not any(isinstance(part, Beam) for part in parts):
-        raise ValueError(f"--part {name}: nothing in it is a beam: it gives way in no direction that can be meshed")
+        raise ValueError(f"--part {name}: nothing in it is a beam: it deflects in no direction that can be meshed")
 
 
 def _alone(name: str, parts: tuple[Part, ...]) -> Chain:

@@ -59,7 +59,7 @@ def of_experiments(found: ExperimentsDocument, references: Sequence[ReferenceDoc
     if not found.positive_definite:
         lines.append(
             f"NOT positive definite: smallest scaled eigenvalue {found.smallest_eigenvalue:.1e}; the body does not "
-            "give way in some direction, or hardly"
+            "deflect in some direction, or hardly"
         )
     for reference in references:
         line = f"{reference.name}: within {reference.difference:.1e}"

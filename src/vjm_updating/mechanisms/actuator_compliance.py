@@ -1,4 +1,4 @@
-"""A drive that gives way linearly along its axis."""
+"""A drive that deflects linearly along its axis."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class ActuatorCompliance(Effect):
     """``x = c N`` along the drive."""
 
     cause = "actuator_compliance"
-    title = "the drive gives way linearly along its axis"
+    title = "the drive deflects linearly along its axis"
 
     def quantities(self) -> tuple[Quantity, ...]:
         """Beyond what the model has."""

@@ -1,4 +1,4 @@
-"""A frame that gives way under the chain that it carries."""
+"""A frame that deflects under the chain that it carries."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class BaseCompliance(Effect):
     """Translational compliance along the three axes of the world."""
 
     cause = "base_compliance"
-    title = "the frame that carries the chain gives way"
+    title = "the frame that carries the chain deflects"
 
     def quantities(self) -> tuple[Quantity, ...]:
         """Along x, and along y and z over that along x."""

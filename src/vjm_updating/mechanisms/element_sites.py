@@ -21,7 +21,7 @@ def drive(machine: ModifiedChain) -> AlongAxis:
 
 
 def foot(machine: ModifiedChain) -> Behind:
-    """The foot's tip, which gives way by the foot's own compliance."""
+    """The foot's tip, which deflects by the foot's own compliance."""
     chain = machine.chain()
     beam = beam_of(chain, FOOT)
     C = rotate_matrix6(beam.tip_compliance(), chain.base[:3, :3] @ beam.own_frame)[:3, :3]

@@ -18,7 +18,7 @@ class FootLumping(Effect):
     """The foot distributed over segments."""
 
     cause = "foot_lumping"
-    title = "one spring for the foot, where it gives way all along it"
+    title = "one spring for the foot, where it deflects all along it"
 
     def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
         """More springs."""

@@ -17,7 +17,7 @@ class LinkLumping(Effect):
     """The link distributed over segments."""
 
     cause = "link_lumping"
-    title = "one spring per link, where the link gives way all along it"
+    title = "one spring per link, where the link deflects all along it"
 
     def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
         """More springs."""

@@ -1,4 +1,4 @@
-"""Elements in series with a chain: what gives way under its force by a law of its own, perhaps with a memory.
+"""Elements in series with a chain: what deflects under its force by a law of its own, perhaps of its history.
 
 An element sits somewhere in the chain, a `Place` says where: which scalar of the wrench drives it, and how the
 end-effector moves with its extension at constant wrench. A drive before all else moves the whole chain along its
@@ -57,7 +57,7 @@ class Place(Protocol):
 
 @dataclass(frozen=True)
 class AlongAxis:
-    """A part before all joints that gives way along an axis fixed in the world.
+    """A part before all joints that deflects along an axis fixed in the world.
 
     Attributes:
         axis: unit vector.

@@ -163,7 +163,7 @@ def test_an_arc_of_many_pieces_is_the_quarter_circle():
 
 REFUSED = {
     "no": ("has no part 'no'", "no"),
-    "joint": ("is a passive joint, which gives way freely", "q"),
+    "joint": ("is a passive joint, which moves freely", "q"),
     "across": ("'q' is a passive joint", "first..second"),
     "backwards": ("write first..second", "second..first"),
     "drive": ("nothing in it is a beam", "drive"),

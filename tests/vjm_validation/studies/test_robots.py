@@ -70,7 +70,7 @@ def test_the_rows_that_decide_hold(study):
     [
         ("stiffness", {"difference": 0.02}, "robots: stiffness"),
         ("critical", {"F_cr": 8000.0}, "robots: critical forces"),
-        ("critical", {"shares": {"x": 0.1, "y": 0.9}}, "robots: legs that give way first"),
+        ("critical", {"shares": {"x": 0.1, "y": 0.9}}, "robots: legs that lose stability first"),
         ("critical", {"kind": "limit"}, "robots: kinds"),
         ("critical", {"stopped": "lost"}, "robots: paths complete"),
         ("misfit", {"vjm": 1.0}, "robots: a part too long"),
@@ -91,7 +91,7 @@ def test_the_chapter_says_what_was_found(study):
     text = " ".join(finding.sentences)
     assert "refined chains and finite elements agree within 0.021 %" in finding.title
     assert "8852 N at isotropic (leg x) with finite elements" in text
-    assert "in all engines leg x gives way first" in text
+    assert "in all engines leg x loses stability first" in text
     assert "buckles at 2696 N at isotropic; no other does up to 12000 N" in text
     assert "none in orthoglide" in text
     tables = robot_tables(study.rows)

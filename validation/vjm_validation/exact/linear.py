@@ -80,7 +80,7 @@ def l_frame_out_of_plane(first: Bar, second: Bar) -> NDArray[np.float64]:
 
 
 def cantilever_on_springs(bar: Bar, lateral: float, rotational: float) -> float:
-    """Tip deflection per transverse force, mm/N, of a cantilever whose root gives way.
+    """Tip deflection per transverse force, mm/N, of a cantilever whose root is elastic.
 
     L³/3EI + L/GA + 1/k + L²/c.
 

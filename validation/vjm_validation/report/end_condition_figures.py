@@ -40,7 +40,7 @@ def end_condition_picture(run: Run) -> Picture | None:
     return Picture(
         "end_conditions",
         content,
-        f"What holds the end-effector decides how it gives way: posture {posture}, and what imperfections cost",
+        f"What holds the end-effector decides how it buckles: posture {posture}, and what imperfections cost",
         f"Left: compression of posture {posture} under each end condition; solid points are stable, thin lines are "
         "not; a circle is a bifurcation, a triangle a limit point. Right: the largest dead load that a chain with "
         "a hinged end-effector bears, over the bifurcation load of the perfect one, against the size of an "
@@ -120,7 +120,7 @@ def end_conditions(run: Run) -> Finding | None:
     sentences += [_cost(study, posture, curve) for posture, curve in sorted(study.imperfections.items())]
     sentences += _agreement(study)
     if not hidden:
-        return Finding(Tone.NOTE, "What holds the end-effector does not change how it gives way", tuple(sentences))
+        return Finding(Tone.NOTE, "What holds the end-effector does not change how it buckles", tuple(sentences))
     title = (
         f"Imposing the whole pose hides a sharp loss of stability in {listed(hidden)}: "
         "under a dead load or with free rotations there is one"

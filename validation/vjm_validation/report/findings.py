@@ -159,7 +159,9 @@ def link_lumping(run: Run) -> Finding | None:
         if m["critical"] and p in paper_pushed and paper_pushed[p]["critical"] is None
     ]
     if never:
-        sentences.append(f"There {PAPER} never lets go: it carries {listed(never)}, which a real chain would not.")
+        sentences.append(
+            f"There {PAPER} never loses stability: it carries {listed(never)}, which a real chain would not."
+        )
     proof = [
         p
         for p, m in paper_pulled.items()
@@ -176,7 +178,7 @@ def link_lumping(run: Run) -> Finding | None:
     where = f"{'posture' if len(proof) == 1 else 'postures'} {listed(proof)}"
     title = f"The buckling in tension is an artefact: beams buckle in compression (link_lumping, {where})"
     cause = (
-        "Cause: a translational spring at the end of a rigid link moves the pins apart when it gives way "
+        "Cause: a translational spring at the end of a rigid link moves the pins apart when it deflects "
         "sideways, whatever its sign. Pulling therefore makes the link lean and pushing holds it straight. A "
         "beam does the opposite: bending brings its ends together."
     )

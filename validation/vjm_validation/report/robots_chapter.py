@@ -111,7 +111,7 @@ def _pressed(rows: Robots) -> list[str]:
     text = (
         f"Pressed against x, the free platform loses its stability at {listed(where)} with finite elements, the "
         f"same with {REFINED} to {percent(_apart(found, REFINED))} and with {FOOT_SPRING}, the foot as one "
-        f"spring, to {percent(_apart(found, FOOT_SPRING))}; {same} gives way first." + second
+        f"spring, to {percent(_apart(found, FOOT_SPRING))}; {same} loses stability first." + second
     )
     return [text]
 
@@ -196,7 +196,7 @@ def _critical(rows: list[CriticalRow]) -> Table:
         f"The Orthoglide's free platform under a dead force along x, up to {LARGEST:g} N: where it first loses its "
         f"stability. Made by {COMMAND}"
     )
-    header = ("pose", "along", "engine", "event", "force, N", "leg that gives way")
+    header = ("pose", "along", "engine", "event", "force, N", "leg that loses stability")
     return Table(caption, header, tuple(table), words=4)
 
 

@@ -62,7 +62,7 @@ def end_condition_study(
         done: called with how many paths are finished, and of how many.
 
     Raises:
-        ValueError: an engine cannot walk a path at all.
+        ValueError: an engine finds no path at all.
     """
     keys = [(p, condition, k) for p in reaches for condition in END_CONDITIONS for k in range(len(engines))]
     tasks = [Task(engines[k], chain, end_load_case(condition, p, reaches[p])) for p, condition, k in keys]

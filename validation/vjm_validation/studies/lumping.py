@@ -14,7 +14,7 @@ from vjm_validation.studies.study_results import LumpingStudy
 
 SPRINGS = (1, 2, 4, 8, 16, 32)
 REACH_MM = 8.0
-"""Far enough for two end springs, which give way at 5.5 mm."""
+"""Far enough for two end springs, which buckle at 5.5 mm."""
 
 
 def lumping_study(

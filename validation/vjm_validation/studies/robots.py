@@ -103,7 +103,7 @@ class CriticalRow(Row):
 
     @property
     def first_leg(self) -> str | None:
-        """The leg that gives way, None where none does."""
+        """The leg that loses stability, None where none does."""
         return max(self.shares, key=lambda leg: self.shares[leg]) if self.shares else None
 
 
@@ -233,7 +233,7 @@ def under(pose: str, force: float, axis: str = "x", control: str = "ramp", steps
 
 
 def critical(pose: str, sign: str) -> list[Row]:
-    """Critical forces of the Orthoglide along x, and which leg gives way."""
+    """Critical forces of the Orthoglide along x, and which leg loses stability."""
     machine = load_manipulator(ROBOT)
     load_case = under(pose, float(sign + "1") * LARGEST, control=TO_LIMIT)
     rows: list[Row] = []

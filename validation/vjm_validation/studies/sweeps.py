@@ -34,7 +34,7 @@ class Task:
 
     @property
     def trace(self) -> batch.Task:
-        """The walk itself."""
+        """The path itself."""
         return batch.Task(engine_by_name(self.key.engine), self.chain, self.load_case)
 
 

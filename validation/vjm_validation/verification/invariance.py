@@ -74,7 +74,7 @@ def turned(chain: Chain, load_case: LoadCase, R: Array) -> tuple[Chain, LoadCase
 
 @dataclass(frozen=True)
 class Turned:
-    """One chain and load case to be turned, and the engine that walks both."""
+    """One chain and load case to be turned, and the engine that traces both."""
 
     name: str
     family: Family

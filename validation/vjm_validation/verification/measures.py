@@ -31,10 +31,10 @@ def measured(asked: Asked, engine: Engine, chain: Chain, load_case: LoadCase, pa
 
     Args:
         asked: the quantity.
-        engine: that walked the path.
+        engine: that traced the path.
         chain: the machine.
         load_case: of the path.
-        path: what was walked.
+        path: what was traced.
         mesh: for points of an arc.
 
     Raises:

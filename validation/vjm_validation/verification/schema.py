@@ -209,7 +209,7 @@ class CaseFile(Table):
         if (self.chain is None) == (self.arc is None):
             raise ValueError("needs either [chain] or [arc], and not both")
         if self.chain is not None and not any(isinstance(part, BeamTable) for part in self.chain.parts):
-            raise ValueError("no part has kind = 'beam': nothing gives way")
+            raise ValueError("no part has kind = 'beam': nothing deflects")
         for family, table in self.engines.items():
             if (family in BASELINES) != (not table.meshes):
                 said = "has no meshes" if family in BASELINES else "needs at least three meshes"
