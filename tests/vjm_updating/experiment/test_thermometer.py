@@ -35,4 +35,5 @@ def test_it_is_the_least_squares_solution_of_a_random_walk():
     q = (found[1] - found[0]) / (found[0] - y[0])
     dense = np.linalg.solve(np.eye(60) + D.T @ D / q, y)
     # rounding, magnified by the difference of neighbours from which q is taken
-    assert found == pytest.approx(dense, rel=1e-9)
+    # the same sum in another order: rounding
+    assert found == pytest.approx(dense, rel=1e-13)
