@@ -12,6 +12,7 @@ from cyclopts import App, CycloptsError
 from vjm import __version__
 from vjm.errors import NoConvergenceError
 from vjm_output import terminal
+from vjm_validation.cli.examples import epilogue
 from vjm_validation.cli.status import BAD_INPUT, GAVE_UP, INTERRUPTED, OK
 
 app = App(
@@ -19,7 +20,12 @@ app = App(
     help="Stiffness of robot manipulators under load: the virtual joint method against finite elements.",
     version=__version__,
     result_action="return_value",
+    # what stands in brackets, such as vjm-<n>f<m>, is meant as it is written
+    help_format="plaintext",
+    help_epilogue="`validate COMMAND --help` shows a command's options with examples; docs/ has a page on each. "
+    "`validate --install-completion` lets the shell complete commands and options.",
 )
+app.register_install_completion_command()
 COMMANDS = {
     "all": "Run every comparison and write the report.",
     "compare": "Compare two runs: which figures moved, and by how much.",
@@ -41,7 +47,7 @@ COMMANDS = {
 for name, text in COMMANDS.items():
     # a module cannot be called "import"
     module = "import_urdf" if name == "import" else name
-    app.command(f"vjm_validation.cli.{module}:{name}_", name=name, help=text)
+    app.command(f"vjm_validation.cli.{module}:{name}_", name=name, help=text, help_epilogue=epilogue(name))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
