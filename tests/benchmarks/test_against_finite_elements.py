@@ -6,9 +6,9 @@ import time
 import numpy as np
 import pytest
 
-from vjm.continuation.load_stepping import Problem
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import EventKind, Path
+from vjm.continuation.problem import Problem
 from vjm.engine import Engine
 from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine

@@ -43,6 +43,8 @@ def orthoglide():
         end_offset=np.array([17.57, -8.74, 0.0]),
         section=Section(EA=7.5e7, GJ=6.40e8, EIy=6.32e8, EIz=1.744e9),
         compliance=FOOT_19,
+        # as in the library: one spring whatever the number in the link
+        own_segments=1,
     )
     bar = Beam(
         "link",

@@ -15,6 +15,7 @@ from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, Load, LoadCase, PointControl
 from vjm.model.parts import Beam, PassiveJoint, RigidOffset, Section
 from vjm.rotations import AXES, translation
+from vjm.vjm_engine import VjmEngine
 from vjm_fea import ExudynEngine
 from vjm_fea.opensees import OpenSeesEngine, available
 from vjm_validation.exact import elastica
@@ -236,3 +237,22 @@ def test_load_cases_that_make_no_sense_are_refused_by_name(engine):
                         control=PointControl("arm", 0.5, (0.0, 1.0, 0.0)))  # fmt: skip
     with pytest.raises(ValueError, match="part 'arm' is fixed to the base"):
         engine(2).trace(chain, steered)
+
+
+@pytest.mark.parametrize("length", [0.3, 1.0])
+def test_short_elements_as_end_springs_of_a_sway_column(length):
+    """A rigid bar on two beams that are so short that rounding is 1e-4 of the critical load."""
+    k, bar = 1e6, 300.0
+    section = Section(1e9, 1e9, 1e9, k * length)
+    ends = [Beam(name, length, section=section) for name in ("a", "b")]
+    parts = (ends[0], RigidOffset("bar", translation([bar, 0.0, 0.0])), ends[1])
+    chain = Chain("sway", parts, postures={"-": np.zeros(0)})
+    load_case = LoadCase("-", 3.0 * k / bar, "load", free=("x", "y"), loads=(tip((-1.0, 0.0, 0.0)),))
+    ours, lumped = (e.trace(chain, load_case) for e in (ExudynEngine(elements=2), VjmEngine(1)))
+    assert lumped.complete
+    assert ours.complete, ours.stopped
+    assert ours.critical.switched
+    # the error measured is 1e-4
+    assert ours.critical.s == pytest.approx(lumped.critical.s, rel=1e-3)
+    # rigid links and hinges: two springs k bear P at P L = 2 k, but for the beams' own lengths
+    assert lumped.critical.s == pytest.approx(2.0 * k / bar, rel=5.0 * length / bar)

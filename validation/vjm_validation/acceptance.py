@@ -51,7 +51,8 @@ class AcceptanceRow(BaseModel):
     """Null where nothing of it was run, which is no pass."""
 
 
-def _at_most(name: str, value: float, limit: float, unit: str = "") -> AcceptanceRow:
+def at_most(name: str, value: float, limit: float, unit: str = "") -> AcceptanceRow:
+    """A number that must not exceed a limit."""
     return AcceptanceRow(
         name=name, requirement=f"at most {limit:g}{unit}", value=value, passed=bool(value <= limit)
     )
@@ -70,14 +71,15 @@ def solver_rows(paths: Mapping[Key, Path]) -> list[AcceptanceRow]:
         if event.kind is EventKind.BIFURCATION and not event.switched
     ]
     return [
-        _empty("paths complete", "every path reaches the end of its load case", early),
-        _at_most("equilibrium residual", float(np.max(residuals, initial=0.0)), RESIDUAL, " (scaled)"),
-        _empty("stability", "no point of a path is unstable", unstable),
-        _empty("branches", "behind every bifurcation the stable branch was found", lost),
+        none_of("paths complete", "every path reaches the end of its load case", early),
+        at_most("equilibrium residual", float(np.max(residuals, initial=0.0)), RESIDUAL, " (scaled)"),
+        none_of("stability", "no point of a path is unstable", unstable),
+        none_of("branches", "behind every bifurcation the stable branch was found", lost),
     ]
 
 
-def _empty(name: str, requirement: str, offenders: Iterable[str]) -> AcceptanceRow:
+def none_of(name: str, requirement: str, offenders: Iterable[str]) -> AcceptanceRow:
+    """A requirement that nothing may offend."""
     found = list(offenders)
     return AcceptanceRow(name=name, requirement=requirement, value="; ".join(found) or "all", passed=not found)
 
@@ -94,17 +96,17 @@ def agreement_rows(paths: Mapping[Key, Path]) -> list[AcceptanceRow]:
             name = f"{posture} compression, {lumped} against {elements}"
             ours, theirs = path.critical, reference.critical
             if ours is None or theirs is None or ours.kind is not theirs.kind:
-                rows.append(_empty(name, "the same kind of critical point", [f"{ours} and {theirs}"]))
+                rows.append(none_of(name, "the same kind of critical point", [f"{ours} and {theirs}"]))
                 continue
-            rows.append(_at_most(f"{name}: critical force", abs(ours.force / theirs.force - 1.0), LOAD_AGREEMENT))
+            rows.append(at_most(f"{name}: critical force", abs(ours.force / theirs.force - 1.0), LOAD_AGREEMENT))
             if elements != "exudyn":
                 continue
             # the two laws for a lumped foot differ at finite rotation, the refined feet must not
-            rows.append(_at_most(f"{name}: critical displacement", abs(ours.s / theirs.s - 1.0), CURVE_AGREEMENT))
+            rows.append(at_most(f"{name}: critical displacement", abs(ours.s / theirs.s - 1.0), CURVE_AGREEMENT))
             apart = force_difference(path, reference) / theirs.force
-            rows.append(_at_most(f"{name}: force at equal displacement over F_cr", apart, CURVE_AGREEMENT))
+            rows.append(at_most(f"{name}: force at equal displacement over F_cr", apart, CURVE_AGREEMENT))
             rows.append(
-                _at_most(
+                at_most(
                     f"{name}: deflected shape over its amplitude",
                     shape_difference(path, reference),
                     CURVE_AGREEMENT,
@@ -124,9 +126,9 @@ def end_rows(study: EndConditionStudy | None) -> list[AcceptanceRow]:
     apart = [abs(m.F_cr / row[0].F_cr - 1.0) for row in found.values() for m in row[1:] if m.F_cr and row[0].F_cr]
     early = [f"{', '.join(key)}: {path.stopped}" for key, path in study.paths.items() if not path.complete]
     return [
-        _empty("end conditions: paths complete", "every path reaches its end or a limit point", early),
-        _empty("end conditions: kinds", "the engines find the same kind of critical point", kinds),
-        _at_most("end conditions: critical forces", max(apart, default=0.0), LOAD_AGREEMENT),
+        none_of("end conditions: paths complete", "every path reaches its end or a limit point", early),
+        none_of("end conditions: kinds", "the engines find the same kind of critical point", kinds),
+        at_most("end conditions: critical forces", max(apart, default=0.0), LOAD_AGREEMENT),
     ]
 
 
@@ -143,8 +145,8 @@ def discovery_rows(study: DiscoveryStudy | None) -> list[AcceptanceRow]:
             name="discovery: verdict", requirement=f"named, {CAUSE}", value=said,
             passed=rows.verdict == "named" and rows.causes == [CAUSE],
         ),
-        _at_most("discovery: error of compression held out, over its force", rows.error, HELD_OUT),
-        _at_most("discovery: critical force in compression, against the beams that made the data", apart, HELD_OUT),
+        at_most("discovery: error of compression held out, over its force", rows.error, HELD_OUT),
+        at_most("discovery: critical force in compression, against the beams that made the data", apart, HELD_OUT),
     ]  # fmt: skip
 
 
@@ -159,7 +161,7 @@ def robot_rows(study: RobotStudy | None) -> list[AcceptanceRow]:
         ("other robots", OTHERS_AGREEMENT, [r for r in rows.stiffness if r.robot != ROBOT]),
     )
     result = [
-        _at_most(f"robots: stiffness, {name}", max(row.difference for row in group), limit)
+        at_most(f"robots: stiffness, {name}", max(row.difference for row in group), limit)
         for name, limit, group in groups
         if group
     ]
@@ -177,10 +179,10 @@ def robot_rows(study: RobotStudy | None) -> list[AcceptanceRow]:
         if row.F_cr and (force := reference[row.pose, row.direction])
     ]  # fmt: skip
     result += [
-        _empty("robots: paths complete", "every path reaches its end or a critical point", lost),
-        _empty("robots: kinds of critical points", "the same in all engines that are refined", kinds),
-        _empty("robots: legs that give way first", "the same in all engines that are refined", legs),
-        _at_most("robots: critical forces", max(gaps, default=float("nan")), ROBOT_AGREEMENT),
+        none_of("robots: paths complete", "every path reaches its end or a critical point", lost),
+        none_of("robots: kinds of critical points", "the same in all engines that are refined", kinds),
+        none_of("robots: legs that give way first", "the same in all engines that are refined", legs),
+        at_most("robots: critical forces", max(gaps, default=float("nan")), ROBOT_AGREEMENT),
     ]
     curves = study.curves
     if curves:
@@ -189,14 +191,12 @@ def robot_rows(study: RobotStudy | None) -> list[AcceptanceRow]:
             for (pose, sign, engine), path in curves.items()
             if engine == COMPARED[-1]
         ]
-        result.append(
-            _at_most("robots: force at equal displacement, over the largest", max(apart), CURVE_AGREEMENT)
-        )
+        result.append(at_most("robots: force at equal displacement, over the largest", max(apart), CURVE_AGREEMENT))
     wrong = [f"{row.robot} at {row.pose}" for row in rows.mobility if not row.holds]
     return [
         *result,
-        _at_most("robots: a part too long", max(row.difference for row in rows.misfit), OTHERS_AGREEMENT),
-        _empty("robots: mobility and rank of K", "as theory says", wrong),
+        at_most("robots: a part too long", max(row.difference for row in rows.misfit), OTHERS_AGREEMENT),
+        none_of("robots: mobility and rank of K", "as theory says", wrong),
     ]
 
 
@@ -214,7 +214,7 @@ def ladder_rows(verification: Verification) -> list[AcceptanceRow]:
         ran = [row for row in asked if (row.group == GROUP) is turned and row.passed is not None]
         if ran:
             failed = [f"{row.name}: {row.quantity}" for row in ran if not row.passed]
-            rows.append(_empty(name, requirement, failed))
+            rows.append(none_of(name, requirement, failed))
     pairs: dict[str, list[TriangulationRow]] = {}
     for row in verification.triangulation:
         pairs.setdefault(" and ".join(row.engines), []).append(row)
@@ -227,7 +227,7 @@ def ladder_rows(verification: Verification) -> list[AcceptanceRow]:
             rows.append(AcceptanceRow(name=name, requirement=requirement, value=f"not run: {why}", passed=None))
             continue
         failed = [f"{row.posture} {row.direction} {row.quantity}" for row in ran_pairs if not row.passed]
-        found = _empty(name, requirement, failed)
+        found = none_of(name, requirement, failed)
         if len(ran_pairs) < len(asked_pairs) and not failed:
             found = found.model_copy(update={"value": f"{len(ran_pairs)} of {len(asked_pairs)}, the rest not run"})
         rows.append(found)

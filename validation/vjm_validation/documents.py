@@ -38,16 +38,30 @@ class StiffnessDocument(BaseModel):
     """Of the end-effector: shift and rotation vector, world axes."""
     wrench: list[float]
     """On the end-effector, world axes."""
-    stiffness_loaded: Matrix
-    """K^F of eq. (18)."""
-    stiffness_unloaded: Matrix
-    """K of eq. (5)."""
+    end: str = ""
+    """Name of the end frame; empty where the machine names none."""
+    gravity: list[float] | None = None
+    """m/s², where the parts have their weight."""
+    stiffness_loaded: Matrix | None
+    """K^F of eq. (18); null where a wrench moves nothing, so that it is infinite: see ``compliance_loaded``."""
+    stiffness_unloaded: Matrix | None
+    """K of eq. (5); null likewise."""
+    compliance_loaded: Matrix | None = None
+    """The inverse of K^F, mm/N, 1/N, rad/(N mm), of an end-effector that nothing but the machine holds; null where
+    passive joints let it move without a force, or where the pose is imposed."""
+    compliance_unloaded: Matrix | None = None
+    """The inverse of K; null likewise."""
+    rigid: list[list[float]] = []
+    """Unit wrenches under which the end-effector does not deflect: those that make K infinite."""
+    torques: dict[str, float] | None = None
+    """What holds each joint, N mm or N; null where it is not computed."""
     stable: bool
     """Under the control named above. An unstable equilibrium is never reported."""
     eigenvalue: float | None
     """Smallest eigenvalue of the second variation, in units of the model's energy scale; null where the engine
     computes none."""
-    iterations: int
+    iterations: int | None
+    """Null where postures are solved as a batch, which does not count them."""
     residual: float
     """Largest scaled component of the equilibrium equations."""
     events: list[str]

@@ -19,7 +19,9 @@ from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.identify.documents import IdentificationDocument
 from vjm_updating.maps.documents import MapDocument, MapTaskDocument
 from vjm_updating.simulate.command import Truth
+from vjm_validation.compensation import CompensationDocument
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
+from vjm_validation.studies.own_machine_rows import OwnMachineSummary
 from vjm_validation.studies.table2_document import Table2Document
 from vjm_validation.summary import Summary
 
@@ -28,7 +30,9 @@ def schemas() -> dict[str, dict[str, Any]]:
     """JSON Schemas by file name."""
     return {
         "summary.schema.json": schema(Summary),
+        "own-machine.schema.json": schema(OwnMachineSummary),
         "buckling.schema.json": schema(BucklingDocument),
+        "compensation.schema.json": schema(CompensationDocument),
         "stiffness.schema.json": schema(StiffnessDocument),
         "identification.schema.json": schema(IdentificationDocument),
         "calibration.schema.json": schema(Calibration),

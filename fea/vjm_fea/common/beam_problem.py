@@ -29,7 +29,7 @@ critical points, where the stiffness is small, a state within the tolerance may 
 STEPS_OF_CONSTANT_LOADS = 1e-3
 """Smallest share of the constant loads that is put on at once."""
 ROUNDINGS = 64.0
-"""Units in the last place of a position that a residual may be wrong by."""
+"""Units in the last place of a position by which a residual may be wrong."""
 ON_PATH = 1e-11
 """Error of the condition beside equilibrium, in units of turns and of the chain's length."""
 
@@ -85,8 +85,7 @@ class BeamProblem:
         Raises:
             ValueError: a point that steers stands on the ground.
         """
-        self.label, self.load_case, self.stations = label, load_case, stations
-        self.statics = statics
+        self.label, self.load_case, self.stations, self.statics = label, load_case, stations, statics
         extent = float(np.ptp(statics.shape(statics.initial), axis=0).max(initial=0.0))
         self.length = max(chain.characteristic_length, extent)
         # positions are known to some units in the last place, and forces no better than the stiffest motion has it
@@ -101,6 +100,11 @@ class BeamProblem:
         """Scaled motion ``(6,)`` of the support per unit of the ramp."""
 
     # --- what a path needs --------------------------------------------------------------------------------
+
+    @property
+    def conservative(self) -> bool:
+        """Whether no load turns with its body and none is a moment."""
+        return self.statics.applied_loads.conservative
 
     def unloaded(self) -> Equilibrium:
         """The reference configuration, under the loads that act all along.
@@ -187,7 +191,7 @@ class BeamProblem:
         return self._gone(state) if isinstance(self.load_case.control, PointControl) else float(state[-1])
 
     def exact(self, state: Array) -> Tangent:
-        """The exact tangent at an equilibrium, kept for whoever asks next: a path asks several times."""
+        """The exact tangent at an equilibrium, kept: a path asks several times."""
         if self._known is None or not np.array_equal(self._known[0], state):
             self._known = state, self.statics.tangent(state)
         return self._known[1]
@@ -332,21 +336,15 @@ class BeamProblem:
 
     @cached_property
     def _softest(self) -> float:
-        """Smallest eigenvalue of the chain at rest."""
+        """Eigenvalue nearest zero of the chain at rest."""
         share, self.statics.share = self.statics.share, 0.0
         values = self.statics.tangent(self.statics.initial).stability()
         self.statics.share = share
-        return float(values[0]) if len(values) else 0.0
+        return float(np.abs(values).min(initial=np.inf)) if len(values) else 0.0
 
     def _verdict(self, state: Array, tangent: Tangent) -> tuple[float, int]:
-        """Smallest eigenvalue of the stiffness that the constraints leave, and how many are negative.
-
-        Where they leave no motion at all, as in a cantilever of one element, nan and none.
-        """
-        values = tangent.stability(self.device(state))
-        if not len(values):
-            return float("nan"), 0
-        return float(values[0]), int(np.count_nonzero(values < -NEUTRAL * abs(self._softest)))
+        """Eigenvalue that decides on stability, and how many are negative, see `Tangent.verdict`."""
+        return tangent.verdict(self.device(state), NEUTRAL * self._softest)
 
     def _equilibrium(
         self, s: float, state: Array, iterations: int, error: float, end_condition: Array | None = None
@@ -388,4 +386,4 @@ class BeamProblem:
             work = self.statics.energy * float(load @ tangent.solve(load))
         except np.linalg.LinAlgError:
             return 0.0
-        return 1.0 / work if work != 0.0 else float("inf")
+        return 1.0 / work if work else float("inf")

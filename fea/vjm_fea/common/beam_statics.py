@@ -52,7 +52,9 @@ class BeamStatics(ABC):
     hand_reference: Array
     tool: Place
 
-    def _scale(self, stiffness: Array, turns: np.ndarray, length: float) -> tuple[Array, float]:
+    def _scale(
+        self, stiffness: Array, turns: np.ndarray, length: float, energy: float | None = None
+    ) -> tuple[Array, float]:
         """Units ``(m,)`` of the motions in which every one's own stiffness is one, and the energy.
 
         Rounding leaves some thousand times more of the stability eigenvalue than in plain lengths and radians.
@@ -61,9 +63,11 @@ class BeamStatics(ABC):
             stiffness: of the motions alone ``(m,)``.
             turns: which of them are turns.
             length: unit of shifts that nothing but joints holds, mm.
+            energy: N mm; the turns' typical stiffness where it is not given.
         """
-        turning = stiffness[turns]
-        energy = float(np.exp(np.mean(np.log(turning[turning > NEGLIGIBLE * np.max(turning)]))))
+        if energy is None:
+            turning = stiffness[turns]
+            energy = float(np.exp(np.mean(np.log(turning[turning > NEGLIGIBLE * np.max(turning)]))))
         plain = energy / np.where(turns, 1.0, length**2)
         return np.sqrt(energy / np.where(stiffness > NEGLIGIBLE * plain, stiffness, plain)), energy
 

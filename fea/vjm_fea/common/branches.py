@@ -11,8 +11,10 @@ from typing import Protocol
 
 import numpy as np
 
+from vjm.continuation.branch_shape import behind_bifurcation
 from vjm.continuation.path import Equilibrium
 from vjm.errors import NoConvergenceError
+from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 from vjm_fea.common.beam_statics import BeamStatics
 from vjm_fea.common.linearized_statics import Border, Tangent
@@ -23,6 +25,8 @@ DIRECTIONS = 8
 """In which a branch is looked for where two modes lose their stability at once, over half a turn between them."""
 ENTRY = 1e-2
 """Scaled amplitude at which a branch is entered that is followed by its arc."""
+LAST_DEFLECTION = 0.2
+"""The largest at which it is looked at to tell which way it leads."""
 TINY = 1e-5
 """Amplitude, in scaled units, at which a mode's deflection is differenced."""
 STILL = 1e-9
@@ -37,6 +41,7 @@ class Branching(Protocol):
 
     statics: BeamStatics
     length: float
+    load_case: LoadCase
 
     def solve(self, s: float, start: Equilibrium) -> Equilibrium:
         """Equilibrium at ``s`` from a neighbour."""
@@ -68,7 +73,19 @@ def switch(problem: Branching, critical: Equilibrium, s: float, sign: int) -> Eq
     Raises:
         NoConvergenceError: no branch was found, it does not lead onwards, or it is unstable.
     """
-    return _firmest(problem, critical, sign, lambda mode, size: _at(problem, critical, s, mode, size))
+
+    def behind(mode: Array, size: float) -> Equilibrium:
+        def at_amplitude(amplitude: float) -> Equilibrium:
+            state, iterations, error = _on_branch(problem, critical, mode, amplitude)
+            return problem.equilibrium(problem.parameter(state), state, iterations, error)
+
+        unit = problem.length / size
+        return behind_bifurcation(
+            critical, lambda: _at(problem, critical, s, mode, size), at_amplitude,
+            FIRST_DEFLECTION * unit, LAST_DEFLECTION * unit, problem.load_case.length,
+        )  # fmt: skip
+
+    return _firmest(problem, critical, sign, behind)
 
 
 def enter(problem: Branching, critical: Equilibrium, sign: int) -> Equilibrium:
@@ -118,7 +135,7 @@ def _at(problem: Branching, critical: Equilibrium, s: float, mode: Array, size: 
         reached = problem.parameter(state)
         ratio = (reached - critical.s) / (s - critical.s)
         if ratio <= 0.0:
-            raise NoConvergenceError("the crossing branch turns back: the bifurcation is subcritical")
+            raise NoConvergenceError("the crossing branch does not rise where it begins")
         if abs(ratio - 1.0) < NEAR:
             break
         # a symmetric bifurcation: the parameter grows with the amplitude's square

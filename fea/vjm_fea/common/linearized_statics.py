@@ -20,6 +20,12 @@ COINCIDENT = 1e-3
 """Two eigenvalues vanish together where the second is below this fraction of the third."""
 
 
+def is_real(values: Array) -> np.ndarray:
+    """Which eigenvalues ``(k,)`` are real but for rounding."""
+    result: np.ndarray = np.abs(values.imag) <= REAL * np.abs(values)
+    return result
+
+
 class Border(NamedTuple):
     """A condition beside equilibrium, linearised in scaled motions: ``row · δx + at_ramp δramp = missing``."""
 
@@ -117,10 +123,10 @@ class Tangent:
         return N.T @ K @ N, N
 
     def stability(self, device: Array | None = None) -> Array:
-        """Real eigenvalues ``(k,)`` of the stiffness that the constraints leave, increasing.
+        """Eigenvalues ``(k,)`` of the stiffness that the constraints leave: increasing, or complex.
 
-        Where loads are not conservative there may be complex ones besides: they pass no zero, and what they do in
-        time (flutter) is not a matter of statics.
+        Where loads are not conservative there may be complex ones: they pass no zero, and what they do in time
+        (flutter) is not a matter of statics.
 
         Args:
             device: derivative ``(m + c,)`` of the displacement that a device holds, one constraint more.
@@ -130,9 +136,27 @@ class Tangent:
             return np.zeros(0)
         if self.symmetric:
             return np.asarray(eigvalsh(0.5 * (K + K.T), check_finite=False), dtype=float)
-        values = eigvals(K, check_finite=False)
-        real = np.abs(values.imag) <= REAL * np.abs(values)
-        return np.asarray(np.sort(values[real].real), dtype=float)
+        return np.asarray(eigvals(K, check_finite=False))
+
+    def verdict(self, device: Array | None, neutral: float) -> tuple[float, int]:
+        """Smallest eigenvalue of the stiffness that the constraints leave, and how many are negative.
+
+        Where they leave no motion at all, as in a cantilever of one element, nan and none. Where loads are not
+        conservative, the eigenvalue nearest zero, complex or not, see `vjm.statics.stability.stability`.
+
+        Args:
+            device: see `stability`.
+            neutral: eigenvalue up to which a motion costs nothing.
+        """
+        values = self.stability(device)
+        if not len(values):
+            return float("nan"), 0
+        real = values[is_real(values)].real
+        negative = int(np.count_nonzero(real < -neutral))
+        if self.symmetric:
+            return float(values[0]), negative
+        nearest = values[np.argmin(np.abs(values))]
+        return float(-abs(nearest) if nearest in real[real < 0.0] else abs(nearest)), negative
 
     def critical_modes(self, device: Array | None = None) -> list[Array]:
         """Unit vectors ``(f,)`` of the motions whose eigenvalue is nearest zero: one, or two together."""
@@ -141,7 +165,7 @@ class Tangent:
             values, V = eigh(0.5 * (K + K.T), check_finite=False)
         else:
             values, V = eig(K, check_finite=False)
-            real = np.abs(values.imag) <= REAL * np.abs(values)
+            real = is_real(values)
             values, V = values[real].real, V[:, real].real
         order = np.argsort(np.abs(values))[:3]
         together = 2 if len(order) == 3 and abs(values[order[1]]) < COINCIDENT * abs(values[order[2]]) else 1

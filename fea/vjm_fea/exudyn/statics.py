@@ -95,10 +95,12 @@ class Statics(BeamStatics):
         full = self._full(self.initial)
         J = self._assembled(full, rates(full.places[:, 3:]))
         own = np.diag(J)[: 6 * self.nodes]
-        self._steps = DIFFERENCE * self._scale(own, np.tile([False] * 3 + [True] * 3, self.nodes), length)[0]
+        # of the elements themselves: a stiff one at the end of a long rigid arm makes the arm's turns far stiffer
+        steps, self.energy = self._scale(own, np.tile([False] * 3 + [True] * 3, self.nodes), length)
+        self._steps = DIFFERENCE * steps
         J = self._carried(J, full)
         rotary = np.tile([False] * 3 + [True] * 3, bodies)
-        unit, self.energy = self._scale(np.diag(J)[: self.motions], rotary, length)
+        unit, _ = self._scale(np.diag(J)[: self.motions], rotary, length, self.energy)
         reach = np.linalg.norm(J[: self.motions, self.motions :] * unit[:, None], axis=0)
         # a joint's free axis has a multiplier, zero, but no reach
         force = np.where(reach > 0.0, self.energy / np.where(reach > 0.0, reach, 1.0), np.sqrt(self.energy))

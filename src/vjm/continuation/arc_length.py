@@ -14,8 +14,10 @@ from typing import Protocol
 
 import numpy as np
 
-from vjm.continuation.load_stepping import Problem, bifurcation, follow, locate, walked
+from vjm.continuation.critical_points import VANISHED, WithoutPairs, bifurcation, locate, only_a_pair
+from vjm.continuation.load_stepping import follow, walked
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
+from vjm.continuation.problem import Problem
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import TO_LIMIT, LoadCase
 from vjm.rotations import Array
@@ -51,6 +53,24 @@ class ArcProblem(Problem, Protocol):
         Raises:
             NoConvergenceError: the branch was not found.
         """
+
+
+class ArcWithoutPairs(WithoutPairs):
+    """A problem followed by its arc, pairs left out, see `WithoutPairs`."""
+
+    _problem: ArcProblem
+
+    def tangent(self, point: Equilibrium, along: Array | None = None) -> Array:
+        """See `ArcProblem.tangent`."""
+        return self._problem.tangent(point, along)
+
+    def distance(self, change: Array) -> float:
+        """See `ArcProblem.distance`."""
+        return self._problem.distance(change)
+
+    def enter(self, critical: Equilibrium, sign: int) -> Equilibrium:
+        """See `ArcProblem.enter`."""
+        return self.counted(self._problem.enter(critical, sign))
 
 
 @dataclass(frozen=True)
@@ -121,7 +141,8 @@ class _ArcWalk:
         control: ArcControl,
         progress: Callable[[float], None] | None,
     ) -> None:
-        self.problem, self.load_case, self.control, self.progress = problem, load_case, control, progress
+        self.problem: ArcProblem = problem
+        self.load_case, self.control, self.progress = load_case, control, progress
         self.points: list[Equilibrium] = [problem.unloaded()]
         self.events: list[Event] = []
         self.forwards: Array | None = None
@@ -153,6 +174,8 @@ class _ArcWalk:
                     there = self._at_end(here, there, end)
                 rate = float(self.problem.tangent(there, there.state - here.state)[-1])
                 entered = self._pass(here, there, slope[-1] > 0.0, rate > 0.0)
+                if isinstance(self.problem, ArcWithoutPairs):
+                    there = self.problem.counted(there)
             except NoConvergenceError as failure:
                 why, step = str(failure), 0.5 * step
                 continue
@@ -235,10 +258,17 @@ class _ArcWalk:
 
     def _bifurcate(self, here: Equilibrium, there: Equilibrium) -> Equilibrium | None:
         first = here.unstable == 0
-        if first:
-            critical = bifurcation(self.problem, here, there, EVENT_TOLERANCE)
-        else:
-            critical = self._change_of_count(here, there)
+        try:
+            if first:
+                critical = bifurcation(self.problem, here, there, EVENT_TOLERANCE)
+            else:
+                critical = self._change_of_count(here, there)
+        except NoConvergenceError:
+            if not only_a_pair(self.problem, here, there):
+                raise
+            if there.unstable > here.unstable:
+                self.problem = ArcWithoutPairs(self.problem, there.unstable - here.unstable)
+            return None
         self._smooth(here, there, before=critical.s)
         entered = self.problem.enter(critical, self.load_case.branch) if first and self.load_case.branch else None
         self._record(
@@ -247,11 +277,18 @@ class _ArcWalk:
         return entered
 
     def _change_of_count(self, a: Equilibrium, b: Equilibrium) -> Equilibrium:
-        """The point between two where the number of unstable modes changes, by bisection."""
+        """The point between two where the number of unstable modes changes, by bisection.
+
+        Raises:
+            NoConvergenceError: the eigenvalue that changes its sign there does not pass zero.
+        """
+        sides = max(abs(a.eigenvalue), abs(b.eigenvalue))
         slope = (b.state - a.state) / (b.s - a.s)
         while b.s - a.s > EVENT_TOLERANCE * max(1.0, b.s):
             middle = self.problem.solve(0.5 * (a.s + b.s), a, slope)
             a, b = (middle, b) if middle.unstable == a.unstable else (a, middle)
+        if not self.problem.conservative and abs(b.eigenvalue) > VANISHED * sides:
+            raise NoConvergenceError("the smallest eigenvalue jumps")
         return b
 
     def _smooth(self, here: Equilibrium, there: Equilibrium, before: float = float("inf")) -> None:

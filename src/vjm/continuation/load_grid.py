@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm.continuation.load_stepping import EVENT_TOLERANCE, StepControl, bifurcation
+from vjm.continuation.critical_points import bifurcation
+from vjm.continuation.load_stepping import EVENT_TOLERANCE, StepControl
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium
 from vjm.errors import NoConvergenceError

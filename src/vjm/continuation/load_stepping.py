@@ -10,12 +10,12 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
-from scipy.optimize import brentq
 
-from vjm.continuation.path import Equilibrium, Event, EventKind, Path, StationLabel, driven_force
+from vjm.continuation.critical_points import WithoutPairs, bifurcation, locate, only_a_pair
+from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
+from vjm.continuation.problem import Problem
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
@@ -38,40 +38,6 @@ JUMPED = 0.9
 """Distance from the prolongation, over that from the last point, of a state that is no neighbour."""
 JUMP = 1.0
 """Of a fixed step only one that ends further from the prolongation than it is long is not believed."""
-
-
-class Problem(Protocol):
-    """What an engine must be able to do for its path to be followed."""
-
-    label: str
-    stations: tuple[StationLabel, ...]
-
-    def unloaded(self) -> Equilibrium:
-        """The state at zero displacement."""
-
-    def solve(self, s: float, start: Equilibrium, slope: Array | None = None) -> Equilibrium:
-        """Equilibrium at the path parameter ``s``, from the state of ``start``.
-
-        Args:
-            s: path parameter, at which the driven displacement is imposed.
-            start: a converged neighbour.
-            slope: derivative of the state by s, for a first guess; the engine may ignore it.
-
-        Raises:
-            NoConvergenceError: none was found.
-        """
-
-    def switch(self, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
-        """A state on the branch that crosses at a bifurcation, at the path parameter ``s`` just behind it.
-
-        Args:
-            critical: the state at the bifurcation.
-            s: a little more than ``critical.s``.
-            sign: which of the two mirrored branches, see `LoadCase.branch`.
-
-        Raises:
-            NoConvergenceError: the branch was not found, or none leads onwards from here.
-        """
 
 
 @dataclass(frozen=True)
@@ -114,49 +80,6 @@ def follow(
     return _Walk(problem, load_case, control, progress).run()
 
 
-def locate(
-    problem: Problem, a: Equilibrium, b: Equilibrium, value: Callable[[Equilibrium], float], tolerance: float
-) -> Equilibrium:
-    """The point between two of one path where a value that differs in sign at them is zero.
-
-    Args:
-        problem: whose path it is.
-        a: the nearer end.
-        b: the further end.
-        value: of a point.
-        tolerance: of its path parameter.
-
-    Raises:
-        NoConvergenceError: an equilibrium between them was not found.
-    """
-    slope = (b.state - a.state) / (b.s - a.s)
-    seen: dict[float, Equilibrium] = {a.s: a, b.s: b}
-
-    def at(s: float) -> float:
-        if s not in seen:
-            near = min(seen.values(), key=lambda p: abs(p.s - s))
-            seen[s] = problem.solve(s, near, slope)
-        return value(seen[s])
-
-    root = brentq(at, a.s, b.s, xtol=tolerance, rtol=1e-12)
-    at(root)
-    return seen[root]
-
-
-def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium, tolerance: float) -> Equilibrium:
-    """The point between a stable and an unstable one where the smallest eigenvalue passes zero.
-
-    Raises:
-        NoConvergenceError: it does not pass zero but jumps: the two are not on one path.
-    """
-    if a.eigenvalue <= 0.0:
-        return a
-    critical = locate(problem, a, b, lambda p: p.eigenvalue, tolerance)
-    if abs(critical.eigenvalue) > 1e-4 * max(abs(a.eigenvalue), abs(b.eigenvalue)):
-        raise NoConvergenceError("the smallest eigenvalue jumps")
-    return critical
-
-
 def walked(
     problem: Problem,
     load_case: LoadCase,
@@ -197,7 +120,8 @@ class _Walk:
         control: StepControl,
         progress: Callable[[float], None] | None,
     ) -> None:
-        self.problem, self.load_case, self.control, self.progress = problem, load_case, control, progress
+        self.problem: Problem = problem
+        self.load_case, self.control, self.progress = load_case, control, progress
         self.length = load_case.length
         self.points: list[Equilibrium] = [problem.unloaded()]
         self.events: list[Event] = []
@@ -245,18 +169,24 @@ class _Walk:
                 try:
                     critical = bifurcation(self.problem, here, there, EVENT_TOLERANCE * self.length)
                 except NoConvergenceError as failure:
-                    # the step led to another, unstable branch, which no bifurcation connects with this one
-                    step = 0.25 * (target - here.s)
-                    if step < self.control.smallest * self.length:
-                        return f"stability is lost beyond {here.s:.6g} without a bifurcation: {failure}"
+                    if only_a_pair(self.problem, here, there):
+                        critical = None
+                    else:
+                        # the step led to another, unstable branch, which no bifurcation connects with this one
+                        step = 0.25 * (target - here.s)
+                        if step < self.control.smallest * self.length:
+                            return f"stability is lost beyond {here.s:.6g} without a bifurcation: {failure}"
+                        continue
+                if critical is not None:
+                    # the stiffness at the critical point itself is singular: look across it on the primary path
+                    self._find_smooth_events(here, there, before=critical.s)
+                    reason = self._leave_at(critical, self._multiplicity(here, critical, there))
+                    if reason:
+                        return reason
+                    step = self.length if grid is not None else 2.0 * (self.points[-1].s - critical.s)
                     continue
-                # the stiffness at the critical point itself is singular: look across it on the primary path
-                self._find_smooth_events(here, there, before=critical.s)
-                reason = self._leave_at(critical, self._multiplicity(here, critical, there))
-                if reason:
-                    return reason
-                step = self.length if grid is not None else 2.0 * (self.points[-1].s - critical.s)
-                continue
+                self.problem = WithoutPairs(self.problem, there.unstable)
+                there = self.problem.counted(there)
             self._find_smooth_events(here, there)
             self.points.append(there)
             if self.progress is not None:
@@ -270,7 +200,7 @@ class _Walk:
         """What a path that ends close to a critical point has before it."""
         if not abs(here.eigenvalue) < NEARLY_LOST * abs(self.points[0].eigenvalue):
             return ""
-        return "; its stability is nearly lost: the ramp turns back here, and control 'arc' follows it"
+        return "; its stability is nearly lost: if the ramp turns back here, control 'arc' follows it"
 
     def _known(self) -> list[Equilibrium]:
         """The last points of the present branch, at most three; the bifurcation where it begins is one of them."""

@@ -10,6 +10,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from vjm.continuation.bordered_newton import Border, solve_bordered
+from vjm.continuation.branch_shape import behind_bifurcation
 from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
@@ -28,6 +29,8 @@ DIRECTIONS = 8
 """In which a branch is looked for where two modes lose their stability at once, over half a turn between them."""
 FIRST_AMPLITUDE = 1e-3
 """Scaled amplitude of the critical mode at which a crossing branch is first looked for."""
+LAST_AMPLITUDE = 0.2
+"""The largest at which it is looked at to tell which way it leads."""
 ENTRY = 1e-2
 """Scaled amplitude at which a branch is entered that is followed by its arc: its stability, which grows with the
 square, is told apart from what is neutral."""
@@ -37,7 +40,7 @@ M = TypeVar("M", bound=LoadedModel)
 
 
 class LoadedProblem(ABC, Generic[M]):
-    """A loaded model under a load case: `vjm.continuation.load_stepping.Problem` for the virtual joint method.
+    """A loaded model under a load case: `vjm.continuation.problem.Problem` for the virtual joint method.
 
     A state is the coordinates, the support's wrench and the ramp, ``(n + 7,)``.
 
@@ -70,6 +73,11 @@ class LoadedProblem(ABC, Generic[M]):
         Raises:
             NoConvergenceError: they are more than the machine bears.
         """
+
+    @property
+    def conservative(self) -> bool:
+        """Whether no load turns with its body and none is a moment."""
+        return not len(self.model.applied_loads.turning)
 
     def target(self, ramp: float) -> Array:
         """Frame ``(4, 4)`` of the support at a ramp."""
@@ -107,7 +115,18 @@ class LoadedProblem(ABC, Generic[M]):
         imposed and the ramp is what results. It grows with the amplitude squared, which gives the amplitude that
         belongs to ``s``.
         """
-        return self._firmest(critical, sign, lambda at, mode: self._branch(at, mode, critical, s))
+
+        def behind(at: Configuration[M], mode: Array) -> Equilibrium:
+            def at_amplitude(size: float) -> Equilibrium:
+                ramp, there = self._on_branch(at, mode, size, critical.ramp)
+                return self.equilibrium(self._parameter(ramp, there), there, ramp)
+
+            return behind_bifurcation(
+                critical, lambda: self._branch(at, mode, critical, s), at_amplitude,
+                FIRST_AMPLITUDE, LAST_AMPLITUDE, self.load_case.length,
+            )  # fmt: skip
+
+        return self._firmest(critical, sign, behind)
 
     def enter(self, critical: Equilibrium, sign: int) -> Equilibrium:
         """A state a little way along the branch that crosses at a bifurcation, wherever it leads."""
@@ -274,7 +293,7 @@ class LoadedProblem(ABC, Generic[M]):
         amplitude = FIRST_AMPLITUDE
         beyond = self._parameter(*self._on_branch(at, mode, amplitude, critical.ramp))
         if beyond <= critical.s:
-            raise NoConvergenceError("the crossing branch turns back: the bifurcation is subcritical")
+            raise NoConvergenceError("the crossing branch does not rise where it begins")
         amplitude *= np.sqrt((s - critical.s) / (beyond - critical.s))
         ramp, near = self._on_branch(at, mode, amplitude, critical.ramp)
         there = self.solve(s, self.equilibrium(self._parameter(ramp, near), near, ramp))

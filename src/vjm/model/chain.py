@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vjm.model.joints import CoupledJoint, HeldJoint, PointSpring
-from vjm.model.parts import Actuator, Beam, Part, PassiveJoint, Placement
+from vjm.model.parts import Actuator, Beam, Part, PassiveJoint, Placement, RigidOffset
 from vjm.rotations import Array
 
 FOOT = "foot"
@@ -151,8 +151,15 @@ class Chain:
 
     @property
     def characteristic_length(self) -> float:
-        """The longest elastic part's length in mm: the unit in which solvers measure lengths."""
-        return max((beam.length for beam in self.beams), default=1.0)
+        """Length of the longest straight piece in mm, elastic or rigid: the unit in which solvers measure lengths.
+
+        Short elastic parts on long rigid ones are springs of joints: measured by their own length, what the chain
+        does would be large, and its branches would be sought next to where it stands.
+        """
+        offsets = [part.transform[:3, 3] for part in self.parts if isinstance(part, RigidOffset)]
+        offsets += [beam.end_offset for beam in self.beams]
+        lengths = [beam.length for beam in self.beams] + [float(np.linalg.norm(offset)) for offset in offsets]
+        return max(lengths, default=0.0) or 1.0
 
     def posture(self, label: str) -> Array:
         """Passive joint coordinates ``(n_q,)`` in rad.

@@ -25,7 +25,7 @@ from vjm.vjm_engine import VjmEngine
 
 
 class ManipulatorProblem(LoadedProblem[LoadedManipulator]):
-    """A manipulator under a load case: `vjm.continuation.load_stepping.Problem`, Newton on platform and bodies.
+    """A manipulator under a load case: `vjm.continuation.problem.Problem`, Newton on platform and bodies.
 
     The ramp imposes the platform's displacement but for what the load case leaves free, or a dead wrench on it.
     """

@@ -52,7 +52,8 @@ def stability(at: Configuration[LoadedModel], device: Array | None = None) -> St
     nothing to be unstable: nan and none.
 
     Loads that turn with their bodies, and moments that do not, are not conservative. With them the verdict is on
-    divergence alone: real negative eigenvalues of the static tangent. Flutter needs masses.
+    divergence alone: real negative eigenvalues of the static tangent. The eigenvalue is then the one nearest zero,
+    complex or not: its magnitude, which never jumps, negative where it is real and negative. Flutter needs masses.
 
     Args:
         at: an equilibrium.
@@ -67,7 +68,13 @@ def stability(at: Configuration[LoadedModel], device: Array | None = None) -> St
             values, _ = _spectrum(at, device)
         except np.linalg.LinAlgError:
             return Stability(0.0, 0)
-        return Stability(float(values[0]), int(np.count_nonzero(values < 0.0)))
+        real = values[np.abs(values.imag) <= REAL * np.abs(values)].real
+        negative = int(np.count_nonzero(real < 0.0))
+        if len(model.applied_loads.turning):
+            nearest = values[np.argmin(np.abs(values))]
+            is_negative = nearest.real < 0.0 and abs(nearest.imag) <= REAL * abs(nearest)
+            return Stability(float(-abs(nearest) if is_negative else abs(nearest)), negative)
+        return Stability(float(real[np.lexsort((np.abs(real), real > 0.0))][0]), negative)
     unstable = compiled.visit(at.x, at.wrench, at.load)
     try:
         eigenvalue = compiled.smallest(at.x, at.wrench, at.load)
@@ -82,9 +89,10 @@ def stability(at: Configuration[LoadedModel], device: Array | None = None) -> St
 
 
 def _spectrum(at: Configuration[LoadedModel], device: Array | None) -> tuple[Array, Array]:
-    """Real eigenvalues and motions ``(n, k)`` of a constrained or unsymmetric tangent.
+    """Eigenvalues ``(k,)`` and motions ``(n, k)`` of a constrained or unsymmetric tangent; complex in the latter.
 
-    The one that decides comes first: of negative ones and else of positive ones the one nearest zero.
+    Raises:
+        numpy.linalg.LinAlgError: the equilibrium is critical to the last digit.
     """
     S = at.model.compiled.inverse(at.x, at.wrench, at.load)
     unit = at.model.coordinate_scale
@@ -96,13 +104,12 @@ def _spectrum(at: Configuration[LoadedModel], device: Array | None) -> tuple[Arr
         inverse, V = np.linalg.eig(S)
     else:
         inverse, V = np.linalg.eigh(0.5 * (S + S.T))
-    # what the constraints take away has an inverse of zero, and a complex one passes no zero at any load
-    felt = (np.abs(inverse) > NEUTRAL * np.abs(inverse).max()) & (np.abs(inverse.imag) <= REAL * np.abs(inverse))
-    values, V = 1.0 / inverse[felt].real, V[:, felt]
+    # what the constraints take away has an inverse of zero
+    felt = np.abs(inverse) > NEUTRAL * np.abs(inverse).max()
+    values = 1.0 / inverse[felt]
     if not len(values) or not np.all(np.isfinite(values)):
         raise np.linalg.LinAlgError("the equilibrium is singular to the last digit")
-    order = np.lexsort((np.abs(values), values > 0.0))
-    return values[order], V[:, order].real * unit[:, None]
+    return values, V[:, felt] * unit[:, None]
 
 
 def critical_modes(at: Configuration[LoadedModel], device: Array | None = None) -> list[Array]:
@@ -116,6 +123,9 @@ def critical_modes(at: Configuration[LoadedModel], device: Array | None = None) 
     unit = at.model.coordinate_scale
     if device is not None or len(at.model.applied_loads.turning):
         values, motions = _spectrum(at, device)
+        # a complex one passes no zero at any load
+        real = np.abs(values.imag) <= REAL * np.abs(values)
+        values, motions = values[real].real, motions[:, real].real
         nearest = np.argsort(np.abs(values))[:3]
         values, motions = values[nearest], motions[:, nearest]
         motions = motions / np.linalg.norm(motions / unit[:, None], axis=0)

@@ -20,6 +20,8 @@ LAST_STEP = 1e-9
 """Below it the next would be lost in rounding, as steps shrink by their square."""
 REGULAR = 1e-13
 """Pivot of a compliance, scaled to a unit diagonal, below which it is rounding: under six springs move the end."""
+STILL = 1e-24
+"""Compliance of a direction over the largest of its kind that is rounding: that of J, 1e-15, squared is 1e-30."""
 SMALLEST_SHARE = 1.0 / 256.0
 """Of the loads that is put on at once where all of them do not converge."""
 
@@ -118,6 +120,14 @@ def _copy_ends(work: TreeWork, R: Floats, p: Floats) -> None:
 @kernel
 def _inverse(C: Floats, F: Floats, swaps: Ints, K: Floats) -> None:
     """``K = C⁻¹`` (6, 6), scaled to a unit diagonal on the way; nan where C has no inverse."""
+    # a direction in which nothing moves: what its diagonal holds is rounding, squared
+    largest = np.zeros(2)
+    for a in range(6):
+        largest[a // 3] = max(largest[a // 3], C[a, a])
+    for a in range(6):
+        if not C[a, a] > STILL * largest[a // 3]:
+            K[:, :] = np.nan
+            return
     good = True
     for a in range(6):
         for b in range(6):

@@ -149,6 +149,25 @@ def sensitivities(
     return np.moveaxis(moved + own, 1, -1)
 
 
+def largest_residual(
+    found: Equilibria,
+    *,
+    gravity: Gravity | None = None,
+    wrench: Array | None = None,
+    loads: Sequence[Load] = (),
+) -> float:
+    """Largest generalised force that an equilibrium lacks, over the largest that the loads put on a joint.
+
+    Forces along joints that slide count times the machine's reach. At the same loads as the equilibria.
+    """
+    model = found.model
+    F = _wrenches(wrench, len(found.q), len(model.ends))
+    r, _, _ = _residuals(model, model, found.q, found.x, F, gravity, loads)
+    unit = model.arrays().unit
+    acting = float(np.abs(found.torques).max(initial=0.0))
+    return float(np.nanmax(np.abs(r) * unit, initial=0.0)) / max(acting, 1.0)
+
+
 def _residuals(
     changed: TreeModel, model: TreeModel, q: Array, x: Array, wrench: Array, gravity: Gravity | None,
     loads: Sequence[Load],

@@ -146,6 +146,7 @@ class Toy:
 
     label = "toy"
     stations = ()
+    conservative = True
 
     def __init__(self, force, tangent, eigenvalue=lambda s: 1.0, end=np.inf, after=None):
         self.force, self.tangent, self.eigenvalue, self.end, self.after = force, tangent, eigenvalue, end, after

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 from helpers.command import validate
 
 from vjm.io.manipulator_file import load_model
 from vjm.io.model_report import elastic_parts, errors_of, line_of
+from vjm.model.load_case import LoadCase
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.experiment.sheet import read_sheet
 from vjm_validation.cli.main import run
 
 
@@ -80,3 +85,21 @@ def test_import_writes_a_model_file(tmp_path, capsys):
     assert load_model(out).held_joints[0].name == "q"
     assert run(["import", str(tmp_path / "none.urdf")]) == 2
     assert "cannot be read" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_sheet_is_read_as_it_is_and_goes_with_readings(tmp_path):
+    file, data = tmp_path / "my-test.toml", tmp_path / "readings.csv"
+    assert run(["new", "sheet", str(file)]) == 0
+    sheet = read_sheet(file)
+    assert sheet.test.title == "my-test"
+    assert set(sheet.postures) == {"A", "B"}
+    # readings of the model itself: nothing is wrong with them
+    model = load_model(sheet.test.model)
+    rows = ["posture,ux_mm,fx_N"]
+    for label in sheet.postures:
+        path = VjmEngine(12).trace(model, LoadCase(label, 0.4, steps=8))
+        rows += [f"{label},{point.ramp:.4f},{point.wrench[0]:.2f}" for point in path.points]
+    data.write_text("\n".join(rows) + "\n")
+    assert run(["diagnose", str(data), "--sheet", str(file), "--out", str(tmp_path / "out")]) == 0
+    assert json.loads((tmp_path / "out" / "diagnosis.json").read_text())["verdict"] == "none"

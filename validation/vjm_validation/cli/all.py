@@ -13,19 +13,46 @@ from cyclopts import Parameter
 from vjm.io.errors import did_you_mean
 from vjm.io.files import locked
 from vjm_output import terminal
+from vjm_validation.acceptance import AcceptanceRow
 from vjm_validation.cli import tables
+from vjm_validation.cli.load_case_options import GravityOption, acceleration
 from vjm_validation.cli.options import (
     Jobs,
     positive,
     processes,
 )
 from vjm_validation.cli.status import INTERRUPTED, NOT_ACCEPTED, OK, UsageError
+from vjm_validation.studies.force_directions import DIRECTIONS, parsed_directions
+from vjm_validation.studies.own_machine import Request
+from vjm_validation.studies.own_machine_run import run_own
 from vjm_validation.studies.run_all import COMPARISONS, Options, run_all
 from vjm_validation.verification.library import library as cases
 
 
 def all_(
+    model: Annotated[
+        str | None,
+        Parameter(help="Your own machine: a model of the library, or a path to a file. Without: the paper."),
+    ] = None,
     *,
+    posture: Annotated[
+        tuple[str, ...], Parameter(consume_multiple=True, help="Of MODEL: labels; all by default.")
+    ] = (),
+    direction: Annotated[
+        tuple[str, ...],
+        Parameter(
+            allow_leading_hyphen=True,
+            help="Of MODEL: such as x,-z or dx,dy,dz; may be repeated; x,-x,y,-y,z,-z by default.",
+        ),
+    ] = (),
+    force: Annotated[
+        float | None, Parameter(help="On MODEL's free end, N; by default what moves it by 0.5 % of its size.")
+    ] = None,
+    to: Annotated[
+        float | None,
+        Parameter(help="Of MODEL with passive joints: imposed displacement, mm; 1.3 % of its longest part."),
+    ] = None,
+    gravity: GravityOption = "",
     out: Annotated[
         FilePath | None, Parameter(help="Folder of the run; a run that was cut off goes on there.")
     ] = None,
@@ -37,7 +64,22 @@ def all_(
     ] = (),
     steps: Annotated[int | None, Parameter(help="Equal steps of every path; 4000 is the paper's grid.")] = None,
 ) -> int:
-    """Run every comparison and write the report."""
+    """Run every comparison of the paper and write the report, or that of a machine of your own."""
+    folder = out or FilePath("reports") / "runs" / time.strftime("%Y%m%d-%H%M%S")
+    if model is not None:
+        if quick or only or steps:
+            raise UsageError("--quick, --only and --steps are for the paper's report: leave them out with a MODEL")
+        for name, value in (("--force", force), ("--to", to)):
+            if value is not None and not 0.0 < value < float("inf"):
+                raise UsageError(f"{name}: must be positive, not {value:g}; --direction gives the sign")
+        return _own(
+            Request(
+                model, posture, parsed_directions(direction), force, to, acceleration(gravity), jobs=processes(jobs)
+            ),
+            folder,
+        )
+    if posture or direction or force is not None or to is not None or gravity:
+        raise UsageError("--posture, --direction, --force, --to and --gravity are for a MODEL: name one")
     known = {*COMPARISONS, *(case.name for case in cases())}
     unknown = [name for name in only if name not in known]
     if unknown:
@@ -47,7 +89,6 @@ def all_(
             "and the cases of `validate list`)"
         )
     positive("--steps", steps)
-    folder = out or FilePath("reports") / "runs" / time.strftime("%Y%m%d-%H%M%S")
     options = Options(folder, processes(jobs), quick, only, steps, _command(quick, only, steps))
     try:
         with locked(folder), terminal.progress() as progress:
@@ -57,10 +98,26 @@ def all_(
             f"interrupted; what is finished is in {folder}: `validate all --out {folder}` goes on from there"
         )
         return INTERRUPTED
+    return _said(summary.acceptance, folder)
+
+
+def _own(request: Request, folder: FilePath) -> int:
+    words = ["validate", "all", request.model]
+    words += ["--posture", *request.postures] if request.postures else []
+    words += [f"--direction={each}" for each in request.directions] if request.directions != DIRECTIONS else []
+    words += [f"--force={request.force:g}"] if request.force else []
+    words += [f"--to={request.reach:g}"] if request.reach else []
+    words += [f"--gravity={','.join(f'{g:g}' for g in request.gravity)}"] if request.gravity else []
+    with locked(folder), terminal.progress() as progress:
+        summary = run_own(request, folder, shlex.join(words), progress)
+    return _said(summary.acceptance, folder)
+
+
+def _said(rows: Sequence[AcceptanceRow], folder: FilePath) -> int:
     console = terminal.console()
-    console.print(tables.acceptance_table(summary))
+    console.print(tables.acceptance_table(rows))
     console.print(f"report: {folder / 'index.html'}", soft_wrap=True)
-    return OK if all(row.passed is not False for row in summary.acceptance) else NOT_ACCEPTED
+    return OK if all(row.passed is not False for row in rows) else NOT_ACCEPTED
 
 
 def _command(quick: bool, only: Sequence[str], steps: int | None) -> str:

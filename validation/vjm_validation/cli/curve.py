@@ -14,7 +14,7 @@ from vjm.model.parts import Placement
 from vjm_output import terminal
 from vjm_validation.cli import pages, tables
 from vjm_validation.cli.doubts import Strict, considered
-from vjm_validation.cli.load_case_options import parsed_load_case
+from vjm_validation.cli.load_case_options import GravityOption, LoadOption, parsed_load_case
 from vjm_validation.cli.options import (
     FootSegments,
     Force,
@@ -56,16 +56,8 @@ def curve_(
     ] = "+",
     free: Free = "",
     force: Force = False,
-    load: Annotated[
-        tuple[str, ...],
-        Parameter(
-            allow_leading_hyphen=True,
-            help="[part@fraction:]fx,fy,fz[,mx,my,mz][:follower][:constant], N and N mm; may be repeated.",
-        ),
-    ] = (),
-    gravity: Annotated[
-        str, Parameter(allow_leading_hyphen=True, help="gx,gy,gz in m/s2: the parts get their weight.")
-    ] = "",
+    load: LoadOption = (),
+    gravity: GravityOption = "",
     control: Annotated[
         str,
         Parameter(help="What the path follows: ramp, arc, limit (arc to its first limit), part@fraction:dx,dy,dz."),

@@ -4,8 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from vjm.model.load_case import ARC, COMPONENTS, LOAD, RAMP, TO_LIMIT, Load, LoadCase, PointControl
+
+GravityOption = Annotated[
+    str,
+    Parameter(name="--gravity", allow_leading_hyphen=True, help="gx,gy,gz in m/s2: the parts get their weight."),
+]
+LoadOption = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--load",
+        allow_leading_hyphen=True,
+        help="[part@fraction:]fx,fy,fz[,mx,my,mz][:follower][:constant], N and N mm; may be repeated.",
+    ),
+]
 
 
 def parsed_load_case(
@@ -41,7 +57,7 @@ def parsed_load_case(
         ValueError: one option makes no sense; the message names it.
     """
     let_go = tuple(word.strip() for word in free.split(",") if word.strip())
-    acting = [_load(text, ramped=axis == LOAD) for text in loads]
+    acting = [parsed_load(text, ramped=axis == LOAD) for text in loads]
     if force:
         if axis == LOAD:
             raise ValueError("--force: it drives a force along --axis, which must be a component of the pose")
@@ -54,7 +70,7 @@ def parsed_load_case(
     try:
         return LoadCase(
             posture, to, _direction(axis), steps, branch, let_go, tuple(acting),
-            _three("--gravity", gravity) if gravity else None, _control(control), imperfection,
+            acceleration(gravity), _control(control), imperfection,
         )  # fmt: skip
     except ValueError as error:
         raise ValueError(f"the load case makes no sense: {error}") from error
@@ -74,7 +90,21 @@ def _direction(axis: str) -> str | tuple[float, ...]:
     return tuple(v / size for v in (*numbers, *[0.0] * (6 - len(numbers))))
 
 
-def _load(text: str, *, ramped: bool) -> Load:
+def acceleration(text: str) -> tuple[float, float, float] | None:
+    """``--gravity`` in m/s², None where it is not given.
+
+    Raises:
+        ValueError: it is not three numbers.
+    """
+    return _three("--gravity", text) if text else None
+
+
+def parsed_load(text: str, *, ramped: bool = False) -> Load:
+    """One ``--load``.
+
+    Raises:
+        ValueError: it does not say a load; the message shows how.
+    """
     *words, tail = text.split(":") if ":" in text else ["", text]
     flags = set()
     while tail in ("follower", "constant") and words:

@@ -15,12 +15,15 @@ from vjm_validation.cli.status import OK, UsageError
 
 
 def new_(
-    kind: Annotated[Literal["chain", "arm", "platform"], Parameter(help="What machine to begin with.")],
+    kind: Annotated[
+        Literal["chain", "arm", "platform", "sheet"],
+        Parameter(help="What machine to begin with, or the sheet of a test."),
+    ],
     file: Annotated[Path, Parameter(help="To write; it must not exist yet.")],
 ) -> int:
-    """Write a commented model file that runs as it is."""
+    """Write a commented model file, or the sheet of a test, that runs as it is."""
     if file.suffix != ".toml":
-        raise UsageError(f"{file}: a model file ends in .toml")
+        raise UsageError(f"{file}: a model file or sheet ends in .toml")
     if file.exists():
         raise UsageError(f"{file}: exists already; give another name, or remove it first")
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", file.stem):
@@ -29,6 +32,10 @@ def new_(
     write_whole(file, text.replace("NAME", file.stem, 1))
     console = terminal.console()
     console.print(f"{file}: {'an' if kind == 'arm' else 'a'} {kind}; put in your own numbers", soft_wrap=True)
-    nexts = f"validate check {file}, validate stiffness {file}, validate buckling {file}"
+    if kind == "sheet":
+        nexts = f"validate diagnose READINGS.csv --sheet {file} --out DIR, validate calibrate with the same words"
+        console.print(f"next: {nexts}", soft_wrap=True, highlight=False)
+        return OK
+    nexts = f"validate check {file}, validate stiffness {file}, validate show {file}, validate all {file}"
     console.print(f"next: {nexts}", soft_wrap=True, highlight=False)
     return OK

@@ -15,6 +15,7 @@ from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
 from vjm_validation.cli import pages, tables
 from vjm_validation.cli.doubts import Strict, considered
+from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
 from vjm_validation.cli.options import (
     ZERO,
     FootSegments,
@@ -32,7 +33,7 @@ from vjm_validation.cli.status import OK, UsageError
 from vjm_validation.documents import StiffnessDocument
 from vjm_validation.engines import engine_by_name
 from vjm_validation.load_any_model import loaded, postures
-from vjm_validation.loaded_stiffness import traced, under_wrench
+from vjm_validation.loaded_stiffness import held_by_itself, of_free_end, traced, under_wrench
 
 
 def stiffness_(
@@ -46,6 +47,9 @@ def stiffness_(
     displacement: Annotated[
         str | None, Parameter(allow_leading_hyphen=True, help="ux,uy,uz,rx,ry,rz in mm and rad, imposed.")
     ] = None,
+    gravity: GravityOption = "",
+    load: LoadOption = (),
+    end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
     engine: Annotated[str, Parameter(help="See `validate list`.")] = "vjm",
     segments: Segments = None,
     foot_segments: FootSegments = None,
@@ -64,7 +68,22 @@ def stiffness_(
     doubts = considered(model, strict)
     solver = engine_by_name(engine, engine_options(segments, foot_segments, placement, shear), chain)
     label = postures(chain, (posture,) if posture else ())[0]
-    if wrench is not None and isinstance(chain, Chain) and isinstance(solver, VjmEngine):
+    if (
+        displacement is None
+        and isinstance(chain, Chain)
+        and isinstance(solver, VjmEngine)
+        and held_by_itself(chain)
+    ):
+        document = of_free_end(
+            chain, solver, label, six("--wrench", wrench or ZERO), gravity=acceleration(gravity),
+            loads=[parsed_load(text) for text in load], end=end,
+        )  # fmt: skip
+    elif gravity or load or end:
+        raise UsageError(
+            f"--gravity, --load and --end are for machines that carry their free end by vjm; {chain.name} "
+            f"{'has passive joints' if displacement is None else 'is held at --displacement'}: see `validate curve`"
+        )
+    elif wrench is not None and isinstance(chain, Chain) and isinstance(solver, VjmEngine):
         # a single chain swings under its passive joints: Newton on the free end goes where no straight path does
         document = under_wrench(chain, solver, label, six("--wrench", wrench))
     else:
@@ -97,10 +116,14 @@ def _content(document: StiffnessDocument) -> pages.Content:
             tuple((tables.WRENCH_AXES[k], *(f"{v:.6g}" for v in row)) for k, row in enumerate(matrix)),
         )
         for title, matrix in matrices.items()
+        if matrix is not None
     ]
-    picture = stiffness_picture(
-        document.model, np.array(document.stiffness_loaded), np.array(document.stiffness_unloaded)
-    )
+    loaded_, unloaded = document.stiffness_loaded, document.stiffness_unloaded
+    if loaded_ is None or unloaded is None:
+        raise ValueError(
+            "--plot, --report: a wrench moves nothing somewhere, so that there is no 6×6 stiffness to draw"
+        )
+    picture = stiffness_picture(document.model, np.array(loaded_), np.array(unloaded))
     state = "stable" if document.stable else "unstable"
     title = f"{document.model}, posture {document.posture}, {document.engine}: stiffness"
     return pages.Content(title, f"The loaded equilibrium is {state}.", [picture], shown, document.events)

@@ -16,7 +16,7 @@ from vjm_validation.metrics import travel
 
 if TYPE_CHECKING:
     # of every comparison, which takes seconds to import
-    from vjm_validation.summary import Summary
+    from vjm_validation.acceptance import AcceptanceRow
 
 POSE_AXES = ("ux", "uy", "uz", "rx", "ry", "rz")
 WRENCH_AXES = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -24,6 +24,10 @@ ROWS = 24
 """Points of a path that a terminal shows."""
 ASYMMETRY = 1e-6
 """Of a matrix over its largest entry, from which on it is explained."""
+NO_POTENTIAL = (
+    "It is not symmetric: rows are force and moment about world axes, columns shift and rotation vector, and a "
+    "moment about fixed axes has no potential of such rotations."
+)
 
 
 def path_table(path: Path) -> Table:
@@ -82,12 +86,12 @@ def metrics_table(document: BucklingDocument) -> Table:
     return table
 
 
-def acceptance_table(summary: Summary) -> Table:
+def acceptance_table(rows: Sequence[AcceptanceRow]) -> Table:
     """What the solvers had to do, and whether they did."""
     table = Table(title="Acceptance", title_justify="left")
     for column in ("", "requirement", "value"):
         table.add_column(column)
-    for row in summary.acceptance:
+    for row in rows:
         value = row.value if isinstance(row.value, str) else _number(row.value)
         mark = {True: "[green]met[/]", False: "[bold red]NOT MET[/]", None: "[yellow]not run[/]"}[row.passed]
         table.add_row(mark, f"{row.name}: {row.requirement}", value)
@@ -96,36 +100,56 @@ def acceptance_table(summary: Summary) -> Table:
 
 def stiffness(console: Console, document: StiffnessDocument) -> None:
     """One loaded equilibrium."""
-    console.print(f"{document.model}, posture {document.posture}, {document.engine}, imposed {document.control}")
+    where = f", end frame {document.end}" if document.end else ""
+    console.print(
+        f"{document.model}, posture {document.posture}, {document.engine}, imposed {document.control}{where}"
+    )
     console.print(_row("displacement, mm rad", document.displacement))
     console.print(_row("wrench, N N mm", document.wrench))
+    if document.torques:
+        words = "  ".join(f"{name} {value:.6g}" for name, value in document.torques.items())
+        console.print(f"held by, N mm or N: {words}", soft_wrap=True)
+    rigid = document.stiffness_loaded is None or document.stiffness_unloaded is None
     for title, matrix in (
-        ("K^F loaded (18)", document.stiffness_loaded),
-        ("K unloaded (5)", document.stiffness_unloaded),
+        ("K^F loaded (18), N/mm, N/rad, N mm/rad", document.stiffness_loaded),
+        ("K unloaded (5), N/mm, N/rad, N mm/rad", document.stiffness_unloaded),
+        ("compliance, loaded, mm/N, 1/N, rad/(N mm)", document.compliance_loaded if rigid else None),
+        ("compliance, unloaded, mm/N, 1/N, rad/(N mm)", document.compliance_unloaded if rigid else None),
     ):
-        table = Table(title=f"{title}, N/mm, N/rad, N mm/rad", title_justify="left")
-        for name in ("", *POSE_AXES):
-            table.add_column(name, justify="right")
-        K = np.array(matrix)
-        # what is zero but for rounding, whatever its unit
-        size = np.sqrt(np.repeat([np.abs(K[:3, :3]).max(), np.abs(K[3:, 3:]).max()], 3))
-        K[np.abs(K) < 1e-10 * size[:, None] * size] = 0.0
-        for name, line in zip(WRENCH_AXES, K, strict=True):
-            table.add_row(name, *(f"{value:.5g}" for value in line))
-        console.print(table)
-        if np.abs(K - K.T).max() > ASYMMETRY * np.abs(K).max():
+        if matrix is not None:
+            K = np.array(matrix)
+            force_first = title.startswith("K")
             console.print(
-                "It is not symmetric: rows are force and moment about world axes, columns shift and rotation "
-                "vector, and a moment about fixed axes has no potential of such rotations.",
-                soft_wrap=True,
+                _matrix(title, K, *((WRENCH_AXES, POSE_AXES) if force_first else (POSE_AXES, WRENCH_AXES)))
             )
+            if force_first and np.abs(K - K.T).max() > ASYMMETRY * np.abs(K).max():
+                console.print(NO_POTENTIAL, soft_wrap=True)
+    if rigid:
+        console.print(
+            "no 6×6 stiffness where a wrench moves nothing: it is infinite there, so the compliance is given",
+            soft_wrap=True,
+        )
+    for wrench in document.rigid:
+        console.print(_row("  not moved by, N N mm", wrench))
     for event in document.events:
         console.print(event)
+    after = "" if document.iterations is None else f" after {document.iterations} iterations"
     console.print(
         f"{'stable' if document.stable else 'unstable'}, smallest eigenvalue {_number(document.eigenvalue, 4)} "
-        f"of the second variation, in the model's energy scale, "
-        f"residual {document.residual:.1e} after {document.iterations} iterations"
+        f"of the second variation, in the model's energy scale, residual {document.residual:.1e}{after}"
     )
+
+
+def _matrix(title: str, K: np.ndarray, rows: Sequence[str], columns: Sequence[str]) -> Table:
+    table = Table(title=title, title_justify="left")
+    for name in ("", *columns):
+        table.add_column(name, justify="right")
+    # what is zero but for rounding, whatever its unit
+    size = np.sqrt(np.repeat([np.abs(K[:3, :3]).max(), np.abs(K[3:, 3:]).max()], 3))
+    K[np.abs(K) < 1e-10 * size[:, None] * size] = 0.0
+    for name, line in zip(rows, K, strict=True):
+        table.add_row(name, *(f"{value:.5g}" for value in line))
+    return table
 
 
 def _row(title: str, values: Sequence[float]) -> str:

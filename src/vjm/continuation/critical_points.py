@@ -1,0 +1,116 @@
+"""Critical points between two points of a path, and what is none: a pair of modes that no load brings to rest.
+
+A potential's tangent is symmetric: its eigenvalues are real, and one more is negative only where one has passed
+zero. Without a potential two eigenvalues can meet, become complex and come back as two negative ones. None of them
+has passed zero: no equilibrium branches off, and statics has nothing to say about it. In time it is flutter, which
+depends on the masses.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+from scipy.optimize import brentq
+
+from vjm.continuation.path import Equilibrium
+from vjm.continuation.problem import Problem
+from vjm.errors import NoConvergenceError
+from vjm.rotations import Array
+
+VANISHED = 1e-4
+"""Eigenvalue at a critical point, over those at both sides: more has not passed zero."""
+
+
+def locate(
+    problem: Problem, a: Equilibrium, b: Equilibrium, value: Callable[[Equilibrium], float], tolerance: float
+) -> Equilibrium:
+    """The point between two of one path where a value that differs in sign at them is zero.
+
+    Args:
+        problem: whose path it is.
+        a: the nearer end.
+        b: the further end.
+        value: of a point.
+        tolerance: of its path parameter.
+
+    Raises:
+        NoConvergenceError: an equilibrium between them was not found.
+    """
+    slope = (b.state - a.state) / (b.s - a.s)
+    seen: dict[float, Equilibrium] = {a.s: a, b.s: b}
+
+    def at(s: float) -> float:
+        if s not in seen:
+            near = min(seen.values(), key=lambda p: abs(p.s - s))
+            seen[s] = problem.solve(s, near, slope)
+        return value(seen[s])
+
+    root = brentq(at, a.s, b.s, xtol=tolerance, rtol=1e-12)
+    at(root)
+    return seen[root]
+
+
+def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium, tolerance: float) -> Equilibrium:
+    """The point between a stable and an unstable one where the smallest eigenvalue passes zero.
+
+    Raises:
+        NoConvergenceError: it does not pass zero but jumps: the two are not on one path, or none passes zero at
+            all, see `only_a_pair`.
+    """
+    vanished = VANISHED * max(abs(a.eigenvalue), abs(b.eigenvalue))
+    if problem.conservative:
+        if a.eigenvalue <= 0.0:
+            return a
+
+        def value(p: Equilibrium) -> float:
+            return p.eigenvalue
+    else:
+
+        def value(p: Equilibrium) -> float:
+            # the one nearest zero, complex or not, changes without a jump, but behind zero another may be nearer;
+            # counts leave out what is negative by a rounding only
+            lost = p.unstable > a.unstable or -vanished < p.eigenvalue < 0.0
+            return math.copysign(p.eigenvalue, -1.0 if lost else 1.0)
+
+    critical = locate(problem, a, b, value, tolerance)
+    if abs(critical.eigenvalue) > vanished:
+        raise NoConvergenceError("the smallest eigenvalue jumps")
+    return critical
+
+
+def only_a_pair(problem: Problem, a: Equilibrium, b: Equilibrium) -> bool:
+    """Whether between two points, where none has passed zero, eigenvalues have changed their signs in pairs."""
+    return not problem.conservative and b.unstable != a.unstable and (b.unstable - a.unstable) % 2 == 0
+
+
+class WithoutPairs:
+    """A problem whose count of unstable modes leaves out the pairs that did not pass zero."""
+
+    def __init__(self, problem: Problem, pairs: int) -> None:
+        """Leave out as many.
+
+        Args:
+            problem: the engine at work.
+            pairs: how many negative eigenvalues have become so in pairs.
+        """
+        self.label, self.stations, self.conservative = problem.label, problem.stations, problem.conservative
+        self._problem, self._pairs = problem, pairs
+
+    def counted(self, point: Equilibrium) -> Equilibrium:
+        """The point with its count corrected. A pair that is complex again is none that is left out."""
+        self._pairs = min(self._pairs, max(point.unstable, 0))
+        return replace(point, unstable=point.unstable - self._pairs)
+
+    def unloaded(self) -> Equilibrium:
+        """See `Problem.unloaded`."""
+        return self.counted(self._problem.unloaded())
+
+    def solve(self, s: float, start: Equilibrium, slope: Array | None = None) -> Equilibrium:
+        """See `Problem.solve`."""
+        return self.counted(self._problem.solve(s, start, slope))
+
+    def switch(self, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
+        """See `Problem.switch`."""
+        return self.counted(self._problem.switch(critical, s, sign))

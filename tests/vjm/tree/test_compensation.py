@@ -1,0 +1,95 @@
+"""Compensation of arms: what each model leaves, by orders of the load and by finite elements."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vjm.io.model_file import load_chain
+from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint
+from vjm.model.parts import RigidOffset
+from vjm.rotations import AXES, translation
+from vjm.tree.compensation import compensated_arm, difference
+from vjm.tree.equilibria import equilibria, unloaded_frames
+from vjm.tree.inverse_kinematics import ReachError
+from vjm.tree.model import TreeModel
+
+WEIGHT = (0.0, 0.0, -9.81)
+
+
+def lever() -> Chain:
+    """One elastic hinge about z and a bar of 500 mm."""
+    parts = (ActuatedJoint("hinge", AXES["z"], compliance=1e-7), RigidOffset("bar", translation([500.0, 0.0, 0.0])))
+    return Chain("lever", parts, postures={"-": np.zeros(0)}, held={"-": {"hinge": 0.0}})
+
+
+def test_a_lever_is_turned_back_by_what_its_hinge_gives():
+    """Under a force F across the bar at the angle wanted the hinge turns by c F L cos q, wherever it is sent."""
+    model, q, F, c = TreeModel(lever()), 0.3, 200.0, 1e-7
+    wanted = 500.0 * np.array([[np.cos(q), np.sin(q), 0.0]])
+    wrench = np.array([[0.0, F, 0.0, 0.0, 0.0, 0.0]])
+    found = compensated_arm(model, wanted, None, wrench, start=np.array([0.2]))
+    turn = c * F * 500.0 * np.cos(q)
+    assert found.q[0, 0] == pytest.approx(q, abs=1e-12)
+    assert found.q_loaded[0, 0] == pytest.approx(q - turn, abs=1e-12)
+    # the linear model knows the same turn here, but lays it out as a straight shift, 1 - cos of it short
+    assert found.q_linear[0, 0] == pytest.approx(q - turn, abs=turn**2)
+    assert np.abs(found.loaded[0, :3]).max() < 1e-9
+    assert 1e-5 < np.abs(found.linear[0, :3]).max() < 500.0 * turn**2
+    # not compensated, it turns on: the lever shortens as it turns
+    assert found.rigid[0, 1] == pytest.approx(500.0 * turn * np.cos(q), rel=2e-2)
+
+
+@pytest.fixture(scope="module")
+def path():
+    """Five poses of the UR10, and those found for one and for half of the loads."""
+    model = TreeModel(load_chain("ur10"))
+    q = model.posture("work") + np.linspace(0.0, 0.2, 5)[:, None] * np.array([1.0, -0.5, 1.0, 0.3, 0.5, 1.0])
+    R, p = unloaded_frames(model, q)
+    wrench = np.tile([80.0, -40.0, -300.0, 4e3, 0.0, 2e3], (5, 1))
+    both = [
+        compensated_arm(
+            model, p[:, 0], R[:, 0], share * wrench, gravity=(0.0, 0.0, -9.81 * share), start=model.posture("work")
+        )
+        for share in (1.0, 0.5)
+    ]  # fmt: skip
+    return model, q, R[:, 0], p[:, 0], wrench, both
+
+
+def test_the_loaded_model_leaves_nothing(path):
+    model, q, R, p, wrench, (found, _) = path
+    assert found.q == pytest.approx(q, abs=1e-9)
+    at = equilibria(model, found.q_loaded, gravity=WEIGHT, wrench=wrench[:, None])
+    assert np.abs(difference(at.position[:, 0], at.rotation[:, 0], p, R)).max() < 1e-9
+    assert np.abs(found.loaded).max() < 1e-9
+
+
+def test_the_linear_model_leaves_what_is_of_second_order(path):
+    rigid, linear = ([np.abs(each[:, :3]).max() for each in pair] for pair in (
+        [f.rigid for f in path[-1]], [f.linear for f in path[-1]]
+    ))  # fmt: skip
+    # half of the loads: half of the deflection, and a quarter of its change by the loads
+    assert rigid[0] / rigid[1] == pytest.approx(2.0, rel=2e-2)
+    assert linear[0] / linear[1] == pytest.approx(4.0, rel=5e-2)
+    assert linear[0] < 0.01 * rigid[0]
+
+
+def test_a_planar_arm_is_put_right_in_its_plane_only():
+    chain = load_chain("planar-2r").refined(4)
+    model = TreeModel(chain)
+    q = model.posture("bent")
+    _, p = unloaded_frames(model, q)
+    wrench = np.array([[50.0, -30.0, -20.0, 0.0, 0.0, 0.0]])
+    found = compensated_arm(model, p[:, 0], None, wrench, gravity=WEIGHT, start=q)
+    assert np.abs(found.loaded[0, :2]).max() < 1e-7
+    # no joint lifts it
+    assert found.loaded[0, 2] == pytest.approx(found.rigid[0, 2], rel=1e-2)
+    assert abs(found.loaded[0, 2]) > 0.1
+
+
+def test_a_pose_out_of_reach_is_named_by_its_row():
+    model = TreeModel(lever())
+    wanted = np.array([[500.0, 0.0, 0.0], [600.0, 0.0, 0.0]])
+    with pytest.raises(ReachError, match=r"row 2 of the path: lever: out of reach: .* 100 mm"):
+        compensated_arm(model, wanted, None, np.zeros((2, 6)))

@@ -1,0 +1,136 @@
+"""``validate all MODEL``: the report on a machine that the suite does not know."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from helpers.command import validate as in_a_process
+
+from vjm.io.model_file import load_chain
+from vjm.tree.equilibria import equilibria
+from vjm.tree.model import TreeModel
+from vjm_output.off_screen import why_not_rendered
+from vjm_validation.cli.main import run
+from vjm_validation.schemas import schemas
+from vjm_validation.studies.force_directions import parsed_directions, unit_of
+from vjm_validation.studies.own_machine import Request, study
+
+
+@pytest.fixture(scope="module")
+def arm():
+    """The textbook arm in one posture: 3 directions, 2 engines."""
+    return study(Request("planar-2r", ("bent",), ("x", "-y", "z"), force=100.0))
+
+
+def test_both_engines_say_the_same(arm):
+    assert not arm.held
+    lumped = [row for row in arm.loads if row.engine == "vjm-16"]
+    assert len(lumped) == 3
+    # 8 elements and 16 springs a beam, of fourth order: 4e-6 measured
+    assert max(row.difference for row in lumped) < 1e-4
+    assert all(row.difference is None for row in arm.loads if row.engine == "exudyn")
+
+
+def test_deflections_are_those_of_the_equilibria(arm):
+    model = TreeModel(load_chain("planar-2r").refined(16))
+    for row in arm.loads:
+        at = equilibria(model, model.posture("bent"), wrench=100.0 * unit_of(row.direction))
+        # paths step to the load and solve to 1e-11; Exudyn's are 1e-6 away
+        assert row.moved[:3] == pytest.approx(
+            at.deflection[0, 0, :3].tolist(), abs=1e-5 * np.abs(row.moved[:3]).max()
+        )
+
+
+def test_the_number_of_springs_converges(arm):
+    errors = [row.error for row in arm.convergence]
+    assert [row.springs for row in arm.convergence] == [1, 2, 4, 8, 16, 32]
+    assert errors[0] > 10.0 * errors[2] > 0.0
+    assert errors[-1] == 0.0
+    assert arm.elements == pytest.approx(arm.convergence[-1].value, rel=1e-4)
+
+
+def test_a_direction_in_which_nothing_deflects_has_no_stiffness():
+    """The upright UR10 deflects along x only; in the others the engines answer with rounding."""
+    found = study(Request("ur10", ("upright",), ("x", "z"), engines=("vjm",)))
+    by_direction = {row.direction: row for row in found.loads}
+    assert by_direction["z"].K0 is None
+    # each gear's lever to the tool, squared
+    C = found.stiffness[0].along
+    assert by_direction["x"].K0 == pytest.approx(C[0], rel=1e-9)
+    assert C[1] is None
+    assert any("no beam" in note for note in found.notes)
+
+
+def test_a_chain_with_passive_joints_is_held():
+    """The pinned column, held, buckles at Euler's load."""
+    found = study(Request("pinned-column", (), ("-x",), reach=1.0))
+    assert found.held
+    section = load_chain("pinned-column").beams[0]
+    euler = np.pi**2 * section.section.EIz / section.length**2
+    forces = {row.engine: row.F_cr for row in found.critical}
+    # shortening by the axial force changes it by its strain
+    assert forces["vjm-16"] == pytest.approx(euler, rel=1e-2)
+    assert forces["exudyn"] == pytest.approx(forces["vjm-16"], rel=1e-3)
+    assert found.convergence[0].quantity == "critical force, N"
+
+
+def test_directions_by_name_and_numbers():
+    assert parsed_directions(["x,-z", "1,1,0"]) == ("x", "-z", "1,1,0")
+    assert len(parsed_directions([])) == 6
+    assert unit_of("0,0,-2").tolist() == [0, 0, -1, 0, 0, 0]
+    with pytest.raises(ValueError, match="'w' is no axis"):
+        unit_of("w")
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """The command on a template of its own, one posture and direction."""
+    folder = tmp_path_factory.mktemp("own")
+    file = folder / "my-arm.toml"
+    assert run(["new", "arm", str(file)]) == 0
+    words = ("--posture", "home", "--direction", "x", "--gravity", "0,0,-9.81", "--out", str(folder / "run"))
+    finished = in_a_process("all", str(file), *words)
+    assert finished.status == 0, finished.err
+    return folder / "run"
+
+
+def test_a_report_holds_what_one_shows(report):
+    jsonschema = pytest.importorskip("jsonschema")
+    summary = json.loads((report / "summary.json").read_text())
+    jsonschema.validate(summary, schemas()["own-machine.schema.json"])
+    assert {row["passed"] for row in summary["acceptance"]} == {True}
+    assert {row["load"] for row in summary["stiffness"]} == {"none", "weight"}
+    page = (report / "index.html").read_text()
+    for text in ("agree", "softest", "Number of springs", "Critical forces", "my-arm"):
+        assert text in page
+    for text in ("Table II", "Pashkevich", "foot"):
+        assert text not in page
+    assert "http" not in page.replace("http://www.w3.org", "")
+    assert (report / "figures" / "load_home.png").stat().st_size > 5000
+    assert len(list((report / "curves").glob("*.csv"))) == 2
+
+
+@pytest.mark.skipif(bool(why_not_rendered()), reason="this machine cannot render")
+def test_the_machine_is_drawn(report):
+    assert (report / "renders" / "machine_home.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["ur10", "--quick"], "--quick, --only and --steps are for the paper's report"),
+        (["ur10", "--direction", "w"], "'w' is no axis"),
+        (["ur10", "--posture", "folded"], "ur10 has no posture 'folded'"),
+        (["ur10", "--force", "-3"], "--force: must be positive"),
+        (["--gravity", "0,0,-9.81"], "are for a MODEL: name one"),
+        (["nowhere.toml"], "nowhere.toml"),
+    ],
+)
+def test_bad_words_are_refused_in_one_line(words, said, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(["all", *words]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.strip().count("\n") == 0

@@ -1,0 +1,73 @@
+"""The command ``validate compensate``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.table import Table
+
+from vjm.io.files import check_writable, write_whole
+from vjm.vjm_engine import VjmEngine
+from vjm_output import terminal
+from vjm_output.documents import as_json
+from vjm_validation.cli.load_case_options import GravityOption, acceleration
+from vjm_validation.cli.options import Json, Model, Posture, Segments, segments_of
+from vjm_validation.cli.status import OK, UsageError
+from vjm_validation.compensation import compensation, picture, write_commands
+from vjm_validation.engines import EngineOptions, engine_by_name
+from vjm_validation.load_any_model import loaded, postures
+from vjm_validation.tool_path import read_tool_path
+
+
+def compensate_(
+    model: Model,
+    path: Annotated[
+        Path, Parameter(help="CSV: x_mm,y_mm,z_mm[,rx_rad,ry_rad,rz_rad][,fx_N..mz_Nmm]; of a platform from home.")
+    ],
+    *,
+    posture: Posture = None,
+    gravity: GravityOption = "",
+    end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
+    engine: Annotated[str, Parameter(help="vjm, vjm-paper or vjm-<n>.")] = "vjm",
+    segments: Segments = None,
+    out: Annotated[Path | None, Parameter(help="CSV of the coordinates by each model.")] = None,
+    plot: Annotated[Path | None, Parameter(help="PNG of the errors left along the path.")] = None,
+    json: Json = False,
+) -> int:
+    """Find the joint coordinates that put the loaded tool where it should be, along a path."""
+    machine, _ = loaded(model)
+    number, parts = segments_of(segments)
+    solver = engine_by_name(engine, EngineOptions(number, parts=parts), machine)
+    if not isinstance(solver, VjmEngine):
+        raise UsageError(f"--engine {engine}: compensation takes vjm, vjm-paper or vjm-<n>")
+    if posture is not None:
+        postures(machine, (posture,))
+    for file, suffix in ((out, ".csv"), (plot, ".png")):
+        if file is not None:
+            if file.suffix != suffix:
+                raise UsageError(f"{file}: write a name that ends in {suffix}")
+            check_writable(file.parent)
+    document = compensation(
+        machine, solver, read_tool_path(path), gravity=acceleration(gravity), posture=posture or "", end=end
+    )
+    if out is not None:
+        write_commands(document, out)
+    if plot is not None:
+        write_whole(plot, picture(document))
+    if json:
+        sys.stdout.write(as_json(document))
+        return OK
+    table = Table(title=f"{document.model}, {document.engine}: error of the loaded end at {document.poses} poses")
+    for column in ("joints by the model", "largest, mm", "mean, mm", "largest, rad"):
+        table.add_column(column, justify="right")
+    for name, left in document.left.items():
+        table.add_row(name, f"{left.largest_mm:.4g}", f"{left.mean_mm:.4g}", f"{left.largest_rad:.4g}")
+    console = terminal.console()
+    console.print(table)
+    for file in (out, plot):
+        if file is not None:
+            console.print(f"{file}", soft_wrap=True)
+    return OK

@@ -1,0 +1,46 @@
+"""The command ``validate show``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from vjm.io.files import check_writable, write_whole
+from vjm_output import terminal
+from vjm_output.off_screen import why_not_rendered
+from vjm_validation.cli.options import Model, Posture
+from vjm_validation.cli.status import OK, UsageError
+from vjm_validation.load_any_model import loaded, postures
+
+
+def show_(
+    model: Model,
+    *,
+    posture: Posture = None,
+    out: Annotated[
+        Path | None, Parameter(help="File to write, .html or .png; MODEL-POSTURE.html in this folder by default.")
+    ] = None,
+) -> int:
+    """Write a 3-D view of a machine with its axes, joints, springs and names, as HTML or PNG."""
+    machine, _ = loaded(model)
+    label = postures(machine, (posture,) if posture else ())[0]
+    file = out or Path(f"{machine.name}-{label.replace(',', '_')}.html")
+    if file.suffix not in (".html", ".png"):
+        raise UsageError(f"--out: {file}: write a name that ends in .html or .png")
+    check_writable(file.parent)
+    # drawing libraries take seconds to import
+    from vjm_validation.report.machine_geometry import geometry
+    from vjm_validation.report.machine_view import page, rendered
+
+    shown = geometry(machine, label)
+    if file.suffix == ".html":
+        write_whole(file, page(f"{machine.title or machine.name}, posture {label}", shown))
+    else:
+        reason = why_not_rendered()
+        if reason:
+            raise UsageError(f"--out: this machine cannot render pictures ({reason}): write .html instead")
+        write_whole(file, rendered(shown))
+    terminal.console().print(f"view: {file}", soft_wrap=True)
+    return OK

@@ -1,0 +1,170 @@
+"""A path compensated by the rigid, the linear and the loaded model of an arm or a platform, beside each other."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from vjm import __version__
+from vjm.io.files import write_whole
+from vjm.model.chain import Chain
+from vjm.platform.compensation import compensated
+from vjm.platform.manipulator import Manipulator
+from vjm.rotations import Array
+from vjm.tree.compensation import compensated_arm, rotations_of
+from vjm.tree.model import Gravity, TreeModel
+from vjm.vjm_engine import VjmEngine
+from vjm_output.plot_style import figure, png
+from vjm_validation.loaded_stiffness import held_by_itself
+from vjm_validation.tool_path import ToolPath
+
+MODELS = ("rigid", "linear", "loaded")
+
+
+class ModelError(BaseModel):
+    """What one model leaves along the path."""
+
+    model_config = ConfigDict(frozen=True)
+
+    largest_mm: float
+    mean_mm: float
+    largest_rad: float
+
+
+class CompensationDocument(BaseModel):
+    """What ``validate compensate --json`` prints."""
+
+    model_config = ConfigDict(frozen=True)
+
+    model: str
+    model_sha256: str
+    version: str
+    engine: str
+    poses: int
+    joints: list[str]
+    """Names of the joints, or of the legs whose drives they are."""
+    commands: dict[str, list[list[float]]]
+    """By ``rigid``, ``linear`` and ``loaded``: a row of coordinates a pose, mm or rad."""
+    errors: dict[str, list[list[float]]]
+    """Likewise of the loaded end: shift in mm and rotation vector in rad, world axes, from where it should be."""
+    left: dict[str, ModelError]
+
+
+@dataclass(frozen=True)
+class _Answer:
+    joints: Sequence[str]
+    commands: Mapping[str, Array]
+    errors: Mapping[str, Array]
+
+
+def compensation(
+    machine: Chain,
+    engine: VjmEngine,
+    path: ToolPath,
+    *,
+    gravity: Gravity | None = None,
+    posture: str = "",
+    end: str = "",
+) -> CompensationDocument:
+    """Compensate a path.
+
+    Args:
+        machine: an arm, or a manipulator under its protocol, whose poses count from home.
+        engine: that splits its beams.
+        path: poses and wrenches.
+        gravity: m/s²; of arms.
+        posture: of an arm, near which the path begins; empty for any.
+        end: name of the end frame.
+
+    Raises:
+        ValueError: a pose is out of reach, or the machine cannot be compensated.
+        NoConvergenceError: there is no stable equilibrium somewhere.
+    """
+    if isinstance(machine, Manipulator):
+        if gravity is not None:
+            raise ValueError("--gravity: legs of a platform are taken without weight; leave it out")
+        answer = _platform(machine, engine, path)
+    elif held_by_itself(machine):
+        model = TreeModel(engine.split(machine))
+        found = compensated_arm(
+            model, path.positions, None if path.turns is None else rotations_of(path.turns), path.wrenches,
+            gravity=gravity, start=model.posture(posture) if posture else None, end=end,
+        )  # fmt: skip
+        answer = _Answer(
+            found.joints,
+            dict(zip(MODELS, (found.q, found.q_linear, found.q_loaded), strict=True)),
+            dict(zip(MODELS, (found.rigid, found.linear, found.loaded), strict=True)),
+        )
+    else:
+        raise ValueError(f"{machine.name}: its passive joints let the end swing: give the whole machine instead")
+    return CompensationDocument(
+        model=machine.name,
+        model_sha256=machine.sha256,
+        version=__version__,
+        engine=engine.label,
+        poses=len(path.positions),
+        joints=list(answer.joints),
+        commands={name: rows.tolist() for name, rows in answer.commands.items()},
+        errors={name: rows.tolist() for name, rows in answer.errors.items()},
+        left={name: _left(rows, turns=path.turns is not None) for name, rows in answer.errors.items()},
+    )
+
+
+def _platform(machine: Manipulator, engine: VjmEngine, path: ToolPath) -> _Answer:
+    legs = [leg.name for leg in machine.legs if leg.drive is not None]
+    drives = [i for i, leg in enumerate(machine.legs) if leg.drive is not None]
+    turns = np.zeros_like(path.positions) if path.turns is None else path.turns
+    commands: dict[str, list[Array]] = {name: [] for name in MODELS}
+    errors: dict[str, list[Array]] = {name: [] for name in MODELS}
+    for pose, wrench in zip(np.hstack([path.positions, turns]), path.wrenches, strict=True):
+        found = compensated(machine, pose, wrench, engine)
+        rigid = found.drives[drives]
+        offsets = (np.array([each[leg] for leg in legs]) for each in (found.offsets_linear, found.offsets))
+        for name, own in zip(MODELS, (np.zeros(len(legs)), *offsets), strict=True):
+            commands[name].append(rigid + own)
+        for name, error in zip(MODELS, (found.rigid, found.linear, found.loaded), strict=True):
+            errors[name].append(error)
+    return _Answer(
+        legs, {n: np.array(rows) for n, rows in commands.items()}, {n: np.array(rows) for n, rows in errors.items()}
+    )
+
+
+def _left(errors: Array, *, turns: bool) -> ModelError:
+    shifts = np.linalg.norm(errors[:, :3], axis=1)
+    turned = np.linalg.norm(errors[:, 3:], axis=1) if turns else np.zeros(1)
+    return ModelError(largest_mm=float(shifts.max()), mean_mm=float(shifts.mean()), largest_rad=float(turned.max()))
+
+
+def write_commands(document: CompensationDocument, file: Path) -> None:
+    """Write a CSV: a row a pose, its coordinates and the error left, for each of the models."""
+    stream = io.StringIO()
+    table = csv.writer(stream, lineterminator="\n")
+    names = [f"{model}.{joint}" for model in MODELS for joint in document.joints]
+    table.writerow(["pose", *names, *(f"{model}.error_{unit}" for model in MODELS for unit in ("mm", "rad"))])
+    for k in range(document.poses):
+        row: list[float] = [value for model in MODELS for value in document.commands[model][k]]
+        for model in MODELS:
+            error = np.array(document.errors[model][k])
+            row += [float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))]
+        table.writerow([k + 1, *(f"{value:.12g}" for value in row)])
+    write_whole(file, stream.getvalue())
+
+
+def picture(document: CompensationDocument) -> bytes:
+    """A PNG: the error left along the path by each model."""
+    colours = {"rigid": "#8C8C8C", "linear": "#D55E00", "loaded": "#0072B2"}
+    with figure(3.2, 1) as (fig, (ax,)):
+        at = np.arange(1, document.poses + 1)
+        for name in MODELS:
+            error = np.linalg.norm(np.array(document.errors[name])[:, :3], axis=1)
+            # a logarithmic axis has no zero; a nanometre is none
+            ax.semilogy(at, np.maximum(error, 1e-6), "o-", ms=3, color=colours[name], label=name)
+        ax.set(xlabel="pose", ylabel="error of the loaded end, mm", title=f"{document.model}, {document.engine}")
+        fig.legend(loc="outside upper right", ncols=3)
+        return png(fig)

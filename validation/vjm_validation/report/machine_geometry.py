@@ -1,0 +1,176 @@
+"""What of any machine is drawn: lines of its parts, joints with their axes, springs, end frames, names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
+from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
+from vjm.platform.manipulator import BASE, PLATFORM, Manipulator
+from vjm.platform.rigid import inverse_kinematics
+from vjm.rotations import Array, translation, turn
+
+BEAM, RIGID, BODY = "beam", "rigid", "body"
+"""Kinds of lines."""
+ELASTIC_JOINT, PASSIVE, STIFF = "elastic joint", "passive joint", "rigid drive"
+"""Kinds of joints."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A part between two points ``(2, 3)``, mm, world."""
+
+    name: str
+    kind: str
+    points: Array
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint at a point ``(3,)`` mm with its axis ``(3,)``, world; it slides along it or turns about it."""
+
+    name: str
+    kind: str
+    at: Array
+    axis: Array
+    slides: bool
+
+
+@dataclass
+class Geometry:
+    """A machine as lines to draw, without load.
+
+    Attributes:
+        lines: its parts.
+        joints: its joints.
+        springs: between two points ``(2, 3)`` mm, by name.
+        ends: end frames ``(4, 4)`` by name.
+    """
+
+    lines: list[Line] = field(default_factory=list)
+    joints: list[Joint] = field(default_factory=list)
+    springs: list[tuple[str, Array]] = field(default_factory=list)
+    ends: list[tuple[str, Array]] = field(default_factory=list)
+
+    @property
+    def points(self) -> Array:
+        """All points ``(k, 3)`` that the drawing must hold."""
+        found = [line.points for line in self.lines] + [points for _, points in self.springs]
+        found += [joint.at[None] for joint in self.joints] + [T[:3, 3][None] for _, T in self.ends]
+        return np.vstack(found) if found else np.zeros((1, 3))
+
+    @property
+    def extent(self) -> float:
+        """Largest side of the box around it, mm."""
+        return max(1.0, float(np.ptp(self.points, axis=0).max()))
+
+
+def geometry(machine: Chain | Manipulator, posture: str) -> Geometry:
+    """What is drawn of a machine in a posture, or of a manipulator at a pose.
+
+    Raises:
+        KeyError: the chain has no such posture.
+        ValueError: the manipulator cannot take the pose.
+    """
+    if isinstance(machine, Manipulator):
+        return _of_platform(machine, posture)
+    found = Geometry()
+    values = dict(zip((joint.name for joint in machine.joints), machine.posture(posture), strict=True))
+    frames = _draw(machine.at(posture), values, machine.base, found)
+    for spring in machine.point_springs:
+        points = np.array(
+            [(frames[name][0] @ np.append(p, 1.0))[:3] for name, p in zip(spring.parts, spring.points, strict=True)]
+        )
+        found.springs.append((spring.name, points))
+    last = machine.parts[-1].name
+    found.ends = [(name, frames[part][1]) for name, part in (machine.ends or {"tool": last}).items()]
+    return found
+
+
+def _draw(
+    chain: Chain, values: dict[str, float], base: Array, found: Geometry, prefix: str = ""
+) -> dict[str, tuple[Array, Array]]:
+    """Add a chain's parts; frames where each begins, joints behind their motion, and ends, by name."""
+    frames: dict[str, tuple[Array, Array]] = {"": (np.eye(4), base)}
+    before = ""
+    for part in chain.parts:
+        begin = end = frames[chain.after.get(part.name, before)][1]
+        name = prefix + part.name
+        match part:
+            case Beam():
+                end = begin @ translation(part.tip)
+                found.lines.append(Line(name, BEAM, np.array([begin[:3, 3], end[:3, 3]])))
+            case RigidOffset():
+                end = begin @ part.transform
+                if np.linalg.norm(part.transform[:3, 3]) > 0.0:
+                    found.lines.append(Line(name, RIGID, np.array([begin[:3, 3], end[:3, 3]])))
+            case PassiveJoint():
+                value = values[part.name]
+                end = begin @ (translation(part.axis * value) if part.slides else turn(part.axis, value))
+                found.joints.append(Joint(name, PASSIVE, begin[:3, 3], begin[:3, :3] @ part.axis, part.slides))
+                begin = end
+            case HeldJoint():
+                end = begin @ part.motion(part.held_at)
+                found.joints.append(Joint(name, _kind(part), begin[:3, 3], begin[:3, :3] @ part.axis, part.slides))
+                if part.slides and abs(part.held_at) > 0.0:
+                    found.lines.append(Line(name, RIGID, np.array([begin[:3, 3], end[:3, 3]])))
+                begin = end
+            case Actuator() | Mount():
+                kind = ELASTIC_JOINT if part.compliance > 0.0 else STIFF
+                found.joints.append(Joint(name, kind, begin[:3, 3], begin[:3, :3] @ part.axis, True))
+        frames[part.name] = begin, end
+        before = part.name
+    return frames
+
+
+def _kind(part: HeldJoint) -> str:
+    match part:
+        case SprungJoint():
+            return ELASTIC_JOINT
+        case ActuatedJoint():
+            return ELASTIC_JOINT if part.elastic else STIFF
+        case CoupledJoint():
+            return ELASTIC_JOINT if part.compliance or any(part.lateral) or part.as_bent else STIFF
+    return STIFF
+
+
+def _of_platform(machine: Manipulator, label: str) -> Geometry:
+    pose = inverse_kinematics(machine, machine.displacement(label))
+    bodies = {body: pose.frame(body) for body in (BASE, *machine.bodies)}
+    found = Geometry()
+    attached: dict[str, list[Array]] = {}
+    for leg, q, drive in zip(machine.legs, pose.q, pose.drives, strict=True):
+        root = bodies[leg.start] @ leg.driven_root(float(drive))
+        values = dict(zip((joint.name for joint in leg.chain.joints), q, strict=True))
+        held = next(iter(leg.chain.held), "")
+        chain = leg.chain.at(held) if leg.chain.held_joints else leg.chain
+        frames = _draw(chain, values, root @ leg.chain.base, found, f"{leg.name}/")
+        attached.setdefault(leg.end, []).append(frames[leg.chain.parts[-1].name][1][:3, 3])
+    for body, points in attached.items():
+        centre = bodies[body][:3, 3]
+        for point in points:
+            if np.linalg.norm(point - centre) > 1e-6:
+                found.lines.append(Line(body, BODY, np.array([centre, point])))
+    found.ends = [(PLATFORM, bodies[PLATFORM])]
+    return found
+
+
+def labels(shown: Geometry) -> Iterator[tuple[str, Array]]:
+    """Names and where they stand ``(3,)`` mm: each once, at the middle of a line and beside a joint."""
+    seen: set[str] = set()
+    for line in shown.lines:
+        if line.name not in seen:
+            seen.add(line.name)
+            yield line.name, line.points.mean(axis=0)
+    for joint in shown.joints:
+        if joint.name not in seen:
+            seen.add(joint.name)
+            yield joint.name, joint.at
+    for name, points in shown.springs:
+        yield name, points.mean(axis=0)
+    for name, T in shown.ends:
+        yield name, T[:3, 3]

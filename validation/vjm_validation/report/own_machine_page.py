@@ -1,0 +1,396 @@
+"""The report on a user's own machine: page, figures and findings; nothing of the paper's tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from vjm.continuation.path import Path as LoadPath
+from vjm.io.files import write_whole
+from vjm_output.off_screen import why_not_rendered
+from vjm_output.plot_style import Drawing, Picture, drawing_of, engine_style, figure, number, percent
+from vjm_output.templating import environment
+from vjm_validation.metrics import travel
+from vjm_validation.report.machine_geometry import geometry
+from vjm_validation.report.machine_view import rendered
+from vjm_validation.report.tables import Table
+from vjm_validation.report.words import Finding, Tone
+from vjm_validation.studies.own_machine import REFERENCE, OwnMachine
+from vjm_validation.studies.own_machine_rows import CriticalRow, LoadRow, OwnMachineSummary
+
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+SHOWN_TURN = 0.1
+"""Of the machine's size: largest deflection in a render."""
+CONVERGED = 1e-3
+"""Relative error of a number of springs that is enough."""
+
+
+def write_own_report(found: OwnMachine, summary: OwnMachineSummary, out: Path) -> Path:
+    """Write ``index.html``, ``findings.md``, ``figures/*.png`` and ``renders/*.png``.
+
+    Returns:
+        Path of ``index.html``.
+    """
+    labels = list(dict.fromkeys(row.posture for row in found.loads)) or list(found.machine.postures)
+    figures = [picture for label in labels for picture in _curves(found, label)]
+    figures += [picture for picture in (_convergence(found),) if picture]
+    reason = why_not_rendered()
+    renders = [] if reason else [_render(found, label) for label in labels]
+    for folder, pictures in (("figures", figures), ("renders", renders)):
+        for picture in pictures:
+            write_whole(out / folder / f"{picture.name}.png", picture.content)
+    findings = own_findings(found, summary, reason)
+    write_whole(out / "findings.md", _markdown(found, summary, findings, [*renders, *figures]))
+    page = environment("vjm_validation.report").get_template("own_machine.html.j2").render(
+        machine=found.machine,
+        held=found.held,
+        size=found.size,
+        gravity=summary.gravity,
+        findings=findings,
+        renders=renders,
+        figures=figures,
+        tables=own_tables(found),
+        acceptance=summary.acceptance,
+        command=summary.command,
+        records={"Versions": summary.versions, "Hashes": summary.hashes},
+        seconds=summary.seconds,
+    )  # fmt: skip
+    index = out / "index.html"
+    write_whole(index, page.encode())
+    return index
+
+
+# --- findings -----------------------------------------------------------------------------------------
+
+
+def own_findings(found: OwnMachine, summary: OwnMachineSummary, no_renders: str = "") -> list[Finding]:
+    """What the run shows, in the order in which a reader needs it."""
+    failed = [row for row in summary.acceptance if not row.passed]
+    result = []
+    if failed:
+        said = tuple(f"{row.name}: required {row.requirement}, found {number(row.value)}." for row in failed)
+        result.append(
+            Finding(Tone.FAILED, f"{len(failed)} of {len(summary.acceptance)} acceptance rows failed", said)
+        )
+    for part in (_agreement, _softest, _softening, _critical, _springs):
+        finding = part(found)
+        result += [finding] if finding is not None else []
+    notes = tuple(f"{note[0].upper()}{note[1:]}." for note in found.notes)
+    if no_renders:
+        notes = (*notes, f"No pictures of the machine: {no_renders}.")
+    return [*result, Finding(Tone.NOTE, "What this run leaves out", notes)] if notes else result
+
+
+def _agreement(found: OwnMachine) -> Finding | None:
+    apart = [row.difference for row in found.loads if row.difference is not None]
+    if not apart:
+        text = "No second engine took this machine; what follows is the virtual joint method's alone."
+        return Finding(Tone.NOTE, "Nothing here is compared with finite elements", (text,))
+    what = "forces" if found.held else "deflections"
+    sentences = [
+        f"Both are asked for the same {len(apart)} load paths; the largest difference is {percent(max(apart))}."
+    ]
+    pairs = _pairs(found)
+    if pairs:
+        worst = max(abs(float(a.F_cr or 0.0) / float(b.F_cr or 1.0) - 1.0) for a, b in pairs)
+        sentences.append(f"Critical forces, {len(pairs)} of them, differ by {percent(worst)} at most.")
+    agree = max(apart) < CONVERGED
+    verdict = "agree" if agree else "differ"
+    title = f"Virtual springs and finite elements {verdict}: {what} are {percent(max(apart))} apart"
+    return Finding(Tone.AGREES if agree else Tone.DIFFERS, title, tuple(sentences))
+
+
+def _pairs(found: OwnMachine) -> list[tuple[CriticalRow, CriticalRow]]:
+    """Critical points that both engines have."""
+    theirs = {(r.posture, r.direction): r for r in found.critical if r.engine == REFERENCE and r.F_cr}
+    return [
+        (row, theirs[row.posture, row.direction])
+        for row in found.critical
+        if row.engine != REFERENCE and row.F_cr and (row.posture, row.direction) in theirs
+    ]
+
+
+def _stiffnesses(found: OwnMachine) -> list[tuple[float, float, LoadRow]]:
+    """Stiffness at the beginning and at the end of each path of the lumped model that has one."""
+    return [(row.K0, row.K_end, row) for row in found.loads if row.engine != REFERENCE and row.K0 and row.K_end]
+
+
+def _softest(found: OwnMachine) -> Finding | None:
+    known = _stiffnesses(found)
+    if not known:
+        return None
+    (K, _, low), (most, _, high) = min(known, key=lambda k: k[0]), max(known, key=lambda k: k[0])
+    moved = float(np.linalg.norm(low.moved[:3]))
+    return Finding(
+        Tone.NOTE,
+        f"The machine is softest in posture {low.posture} along {low.direction}: {number(K)} N/mm",
+        (
+            f"There {number(low.force)} N go with a displacement of the end of {number(moved)} mm in all.",
+            f"It is stiffest in posture {high.posture} along {high.direction}: {number(most)} N/mm.",
+        ),
+    )  # fmt: skip
+
+
+def _softening(found: OwnMachine) -> Finding | None:
+    known = _stiffnesses(found)
+    if not known:
+        return None
+    before, after, worst = max(known, key=lambda k: abs(k[1] / k[0] - 1.0))
+    change = after / before - 1.0
+    return Finding(
+        Tone.CAUSE if abs(change) > 0.05 else Tone.NOTE,
+        f"Under load the stiffness changes by {percent(change)} at most",
+        (
+            f"Posture {worst.posture} along {worst.direction}: from {number(before)} to {number(after)} N/mm "
+            f"at {number(worst.force)} N.",
+            "A linear model keeps the first of the two values at all loads.",
+        ),
+    )  # fmt: skip
+
+
+def _critical(found: OwnMachine) -> Finding | None:
+    lumped = [row for row in found.critical if row.engine != REFERENCE]
+    if not lumped:
+        return None
+    events = sorted((row for row in lumped if row.F_cr), key=lambda r: float(r.F_cr or 0.0))
+    if not events:
+        text = f"All {len(lumped)} loads were raised to {number(max(row.largest for row in lumped))} N at most."
+        return Finding(Tone.NOTE, "No critical point was found up to the largest loads tried", (text,))
+    first = events[0]
+    lines = [f"Posture {r.posture} along {r.direction}: {r.kind} at {number(r.F_cr)} N." for r in events[:6]]
+    where = f"posture {first.posture}, {first.direction}"
+    title = f"The machine loses its stability first at {number(first.F_cr)} N, {where}"
+    return Finding(Tone.CAUSE, title, tuple(lines))
+
+
+def _springs(found: OwnMachine) -> Finding | None:
+    if not found.convergence:
+        return None
+    rows = found.convergence
+    enough = next((row.springs for row in rows if row.error < CONVERGED), None)
+    first = rows[0]
+    what = first.quantity.split(",")[0]
+    lines = [f"Studied: the {what} in posture {first.posture} along {first.direction}."]
+    lines.append(
+        f"One spring a beam misses it by {percent(first.error)}, {rows[-2].springs} by {percent(rows[-2].error)}."
+    )
+    if found.elements is not None:
+        apart = found.elements / rows[-1].value - 1.0
+        lines.append(f"With {rows[-1].springs} it differs from the finite elements' by {percent(apart)}.")
+    title = (
+        f"{enough} springs a beam are enough for {percent(CONVERGED)}"
+        if enough
+        else "No number of springs is enough"
+    )
+    return Finding(Tone.AGREES if enough else Tone.DIFFERS, title, tuple(lines))
+
+
+def _markdown(
+    found: OwnMachine, summary: OwnMachineSummary, findings: list[Finding], pictures: list[Picture]
+) -> str:
+    lines = [f"# {found.machine.title or found.machine.name}", "", f"Written by `{summary.command}`.", ""]
+    for finding in findings:
+        lines += [f"## {finding.title}", "", *(f"- {sentence}" for sentence in finding.sentences), ""]
+    for picture in pictures:
+        folder = "renders" if picture.name.startswith("machine_") else "figures"
+        lines += [
+            f"![{picture.title}]({folder}/{picture.name}.png)",
+            "",
+            f"**{picture.title}** {picture.caption}",
+            "",
+        ]
+    return "\n".join(lines)
+
+
+# --- tables -------------------------------------------------------------------------------------------
+
+
+def own_tables(found: OwnMachine) -> list[Table]:
+    """The rows of ``summary.json`` as the page shows them."""
+    tables = []
+    if found.stiffness:
+        header = (
+            "Posture",
+            "End",
+            "Load",
+            *(f"{a}, N/mm" for a in AXES[:3]),
+            *(f"{a}, N mm/rad" for a in AXES[3:]),
+        )
+        rows = tuple(
+            (row.posture, row.end or "tool", row.load, *("rigid" if k is None else number(k) for k in row.along))
+            for row in found.stiffness
+        )
+        caption = "Stiffness of the free end: force over the deflection along it"
+        tables.append(Table(caption, header, rows, 3))
+    if found.loads:
+        header = (
+            "Posture", "Direction", "Engine", "K at the beginning, N/mm", "K at the end, N/mm", "Force, N",
+            *(f"u{a}, mm" for a in AXES[:3]), *(f"{a}, rad" for a in AXES[3:]), "Difference", "Stopped",
+        )  # fmt: skip
+        rows = tuple(
+            (
+                row.posture, row.direction, row.engine, _stiff(row.K0), _stiff(row.K_end), number(row.force),
+                *(number(_clean(v, row.moved, i)) for i, v in enumerate(row.moved)),
+                number(None) if row.difference is None else percent(row.difference, 2), row.stopped,
+            )
+            for row in found.loads
+        )  # fmt: skip
+        tables.append(Table("Every load path at its end", header, rows, 3))
+    if found.critical:
+        header = (
+            "Posture",
+            "Direction",
+            "Engine",
+            "Critical point",
+            "Force, N",
+            "Displacement, mm",
+            "Reached, N",
+            "Stopped",
+        )
+        rows = tuple(
+            (
+                row.posture, row.direction, row.engine, str(row.kind or "none"), number(row.F_cr), number(row.d_cr),
+                number(row.largest), row.stopped,
+            )
+            for row in found.critical
+        )  # fmt: skip
+        tables.append(Table("Critical forces", header, rows, 4))
+    if found.convergence:
+        header = ("Springs a beam", found.convergence[0].quantity, "Error")
+        rows = tuple((str(row.springs), number(row.value, 7), percent(row.error)) for row in found.convergence)
+        if found.elements is not None:
+            rows = (*rows, (REFERENCE, number(found.elements, 7), number(None)))
+        first = found.convergence[0]
+        tables.append(Table(f"Number of springs: posture {first.posture}, {first.direction}", header, rows, 1))
+    return tables
+
+
+def _stiff(K: float | None) -> str:
+    return "rigid" if K is None else number(K)
+
+
+def _clean(value: float, moved: list[float], i: int) -> float:
+    """Zero for what is rounding beside the largest component of its kind."""
+    largest = max(abs(v) for v in (moved[:3] if i < 3 else moved[3:]))
+    return 0.0 if abs(value) < 1e-9 * largest else value
+
+
+# --- pictures -----------------------------------------------------------------------------------------
+
+
+def _curves(found: OwnMachine, label: str) -> list[Picture]:
+    """Load against displacement, a panel for each axis: both engines and the linear line."""
+    paths = {key: path for key, path in found.paths.items() if key[0] == label}
+    if not paths:
+        return []
+    axes = list(dict.fromkeys(direction.lstrip("-") for _, direction, _ in paths))
+    columns = min(3, len(axes))
+    rows = -(-len(axes) // columns)
+    with figure(2.9 * rows + 0.4, columns, rows=rows) as (fig, panels):
+        for ax, axis in zip(panels, axes, strict=False):
+            for (_, direction, engine), path in paths.items():
+                if direction.lstrip("-") == axis:
+                    _draw(ax, engine, path, -1.0 if direction.startswith("-") else 1.0)
+            ax.set(title=f"along {axis}", xlabel="displacement, mm")
+            ax.locator_params(axis="x", nbins=4)
+            ax.axhline(0.0, color="#bbbbbb", lw=0.6)
+            ax.axvline(0.0, color="#bbbbbb", lw=0.6)
+        for ax in panels[len(axes) :]:
+            ax.set_visible(False)
+        panels[0].set_ylabel("force, N")
+        handles = {str(line.get_label()): line for ax in panels for line in ax.get_lines()}
+        handles = {name: line for name, line in handles.items() if not name.startswith("_")}
+        fig.legend(handles=list(handles.values()), loc="outside upper center", ncols=4)
+        content = drawing_of(fig)
+    return [
+        Picture(
+            f"load_{_file(label)}", content, f"Posture {label}: force against displacement",
+            "Displacement of the end along the force, counted from where no force acts; the linear line has the "
+            "stiffness there.",
+        )
+    ]  # fmt: skip
+
+
+def _draw(ax: Axes, engine: str, path: LoadPath, sign: float) -> None:
+    force = sign * np.abs(np.array(path.force))
+    start = travel(path, path.points[0])
+    along = np.array([travel(path, point) - start for point in path.points])
+    along = sign * (np.abs(along) if path.load_case.load_driven is False else along)
+    style = engine_style(engine)
+    reference = engine == REFERENCE
+    ax.plot(
+        along, force, color=style.colour if reference else "#0072B2", ls=style.line if reference else (0, (4, 2)),
+        lw=3.0 if reference else 1.8, zorder=2.0 if reference else 3.0, label=engine,
+    )  # fmt: skip
+    K0 = path.points[0].tangent
+    if not reference and K0 > 0.0:
+        linear = np.array([0.0, abs(force[-1]) / K0])
+        ax.plot(sign * linear, [0.0, force[-1]], color="#8C8C8C", ls=(0, (8, 3)), lw=1.1, label="linear")
+
+
+def _convergence(found: OwnMachine) -> Picture | None:
+    rows = [row for row in found.convergence if row.error > 0.0]
+    if len(rows) < 2:
+        return None
+    first = rows[0]
+    with figure(2.9, 1) as (fig, (ax,)):
+        ax.loglog(
+            [r.springs for r in rows], [r.error for r in rows], "o-", color="#0072B2", label="virtual springs"
+        )
+        last = found.convergence[-1].value
+        if found.elements is not None and abs(found.elements / last - 1.0) > 0.0:
+            ax.axhline(abs(found.elements / last - 1.0), color="black", ls=":", label=REFERENCE)
+        ax.set(xlabel="springs a beam", ylabel="relative difference")
+        ax.set_xticks([r.springs for r in rows], [str(r.springs) for r in rows])
+        ax.minorticks_off()
+        fig.legend(loc="outside upper center", ncols=2)
+        content = drawing_of(fig)
+    what = first.quantity.split(",")[0]
+    return Picture(
+        "convergence", content, f"Number of springs: {what}, posture {first.posture}, {first.direction}",
+        f"Difference to {found.convergence[-1].springs} springs a beam; dotted, that of finite elements to them.",
+    )  # fmt: skip
+
+
+def _render(found: OwnMachine, label: str) -> Picture:
+    """The machine, and the shape of its largest deflection in the posture."""
+    shown = geometry(found.machine, label)
+    paths = {
+        key: path for key, path in found.paths.items() if key[0] == label and key[2] != REFERENCE and path.stations
+    }
+    moved, said = [], ""
+    if paths:
+        key, path = max(paths.items(), key=lambda item: _largest(item[1]))
+        start, end = path.points[0].shape, path.points[-1].shape
+        size = _largest(path)
+        times = _nice(SHOWN_TURN * shown.extent / size) if size > 0.0 else 1.0
+        moved = _polylines(path, start + times * (end - start))
+        said = f" In black, {times:g} times its size, the deflection under the load along {key[1]}."
+    return Picture(
+        f"machine_{_file(label)}", Drawing(rendered(shown, moved)), f"Posture {label}",
+        f"Beams blue, rigid links grey, joints that deflect orange, passive joints pink.{said}",
+    )  # fmt: skip
+
+
+def _polylines(path: LoadPath, shape: np.ndarray) -> list[np.ndarray]:
+    """The stations of a path as lines, one for every leg of a platform."""
+    legs: dict[str, list[int]] = {}
+    for row, station in enumerate(path.stations):
+        legs.setdefault(station.part.rpartition("/")[0], []).append(row)
+    return [shape[rows] for rows in legs.values()]
+
+
+def _largest(path: LoadPath) -> float:
+    moved = path.points[-1].shape - path.points[0].shape
+    return float(np.linalg.norm(moved, axis=1).max(initial=0.0))
+
+
+def _nice(value: float) -> float:
+    decade = 10.0 ** np.floor(np.log10(value))
+    return max(1.0, float(max(m * decade for m in (1.0, 2.0, 5.0) if m * decade <= value)))
+
+
+def _file(label: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in label)

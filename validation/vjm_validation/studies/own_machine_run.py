@@ -1,0 +1,119 @@
+"""``validate all MODEL`` from the model file to the run's folder."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from pathlib import Path
+
+import numpy as np
+
+from vjm.io.files import check_writable, write_whole
+from vjm.io.path_files import write_curve
+from vjm_output.documents import as_json, versions
+from vjm_validation.acceptance import AcceptanceRow, at_most, none_of
+from vjm_validation.studies.own_machine import REFERENCE, OwnMachine, Progress, Request, study
+from vjm_validation.studies.own_machine_rows import OwnMachineSummary
+
+AGREEMENT = 2e-3
+"""Of what both engines compute: 16 springs a beam, and 8 elements, are good to 1e-4 and to 7e-4 near buckling."""
+RESIDUAL = 1e-8
+"""Scaled; the lumped solver stops at 1e-11, Exudyn at 1e-9 of its own norm."""
+CONVERGENCE = 1e-3
+"""Of 16 springs a beam, to 32."""
+
+
+def run_own(request: Request, out: Path, command: str, progress: Progress) -> OwnMachineSummary:
+    """Study a machine and write ``index.html``, ``summary.json``, ``findings.md``, curves, figures and renders.
+
+    Raises:
+        ModelFileError: the file is no model.
+        ValueError: no such posture, direction or engine.
+        OSError: the folder cannot be written to.
+    """
+    started = time.perf_counter()
+    check_writable(out)
+    found = study(request, progress)
+    hashes = {found.machine.name: found.machine.sha256}
+    for (posture, direction, engine), path in found.paths.items():
+        stem = "".join(c if c.isalnum() or c in "-_+" else "_" for c in f"{posture}_{direction}_{engine}")
+        file = out / "curves" / f"{stem}.csv"
+        write_curve(path, file)
+        hashes[file.name] = hashlib.sha256(file.read_bytes()).hexdigest()
+    progress("report", 0, 1)
+    summary = OwnMachineSummary(
+        command=command,
+        model=found.machine.name,
+        control="held" if found.held else "free",
+        gravity=list(request.gravity) if request.gravity else None,
+        stiffness=found.stiffness,
+        loads=found.loads,
+        critical=found.critical,
+        convergence=found.convergence,
+        elements=found.elements,
+        acceptance=own_acceptance(found),
+        seconds=time.perf_counter() - started,
+        versions=versions(),
+        hashes=hashes,
+        notes=found.notes,
+    )
+    from vjm_validation.report.own_machine_page import write_own_report  # drawing libraries take seconds to import
+
+    write_own_report(found, summary, out)
+    write_whole(out / "summary.json", as_json(summary))
+    progress("report", 1, 1)
+    return summary
+
+
+def own_acceptance(found: OwnMachine) -> list[AcceptanceRow]:
+    """What the solvers must do on a machine of which nothing is known beforehand."""
+    rows = []
+    if found.paths:
+        early = [f"{'_'.join(key)}: {path.stopped}" for key, path in found.paths.items() if not path.complete]
+        residuals = [p.residual for path in found.paths.values() for p in path.points if np.isfinite(p.residual)]
+        rows += [
+            none_of("paths complete", "every load path reaches its end", early),
+            at_most("equilibrium residual", max(residuals, default=0.0), RESIDUAL, " (scaled)"),
+        ]
+    apart = [row.difference for row in found.loads if row.difference is not None]
+    if apart:
+        what = "forces" if found.held else "deflections"
+        rows.append(at_most(f"{what}: virtual springs against {REFERENCE}", max(apart), AGREEMENT))
+        theirs = {(row.posture, row.direction): row.K0 for row in found.loads if row.engine == REFERENCE}
+        K = [
+            abs(row.K0 / reference - 1.0)
+            for row in found.loads
+            if row.engine != REFERENCE and row.K0 and (reference := theirs.get((row.posture, row.direction)))
+        ]
+        rows.append(
+            at_most(f"unloaded stiffness: virtual springs against {REFERENCE}", max(K, default=0.0), AGREEMENT)
+        )
+    rows += _critical_rows(found)
+    if len(found.convergence) > 1:
+        row = found.convergence[-2]
+        name = f"{row.quantity.split(',')[0]}: {row.springs} springs a beam against twice as many"
+        rows.append(at_most(name, row.error, CONVERGENCE))
+    return rows
+
+
+def _critical_rows(found: OwnMachine) -> list[AcceptanceRow]:
+    theirs = {(row.posture, row.direction): row for row in found.critical if row.engine == REFERENCE}
+    pairs = [
+        (row, theirs[row.posture, row.direction])
+        for row in found.critical
+        if row.engine != REFERENCE and (row.posture, row.direction) in theirs
+    ]
+    if not pairs:
+        return []
+    # where one of them gave up before the other's critical point, there is nothing to compare
+    comparable = [(a, b) for a, b in pairs if not (a.stopped or b.stopped) or (a.kind and b.kind)]
+    kinds = [
+        f"{a.posture} {a.direction}: {a.kind or 'none'} and {b.kind or 'none'}"
+        for a, b in comparable
+        if a.kind is not b.kind
+    ]
+    rows = [none_of("kinds of critical points", f"those of {REFERENCE}", kinds)]
+    gaps = [abs(a.F_cr / b.F_cr - 1.0) for a, b in comparable if a.F_cr and b.F_cr]
+    if gaps:
+        rows.append(at_most(f"critical forces: virtual springs against {REFERENCE}", max(gaps), AGREEMENT))
+    return rows
