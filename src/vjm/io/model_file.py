@@ -97,7 +97,8 @@ def read_document(name_or_path: str | Path) -> ModelDocument:
                 return _parse(file.name, file.read_bytes())
     path = Path(name_or_path)
     if not path.exists():
-        known = [file.name.removesuffix(".toml") for file in _library_files()]
+        files = (*_library_files(), *_library_files("manipulators"))
+        known = [file.name.removesuffix(".toml") for file in files]
         hint = did_you_mean(path.name.removesuffix(".toml"), known)
         # a bare word was meant as a name
         if isinstance(name_or_path, str) and path.name == name_or_path and path.suffix != ".toml":

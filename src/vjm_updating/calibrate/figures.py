@@ -188,7 +188,7 @@ def _correlation_picture(document: Calibration) -> Picture:
         content = drawing_of(fig)
     caption = (
         "Correlation of what the calibration states: parameters and combinations first, the sheet's nuisances "
-        f"behind the lines. Written from {STRONG} on, in tenths."
+        f"behind the lines. Written from {STRONG} on."
     )
     return Picture("correlation", content, "Correlation", caption)
 
@@ -202,4 +202,12 @@ def _write_values(ax: Axes, C: Array) -> None:
     for i, j in rows:
         if i != j and abs(C[i, j]) >= STRONG:
             colour = "white" if abs(C[i, j]) > 0.6 else INK
-            ax.text(j, i, f"{10.0 * C[i, j]:.0f}", ha="center", va="center", fontsize=6.0, color=colour)
+            ax.text(
+                j,
+                i,
+                f"{C[i, j]:.1f}".replace("0.", ".").replace("-", "−"),
+                ha="center",
+                va="center",
+                fontsize=6.0,
+                color=colour,
+            )

@@ -13,6 +13,7 @@ from vjm_updating.diagnose.extended import FILE
 from vjm_updating.diagnose.figures import Before, nominal, pictures
 from vjm_updating.diagnose.fitting import Fit
 from vjm_updating.diagnose.preprocess import Prepared
+from vjm_updating.diagnose.summary_text import CONFIDENCE, placed, unseen
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.mistakes import TITLES
@@ -113,5 +114,9 @@ def write_page(measurement: Measurement, prepared: Prepared, fit: Fit, document:
             pictures=drawn,
             step=STEPS.get(document.verdict, ""),
             extended=FILE,
+            placed=placed,
+            unseen=unseen,
+            confidence=CONFIDENCE,
+            values=int(observed.present.sum()),
         )
     )

@@ -102,6 +102,8 @@ def map_figure(result: MapResult) -> bytes:
             ax.set_title(f"z = {z[level]:g} mm")
             ax.set_xlabel("x, mm")
             ax.set_aspect("equal")
+            # the cells are centred on the poses: what they reach beyond the outermost is no workspace
+            ax.set(xlim=_ends(x), ylim=_ends(y))
             ax.grid(False)
         axes[0].set_ylabel("y, mm")
         fig.colorbar(image, ax=axes, label=TITLES[wanted.quantity], shrink=0.8)
@@ -115,6 +117,12 @@ def _subtitle(fig: Figure, text: str, missing: int) -> None:
     fig.suptitle(plain(text) + white, fontsize=8.5)
 
 
+def _ends(centres: Array) -> tuple[float, float]:
+    """What a panel shows: from the first pose to the last, or the one cell where there is but one."""
+    shown = centres if len(centres) > 1 else _edges(centres)
+    return float(shown[0]), float(shown[-1])
+
+
 def _edges(centres: Array) -> Array:
     if len(centres) == 1:
         return centres[0] + np.array([-0.5, 0.5])
@@ -126,6 +134,8 @@ def render(result: MapResult) -> bytes:
     """The workspace in space, off the screen: three planes through its middle, or all points where it is flat."""
     import pyvista
 
+    # VTK tries an X display first and would write about its absence on stderr
+    pyvista.vtk_verbosity("off")
     wanted = result.map
     grid: Any = pyvista.RectilinearGrid(*(np.array(axis) for axis in wanted.grid.axes))
     column = SHOWN[wanted.quantity]

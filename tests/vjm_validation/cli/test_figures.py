@@ -61,3 +61,10 @@ def test_a_matrix_has_labels_and_its_asymmetry_a_reason(capsys):
     out = capsys.readouterr().out
     assert re.search(r"ux +┃ +uy +┃ +uz", out)
     assert "It is not symmetric" in out
+
+
+def test_a_pdf_without_a_chromium_is_refused_before_anything_is_computed(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("vjm_validation.cli.all.chromium", lambda: "")
+    assert command(["all", "--pdf", "--out", str(tmp_path / "run")]) == 2
+    assert "--pdf: no Chromium is installed" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()

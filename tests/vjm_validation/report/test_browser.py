@@ -1,7 +1,6 @@
 """The page in a browser: nothing is asked of a network, nothing is wrong, and everything answers to a hand."""
 
 import json
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -10,12 +9,13 @@ import pytest
 from vjm.continuation.direction import Direction
 from vjm_output.off_screen import why_not_rendered
 from vjm_validation.report.page import write_report
+from vjm_validation.report.printing import chromium, print_page
 from vjm_validation.studies.study_results import Key
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+CHROMIUM = chromium()
 WIDTHS = (360, 800, 1280, 1920)
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on the path")
+pytestmark = pytest.mark.skipif(not CHROMIUM, reason="no Chromium on the path")
 
 
 @pytest.fixture(scope="module")
@@ -214,7 +214,9 @@ def test_what_comes_from_a_file_does_not_run(open_page, run, bare, tmp_path):
     assert page.errors == []
 
 
-def test_it_prints_on_few_pages(open_page, folder):
-    pdf = open_page(folder / "index.html").pdf(prefer_css_page_size=True)
+def test_it_prints_on_few_pages(folder, tmp_path):
+    print_page(folder / "index.html", tmp_path / "report.pdf")
+    assert [file.name for file in tmp_path.iterdir()] == ["report.pdf"]
+    pdf = (tmp_path / "report.pdf").read_bytes()
     pages = pdf.count(b"/Type /Page\n")
     assert 1 <= pages <= 12

@@ -23,6 +23,7 @@ from vjm_validation.cli.options import (
     processes,
 )
 from vjm_validation.cli.status import INTERRUPTED, NOT_ACCEPTED, OK, UsageError
+from vjm_validation.report.printing import chromium, print_page
 from vjm_validation.studies.force_directions import DIRECTIONS, parsed_directions
 from vjm_validation.studies.own_machine import Request
 from vjm_validation.studies.own_machine_run import run_own
@@ -65,8 +66,11 @@ def all_(
     ] = (),
     steps: Annotated[int | None, Parameter(help="Equal steps of every path; 4000 is the paper's grid.")] = None,
     strict: Strict = False,
+    pdf: Annotated[bool, Parameter(negative="", help="Print the report to report.pdf too, by Chromium.")] = False,
 ) -> int:
     """Run every comparison of the paper and write the report, or that of a machine of your own."""
+    if pdf and not chromium():
+        raise UsageError("--pdf: no Chromium is installed: install it, or print the page from a browser")
     folder = out or FilePath("reports") / "runs" / time.strftime("%Y%m%d-%H%M%S")
     if model is not None:
         if quick or only or steps:
@@ -80,6 +84,7 @@ def all_(
                 model, posture, parsed_directions(direction), force, to, acceleration(gravity), jobs=processes(jobs)
             ),
             folder,
+            pdf,
         )
     if posture or direction or force is not None or to is not None or gravity:
         raise UsageError("--posture, --direction, --force, --to and --gravity are for a MODEL: name one")
@@ -101,10 +106,10 @@ def all_(
             f"interrupted; what is finished is in {folder}: `validate all --out {folder}` goes on from there"
         )
         return INTERRUPTED
-    return _said(summary.acceptance, folder)
+    return _said(summary.acceptance, folder, pdf)
 
 
-def _own(request: Request, folder: FilePath) -> int:
+def _own(request: Request, folder: FilePath, pdf: bool) -> int:
     words = ["validate", "all", request.model]
     words += ["--posture", *request.postures] if request.postures else []
     words += [f"--direction={each}" for each in request.directions] if request.directions != DIRECTIONS else []
@@ -113,13 +118,16 @@ def _own(request: Request, folder: FilePath) -> int:
     words += [f"--gravity={','.join(f'{g:g}' for g in request.gravity)}"] if request.gravity else []
     with locked(folder), terminal.progress() as progress:
         summary = run_own(request, folder, shlex.join(words), progress)
-    return _said(summary.acceptance, folder)
+    return _said(summary.acceptance, folder, pdf)
 
 
-def _said(rows: Sequence[AcceptanceRow], folder: FilePath) -> int:
+def _said(rows: Sequence[AcceptanceRow], folder: FilePath, pdf: bool) -> int:
     console = terminal.console()
     console.print(tables.acceptance_table(rows))
     console.print(f"report: {folder / 'index.html'}", soft_wrap=True)
+    if pdf:
+        print_page(folder / "index.html", folder / "report.pdf")
+        console.print(f"printed: {folder / 'report.pdf'}", soft_wrap=True)
     return OK if all(row.passed is not False for row in rows) else NOT_ACCEPTED
 
 

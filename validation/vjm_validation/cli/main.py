@@ -16,6 +16,7 @@ from vjm import __version__
 from vjm.errors import NoConvergenceError
 from vjm.io.solid_provider import provide
 from vjm_output import terminal
+from vjm_validation.cli.examples import epilogue
 from vjm_validation.cli.status import BAD_INPUT, GAVE_UP, INTERRUPTED, OK
 
 if TYPE_CHECKING:
@@ -26,9 +27,14 @@ app = App(
     help="Stiffness of robot manipulators under load: the virtual joint method against finite elements.",
     version=__version__,
     result_action="return_value",
+    # what stands in brackets, such as vjm-<n>f<m>, is meant as it is written
+    help_format="plaintext",
+    help_epilogue="`validate COMMAND --help` shows a command's options with examples; docs/ has a page on each. "
+    "`validate --install-completion` lets the shell complete commands and options.",
 )
 NUMBER = re.compile(r"[-+\d.eE]+")
 """With the digits of any script, which Python takes."""
+app.register_install_completion_command()
 COMMANDS = {
     "all": "Run every comparison and write the report.",
     "compare": "Compare two runs: which figures moved, and by how much.",
@@ -52,7 +58,7 @@ COMMANDS = {
 for name, text in COMMANDS.items():
     # a module cannot be called "import"
     module = "import_urdf" if name == "import" else name
-    app.command(f"vjm_validation.cli.{module}:{name}_", name=name, help=text)
+    app.command(f"vjm_validation.cli.{module}:{name}_", name=name, help=text, help_epilogue=epilogue(name))
 
 
 def _compute(path: Path, table: SolidTable, key: str) -> SolidResult:

@@ -25,6 +25,10 @@ ROWS = 24
 """Points of a path that a terminal shows."""
 ASYMMETRY = 1e-6
 """Of a matrix over its largest entry, from which on it is explained."""
+NO_POTENTIAL = (
+    "It is not symmetric: rows are force and moment about world axes, columns shift and rotation vector, and a "
+    "moment about fixed axes has no potential of such rotations."
+)
 
 
 def path_table(path: Path) -> Table:
@@ -113,7 +117,13 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
         ("compliance, unloaded, mm/N, 1/N, rad/(N mm)", document.compliance_unloaded if rigid else None),
     ):
         if matrix is not None:
-            _matrix(console, title, np.array(matrix))
+            K = np.array(matrix)
+            force_first = title.startswith("K")
+            console.print(
+                _matrix(title, K, *((WRENCH_AXES, POSE_AXES) if force_first else (POSE_AXES, WRENCH_AXES)))
+            )
+            if force_first and np.abs(K - K.T).max() > ASYMMETRY * np.abs(K).max():
+                console.print(NO_POTENTIAL, soft_wrap=True)
     if rigid:
         console.print(
             "no 6×6 stiffness where a wrench moves nothing: it is infinite there, so the compliance is given",
@@ -130,9 +140,7 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
     )
 
 
-def _matrix(console: Console, title: str, K: np.ndarray) -> None:
-    compliance = title.startswith("compliance")
-    rows, columns = (POSE_AXES, WRENCH_AXES) if compliance else (WRENCH_AXES, POSE_AXES)
+def _matrix(title: str, K: np.ndarray, rows: Sequence[str], columns: Sequence[str]) -> Table:
     table = Table(title=title, title_justify="left")
     for name in ("", *columns):
         table.add_column(name, justify="right")
@@ -141,13 +149,7 @@ def _matrix(console: Console, title: str, K: np.ndarray) -> None:
     K[np.abs(K) < 1e-10 * size[:, None] * size] = 0.0
     for name, line in zip(rows, K, strict=True):
         table.add_row(name, *(f"{value:.5g}" for value in line))
-    console.print(table)
-    if np.abs(K - K.T).max() > ASYMMETRY * np.abs(K).max():
-        console.print(
-            "It is not symmetric: force and moment are about world axes, displacements are shift and rotation "
-            "vector, and a moment about fixed axes has no potential of such rotations.",
-            soft_wrap=True,
-        )
+    return table
 
 
 def _row(title: str, values: Sequence[float]) -> str:

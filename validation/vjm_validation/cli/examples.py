@@ -1,0 +1,59 @@
+"""What stands behind the help of each command: an example, what comes next, and the page of the docs."""
+
+from __future__ import annotations
+
+EXAMPLES = {
+    "all": (
+        "validate all --quick --out run",
+        "open run/index.html; validate compare run OTHER",
+        "README.md, docs/verification.md",
+    ),
+    "compare": (
+        "validate compare before after --tolerance 1e-4 --report moved.html",
+        "Exit status: 0 where no figure moved or was lost, 1 where one did, 2 for what is no run",
+        "README.md",
+    ),
+    "curve": (
+        "validate curve orthoglide-chain --posture A --to -4 --report path.html",
+        "validate buckling orthoglide-chain",
+        "docs/load-cases.md",
+    ),
+    "buckling": (
+        "validate buckling orthoglide-chain --posture A --engine vjm exudyn --plot paths.png",
+        "validate curve",
+        "docs/load-cases.md",
+    ),
+    "stiffness": (
+        "validate stiffness orthoglide-chain --posture A --displacement=-1,0,0,0,0,0",
+        "validate curve",
+        "docs/load-cases.md",
+    ),
+    "calibrate": (
+        "validate calibrate DATA.csv --sheet SHEET.toml --out DIR",
+        "validate diagnose",
+        "docs/calibration.md",
+    ),
+    "diagnose": (
+        "validate diagnose DATA.csv --sheet SHEET.toml --out DIR",
+        "validate curve DIR/extended-model.toml --to -1",
+        "docs/diagnosis.md",
+    ),
+    "simulate": (
+        "validate simulate orthoglide-chain --test SHEET.toml --hide link_bow=1.0 --seed 7",
+        "validate diagnose",
+        "docs/diagnosis.md, docs/effects.md",
+    ),
+    "identify": ("validate identify orthoglide-chain --part link", "", "docs/identification.md"),
+    "check": ("validate check MODEL.toml", "", "docs/model-file.md"),
+    "map": ("validate map orthoglide --grid 11 --report map.html", "", "docs/manipulators.md"),
+}
+"""By command: a call, what to do next, and where to read on."""
+
+
+def epilogue(command: str) -> str:
+    """The text behind a command's help; empty for one that needs none."""
+    if command not in EXAMPLES:
+        return ""
+    example, following, page = EXAMPLES[command]
+    then = f" Next: {following}." if following else ""
+    return f"Example: {example}.{then} Docs: {page}."
