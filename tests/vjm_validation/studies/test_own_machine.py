@@ -8,14 +8,18 @@ import numpy as np
 import pytest
 from helpers.command import validate as in_a_process
 
+from vjm.continuation.path import EventKind
 from vjm.io.model_file import load_chain
 from vjm.tree.equilibria import equilibria
 from vjm.tree.model import TreeModel
 from vjm_output.off_screen import why_not_rendered
+from vjm_validation import load_any_model
 from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas
 from vjm_validation.studies.force_directions import parsed_directions, unit_of
-from vjm_validation.studies.own_machine import Request, study
+from vjm_validation.studies.own_machine import OwnMachine, Request, study
+from vjm_validation.studies.own_machine_rows import CriticalRow
+from vjm_validation.studies.own_machine_run import own_acceptance
 
 
 @pytest.fixture(scope="module")
@@ -134,3 +138,18 @@ def test_bad_words_are_refused_in_one_line(words, said, tmp_path, capsys, monkey
     err = capsys.readouterr().err
     assert said in err
     assert err.strip().count("\n") == 0
+
+
+@pytest.mark.parametrize(("force", "displacement", "passed"), [(7e3, 2.0, False), (7e5, 47.0, True)])
+def test_a_critical_point_that_one_engine_lacks_fails_near_by_only(force, displacement, passed):
+    """Behind a tenth of the machine's size, 31 mm, a critical point decides nothing."""
+    rows = [
+        CriticalRow(
+            posture="p", direction="x", engine=engine, kind=EventKind.BIFURCATION if F else None, F_cr=F,
+            d_cr=displacement if F else None, largest=1e6, stopped="",
+        )
+        for engine, F in (("vjm-16", None), ("exudyn", force))
+    ]  # fmt: skip
+    found = OwnMachine(load_any_model.loaded("orthoglide")[0], False, 1.0, critical=rows)
+    verdict = next(row for row in own_acceptance(found) if row.name == "kinds of critical points")
+    assert verdict.passed is passed

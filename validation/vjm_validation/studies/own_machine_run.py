@@ -12,7 +12,7 @@ from vjm.io.files import check_writable, write_whole
 from vjm.io.path_files import write_curve
 from vjm_output.documents import as_json, versions
 from vjm_validation.acceptance import AcceptanceRow, at_most, none_of
-from vjm_validation.studies.own_machine import REFERENCE, OwnMachine, Progress, Request, study
+from vjm_validation.studies.own_machine import REFERENCE, OwnMachine, Progress, Request, extent, study
 from vjm_validation.studies.own_machine_rows import OwnMachineSummary
 
 AGREEMENT = 2e-3
@@ -21,6 +21,8 @@ RESIDUAL = 1e-8
 """Scaled; the lumped solver stops at 1e-11, Exudyn at 1e-9 of its own norm."""
 FAR = 3.0
 """Times the machine's first critical force, up to which critical points must agree."""
+BENT = 0.1
+"""Of the machine's size: displacement up to which they must."""
 CONVERGENCE = 1e-3
 """Of 16 springs a beam, to 32."""
 
@@ -110,8 +112,13 @@ def _critical_rows(found: OwnMachine) -> list[AcceptanceRow]:
     # where one of them gave up before the other's critical point, there is nothing to compare
     comparable = [(a, b) for a, b in pairs if not (a.stopped or b.stopped) or (a.kind and b.kind)]
     first = min((row.F_cr for pair in pairs for row in pair if row.F_cr), default=0.0)
-    # what lies far beyond the first loss of stability is listed, and decides nothing
-    comparable = [pair for pair in comparable if not any(row.F_cr and row.F_cr > FAR * first for row in pair)]
+    # what lies far beyond the first loss of stability, or behind large displacements, is listed only
+    far = BENT * extent(found.machine)
+    comparable = [
+        pair
+        for pair in comparable
+        if not any(row.F_cr and (row.F_cr > FAR * first or abs(row.d_cr or 0.0) > far) for row in pair)
+    ]
     kinds = [
         f"{a.posture} {a.direction}: {a.kind or 'none'} and {b.kind or 'none'}"
         for a, b in comparable
