@@ -1,5 +1,7 @@
 """Robots that rest where their energy is smallest, diagnosed: causes, bad data, calibration. Independent truth."""
 
+import time
+
 import jsonschema
 import numpy as np
 import pytest
@@ -186,6 +188,8 @@ def test_1500_postures_of_a_six_joint_arm_take_less_than_a_minute(tmp_path):
     q = rng.uniform(-2.0, 2.0, (1500, 6))
     plan = Planned(0, "pair", UR10, ("frame_error", "joint_compliance", "lateral_compliance", "gear_error"), 6)
     y = measure(UR10, hidden_of(plan, rng), q, NOISE, rng)
+    begun = time.process_time()
     found = diagnose_poses(*files(tmp_path, UR10, q, y), tmp_path / "out")
-    assert found.seconds < 60.0
+    # of one core, whatever else the machine does
+    assert time.process_time() - begun < 60.0
     assert "joint_compliance" in found.causes
