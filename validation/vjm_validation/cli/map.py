@@ -11,6 +11,7 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
+from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.files import locked
 from vjm.io.manipulator_file import load_manipulator
 from vjm.vjm_engine import VjmEngine
@@ -20,7 +21,6 @@ from vjm_updating.maps.output import write_map
 from vjm_updating.maps.pose_grid import parsed_grid
 from vjm_updating.maps.run import Map, run_map
 from vjm_validation.cli.doubts import Strict, considered
-from vjm_validation.engines import EngineOptions, engine_by_name
 
 INTERRUPTED = 130
 

@@ -9,11 +9,11 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from vjm.continuation.path import Path
+from vjm.engines import FROZEN, EngineOptions
 from vjm.model.chain import Chain
 from vjm.model.parts import Placement
 from vjm_output import terminal
 from vjm_validation.cli.status import GAVE_UP, OK, UsageError
-from vjm_validation.engines import FROZEN, EngineOptions
 
 ZERO = "0,0,0,0,0,0"
 MOST = 100_000

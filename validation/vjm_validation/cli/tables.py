@@ -10,9 +10,8 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-from vjm.continuation.path import Path
+from vjm.continuation.path import Path, travel
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
-from vjm_validation.metrics import travel
 
 if TYPE_CHECKING:
     # of every comparison, which takes seconds to import

@@ -12,6 +12,7 @@ import numpy as np
 from vjm.batch import Failure, Task, trace_all
 from vjm.continuation.path import EventKind, Path
 from vjm.engine import Engine
+from vjm.engines import EngineOptions, engine_by_name
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, RAMP, TO_LIMIT, Load, LoadCase
 from vjm.platform.manipulator import Manipulator
@@ -20,7 +21,6 @@ from vjm.rotations import Array
 from vjm.tree.equilibria import Equilibria, equilibria
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
-from vjm_validation.engines import EngineOptions, engine_by_name
 from vjm_validation.load_any_model import loaded, postures
 from vjm_validation.loaded_stiffness import held_by_itself
 from vjm_validation.metrics import path_metrics, travel
