@@ -44,6 +44,28 @@ for name, text in COMMANDS.items():
     app.command(f"vjm_validation.cli.{module}:{name}_", name=name, help=text)
 
 
+EXTRAS = {
+    "exudyn": "fea",
+    "matplotlib": "report",
+    "pyvista": "report",
+    "vtk": "report",
+    "jinja2": "report",
+    "openseespy": "opensees",
+    "urdf_parser_py": "urdf",
+    "distributed": "cluster",
+}
+"""The optional extra that brings a module."""
+
+
+def lacking(error: ModuleNotFoundError) -> str:
+    """What to install for a command that needs more than the bare installation."""
+    module = (error.name or "").split(".")[0]
+    extra = EXTRAS.get(module)
+    if extra is None:
+        return terminal.one_line(error)
+    return f"this needs {module}, which is not installed: pip install 'vjm-stiffness[{extra}]'"
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command and exit with its status."""
     # whoever stops a run politely gets what Ctrl-C gives: finished work stays, and one line says so
@@ -69,6 +91,9 @@ def run(arguments: Sequence[str]) -> int:
         return GAVE_UP
     except BrokenPipeError:
         return OK
+    except ModuleNotFoundError as error:
+        terminal.error(lacking(error))
+        return BAD_INPUT
     except (ValueError, OSError, ImportError) as error:
         terminal.error(terminal.one_line(error))
         return BAD_INPUT
