@@ -108,7 +108,7 @@ def test_a_hinged_column_buckles_at_eulers_load():
     beam = column.beams[0]
     section = beam.effective_section()
     assert row["critical"] == "bifurcation"
-    # P (1 − P/EA) = π² EI/L²: 16 springs that converge with the tenth order leave less than the 3e-11 of the located event
+    # P (1 − P/EA) = π² EI/L²; springs of the tenth order leave less than the event's location, 3e-11
     P = row["F_cr"]
     EI = min(section.EIy, section.EIz)
     assert P * (1 - P / section.EA) == pytest.approx(np.pi**2 * EI / beam.length**2, rel=2e-9)

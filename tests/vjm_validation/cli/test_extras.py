@@ -55,7 +55,7 @@ def test_a_command_names_the_extra_that_it_lacks(extra, arguments):
 
 
 def test_an_unknown_module_is_no_extra():
-    assert "pip install" not in lacking(ModuleNotFoundError("No module named 'abc1'", name="abc1"))
+    assert not lacking(ModuleNotFoundError("No module named 'abc1'", name="abc1"))
 
 
 def test_every_extra_is_one_of_the_project():

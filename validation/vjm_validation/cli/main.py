@@ -57,13 +57,15 @@ EXTRAS = {
 """The optional extra that brings a module."""
 
 
-def lacking(error: ModuleNotFoundError) -> str:
-    """What to install for a command that needs more than the bare installation."""
-    module = (error.name or "").split(".")[0]
-    extra = EXTRAS.get(module)
-    if extra is None:
-        return terminal.one_line(error)
-    return f"this needs {module}, which is not installed: pip install 'vjm-stiffness[{extra}]'"
+def lacking(error: BaseException) -> str:
+    """What to install for a command that lacks an extra; empty where that is not the error."""
+    cause: BaseException | None = error
+    while cause is not None:
+        module = ((cause.name if isinstance(cause, ImportError) else None) or "").split(".")[0]
+        if module in EXTRAS and isinstance(cause, ModuleNotFoundError):
+            return f"this needs {module}, which is not installed: pip install 'vjm-stiffness[{EXTRAS[module]}]'"
+        cause = cause.__cause__ or cause.__context__
+    return ""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -84,18 +86,16 @@ def run(arguments: Sequence[str]) -> int:
     try:
         result = app(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as error:
-        terminal.error(" ".join(str(error).split()))
+        # its own error stands before that of a command's module which it could not import
+        terminal.error(lacking(error) or " ".join(str(error).split()))
         return BAD_INPUT
     except NoConvergenceError as error:
         terminal.error(str(error))
         return GAVE_UP
     except BrokenPipeError:
         return OK
-    except ModuleNotFoundError as error:
-        terminal.error(lacking(error))
-        return BAD_INPUT
     except (ValueError, OSError, ImportError) as error:
-        terminal.error(terminal.one_line(error))
+        terminal.error(lacking(error) or terminal.one_line(error))
         return BAD_INPUT
     except KeyboardInterrupt:
         terminal.error("interrupted")
