@@ -74,7 +74,7 @@ $(VENV)/.runtime: pyproject.toml constraints.txt
 	@echo 'Installing the dependencies into $(VENV): a minute or two, 1.5 GB.'
 	@$(PYTHON) -m venv $(VENV)
 	@$(PIP_INSTALL) -c constraints.txt hatchling
-	@$(PIP_INSTALL) -c constraints.txt --no-build-isolation .
+	@$(PIP_INSTALL) -c constraints.txt --no-build-isolation '.[all]'
 	@$(BIN)/python -c 'import exudyn' || { echo 'exudyn does not load. Where libGL.so.1 is missing, install it (Debian: apt-get install libgl1).' >&2; exit 1; }
 	@touch $@
 

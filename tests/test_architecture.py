@@ -30,6 +30,8 @@ MAY_IMPORT = {
     "vjm": {"numpy", "scipy", "numba"},
     # pydantic's error types live in its core
     "vjm.io": {"numpy", "scipy", "pydantic", "pydantic_core", "urdf_parser_py"},
+    # what it shows results with, imported when asked
+    "vjm.notebook": {"numpy", "matplotlib", "pandas"},
     "vjm_output": {"vjm", "numpy", "pydantic", "matplotlib", "jinja2", "markupsafe", "rich"},
     "vjm_fea": {"vjm", "numpy", "scipy", "exudyn", "openseespy", "gmsh", "skfem", "pypardiso"},
     "vjm_updating": {

@@ -3,6 +3,103 @@
 Rigid links, perfect passive joints and lumped six-dimensional springs, after Pashkevich, Klimchik and
 Chablat, *Nonlinear Effects in Stiffness Modeling of Robotic Manipulators*. Equation numbers in this package
 are that paper's. Units inside are N, mm and rad.
+
+The names in ``__all__`` are public and stay. Each is imported when it is first used: ``import vjm`` takes
+milliseconds.
+
+Example:
+    >>> import vjm
+    >>> chain = vjm.load("orthoglide-chain")
+    >>> vjm.trace(chain, vjm.LoadCase("A", to=-4.0))
+    <Path orthoglide-chain, posture A, vjm-16: x to -4 mm, 58 equilibria
+     K0 = 3300.3 N/mm; 0 of 58 unstable
+     bifurcation at s = 2.72324, force 8849.14>
 """
 
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from vjm.analysis import Buckling, LoadedStiffness, Machine, buckling, stiffness, trace
+    from vjm.continuation.path import Equilibrium, Event, EventKind, Path
+    from vjm.engines import EngineOptions, engine_by_name
+    from vjm.errors import NoConvergenceError
+    from vjm.io.errors import ModelFileError
+    from vjm.io.manipulator_file import load_model as load
+    from vjm.io.path_files import read_curve, write_curve
+    from vjm.model.chain import Chain
+    from vjm.model.load_case import Load, LoadCase, PointControl
+    from vjm.platform.manipulator import Manipulator
+    from vjm.vjm_engine import VjmEngine
+
 __version__ = "0.1.0"
+
+_HOME = {
+    "Buckling": "vjm.analysis",
+    "Chain": "vjm.model.chain",
+    "EngineOptions": "vjm.engines",
+    "Equilibrium": "vjm.continuation.path",
+    "Event": "vjm.continuation.path",
+    "EventKind": "vjm.continuation.path",
+    "Load": "vjm.model.load_case",
+    "LoadCase": "vjm.model.load_case",
+    "LoadedStiffness": "vjm.analysis",
+    "Machine": "vjm.analysis",
+    "Manipulator": "vjm.platform.manipulator",
+    "ModelFileError": "vjm.io.errors",
+    "NoConvergenceError": "vjm.errors",
+    "Path": "vjm.continuation.path",
+    "PointControl": "vjm.model.load_case",
+    "VjmEngine": "vjm.vjm_engine",
+    "buckling": "vjm.analysis",
+    "engine_by_name": "vjm.engines",
+    "load": "vjm.io.manipulator_file:load_model",
+    "read_curve": "vjm.io.path_files",
+    "stiffness": "vjm.analysis",
+    "trace": "vjm.analysis",
+    "write_curve": "vjm.io.path_files",
+}
+"""Module of every public name; behind a colon the name there, where it is another."""
+
+__all__ = [
+    "Buckling",
+    "Chain",
+    "EngineOptions",
+    "Equilibrium",
+    "Event",
+    "EventKind",
+    "Load",
+    "LoadCase",
+    "LoadedStiffness",
+    "Machine",
+    "Manipulator",
+    "ModelFileError",
+    "NoConvergenceError",
+    "Path",
+    "PointControl",
+    "VjmEngine",
+    "__version__",
+    "buckling",
+    "engine_by_name",
+    "load",
+    "read_curve",
+    "stiffness",
+    "trace",
+    "write_curve",
+]
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name at its first use (PEP 562)."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'vjm' has no attribute '{name}'; it offers {', '.join(_HOME)}")
+    module, _, there = _HOME[name].partition(":")
+    value: object = getattr(importlib.import_module(module), there or name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME})

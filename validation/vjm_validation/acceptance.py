@@ -12,8 +12,8 @@ from pydantic import BaseModel, ConfigDict
 
 from vjm.continuation.direction import Direction
 from vjm.continuation.path import EventKind, Path
+from vjm.engines import FROZEN
 from vjm_validation.comparison import force_difference, shape_difference
-from vjm_validation.engines import FROZEN
 from vjm_validation.metrics import PathMetrics, path_metrics
 from vjm_validation.studies.discovery_results import CAUSE, DiscoveryStudy
 from vjm_validation.studies.robots import COMPARED, ROBOT, SECOND, SPRINGS, CriticalRow, RobotStudy

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from vjm.engine import Engine
+from vjm.engines import for_model
 from vjm.io.manipulator_file import load_model
 from vjm.model.chain import Chain
 from vjm.platform.manipulator import Manipulator
-from vjm.platform.problem import ManipulatorEngine
-from vjm.vjm_engine import VjmEngine
-
-if TYPE_CHECKING:
-    from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine
 
 
 def loaded(name_or_path: str, *, shear: bool = True) -> tuple[Chain, Callable[[Engine], Engine]]:
@@ -34,7 +30,7 @@ def loaded(name_or_path: str, *, shear: bool = True) -> tuple[Chain, Callable[[E
         model = model.rigid_in_shear()
     if isinstance(model, Chain):
         return model, lambda engine: engine
-    return cast(Chain, model), lambda engine: cast(Engine, solver(engine))
+    return cast(Chain, model), lambda engine: for_model(engine, model)
 
 
 def postures(model: Chain, wanted: Sequence[str]) -> list[str]:
@@ -54,23 +50,3 @@ def postures(model: Chain, wanted: Sequence[str]) -> list[str]:
                 f"--posture: {model.name} has no posture '{label}' (it has {', '.join(model.postures)})"
             )
     return list(wanted or model.postures)
-
-
-def solver(engine: Engine) -> ManipulatorEngine | ManipulatorExudynEngine:
-    """The engine of the same name for whole manipulators.
-
-    Raises:
-        ValueError: it knows single chains only.
-    """
-    if isinstance(engine, VjmEngine):
-        return ManipulatorEngine(engine)
-    if engine.label == "exudyn":
-        # imported late: finite elements take a third of a second that the lumped model does not need
-        from vjm_fea.exudyn.engine import ExudynEngine
-        from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine
-
-        assert isinstance(engine, ExudynEngine)
-        return ManipulatorExudynEngine(engine.elements, engine.shear)
-    raise ValueError(
-        f"--engine {engine.label}: walks single chains only; manipulators take vjm, vjm-paper and exudyn"
-    )

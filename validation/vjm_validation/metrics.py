@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from vjm.continuation.path import Equilibrium, EventKind, Path
+from vjm.continuation.path import EventKind, Path, travel
 
 
 class PathMetrics(BaseModel):
@@ -50,19 +50,6 @@ def path_metrics(path: Path) -> PathMetrics:
         K3=path.points[-1].tangent,
         stopped=path.stopped,
     )
-
-
-def travel(path: Path, point: Equilibrium) -> float:
-    """How far a point of a path is along what drives it: the ramp, or the end-effector along its ramped loads.
-
-    Nan where loads are driven and none of them acts on the end-effector.
-    """
-    load_case = path.load_case
-    if not load_case.load_driven:
-        return point.ramp
-    force = sum((np.array(load.wrench) for load in load_case.loads if load.ramped and not load.part), np.zeros(6))
-    size = float(np.linalg.norm(force))
-    return load_case.sign * float(point.displacement @ force) / size if size else float("nan")
 
 
 def force_at(path: Path, s: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 from vjm.continuation.arc_length import trace
 from vjm.continuation.path import Path
@@ -24,10 +25,12 @@ class OpenSeesEngine:
     Attributes:
         elements: per beam.
         element: which.
+        takes_shear: its beams are rigid in shear.
     """
 
     elements: int = 16
     element: Element = Element.BOWED
+    takes_shear: ClassVar[bool] = False
 
     @property
     def label(self) -> str:

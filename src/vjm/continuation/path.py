@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
+
+if TYPE_CHECKING:
+    from vjm.notebook import Axes, DataFrame
 
 
 class EventKind(StrEnum):
@@ -59,6 +63,10 @@ class Equilibrium:
     stiffness: Array | None = None
     ramp: float = float("nan")
 
+    def __repr__(self) -> str:
+        stable = "unstable" if self.unstable > 0 else "stable" if self.unstable == 0 else "stability not computed"
+        return f"<Equilibrium at s = {self.s:.6g}, tangent {self.tangent:.6g}, {stable}>"
+
     def __post_init__(self) -> None:
         if np.isnan(self.ramp):
             object.__setattr__(self, "ramp", self.s)
@@ -87,6 +95,9 @@ class Event:
     multiplicity: int = 1
     point: Equilibrium | None = None
     switched: bool = False
+
+    def __repr__(self) -> str:
+        return f"{self.kind} at s = {self.s:.6g}, force {self.force:.6g}"
 
 
 @dataclass(frozen=True)
@@ -179,3 +190,59 @@ class Path:
     def complete(self) -> bool:
         """Whether the path reached the end of its load case."""
         return not self.stopped
+
+    def __repr__(self) -> str:
+        from vjm.notebook import path_unit
+
+        case, unit, n = self.load_case, path_unit(self), len(self.points)
+        unit = f" {unit}" if unit else ""
+        axis = case.axis if isinstance(case.axis, str) else "a direction"
+        per = "" if case.load_driven else " N/mm" if unit == " mm" else " N mm/rad"
+        lines = [
+            f"<Path {self.model}, posture {case.posture}, {self.engine}: "
+            f"{axis} to {case.to:g}{unit}, {n} equilibria",
+            f" K0 = {self.points[0].tangent:.5g}{per}; {int((self.unstable > 0).sum())} of {n} unstable",
+        ]
+        for event in self.events:
+            lines.append(f" {event!r}")
+        if self.stopped:
+            lines.append(f" ends at {self.points[-1].ramp:.5g}{unit}: {self.stopped}")
+        return "\n".join(lines) + ">"
+
+    def _repr_html_(self) -> str:
+        from vjm.notebook import path_html
+
+        return path_html(self)
+
+    def to_frame(self) -> DataFrame:
+        """A row a point under the names of a curve file, as a pandas DataFrame.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        from vjm.notebook import frame_of, path_columns
+
+        return frame_of(path_columns(self))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Force over displacement with its critical points.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        from vjm.notebook import path_plot
+
+        return path_plot(self, ax)
+
+
+def travel(path: Path, point: Equilibrium) -> float:
+    """How far a point of a path is along what drives it: the ramp, or the end-effector along its ramped loads.
+
+    Nan where loads are driven and none of them acts on the end-effector.
+    """
+    load_case = path.load_case
+    if not load_case.load_driven:
+        return point.ramp
+    force = sum((np.array(load.wrench) for load in load_case.loads if load.ramped and not load.part), np.zeros(6))
+    size = float(np.linalg.norm(force))
+    return load_case.sign * float(point.displacement @ force) / size if size else float("nan")

@@ -53,6 +53,10 @@ class Chain:
     point_springs: tuple[PointSpring, ...] = ()
     ends: Mapping[str, str] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        parts = ", ".join(part.name for part in self.parts)
+        return f"<Chain {self.name}: {parts}; postures {', '.join(self.postures) or 'none'}>"
+
     def __post_init__(self) -> None:
         names = [part.name for part in self.parts]
         twice = sorted({name for name in names if names.count(name) > 1})

@@ -160,6 +160,10 @@ class Manipulator:
     source: str = ""
     sha256: str = ""
 
+    def __repr__(self) -> str:
+        legs = ", ".join(leg.name for leg in self.legs)
+        return f"<Manipulator {self.name}: legs {legs}; poses {', '.join(self.poses) or 'none'}>"
+
     def __post_init__(self) -> None:
         self._check_names()
         self._check_graph()

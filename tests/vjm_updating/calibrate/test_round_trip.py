@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from vjm.continuation.path import Path as LoadPath
+from vjm.engines import engine_by_name
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm_updating.calibrate.command import DOCUMENT, MODEL, PAGE, calibrate, prepare
-from vjm_validation.engines import engine_by_name
 from vjm_validation.metrics import force_at
 from vjm_validation.schemas import schemas
 

@@ -11,6 +11,7 @@ from vjm import __version__
 from vjm.batch import Failure, Task, trace_all
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Path
+from vjm.engines import engine_by_name
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import RAMP, TO_LIMIT
 from vjm.model.parts import Placement
@@ -37,7 +38,6 @@ from vjm_validation.cli.options import (
 )
 from vjm_validation.cli.status import UsageError
 from vjm_validation.documents import BucklingDocument
-from vjm_validation.engines import engine_by_name
 from vjm_validation.load_any_model import loaded, postures
 from vjm_validation.metrics import PathMetrics, path_metrics
 

@@ -9,6 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
+from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.files import check_writable, write_whole
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
@@ -18,7 +19,6 @@ from vjm_validation.cli.load_case_options import GravityOption, acceleration
 from vjm_validation.cli.options import Json, Model, Posture, Segments, segments_of
 from vjm_validation.cli.status import OK, UsageError
 from vjm_validation.compensation import compensation, picture, write_commands
-from vjm_validation.engines import EngineOptions, engine_by_name
 from vjm_validation.load_any_model import loaded, postures
 from vjm_validation.tool_path import read_tool_path
 

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from vjm.continuation.path import Path
+from vjm.engines import engine_by_name
 from vjm.io.files import check_writable
 from vjm.io.path_files import write_curve
 from vjm.model.parts import Placement
@@ -31,7 +32,6 @@ from vjm_validation.cli.options import (
     with_shear,
     within_reach,
 )
-from vjm_validation.engines import engine_by_name
 from vjm_validation.load_any_model import loaded, postures
 
 

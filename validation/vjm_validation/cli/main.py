@@ -71,6 +71,30 @@ def _compute(path: Path, table: SolidTable, key: str) -> SolidResult:
 provide(_compute)
 
 
+EXTRAS = {
+    "exudyn": "fea",
+    "matplotlib": "report",
+    "pyvista": "report",
+    "vtk": "report",
+    "jinja2": "report",
+    "openseespy": "opensees",
+    "urdf_parser_py": "urdf",
+    "distributed": "cluster",
+}
+"""The optional extra that brings a module."""
+
+
+def lacking(error: BaseException) -> str:
+    """What to install for a command that lacks an extra; empty where that is not the error."""
+    cause: BaseException | None = error
+    while cause is not None:
+        module = ((cause.name if isinstance(cause, ImportError) else None) or "").split(".")[0]
+        if module in EXTRAS and isinstance(cause, ModuleNotFoundError):
+            return f"this needs {module}, which is not installed: pip install 'vjm-stiffness[{EXTRAS[module]}]'"
+        cause = cause.__cause__ or cause.__context__
+    return ""
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command and exit with its status."""
     # whoever stops a run politely gets what Ctrl-C gives: finished work stays, and one line says so
@@ -93,7 +117,8 @@ def run(arguments: Sequence[str]) -> int:
     try:
         result = app(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as error:
-        terminal.error(" ".join(str(error).split()))
+        # its own error stands before that of a command's module which it could not import
+        terminal.error(lacking(error) or " ".join(str(error).split()))
         return BAD_INPUT
     except NoConvergenceError as error:
         terminal.error(str(error))
@@ -101,7 +126,7 @@ def run(arguments: Sequence[str]) -> int:
     except BrokenPipeError:
         return OK
     except (ValueError, OSError, ImportError) as error:
-        terminal.error(terminal.one_line(error))
+        terminal.error(lacking(error) or terminal.one_line(error))
         return BAD_INPUT
     except KeyboardInterrupt:
         terminal.error("interrupted")

@@ -13,6 +13,7 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
+from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.files import locked
 from vjm.io.manipulator_file import load_manipulator, load_model
 from vjm.model.chain import Chain
@@ -27,7 +28,6 @@ from vjm_updating.maps.run import Map, run_map
 from vjm_validation.cli import pages
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, acceleration
-from vjm_validation.engines import EngineOptions, engine_by_name
 from vjm_validation.load_any_model import postures
 from vjm_validation.loaded_stiffness import held_by_itself
 

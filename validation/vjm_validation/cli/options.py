@@ -9,12 +9,12 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from vjm.continuation.path import EventKind, Path
+from vjm.engines import FROZEN, EngineOptions
 from vjm.model.chain import Chain
 from vjm.model.parts import Placement
 from vjm.plain_numbers import plain_number, whole_number
 from vjm_output import terminal
 from vjm_validation.cli.status import GAVE_UP, OK, UsageError
-from vjm_validation.engines import FROZEN, EngineOptions
 
 ZERO = "0,0,0,0,0,0"
 MOST = 100_000

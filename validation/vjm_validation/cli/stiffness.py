@@ -8,6 +8,8 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
+from vjm.analysis import stiffness
+from vjm.engines import engine_by_name
 from vjm.model.chain import Chain
 from vjm.model.parts import Placement
 from vjm.vjm_engine import VjmEngine
@@ -32,9 +34,8 @@ from vjm_validation.cli.options import (
 )
 from vjm_validation.cli.status import OK, UsageError
 from vjm_validation.documents import StiffnessDocument
-from vjm_validation.engines import engine_by_name
 from vjm_validation.load_any_model import loaded, postures
-from vjm_validation.loaded_stiffness import held_by_itself, of_free_end, traced, under_wrench
+from vjm_validation.loaded_stiffness import held_by_itself, of_free_end, stiffness_document
 
 
 def stiffness_(
@@ -65,7 +66,7 @@ def stiffness_(
     if wrench is not None and displacement is not None:
         raise UsageError("give --wrench or --displacement, not both: one imposes the other")
     pages.check(plot, report)
-    chain, whole = loaded(model, shear=with_shear(shear))
+    chain, _ = loaded(model, shear=with_shear(shear))
     doubts = considered(model, strict)
     solver = engine_by_name(engine, engine_options(segments, foot_segments, placement), chain)
     label = postures(chain, (posture,) if posture else ())[0]
@@ -84,15 +85,12 @@ def stiffness_(
             f"--gravity, --load and --end are for machines that carry their free end by vjm; {chain.name} "
             f"{'has passive joints' if displacement is None else 'is held at --displacement'}: see `validate curve`"
         )
-    elif wrench is not None and isinstance(chain, Chain) and isinstance(solver, VjmEngine):
-        # a single chain swings under its passive joints: Newton on the free end goes where no straight path does
-        document = under_wrench(chain, solver, label, six("--wrench", wrench))
+    elif wrench is not None:
+        document = stiffness_document(stiffness(chain, label, wrench=six("--wrench", wrench), engine=solver))
     else:
-        control, text = ("wrench", wrench) if wrench is not None else ("displacement", displacement or ZERO)
-        numbers = six(f"--{control}", text)
-        if control == "displacement":
-            within_reach("--displacement", chain, numbers)
-        document = traced(chain, whole(solver), label, control, numbers)
+        numbers = six("--displacement", displacement or ZERO)
+        within_reach("--displacement", chain, numbers)
+        document = stiffness_document(stiffness(chain, label, displacement=numbers, engine=solver))
     document = document.model_copy(update={"doubts": doubt_rows(doubts)})
     if json:
         sys.stdout.write(as_json(document))

@@ -11,9 +11,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from vjm.continuation.path import Path
+from vjm.continuation.path import Path, travel
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
-from vjm_validation.metrics import travel
 
 if TYPE_CHECKING:
     # of every comparison, which takes seconds to import

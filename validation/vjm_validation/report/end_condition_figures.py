@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from vjm.continuation.imperfections import ImperfectionCurve
-from vjm.continuation.path import EventKind, Path
+from vjm.continuation.path import EventKind, Path, travel
 from vjm_output.plot_style import EVENT_MARKERS, FE, REFINED, Picture, drawing_of, figure, listed, number, percent
-from vjm_validation.metrics import path_metrics, travel
+from vjm_validation.metrics import path_metrics
 from vjm_validation.report.words import SHARP, Finding, Tone
 from vjm_validation.studies.end_conditions import END_CONDITIONS, HINGED_LOAD
 from vjm_validation.studies.study_results import EndConditionStudy, Run

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from vjm.continuation.path import EventKind
+from vjm.engines import engine_by_name
 from vjm.io.files import write_whole
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
@@ -24,7 +25,6 @@ from vjm_updating.diagnose.command import MODEL, PAGE, diagnose
 from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.experiment import read_measurement
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_validation.engines import engine_by_name
 from vjm_validation.studies.discovery_results import Discovery, DiscoveryStudy
 from vjm_validation.virtual_rig import Design, Known, Response, Sequence, data_text, read, sheet_text
 

@@ -11,6 +11,7 @@ from pathlib import Path as FilePath
 from vjm.batch import map_all
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Path
+from vjm.engines import engine_by_name
 from vjm.io.files import check_writable, write_whole
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
@@ -24,7 +25,6 @@ from vjm_validation.acceptance import (
     robot_rows,
     solver_rows,
 )
-from vjm_validation.engines import engine_by_name
 from vjm_validation.studies import parallelogram, robots
 from vjm_validation.studies.end_conditions import end_condition_study
 from vjm_validation.studies.iterations import iteration_study

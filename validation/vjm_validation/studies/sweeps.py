@@ -9,12 +9,12 @@ from pathlib import Path as FilePath
 from vjm import batch
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Path
+from vjm.engines import engine_by_name
 from vjm.errors import NoConvergenceError
 from vjm.io.path_files import load_path, save_path, write_curve
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm_output import terminal
-from vjm_validation.engines import engine_by_name
 from vjm_validation.studies.study_results import Key
 
 ENGINES = (

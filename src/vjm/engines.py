@@ -1,14 +1,23 @@
-"""The engines by name."""
+"""The engines by name.
+
+Those of the virtual joint method and the conventional models are here. Every other is found by the entry point of
+its name in the group ``vjm.engines`` of an installed package: a function that takes `EngineOptions` and returns an
+engine. That is how the finite elements of ``vjm_fea`` come in, and how anybody's own engine does.
+"""
 
 from __future__ import annotations
 
+import importlib.metadata
 import re
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from typing import Any, cast
 
 from vjm.engine import Engine
 from vjm.model.chain import Chain
 from vjm.model.parts import Placement
+from vjm.platform.manipulator import Manipulator
+from vjm.platform.problem import ManipulatorEngine
 from vjm.vjm_engine import VjmEngine
 
 DESCRIPTIONS = {
@@ -24,6 +33,8 @@ DESCRIPTIONS = {
 """Every engine's name and what it is."""
 
 DEFAULT_SEGMENTS = 16
+GROUP = "vjm.engines"
+"""Of the entry points by which other packages bring engines."""
 FROZEN = "vjm-unloaded-jacobian"
 """The engine that stops at its first event by its nature."""
 
@@ -71,11 +82,33 @@ def engine_by_name(name: str, options: EngineOptions = EngineOptions(), chain: o
         return VjmEngine(parts=options.parts) if name == "vjm-paper" else _vjm(options, chain)
     if name in ("vjm-linear", "vjm-unloaded-jacobian", "msa"):
         return _baseline(name)
-    if name in ("exudyn", "exudyn-footspring", "opensees"):
-        return _finite_elements(name, options, chain)
+    for entry in importlib.metadata.entry_points(group=GROUP):
+        if entry.name == name:
+            return _brought(entry, options, chain)
     near = get_close_matches(name, DESCRIPTIONS, 1)
     hint = f"; did you mean '{near[0]}'?" if near else ""
     raise ValueError(f"unknown engine '{name}'{hint} (there are {', '.join(DESCRIPTIONS)})")
+
+
+def _brought(entry: importlib.metadata.EntryPoint, options: EngineOptions, chain: object) -> Engine:
+    """The engine of another package's entry point.
+
+    Raises:
+        ValueError: it takes no springs by part, or no shear, which the model states.
+        ImportError: what it needs is not installed; one line that says how to get it.
+    """
+    if options.parts:
+        raise ValueError(
+            f"--segments: {entry.name} takes one number of elements for all beams, not numbers by part"
+        )
+    make: Any = entry.load()
+    engine: Engine = make(options)
+    if isinstance(chain, Chain) and chain.shears and not getattr(engine, "takes_shear", True):
+        raise ValueError(
+            f"{entry.name}: its beams are rigid in shear, but the model states GA: "
+            "--no-shear leaves it out in every engine, or take vjm or exudyn"
+        )
+    return engine
 
 
 def _vjm(options: EngineOptions, chain: object) -> VjmEngine:
@@ -86,7 +119,7 @@ def _vjm(options: EngineOptions, chain: object) -> VjmEngine:
     return VjmEngine(options.segments or DEFAULT_SEGMENTS, foot, options.placement, options.parts)
 
 
-# Each family is imported when it is asked for: one command needs one of them, and each takes a third of a second.
+# Imported when it is asked for: it takes a third of a second.
 
 
 def _baseline(name: str) -> Engine:
@@ -100,19 +133,22 @@ def _baseline(name: str) -> Engine:
     return known[name]
 
 
-def _finite_elements(name: str, options: EngineOptions, chain: object) -> Engine:
-    if options.parts:
-        raise ValueError(f"--segments: {name} takes one number of elements for all beams, not numbers by part")
-    elements = options.segments or DEFAULT_SEGMENTS
-    if name == "opensees":
-        if isinstance(chain, Chain) and chain.shears:
-            raise ValueError(
-                "opensees: its corotational beams are rigid in shear, but the model states GA: "
-                "--no-shear leaves it out in every engine, or take vjm or exudyn"
-            )
-        from vjm_fea.opensees import OpenSeesEngine
+def for_model(engine: Engine, model: Chain | Manipulator) -> Engine:
+    """The engine as it traces a chain, or the one of the same name that traces a whole manipulator.
 
-        return OpenSeesEngine(elements=elements)
-    from vjm_fea.exudyn.engine import ExudynEngine
+    A manipulator goes under the protocol of a chain there: whoever compares paths asks neither.
 
-    return ExudynEngine(foot_spring=name.endswith("footspring"), elements=elements)
+    Raises:
+        ValueError: the engine knows single chains only.
+    """
+    if isinstance(model, Chain):
+        return engine
+    if isinstance(engine, VjmEngine):
+        return cast(Engine, ManipulatorEngine(engine))
+    whole = getattr(engine, "for_manipulators", None)
+    if whole is None or whole() is None:
+        raise ValueError(
+            f"--engine {engine.label}: traces single chains only; manipulators take vjm, vjm-paper and exudyn"
+        )
+    found: Engine = whole()
+    return found

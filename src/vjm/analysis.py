@@ -1,0 +1,373 @@
+"""What is asked of a machine, in one call each: a path, a loaded stiffness, critical points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
+
+import numpy as np
+
+from vjm.continuation.direction import Direction, ramp_end
+from vjm.continuation.path import Path, travel
+from vjm.engine import Engine
+from vjm.engines import EngineOptions, engine_by_name, for_model
+from vjm.errors import NoConvergenceError
+from vjm.model.chain import Chain
+from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
+from vjm.platform.manipulator import Manipulator
+from vjm.rotations import Array, displacement_between
+from vjm.statics.equilibrium import solve_under_wrench
+from vjm.statics.stability import free_stability
+from vjm.statics.stiffness import loaded_stiffness, unloaded_stiffness
+from vjm.vjm_engine import VjmEngine
+
+if TYPE_CHECKING:
+    from vjm.notebook import Axes, DataFrame
+
+Machine: TypeAlias = Chain | Manipulator
+"""What `vjm.load` returns: a serial chain or tree of parts, or legs on a platform."""
+
+DEFAULTS = EngineOptions()
+NEARLY_NOTHING = 1e-6
+"""mm: end of a path of which only the unloaded beginning is wanted."""
+DISPLACEMENT, WRENCH = "displacement", "wrench"
+"""What is imposed on the end-effector."""
+
+
+@dataclass(frozen=True, repr=False)
+class LoadedStiffness:
+    """A stable loaded equilibrium with its stiffness, world axes.
+
+    Attributes:
+        model: name.
+        model_sha256: hash of its file.
+        engine: label.
+        posture: label.
+        control: what is imposed: ``displacement`` or ``wrench``.
+        displacement: ``(6,)`` of the end-effector: translation and rotation vector, mm and rad.
+        wrench: ``(6,)`` on the end-effector, N and N mm.
+        loaded: ``(6, 6)`` K^F of eq. (18), N/mm, N, N mm.
+        unloaded: ``(6, 6)`` K of eq. (5).
+        eigenvalue: smallest of the second variation, in units of the engine's energy scale; nan if not computed.
+        iterations: of the solver.
+        residual: largest scaled component of the equilibrium equations.
+        events: critical points that were passed on the way, in words.
+    """
+
+    model: str
+    model_sha256: str
+    engine: str
+    posture: str
+    control: str
+    displacement: Array
+    wrench: Array
+    loaded: Array
+    unloaded: Array
+    eigenvalue: float
+    iterations: int
+    residual: float
+    events: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        from vjm.notebook import rounded
+
+        diagonal, wrench = rounded(np.diag(self.loaded)), rounded(self.wrench)
+        return (
+            f"<LoadedStiffness {self.model}, posture {self.posture}, {self.engine}, imposed {self.control}\n"
+            f" wrench {wrench} N, N mm\n"
+            f" diagonal of K^F {diagonal} N/mm, N mm/rad>"
+        )
+
+    def _repr_html_(self) -> str:
+        from vjm.notebook import stiffness_html
+
+        return stiffness_html(self)
+
+    def to_frame(self) -> DataFrame:
+        """The loaded matrix as a pandas DataFrame, rows wrench components, columns displacements.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        from vjm.notebook import stiffness_frame
+
+        return stiffness_frame(self)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The diagonals of K and K^F side by side, as ratios.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        from vjm.notebook import stiffness_plot
+
+        return stiffness_plot(self, ax)
+
+
+@dataclass(frozen=True, repr=False)
+class Buckling:
+    """Paths of a machine in several postures and directions, and their critical points.
+
+    Attributes:
+        paths: by posture and direction (``tension``, ``compression``).
+    """
+
+    paths: Mapping[tuple[str, str], Path]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row a path: posture, direction, ``K0``, kind of the first event, ``F_cr``, ``d_cr``, ``K1``, ``K2``.
+
+        N and mm along the driven component, magnitudes; None where there is no event.
+        """
+        rows = []
+        for (posture, direction), path in self.paths.items():
+            event = path.critical
+            rows.append(
+                {
+                    "posture": posture,
+                    "direction": direction,
+                    "K0": path.points[0].tangent,
+                    "critical": str(event.kind) if event else None,
+                    "F_cr": event.force if event else None,
+                    "d_cr": travel(path, event.point) if event and event.point else None,
+                    "K1": event.stiffness_before if event else None,
+                    "K2": event.stiffness_after if event else None,
+                }
+            )
+        return rows
+
+    def __repr__(self) -> str:
+        first = next(iter(self.paths.values()))
+        lines = [f"<Buckling {first.model}, {first.engine}"]
+        for row in self.rows():
+            what = "no critical point"
+            if row["critical"]:
+                what = f"{row['critical']} at {row['d_cr']:.5g} mm, {row['F_cr']:.5g} N"
+            lines.append(f" {row['posture']} {row['direction']}: K0 = {row['K0']:.5g} N/mm; {what}")
+        return "\n".join(lines) + ">"
+
+    def _repr_html_(self) -> str:
+        from vjm.notebook import table_html
+
+        return table_html(self.rows())
+
+    def to_frame(self) -> DataFrame:
+        """`rows` as a pandas DataFrame.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        from vjm.notebook import frame_of
+
+        return frame_of(self.rows())
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Every path's force over displacement, critical points marked.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        from vjm.notebook import path_plot
+
+        for (posture, direction), path in self.paths.items():
+            ax = path_plot(path, ax, f"{posture}, {direction}")
+        assert ax is not None
+        return ax
+
+
+def trace(
+    machine: Machine,
+    load_case: LoadCase,
+    engine: str | Engine = "vjm",
+    options: EngineOptions = DEFAULTS,
+) -> Path:
+    """The equilibrium path of a machine under a load case, on the stable branch behind every bifurcation.
+
+    Args:
+        machine: see `vjm.load`.
+        load_case: what is done to it.
+        engine: a word of `vjm.engine_by_name` such as ``vjm``, ``vjm-16f16`` or ``exudyn``, or an engine.
+        options: number of springs or elements, for an engine given by its word.
+
+    Raises:
+        ValueError: no such engine or posture, or the engine cannot do what the load case asks.
+        NoConvergenceError: no stable state to start from.
+
+    Example:
+        >>> import vjm
+        >>> path = vjm.trace(vjm.load("orthoglide-chain"), vjm.LoadCase("A", to=1.0), engine="vjm-paper")
+        >>> path.critical.kind, round(path.critical.force)
+        (<EventKind.BIFURCATION: 'bifurcation'>, 2696)
+    """
+    return _solver(machine, engine, options).trace(cast(Chain, machine), load_case)
+
+
+def stiffness(
+    machine: Machine,
+    posture: str = "",
+    *,
+    displacement: Sequence[float] | None = None,
+    wrench: Sequence[float] | None = None,
+    engine: str | Engine = "vjm",
+    options: EngineOptions = DEFAULTS,
+) -> LoadedStiffness:
+    """The loaded equilibrium of a machine and its 6×6 stiffness, eq. (18), beside the unloaded one, eq. (5).
+
+    Args:
+        machine: see `vjm.load`.
+        posture: label; the first one if left out.
+        displacement: ``(6,)`` of the end-effector, imposed; mm and rad, world axes. Zero if neither is given.
+        wrench: ``(6,)`` on the free end-effector, dead; N and N mm, world axes.
+        engine: as for `trace`.
+        options: likewise.
+
+    Raises:
+        ValueError: both are given, or not six numbers, no such posture, or the engine computes no 6×6 stiffness.
+        NoConvergenceError: there is no stable equilibrium; the message says how far it came.
+
+    Example:
+        >>> import vjm
+        >>> vjm.stiffness(vjm.load("orthoglide-chain"), "A", displacement=(-1, 0, 0, 0, 0, 0))
+        <LoadedStiffness orthoglide-chain, posture A, vjm-16, imposed displacement
+         wrench -3281.5 0 -11.516 0 0 0 N, N mm
+         diagonal of K^F 3262.7 -10.804 -10.473 67882 0 0.83598 N/mm, N mm/rad>
+    """
+    if displacement is not None and wrench is not None:
+        raise ValueError("give displacement or wrench, not both: one imposes the other")
+    control, given = (WRENCH, wrench) if wrench is not None else (DISPLACEMENT, displacement or (0.0,) * 6)
+    values = tuple(float(value) for value in given)
+    if len(values) != 6 or not np.all(np.isfinite(values)):
+        raise ValueError(f"{control} must be six finite numbers, got {list(given)}")
+    label = posture or _labels(machine)[0]
+    solver = engine_by_name(engine, options, machine) if isinstance(engine, str) else engine
+    if wrench is not None and isinstance(machine, Chain) and isinstance(solver, VjmEngine):
+        # a single chain swings under its passive joints: Newton on the free end goes where no straight path does
+        return _under_wrench(machine, solver, label, values)
+    return _traced(machine, for_model(solver, machine), label, control, values)
+
+
+def buckling(
+    machine: Machine,
+    postures: Sequence[str] = (),
+    directions: Sequence[str] = ("tension", "compression"),
+    *,
+    engine: str | Engine = "vjm",
+    options: EngineOptions = DEFAULTS,
+    to: float | None = None,
+    free: Sequence[str] = (),
+    force: bool = False,
+) -> Buckling:
+    """Paths along x in every posture and direction, with their critical points.
+
+    Args:
+        machine: see `vjm.load`.
+        postures: labels; all if left out.
+        directions: ``tension`` is the positive ramp, ``compression`` the negative one.
+        engine: as for `trace`.
+        options: likewise.
+        to: how far, mm, or N with ``force``; 4 mm by default.
+        free: components in which the end-effector is let go, such as ``("rx", "ry", "rz")``.
+        force: a dead force along x is driven, up to its first maximum, instead of the displacement.
+
+    Raises:
+        ValueError: as `trace`, or ``force`` without ``to``.
+        NoConvergenceError: as `trace`.
+
+    Example:
+        >>> import vjm
+        >>> vjm.buckling(vjm.load("orthoglide-chain"), ["A"], engine="vjm-paper")
+        <Buckling orthoglide-chain, vjm-paper
+         A tension: K0 = 3300.3 N/mm; bifurcation at 0.81313 mm, 2696.2 N
+         A compression: K0 = 3300.3 N/mm; no critical point>
+    """
+    if force and to is None:
+        raise ValueError("with force=True say up to how many N: to=…")
+    solver = _solver(machine, engine, options)
+    paths = {}
+    for posture in postures or _labels(machine):
+        for word in directions:
+            direction = Direction(word)
+            end = ramp_end(cast(Chain, machine), posture, direction) if to is None else direction.sign * abs(to)
+            case = LoadCase(posture, end, free=tuple(free))
+            if force:
+                push = Load((1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+                slides = tuple(name for name in COMPONENTS if name == "x" or name in free)
+                case = LoadCase(posture, end, "load", free=slides, loads=(push,), control=TO_LIMIT)
+            paths[posture, str(direction)] = solver.trace(cast(Chain, machine), case)
+    return Buckling(paths)
+
+
+def _solver(machine: Machine, engine: str | Engine, options: EngineOptions) -> Engine:
+    found = engine_by_name(engine, options, machine) if isinstance(engine, str) else engine
+    return for_model(found, machine)
+
+
+def _labels(machine: Machine) -> list[str]:
+    return list(machine.postures)
+
+
+def _traced(
+    machine: Machine, solver: Engine, posture: str, control: str, values: tuple[float, ...]
+) -> LoadedStiffness:
+    """The stable equilibrium at the end of a straight path, by any engine that computes K^F."""
+    path = solver.trace(cast(Chain, machine), _straight(posture, control, values))
+    if any(values) and not path.complete:
+        raise NoConvergenceError(f"the {control} is reached only to {path.points[-1].s:.1%}: {path.stopped}")
+    first, last = path.points[0], path.points[-1 if any(values) else 0]
+    if first.stiffness is None or last.stiffness is None:
+        raise ValueError(f"--engine {solver.label}: computes forces along a path, but no 6×6 stiffness")
+    events = tuple(f"{e.kind} at {e.s:.4%} of the {control}" for e in path.events) if any(values) else ()
+    return LoadedStiffness(
+        model=machine.name,
+        model_sha256=machine.sha256,
+        engine=solver.label,
+        posture=posture,
+        control=control,
+        displacement=last.displacement,
+        wrench=last.wrench,
+        loaded=last.stiffness,
+        unloaded=first.stiffness,
+        eigenvalue=last.eigenvalue,
+        iterations=last.iterations,
+        residual=last.residual,
+        events=events,
+    )
+
+
+def _straight(posture: str, control: str, values: tuple[float, ...]) -> LoadCase:
+    """The load case that ends at the values; without any, one that begins at the unloaded posture."""
+    if not any(values):
+        return LoadCase(posture, NEARLY_NOTHING, steps=1)
+    if control == DISPLACEMENT:
+        return LoadCase(posture, 1.0, axis=values)
+    return LoadCase(posture, 1.0, "load", loads=(Load(values),), free=COMPONENTS)
+
+
+def _under_wrench(chain: Chain, engine: VjmEngine, posture: str, wrench: tuple[float, ...]) -> LoadedStiffness:
+    """The stable equilibrium of the free end-effector under a dead wrench ``(6,)`` N, N mm."""
+    chain = chain.at(posture)
+    model = engine.model(chain)
+    x = model.configuration(chain.posture(posture))
+    at = solve_under_wrench(model, np.array(wrench, dtype=float), x)
+    moved = displacement_between(model.kinematics(x).end, at.kinematics.end)
+    verdict = free_stability(at)
+    if verdict.unstable:
+        raise NoConvergenceError(
+            f"under this wrench the free end-effector has an equilibrium, but it is unstable in "
+            f"{verdict.unstable} motions; hold the pose with --displacement instead"
+        )
+    return LoadedStiffness(
+        model=chain.name,
+        model_sha256=chain.sha256,
+        engine=engine.label,
+        posture=posture,
+        control=WRENCH,
+        displacement=moved,
+        wrench=at.wrench,
+        loaded=loaded_stiffness(at),
+        unloaded=unloaded_stiffness(model, chain.posture(posture)),
+        eigenvalue=verdict.eigenvalue,
+        iterations=at.iterations,
+        residual=at.residual,
+    )

@@ -1,0 +1,151 @@
+"""How results show themselves in a notebook: HTML, tables and figures. Needs what it shows with only when asked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vjm.model.load_case import COMPONENTS
+from vjm.rotations import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes as Axes
+    from pandas import DataFrame as DataFrame
+
+    from vjm.analysis import LoadedStiffness
+    from vjm.continuation.path import Path
+
+WRENCH_ROWS = ("fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm")
+DISPLACEMENT_COLUMNS = ("ux_mm", "uy_mm", "uz_mm", "rx_rad", "ry_rad", "rz_rad")
+NOTHING = 1e-10
+"""Of the largest component: below it others are zero but for rounding."""
+ROWS = 12
+"""Points of a path that its HTML shows."""
+
+
+def frame_of(
+    rows: Sequence[Mapping[str, Any]] | Mapping[str, Any] | Array,
+    index: Sequence[str] | None = None,
+    columns: Sequence[str] | None = None,
+) -> DataFrame:
+    """A pandas DataFrame.
+
+    Raises:
+        ImportError: pandas is not installed.
+    """
+    try:
+        import pandas as pd
+    except ModuleNotFoundError:
+        raise ImportError("tables need pandas: pip install pandas") from None
+    return pd.DataFrame(rows, index=index, columns=columns)
+
+
+def path_columns(path: Path) -> dict[str, Any]:
+    """Columns of a path under the names of a curve file, each ``(n,)``."""
+    columns: dict[str, Any] = {"s": path.s}
+    columns |= dict(zip(DISPLACEMENT_COLUMNS, path.displacement.T, strict=True))
+    columns |= dict(zip(WRENCH_ROWS, path.wrench.T, strict=True))
+    columns |= {"force": path.force, "k_N_per_mm": path.tangent, "unstable_modes": path.unstable}
+    return columns | {"lambda_min_rel": path.eigenvalue_relative}
+
+
+def path_unit(path: Path) -> str:
+    """Unit of the ramp: ``mm``, ``rad``, or nothing for a load factor."""
+    if path.load_case.load_driven:
+        return ""
+    return "mm" if path.load_case.direction[:3].any() else "rad"
+
+
+def path_plot(path: Path, ax: Axes | None = None, label: str = "") -> Axes:
+    """Driven force over ramp, unstable stretches dotted, critical points marked.
+
+    Raises:
+        ImportError: matplotlib is not installed.
+    """
+    ax = ax or _axes()
+    line = ax.plot(path.ramp, path.force, label=label or f"{path.load_case.posture}, {path.engine}")[0]
+    lost = path.unstable > 0
+    if lost.any():
+        ax.plot(np.where(lost, path.ramp, np.nan), np.where(lost, path.force, np.nan), "w:", linewidth=1.0)
+    for event in path.events:
+        ramp = event.point.ramp if event.point else event.s
+        ax.plot(ramp, event.force, "o", color=line.get_color(), markersize=4)
+    unit = path_unit(path)
+    ax.set_xlabel(f"displacement, {unit}" if unit else "load factor")
+    ax.set_ylabel("force, N" if unit == "mm" else "moment, N mm" if unit else "load factor")
+    ax.legend()
+    return ax
+
+
+def stiffness_plot(result: LoadedStiffness, ax: Axes | None = None) -> Axes:
+    """Diagonal of the loaded stiffness over that of the unloaded one.
+
+    Raises:
+        ImportError: matplotlib is not installed.
+    """
+    ax = ax or _axes()
+    before = np.diag(result.unloaded)
+    ratio = np.divide(np.diag(result.loaded), before, out=np.full(6, np.nan), where=np.abs(before) > 0.0)
+    ax.bar(COMPONENTS, ratio)
+    ax.axhline(1.0, color="k", linewidth=0.7)
+    ax.set_ylabel("loaded over unloaded stiffness")
+    return ax
+
+
+def _axes() -> Axes:
+    try:
+        import matplotlib.pyplot as plt
+    except ModuleNotFoundError:
+        raise ImportError("figures need matplotlib: pip install 'vjm-stiffness[report]'") from None
+    axes: Axes = plt.subplots(figsize=(5.0, 3.4), layout="constrained")[1]
+    return axes
+
+
+def rounded(values: Array) -> str:
+    """Six components to five digits, zero where they are so but for rounding beside the largest."""
+    size = np.abs(values).max()
+    return " ".join(f"{v:.5g}" for v in np.where(np.abs(values) < NOTHING * size, 0.0, values) + 0.0)
+
+
+def stiffness_frame(result: LoadedStiffness) -> DataFrame:
+    """The loaded stiffness as a pandas DataFrame.
+
+    Raises:
+        ImportError: pandas is not installed.
+    """
+    return frame_of(result.loaded, WRENCH_ROWS, DISPLACEMENT_COLUMNS)
+
+
+def stiffness_html(result: LoadedStiffness) -> str:
+    """The loaded stiffness as an HTML table under one line of words."""
+    rows = [
+        {"": name, **dict(zip(DISPLACEMENT_COLUMNS, line, strict=True))}
+        for name, line in zip(WRENCH_ROWS, result.loaded.tolist(), strict=True)
+    ]
+    return f"<pre>{escape(repr(result))}</pre>{table_html(rows)}"
+
+
+def path_html(path: Path) -> str:
+    """A path's words, and a few of its points as an HTML table."""
+    columns = path_columns(path)
+    n = len(path.points)
+    some = sorted({round(k * (n - 1) / (ROWS - 1)) for k in range(ROWS)})
+    shown = ("s", "force", "k_N_per_mm", "unstable_modes")
+    rows = [{name: columns[name][i] for name in shown} for i in some]
+    return f"<pre>{escape(repr(path))}</pre>{table_html(rows)}"
+
+
+def table_html(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Rows as an HTML table, numbers to five digits."""
+    head = "".join(f"<th>{escape(str(name))}</th>" for name in rows[0])
+    body = "".join("<tr>" + "".join(f"<td>{escape(_cell(v))}</td>" for v in row.values()) + "</tr>" for row in rows)
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.5g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,67 @@
+"""A command says which optional extra it lacks, and what needs none runs without them."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from vjm_validation.cli.main import EXTRAS, lacking
+
+BLOCKED = (
+    "exudyn",
+    "matplotlib",
+    "pyvista",
+    "vtk",
+    "jinja2",
+    "openseespy",
+    "urdf_parser_py",
+    "distributed",
+    "pandas",
+)
+WITHOUT = f"""
+import sys
+for name in {BLOCKED!r}:
+    sys.modules[name] = None
+from vjm_validation.cli.main import run
+sys.exit(run(sys.argv[1:]))
+"""
+
+
+def bare(*arguments):
+    return subprocess.run([sys.executable, "-c", WITHOUT, *arguments], capture_output=True, text=True)
+
+
+def test_a_path_needs_no_extra():
+    done = bare("curve", "orthoglide-chain", "--posture", "A", "--to", "1", "--engine", "vjm-paper")
+    assert done.returncode == 0, done.stderr
+    assert "bifurcation" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("extra", "arguments"),
+    [
+        ("fea", ["curve", "orthoglide-chain", "--posture", "A", "--to", "1", "--engine", "exudyn"]),
+        ("report", ["calibrate", "none.csv", "--sheet", "none.toml", "--out", "none"]),
+    ],
+)
+def test_a_command_names_the_extra_that_it_lacks(extra, arguments):
+    done = bare(*arguments)
+    assert done.returncode == 2
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("validate:")]
+    assert f"vjm-stiffness[{extra}]" in line
+
+
+def test_an_unknown_module_is_no_extra():
+    assert not lacking(ModuleNotFoundError("No module named 'abc1'", name="abc1"))
+
+
+def test_every_extra_is_one_of_the_project():
+    root = Path(__file__).parents[3]
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert set(EXTRAS.values()) <= set(project)
+    for module, extra in EXTRAS.items():
+        names = [re.split(r"[^\w-]", line)[0].replace("-", "_") for line in project[extra]]
+        assert module in names or module == "vtk", f"{module} is not in [{extra}]"
