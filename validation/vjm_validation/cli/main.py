@@ -132,3 +132,7 @@ def run(arguments: Sequence[str]) -> int:
         terminal.error("interrupted")
         return INTERRUPTED
     return result if isinstance(result, int) else OK
+
+
+if __name__ == "__main__":
+    main()
