@@ -133,10 +133,14 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
     for event in document.events:
         console.print(event)
     after = "" if document.iterations is None else f" after {document.iterations} iterations"
-    console.print(
-        f"{'stable' if document.stable else 'unstable'}, smallest eigenvalue {_number(document.eigenvalue, 4)} "
-        f"of the second variation, in the model's energy scale, residual {document.residual:.1e}{after}"
+    eigenvalue = (
+        ""
+        if document.eigenvalue is None
+        else f", smallest eigenvalue {_number(document.eigenvalue, 4)} of the second variation, in the model's "
+        "energy scale"
     )
+    state = "stable" if document.stable else "unstable"
+    console.print(f"{state}{eigenvalue}, residual {document.residual:.1e}{after}", soft_wrap=True)
 
 
 def _matrix(title: str, K: np.ndarray, rows: Sequence[str], columns: Sequence[str]) -> Table:
