@@ -179,11 +179,10 @@ def _springs(found: OwnMachine) -> Finding | None:
     if found.elements is not None:
         apart = found.elements / rows[-1].value - 1.0
         lines.append(f"With {rows[-1].springs} it differs from the finite elements' by {percent(apart)}.")
-    title = (
-        f"{enough} springs a beam are enough for {percent(CONVERGED)}"
-        if enough
-        else "No number of springs is enough"
-    )
+    title = "No number of springs is enough"
+    if enough:
+        count = "One spring a beam is" if enough == 1 else f"{enough} springs a beam are"
+        title = f"{count} enough for {percent(CONVERGED)}"
     return Finding(Tone.AGREES if enough else Tone.DIFFERS, title, tuple(lines))
 
 
