@@ -103,7 +103,7 @@ def test_bad_drawings_and_faces(folder, capfd, name, options, words):
         (("--poisson", "0.5"), "--poisson: 0.5 must be from 0 to below 0.5: at 0.5 nothing is compressible"),
         (("--youngs", "7e10"), "--youngs: 7e+10 MPa is no solid's"),
         (("--density", "2.7"), "--density: 2.7 kg/m³ is no solid's"),
-        (("--at", "1,2"), "--at: '1,2' is no point"),
+        (("--at", "1,2"), "--at: '1,2' is not x,y,z in mm"),
         (("--part", "foot"), "--solid: takes a drawing alone"),
     ],
 )
