@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, Parameter
 
 from hidden_effects.campaign import results, run
 from hidden_effects.page import page
 from hidden_effects.plan import plans
+from hidden_effects.running import finish
 from hidden_effects.score import score
 from hidden_effects.table import Part, markdown, with_table
 from vjm.io.files import check_writable, write_whole
@@ -86,15 +86,7 @@ def campaign(
 
 def main() -> None:
     """Run and exit; errors are one line."""
-    try:
-        status = app(sys.argv[1:], exit_on_error=False, print_error=False, result_action="return_value")
-    except CycloptsError as error:
-        terminal.error(" ".join(str(error).split()))
-        sys.exit(BAD_INPUT)
-    except (ValueError, OSError) as error:
-        terminal.error(terminal.one_line(error))
-        sys.exit(BAD_INPUT)
-    sys.exit(status)
+    finish(app)
 
 
 if __name__ == "__main__":

@@ -8,17 +8,17 @@ kept, so that a run that was cut off goes on, and is said anew only where the fi
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, Parameter
 
 from hidden_effects.finder import diagnosed
 from hidden_effects.judging import candidate_sets
+from hidden_effects.running import finish
 from vjm.batch import map_all
 from vjm.io.files import check_writable, write_whole
 from vjm_output import terminal
@@ -197,15 +197,7 @@ def _of(folder: Path, names: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 def main() -> None:
     """Run and exit; errors are one line."""
-    try:
-        status = app(sys.argv[1:], exit_on_error=False, print_error=False, result_action="return_value")
-    except CycloptsError as error:
-        terminal.error(" ".join(str(error).split()))
-        sys.exit(BAD_INPUT)
-    except (ValueError, OSError) as error:
-        terminal.error(terminal.one_line(error))
-        sys.exit(BAD_INPUT)
-    sys.exit(status)
+    finish(app)
 
 
 if __name__ == "__main__":
