@@ -62,14 +62,23 @@ def prepare(
 
 
 def calibrate(
-    task: Task, out: Path, *, figure: str = "", progress: Callable[[int], None] = lambda done: None
+    task: Task,
+    out: Path,
+    *,
+    figure: str = "",
+    force: bool = False,
+    progress: Callable[[int], None] = lambda done: None,
 ) -> Calibration:
     """Calibrate a machine and write what was found.
 
+    A model that does not explain its own readings is written only by ``force``, and says so in its file.
+
     Args:
         task: see `prepare`.
-        out: folder for `DOCUMENT`, `MODEL` and `PAGE`; all are written at the end or none.
+        out: folder for `DOCUMENT`, `MODEL` and `PAGE`; all are written at the end or none. A model of an earlier
+            calibration is removed where this one writes none.
         figure: that the next experiment is to make certain, see `vjm_updating.calibrate.design.in_view`.
+        force: whether a model that does not explain the readings is written.
         progress: called with how many of `STAGES` are done.
 
     Raises:
@@ -82,8 +91,18 @@ def calibrate(
     progress(1)
     document, model = results(task.measurement, found, ramps=task.ramps, figure=figure, model_file=MODEL)
     document = document.model_copy(update={"doubts": doubt_rows(task.findings)})
+    written = document.fit.fits or force
+    if not written:
+        document = document.model_copy(update={"calibrated_model": ""})
     progress(2)
     page = write_page(task.measurement, found, document)
-    write_together({out / DOCUMENT: as_json(document), out / MODEL: model, out / PAGE: page})
+    files = {out / DOCUMENT: as_json(document), out / PAGE: page}
+    if written:
+        files[out / MODEL] = (
+            model if document.fit.fits else f"# It does not explain its own readings: see {DOCUMENT}.\n{model}"
+        )
+    write_together(files)
+    if not written:
+        (out / MODEL).unlink(missing_ok=True)
     progress(STAGES)
     return document

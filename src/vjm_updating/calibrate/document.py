@@ -183,7 +183,7 @@ class Calibration(Row):
     identifiability: IdentifiabilityRow
     predictions: PredictionsRow
     next_experiment: DesignRow
-    calibrated_model: str
+    calibrated_model: str = Field(description="name of its file; empty where it was not written: see fit.fits")
     versions: dict[str, str]
     hashes: dict[str, str]
     doubts: list[DoubtRow] = Field([], description="what is implausible about readings, sheet or model")

@@ -53,11 +53,28 @@ def test_the_command_writes_three_files(files, capsys):
 
 
 def test_json_is_the_document_and_nothing_else(files, capsys):
-    assert run(command(files, "--json")) == 0
+    # by default one factor for every elastic part, which is too few for these readings
+    assert run(command(files, "--json")) == 1
     document = json.loads(capsys.readouterr().out)
     assert document == json.loads((files.data.parent / "out" / DOCUMENT).read_text())
-    # by default one factor for every elastic part
     assert [row["name"] for row in document["parameters"]] == ["foot.factor", "link.factor"]
+
+
+def test_a_model_that_misses_its_own_readings_is_written_by_force_alone(files, capsys):
+    out = files.data.parent / "out"
+    assert run(command(files, "--fit", *NAMES)) == 0
+    assert (out / MODEL).is_file()
+    # an earlier calibration's model does not stay beside a document of another
+    assert run(command(files)) == 1
+    assert {path.name for path in out.iterdir()} == {DOCUMENT, PAGE}
+    document = json.loads((out / DOCUMENT).read_text())
+    assert (document["fit"]["fits"], document["calibrated_model"]) == (False, "")
+    printed = capsys.readouterr().out
+    assert "validate diagnose" in printed
+    assert "--force" in printed
+    assert run(command(files, "--force")) == 0
+    assert (out / MODEL).read_text().startswith("# It does not explain its own readings")
+    assert json.loads((out / DOCUMENT).read_text())["calibrated_model"] == MODEL
 
 
 def test_intervals_cover_the_truth_through_the_command(files, capsys):

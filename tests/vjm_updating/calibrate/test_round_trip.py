@@ -35,7 +35,7 @@ def rows() -> list[synthetic.Row]:
 
 def calibrated(folder: Path, rows: list[synthetic.Row], foot: int) -> dict:
     files = synthetic.write(folder, rows, synthetic.sheet_text(foot=foot))
-    calibrate(prepare(files.data, files.sheet, ("link.section", "foot.factor")), folder / "out")
+    calibrate(prepare(files.data, files.sheet, ("link.section", "foot.factor")), folder / "out", force=foot == 1)
     return json.loads((folder / "out" / DOCUMENT).read_text())
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +17,7 @@ from vjm_updating.poses.command import calibrate_poses
 from vjm_updating.poses.sheet import kind_of_sheet
 from vjm_updating.poses.summary_text import lines as lines_of_poses
 from vjm_validation.cli.doubts import Strict, warn
+from vjm_validation.cli.status import NOT_ACCEPTED, OK
 
 
 def calibrate_(
@@ -45,24 +47,41 @@ def calibrate_(
     figure: Annotated[
         str, Parameter(help="Predicted figure to make certain next, such as D:compression:F_cr.")
     ] = "",
+    force: Annotated[
+        bool, Parameter(negative="", help="Write the calibrated model also where it does not explain the readings.")
+    ] = False,
     json: Annotated[bool, Parameter(negative="", help="Print calibration.json and nothing else.")] = False,
     strict: Strict = False,
 ) -> int:
     """Fit spring compliances to measured force-displacement readings, with their uncertainty."""
     if kind_of_sheet(sheet) == "poses":
+        if force:
+            raise ValueError(
+                f"--force: {sheet.name} is a test of poses, whose model is always written: leave it out"
+            )
         return _by_poses(data, sheet, out, fit, next_, figure, json=json, strict=strict)
     task = prepare(data, sheet, fit, next_, strict=strict)
     warn(task.findings)
     with terminal.progress(quiet=json) as progress:
-        document = calibrate(task, out, figure=figure, progress=lambda done: progress("calibration", done, STAGES))
+        document = calibrate(
+            task, out, figure=figure, force=force, progress=lambda done: progress("calibration", done, STAGES)
+        )
+    status = OK if document.calibrated_model else NOT_ACCEPTED
     if json:
         sys.stdout.write(as_json(document))
-        return 0
+        return status
     console = terminal.console()
     for item in tables(document):
         console.print(item, soft_wrap=isinstance(item, str))
     console.print(f"page: {out / PAGE}", soft_wrap=True)
-    return 0
+    if status != OK:
+        look = shlex.join(["validate", "diagnose", str(data), "--sheet", str(sheet), "--out", str(out)])
+        console.print(
+            f"No calibrated model was written: it would not explain its own readings. `{look}` looks for what it "
+            "lacks; --force writes it all the same.",
+            soft_wrap=True,
+        )
+    return status
 
 
 def _by_poses(
