@@ -20,6 +20,7 @@ from vjm.rotations import Array
 from vjm.tree.compensation import compensated_arm, rotations_of
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
+from vjm_output.documents import DoubtRow
 from vjm_output.plot_style import figure, png
 from vjm_validation.loaded_stiffness import held_by_itself
 from vjm_validation.tool_path import ToolPath
@@ -54,6 +55,8 @@ class CompensationDocument(BaseModel):
     errors: dict[str, list[list[float]]]
     """Likewise of the loaded end: shift in mm and rotation vector in rad, world axes, from where it should be."""
     left: dict[str, ModelError]
+    doubts: list[DoubtRow] = []
+    """What is implausible about the model."""
 
 
 @dataclass(frozen=True)

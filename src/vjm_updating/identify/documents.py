@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict
 
-from vjm_output.documents import Matrix
+from vjm_output.documents import DoubtRow, Matrix
 
 
 class Frozen(BaseModel):
@@ -136,3 +136,5 @@ class IdentificationDocument(Frozen):
     """From the simplest form on, as far as the first that meets every entry."""
     findings: list[str]
     """The same in words."""
+    doubts: list[DoubtRow] = []
+    """What is implausible about the model."""

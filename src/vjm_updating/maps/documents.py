@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict
 
+from vjm_output.documents import DoubtRow
+
 
 class MapDocument(BaseModel):
     """``map.json``: what was asked; two maps with the same one are the same."""
@@ -23,6 +25,8 @@ class MapDocument(BaseModel):
     """On the platform, N and N mm."""
     most_N: float  # noqa: N815
     """Largest force tried for a critical one."""
+    doubts: list[DoubtRow] = []
+    """What is implausible about the model."""
 
 
 class MapTaskDocument(BaseModel):

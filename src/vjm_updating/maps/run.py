@@ -14,9 +14,11 @@ import numpy as np
 from vjm import __version__
 from vjm.batch import map_all
 from vjm.io.files import check_writable, write_whole
+from vjm.io.findings import Finding
 from vjm.platform.manipulator import Manipulator
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
+from vjm_output.documents import doubt_rows
 from vjm_updating.maps.documents import MapDocument, MapTaskDocument
 from vjm_updating.maps.evaluate import COLUMNS, MapRows, MapTask, Quantity, compiled_for, evaluate
 from vjm_updating.maps.pose_grid import Grid
@@ -40,6 +42,7 @@ class Map:
         grid: of poses.
         wrench: on the platform, N, N mm.
         most: largest force tried for a critical one, N.
+        doubts: what is implausible about the machine's file.
     """
 
     manipulator: Manipulator
@@ -48,6 +51,7 @@ class Map:
     grid: Grid
     wrench: tuple[float, ...] = (0.0,) * 6
     most: float = 20_000.0
+    doubts: tuple[Finding, ...] = ()
 
     @property
     def document(self) -> MapDocument:
@@ -62,6 +66,7 @@ class Map:
             grid_mm=[list(axis) for axis in self.grid.axes],
             wrench=list(self.wrench),
             most_N=self.most,
+            doubts=doubt_rows(self.doubts),
         )
 
     def tasks(self) -> list[MapTask]:

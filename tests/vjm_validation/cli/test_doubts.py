@@ -36,7 +36,7 @@ def test_a_doubt_is_said_and_refused_under_strict(command, arm, capsys, tmp_path
     assert run([command, arm, *options]) == 0
     said = capsys.readouterr()
     assert "warning: arm.toml: part 'tool', mass_kg: 10000 kg" in said.err
-    if command in ("stiffness", "buckling"):
+    if command in ("stiffness", "buckling", "identify"):
         doubts = json.loads(said.out)["doubts"]
         assert {"doubtful"} == {doubt["grade"] for doubt in doubts}
         assert any("mass_kg" in doubt["where"] for doubt in doubts)
@@ -44,6 +44,14 @@ def test_a_doubt_is_said_and_refused_under_strict(command, arm, capsys, tmp_path
     said = capsys.readouterr()
     assert said.err.count("\n") == 1
     assert "--strict" in said.err
+
+
+def test_a_compensation_holds_the_doubts(arm, capsys, tmp_path):
+    path = tmp_path / "path.csv"
+    path.write_text("x_mm,y_mm,z_mm\n500,300,0\n", encoding="utf-8")
+    assert run(["compensate", arm, str(path), "--json"]) == 0
+    doubts = json.loads(capsys.readouterr().out)["doubts"]
+    assert {doubt["grade"] for doubt in doubts} == {"doubtful"}
 
 
 def test_the_report_of_a_machine_refuses_a_doubt_under_strict(arm, capsys, tmp_path):

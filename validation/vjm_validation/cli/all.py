@@ -12,6 +12,7 @@ from cyclopts import Parameter
 
 from vjm.io.errors import did_you_mean
 from vjm.io.files import locked
+from vjm.io.findings import Finding
 from vjm_output import terminal
 from vjm_validation.acceptance import AcceptanceRow
 from vjm_validation.cli import tables
@@ -78,13 +79,14 @@ def all_(
         for name, value in (("--force", force), ("--to", to)):
             if value is not None and not 0.0 < value < float("inf"):
                 raise UsageError(f"{name}: must be positive, not {value:g}; --direction gives the sign")
-        considered(model, strict)
+        doubts = considered(model, strict)
         return _own(
             Request(
                 model, posture, parsed_directions(direction), force, to, acceleration(gravity), jobs=processes(jobs)
             ),
             folder,
             pdf,
+            doubts,
         )
     if posture or direction or force is not None or to is not None or gravity:
         raise UsageError("--posture, --direction, --force, --to and --gravity are for a MODEL: name one")
@@ -109,7 +111,7 @@ def all_(
     return _said(summary.acceptance, folder, pdf)
 
 
-def _own(request: Request, folder: FilePath, pdf: bool) -> int:
+def _own(request: Request, folder: FilePath, pdf: bool, doubts: Sequence[Finding]) -> int:
     words = ["validate", "all", request.model]
     words += ["--posture", *request.postures] if request.postures else []
     words += [f"--direction={each}" for each in request.directions] if request.directions != DIRECTIONS else []
@@ -117,7 +119,7 @@ def _own(request: Request, folder: FilePath, pdf: bool) -> int:
     words += [f"--to={request.reach:g}"] if request.reach else []
     words += [f"--gravity={','.join(f'{g:g}' for g in request.gravity)}"] if request.gravity else []
     with locked(folder), terminal.progress() as progress:
-        summary = run_own(request, folder, shlex.join(words), progress)
+        summary = run_own(request, folder, shlex.join(words), progress, doubts)
     return _said(summary.acceptance, folder, pdf)
 
 

@@ -13,7 +13,7 @@ from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.files import check_writable, write_whole
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
-from vjm_output.documents import as_json
+from vjm_output.documents import as_json, doubt_rows
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, acceleration
 from vjm_validation.cli.options import Json, Model, Posture, Segments, segments_of
@@ -41,7 +41,7 @@ def compensate_(
 ) -> int:
     """Find the joint coordinates that put the loaded tool where it should be, along a path."""
     machine, _ = loaded(model)
-    considered(model, strict)
+    doubts = considered(model, strict)
     number, parts = segments_of(segments)
     solver = engine_by_name(engine, EngineOptions(number, parts=parts), machine)
     if not isinstance(solver, VjmEngine):
@@ -55,7 +55,7 @@ def compensate_(
             check_writable(file.parent)
     document = compensation(
         machine, solver, read_tool_path(path), gravity=acceleration(gravity), posture=posture or "", end=end
-    )
+    ).model_copy(update={"doubts": doubt_rows(doubts)})
     if out is not None:
         write_commands(document, out)
     if plot is not None:

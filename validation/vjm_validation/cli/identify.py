@@ -12,7 +12,7 @@ from vjm.io.files import check_writable, write_whole
 from vjm.io.model_file import build_chain, load_chain, read_document
 from vjm_fea.solid.identify import identify
 from vjm_output import terminal
-from vjm_output.documents import as_json
+from vjm_output.documents import as_json, doubt_rows
 from vjm_output.off_screen import why_not_rendered
 from vjm_updating.identify import solid_text
 from vjm_updating.identify import summary_text as words
@@ -146,7 +146,7 @@ def _document(model: str | None, part: str | None, matrix: str | None, strict: b
             raise ValueError(f"--part: {found.file} is a beam path, which is taken whole: leave it out")
         return identify_path(build_path(found.content, found.file), found.sha256)
     chain = build_chain(found.content, found.file, found.sha256)
-    considered(model, strict)
+    doubts = considered(model, strict)
     if part is None:
         raise ValueError(f"--part: which one? {chain.name} has {', '.join(beam.name for beam in chain.beams)}")
-    return identify_part(chain, part)
+    return identify_part(chain, part).model_copy(update={"doubts": doubt_rows(doubts)})

@@ -82,8 +82,10 @@ def map_(
     if posture or gravity or end:
         raise ValueError("--posture, --gravity and --end are for maps of arms: leave them out")
     machine = load_manipulator(model)
-    considered(model, strict)
-    wanted = Map(machine, springs, quantity, parsed_grid(grid, machine), _wrench(wrench, quantity), most)
+    doubts = considered(model, strict)
+    wanted = Map(
+        machine, springs, quantity, parsed_grid(grid, machine), _wrench(wrench, quantity), most, tuple(doubts)
+    )
     try:
         with locked(folder), terminal.progress() as progress:
             result = run_map(

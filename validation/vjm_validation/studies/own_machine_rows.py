@@ -5,6 +5,7 @@ from __future__ import annotations
 from pydantic import BaseModel, ConfigDict
 
 from vjm.continuation.path import EventKind
+from vjm_output.documents import DoubtRow
 from vjm_validation.acceptance import AcceptanceRow
 
 
@@ -98,3 +99,5 @@ class OwnMachineSummary(Row):
     hashes: dict[str, str]
     notes: list[str]
     """What was left out of this run, and why."""
+    doubts: list[DoubtRow] = []
+    """What is implausible about the model."""

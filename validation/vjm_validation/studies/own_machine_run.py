@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from vjm.io.files import check_writable, write_whole
+from vjm.io.findings import Finding
 from vjm.io.path_files import write_curve
-from vjm_output.documents import as_json, versions
+from vjm_output.documents import as_json, doubt_rows, versions
 from vjm_validation.acceptance import AcceptanceRow, at_most, none_of
 from vjm_validation.studies.own_machine import REFERENCE, OwnMachine, Progress, Request, extent, study
 from vjm_validation.studies.own_machine_rows import OwnMachineSummary
@@ -27,8 +29,17 @@ CONVERGENCE = 1e-3
 """Of 16 springs a beam, to 32."""
 
 
-def run_own(request: Request, out: Path, command: str, progress: Progress) -> OwnMachineSummary:
+def run_own(
+    request: Request, out: Path, command: str, progress: Progress, doubts: Sequence[Finding] = ()
+) -> OwnMachineSummary:
     """Study a machine and write ``index.html``, ``summary.json``, ``findings.md``, curves, figures and renders.
+
+    Args:
+        request: what is asked.
+        out: folder.
+        command: that makes the run again.
+        progress: told what is done.
+        doubts: what is implausible about the model.
 
     Raises:
         ModelFileError: the file is no model.
@@ -60,6 +71,7 @@ def run_own(request: Request, out: Path, command: str, progress: Progress) -> Ow
         versions=versions(),
         hashes=hashes,
         notes=found.notes,
+        doubts=doubt_rows(doubts),
     )
     from vjm_validation.report.own_machine_page import write_own_report  # drawing libraries take seconds to import
 
