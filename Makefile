@@ -90,11 +90,11 @@ $(VENV)/.project: $(VENV)/.runtime $(SOURCES)
 	@$(BIN)/python -m vjm.warm_up
 	@touch $@
 
-# The newest versions that the ranges allow, with the oldest Python that the project supports: they have to
-# exist for that one. The project is installed to be resolved, and left out of the list.
 schemas: $(VENV)/.project
 	$(BIN)/python -m vjm_validation.schemas docs/schemas
 
+# The newest versions that the ranges allow, with the oldest Python that the project supports: they have to
+# exist for that one. The project is installed to be resolved, and left out of the list.
 lock:
 	rm -rf $(VENV)-lock
 	$(PYTHON) -m venv $(VENV)-lock

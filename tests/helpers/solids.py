@@ -1,6 +1,8 @@
-"""Drawings for tests, made by gmsh; skips where the extra is not installed."""
+"""Solids for tests: drawings made by gmsh, and displacements; skips where the extra is not installed."""
 
+import numpy as np
 import pytest
+import scipy.sparse
 
 
 def gmsh_or_skip():
@@ -33,3 +35,18 @@ def drawn(path, draw):
 def prism(occ, length=100.0, height=20.0, width=10.0):
     """Along x, height along y, width along z, the middle of its base at the origin."""
     occ.addBox(0.0, -0.5 * height, -0.5 * width, length, height, width)
+
+
+def solved(solid, F, held):
+    """Displacements ``(n,)`` mm of a solid under nodal forces ``F`` (n,) N, the unknowns ``held`` at zero."""
+    # the solver is of the extra
+    from vjm_fea.solid.solver import factorized
+
+    free = np.setdiff1d(np.arange(solid.mesh.unknowns), held)
+    K = scipy.sparse.csr_matrix(solid.stiffness()[free][:, free])
+    K.sort_indices()
+    factors = factorized(K)
+    u = np.zeros(solid.mesh.unknowns)
+    u[free] = factors.solve(F[free, None])[:, 0]
+    factors.free()
+    return u

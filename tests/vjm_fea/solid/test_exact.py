@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.solids import drawn, gmsh_or_skip, prism
+from helpers.solids import drawn, gmsh_or_skip, prism, solved
 
 from vjm.io.sections import rectangle_torsion
 from vjm_fea.solid.compliance import Base, Ends, Tip, answer, face_centre
@@ -165,24 +165,13 @@ def test_lames_thick_tube(tmp_path):
 
 def freely_supported(solid, F):
     """Displacements under loads in balance, kept from floating as an end that is still in the mean is."""
-    import scipy.sparse
-
-    from vjm_fea.solid.solver import factorized
-
     points = solid.mesh.points
     first, second = int(np.argmin(points[:, 0] + points[:, 1])), int(np.argmax(points[:, 0] - points[:, 1]))
     # on the tube: all of one point, and by symmetry nothing but a rigid motion is lost
     near = [int(np.argmin(np.linalg.norm(points - at, axis=1))) for at in ([0, 30, 0], [0, -30, 0], [0, 0, 30])]
     held = np.array([3 * near[0], 3 * near[0] + 2, 3 * near[1], 3 * near[1] + 2, 3 * near[2], 3 * near[2] + 1])
     assert first != second
-    free = np.setdiff1d(np.arange(solid.mesh.unknowns), held)
-    K = scipy.sparse.csr_matrix(solid.stiffness()[free][:, free])
-    K.sort_indices()
-    factors = factorized(K)
-    u = np.zeros(solid.mesh.unknowns)
-    u[free] = factors.solve(F[free, None])[:, 0]
-    factors.free()
-    return u
+    return solved(solid, F, held)
 
 
 def test_stiffness_is_scikit_fems(tmp_path):

@@ -5,12 +5,10 @@ NAFEMS, *The Standard NAFEMS Benchmarks*, TNSB rev. 3 (1990): LE10, Ïƒ_yy at D â
 
 import numpy as np
 import pytest
-import scipy.sparse
-from helpers.solids import drawn, gmsh_or_skip
+from helpers.solids import drawn, gmsh_or_skip, solved
 
 from vjm_fea.solid.drawing import drawing
 from vjm_fea.solid.elasticity import ElasticSolid, Material
-from vjm_fea.solid.solver import factorized
 
 E, NU = 210_000.0, 0.3
 pytestmark = pytest.mark.slow
@@ -19,17 +17,6 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module", autouse=True)
 def _extra():
     gmsh_or_skip()
-
-
-def solved(solid, F, held):
-    free = np.setdiff1d(np.arange(solid.mesh.unknowns), held)
-    K = scipy.sparse.csr_matrix(solid.stiffness()[free][:, free])
-    K.sort_indices()
-    factors = factorized(K)
-    u = np.zeros(solid.mesh.unknowns)
-    u[free] = factors.solve(F[free, None])[:, 0]
-    factors.free()
-    return u
 
 
 def at(solid, point):
