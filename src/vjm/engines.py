@@ -28,7 +28,7 @@ DESCRIPTIONS = {
     "msa": "matrix structural analysis: linear beams, the foot as its 6x6 matrix",
     "exudyn": "geometrically exact beam finite elements, foot and bars",
     "exudyn-footspring": "the same with the foot as its 6x6 spring",
-    "opensees": "corotational beam finite elements; needs the optional extra: pip install '.[opensees]'",
+    "opensees": "corotational beam finite elements; an optional extra: pip install 'vjm-stiffness[opensees]'",
 }
 """Every engine's name and what it is."""
 

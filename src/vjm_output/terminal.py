@@ -17,9 +17,9 @@ LONGEST_WORD, LONGEST_MESSAGE = 160, 1200
 
 
 def console() -> Console:
-    """Standard output, wide enough for the tables also where it is no terminal."""
-    plain = Console()
-    return plain if plain.is_terminal else Console(width=120)
+    """Standard output, wide enough for the tables also where it is no terminal; brackets are printed as text."""
+    plain = Console(markup=False)
+    return plain if plain.is_terminal else Console(width=120, markup=False)
 
 
 def error(message: str) -> None:

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
-MISSING = "engine 'opensees' needs the optional extra: pip install '.[opensees]'"
+MISSING = "engine 'opensees' needs the optional extra: pip install 'vjm-stiffness[opensees]'"
 
 
 @cache

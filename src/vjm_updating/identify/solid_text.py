@@ -25,7 +25,7 @@ HEADS = ("x", "y", "z", "φx", "φy", "φz")
 
 def show(console: Console, document: SolidDocument) -> None:
     """Print a document."""
-    console.print(two_columns(f"[bold]{document.name}[/bold]", _rows(document)), highlight=False)
+    console.print(two_columns(document.name, _rows(document)), highlight=False)
     for bound in document.bounds:
         console.print(_matrix(bound), highlight=False)
     console.print(_beams(document.beams), highlight=False)

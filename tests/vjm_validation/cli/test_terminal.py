@@ -1,10 +1,12 @@
-"""Progress: an interrupt ends the work wherever it strikes."""
+"""The terminal: an interrupt ends the work wherever it strikes; what is printed is printed as it is."""
 
 import signal
 
 import pytest
 
 from vjm_output import terminal
+from vjm_validation.acceptance import AcceptanceRow
+from vjm_validation.cli.tables import acceptance_table
 
 
 def interrupted_and_swallowed():
@@ -19,7 +21,7 @@ def test_an_interrupt_that_was_swallowed_is_raised_with_the_next_progress():
     def work():
         with terminal.progress(quiet=True) as progress:
             for done in (1, 2, 3):
-                progress("walks", done, 3)
+                progress("paths", done, 3)
                 told.append(done)
                 interrupted_and_swallowed()
 
@@ -36,4 +38,12 @@ def test_or_at_the_end():
 
 def test_without_one_nothing_is_raised():
     with terminal.progress(quiet=True) as progress:
-        progress("walks", 3, 3)
+        progress("paths", 3, 3)
+
+
+def test_brackets_of_a_table_are_printed(capsys):
+    row = AcceptanceRow(name="engines", requirement="agree", value="pip install 'vjm[extra]'", passed=None)
+    terminal.console().print(acceptance_table([row]))
+    printed = capsys.readouterr().out
+    assert "pip install 'vjm[extra]'" in printed
+    assert "not run" in printed

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.box import SIMPLE
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from vjm.continuation.path import Path, travel
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
@@ -36,7 +36,7 @@ def path_table(path: Path) -> Table:
     unit = "mm" if path.load_case.direction[:3].any() else "rad"
     force = "N" if unit == "mm" else "N mm"
     way = "; magnitudes: the ramp goes against its axis" if path.load_case.sign < 0 and not driven else ""
-    title = escape(f"{path.model}, posture {path.load_case.posture}, {path.engine}{way}")
+    title = f"{path.model}, posture {path.load_case.posture}, {path.engine}{way}"
     table = Table(title=title, title_justify="left")
     columns = ["ux mm", "uy mm", "uz mm", "load factor", "its stiffness"]
     if not driven:
@@ -82,8 +82,12 @@ def metrics_table(document: BucklingDocument) -> Table:
             table.add_row(f"{posture} {direction}", style="bold")
             for engine, metrics in engines.items():
                 values = (_number(getattr(metrics, name), 5) for name in numbers)
-                table.add_row(f"  {escape(engine)}", str(metrics.critical) if metrics.critical else "none", *values)
+                table.add_row(f"  {engine}", str(metrics.critical) if metrics.critical else "none", *values)
     return table
+
+
+MARKS = {True: Text("met", "green"), False: Text("NOT MET", "bold red"), None: Text("not run", "yellow")}
+"""How a row that passed, failed or was not run is marked."""
 
 
 def acceptance_table(rows: Sequence[AcceptanceRow]) -> Table:
@@ -93,7 +97,7 @@ def acceptance_table(rows: Sequence[AcceptanceRow]) -> Table:
         table.add_column(column)
     for row in rows:
         value = row.value if isinstance(row.value, str) else _number(row.value)
-        mark = {True: "[green]met[/]", False: "[bold red]NOT MET[/]", None: "[yellow]not run[/]"}[row.passed]
+        mark = MARKS[row.passed]
         table.add_row(mark, f"{row.name}: {row.requirement}", value)
     return table
 
@@ -102,7 +106,7 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
     """One loaded equilibrium."""
     where = f", end frame {document.end}" if document.end else ""
     title = f"{document.model}, posture {document.posture}, {document.engine}, imposed {document.control}{where}"
-    console.print(escape(title))
+    console.print(title)
     console.print(_row("displacement, mm rad", document.displacement))
     console.print(_row("wrench, N N mm", document.wrench))
     if document.torques:
