@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from vjm.io.errors import ModelFileError, did_you_mean
-from vjm.rotations import Array, frame, rotation_vector
+from vjm.rotations import Array, frame
 
 Element = Any
 """Of a URDF, as the parser has it."""
@@ -293,13 +294,8 @@ def _origin(origin: Element) -> Array:
 def _placed(T: Array) -> dict[str, Any]:
     """Keys of a link's translation and turns."""
     table: dict[str, Any] = {"translation_mm": _numbers(T[:3, 3])}
-    R = T[:3, :3]
-    try:
-        vector = rotation_vector(R)
-    except ValueError:
-        dyad = R + np.eye(3)
-        axis = dyad[:, np.argmax(np.diag(dyad))]
-        vector = np.pi * axis / np.linalg.norm(axis)
+    # by a quaternion: exact near a half turn too, which URDFs have as π of few digits
+    vector = Rotation.from_matrix(T[:3, :3]).as_rotvec()
     angle = float(np.linalg.norm(vector))
     if angle > 1e-12:
         table["turns"] = [{"turn_about": _axis(vector / angle), "angle_deg": math.degrees(angle)}]

@@ -6,8 +6,8 @@ import math
 import xml.etree.ElementTree as ET
 
 from vjm.model.chain import Chain
-from vjm.model.joints import CoupledJoint, HeldJoint
-from vjm.model.parts import Beam, PassiveJoint, RigidOffset
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
+from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
 from vjm.rotations import Array, translation
 
 METRE = 1000.0
@@ -21,9 +21,13 @@ def urdf_text(chain: Chain) -> str:
     Beams are rigid there. Where a mass is a point, its inertia is left at zero.
     """
     robot = ET.Element("robot", name=chain.name)
-    ET.SubElement(robot, "link", name="base")
+    ends = chain.ends or {"tool": chain.parts[-1].name if chain.parts else ""}
+    # names of links differ, and an end keeps the one by which people know it
+    base = "base" if "base" not in ends else "base-link"
+    ET.SubElement(robot, "link", name=base)
+    slides = {part.name: part.slides for part in chain.parts if isinstance(part, HeldJoint)}
     previous = ""
-    frames = {"": ("base", chain.base)}
+    frames = {"": (base, chain.base)}
     for part in chain.parts:
         link, before = frames[chain.after.get(part.name, previous)]
         previous = part.name
@@ -36,13 +40,13 @@ def urdf_text(chain: Chain) -> str:
         behind = translation([0.0, 0.0, 0.0])
         if isinstance(part, HeldJoint | PassiveJoint):
             ET.SubElement(joint, "axis", xyz=_numbers(part.axis))
-            _limits(joint, part)
+            _limits(joint, part, slides)
         elif isinstance(part, RigidOffset):
             behind = part.transform
         elif isinstance(part, Beam):
             behind = translation(part.tip)
         frames[part.name] = child, behind
-    for end, name in (chain.ends or {"tool": previous}).items():
+    for end, name in ends.items():
         link, before = frames[name]
         ET.SubElement(robot, "link", name=end)
         joint = ET.SubElement(robot, "joint", name=f"{end}-fixed", type="fixed")
@@ -51,6 +55,38 @@ def urdf_text(chain: Chain) -> str:
         ET.SubElement(joint, "child", link=end)
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
+
+
+def left_out(chain: Chain) -> list[str]:
+    """What the URDF of a chain does not say, a line for each kind; empty where it says all."""
+    lines = []
+    if elastic := [part.name for part in chain.parts if _elastic(part)]:
+        lines.append(f"what is elastic in {', '.join(elastic)}: a URDF is rigid")
+    sums = [part.name for part in chain.parts if isinstance(part, CoupledJoint) and len(part.ratios) > 1]
+    if sums:
+        lines.append(f"the coupling of {', '.join(sums)}: a URDF's joint mimics one other joint")
+    if chain.point_springs:
+        lines.append(f"the springs between points: {', '.join(spring.name for spring in chain.point_springs)}")
+    if any(part.mass > 0.0 for part in chain.parts if isinstance(part, RigidOffset | Beam)):
+        lines.append("moments of inertia, which a model file does not have: they are zero")
+    labels = [*chain.postures, *(label for label in chain.held if label not in chain.postures)]
+    if labels:
+        lines.append(f"the postures {', '.join(labels)}")
+    return lines
+
+
+def _elastic(part: Part) -> bool:
+    match part:
+        case Beam() | SprungJoint():
+            return True
+        case ActuatedJoint():
+            return part.elastic
+        case CoupledJoint():
+            return part.compliance > 0.0 or any(part.lateral)
+        case Actuator() | Mount():
+            return part.compliance > 0.0
+        case _:
+            return False
 
 
 def _type(part: object) -> str:
@@ -73,7 +109,7 @@ def _link(robot: ET.Element, name: str, part: object) -> None:
         ET.SubElement(inertial, "inertia", dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), "0"))
 
 
-def _limits(joint: ET.Element, part: HeldJoint | PassiveJoint) -> None:
+def _limits(joint: ET.Element, part: HeldJoint | PassiveJoint, slides: dict[str, bool]) -> None:
     unit = METRE if part.slides else 1.0
     limits = part.limits if isinstance(part, HeldJoint) else None
     low, high = limits or (-WIDEST * unit, WIDEST * unit)
@@ -81,16 +117,16 @@ def _limits(joint: ET.Element, part: HeldJoint | PassiveJoint) -> None:
     if isinstance(part, CoupledJoint):
         name, ratio = part.ratios[0]
         if len(part.ratios) == 1:
+            ratio *= (METRE if slides[name] else 1.0) / unit
             ET.SubElement(joint, "mimic", joint=name, multiplier=repr(ratio), offset=repr(part.offset / unit))
 
 
 def _origin(joint: ET.Element, T: Array) -> None:
     R = T[:3, :3]
-    pitch = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
-    if math.hypot(R[0, 0], R[1, 0]) > 1e-12:
-        roll, yaw = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
-    else:
-        roll, yaw = math.atan2(-R[1, 2], R[1, 1]), 0.0
+    # near a pitch of a quarter turn the yaw is anything; the roll that goes with it is not
+    pitch, yaw = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0])), math.atan2(R[1, 0], R[0, 0])
+    c, s = math.cos(yaw), math.sin(yaw)
+    roll = math.atan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
     ET.SubElement(
         joint, "origin", xyz=_numbers(T[:3, 3] / METRE), rpy=" ".join(repr(float(v)) for v in (roll, pitch, yaw))
     )

@@ -87,6 +87,18 @@ def test_import_writes_a_model_file(tmp_path, capsys):
     assert "cannot be read" in capsys.readouterr().err
 
 
+def test_export_writes_a_urdf_and_refuses_loops(tmp_path, capsys):
+    out = tmp_path / "arm.urdf"
+    assert run(["export", "planar-2r", "--urdf", str(out)]) == 0
+    assert "left out: what is elastic in shoulder, upper, elbow, fore" in capsys.readouterr().out
+    assert out.read_text().startswith("<?xml")
+    assert run(["export", "planar-2r", "--urdf", str(out)]) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert run(["export", "orthoglide", "--urdf", str(tmp_path / "o.urdf")]) == 2
+    assert "a URDF is a tree" in capsys.readouterr().err
+    assert not (tmp_path / "o.urdf").exists()
+
+
 @pytest.mark.slow
 def test_a_sheet_is_read_as_it_is_and_goes_with_readings(tmp_path):
     file, data = tmp_path / "my-test.toml", tmp_path / "readings.csv"

@@ -52,6 +52,7 @@ COMMANDS = {
     "compensate": "Find the joint coordinates that put the loaded tool where it should be, along a path.",
     "postures": "Find the joint coordinates that put the tool where it is wanted.",
     "import": "Write a model file of a URDF.",
+    "export": "Write a machine's geometry, joints and masses as a URDF.",
     "map": "Map a quantity over a manipulator's workspace: CSV, VTK, a figure and a render.",
 }
 """Each is a module of its name that is read when it is called: what it needs takes up to seconds to import."""
