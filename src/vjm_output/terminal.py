@@ -89,7 +89,9 @@ def _on_interrupt(handler: Callable[[int, FrameType | None], None]) -> Iterator[
 
 def two_columns(title: str, rows: Mapping[str, str]) -> Table:
     """Names and what they are."""
-    table = Table(title=title, title_justify="left", show_header=False, box=None, padding=(0, 2))
+    table = Table(
+        title=title, title_justify="left", show_header=False, box=None, padding=(0, 2), min_width=len(title)
+    )
     for name, text in rows.items():
         table.add_row(name, text)
     return table

@@ -17,7 +17,7 @@ from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine, Manipulat
 # six corrected elements are within 1e-4 of the beam, and so are four springs
 EXUDYN = ManipulatorExudynEngine(elements=6)
 SPRINGS = VjmEngine(4, 4)
-MACHINES = ["orthoglide", "orthoglide-parallelograms", "3-puu", "delta", "par2"]
+MACHINES = ["orthoglide", "orthoglide-parallelograms", "3-puu", "isoglide", "delta", "par2"]
 CURVES = [("isotropic", "y", -3.5), ("isotropic", "z", -3.5), ("Q1", "x", -8.0), ("Q2", "y", -8.0)]
 POSES = [(name, label) for name in MACHINES for label in load_manipulator(name).poses]
 

@@ -24,7 +24,15 @@ def built(changed):
 
 def test_the_library_holds_the_papers_manipulators_each_with_its_source():
     names = {entry.name for entry in manipulators()}
-    assert {"orthoglide", "orthoglide-parallelograms", "3-puu", "delta", "par2", "parallelogram"} <= names
+    assert {
+        "orthoglide",
+        "orthoglide-parallelograms",
+        "3-puu",
+        "isoglide",
+        "delta",
+        "par2",
+        "parallelogram",
+    } <= names
     for name in names:
         machine = load_manipulator(name)
         assert machine.name == name

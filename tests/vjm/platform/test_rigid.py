@@ -23,6 +23,8 @@ MOBILITY = {
     # freedom of the platform; constraints too many. One bar between universal joints leaves two constraints a leg
     "orthoglide": (3, 0),
     "3-puu": (3, 0),
+    # two turns held by each leg, three of six too many
+    "isoglide": (3, 3),
     # three for each planar parallelogram, and one turn of three that each leg holds and one would do
     "orthoglide-parallelograms": (3, 12),
     "parallelogram": (1, 3),
@@ -77,6 +79,17 @@ def test_the_deltas_arms_stand_where_its_closed_form_has_them(robot):
             far = turn.T @ p + [np.sqrt(3.0) / 3.0 * 76.0, 0.0, 0.0]
             # the error measured is 7e-9
             assert np.linalg.norm(far - near) == pytest.approx(1244.0, abs=2e-7)
+
+
+def test_each_drive_of_the_isoglide_is_one_coordinate(robot):
+    # Gogu 2004: the Jacobian is the unit matrix everywhere
+    machine = robot("isoglide")
+    for label in machine.poses:
+        p = machine.displacement(label)
+        pose = inverse_kinematics(machine, p)
+        # the file's home posture is given to 1e-9 rad, which is 3e-7 mm at a bar's end
+        assert pose.drives == pytest.approx(p[:3], abs=1e-6)
+        assert rates(pose, np.eye(6)[:, :3]) == pytest.approx(np.eye(3), abs=1e-8)
 
 
 @pytest.mark.parametrize("name", [entry.name for entry in manipulators()])
