@@ -1,50 +1,136 @@
-"""What README and docs say to type works as it stands there."""
+"""What README, docs and the examples' pages say to type works as it stands there, from the page's top to its end.
+
+A page is followed in a folder of its own: its commands, its programs, and the files that it has the reader write
+(code blocks whose caption is a file's name). A command with a placeholder for the reader's own words, such as
+DATA.csv, is held to its options only.
+"""
+
+from __future__ import annotations
 
 import re
 import shlex
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from helpers.command import validate
+
+from vjm_validation.cli.main import run
 
 ROOT = Path(__file__).parents[2]
-PAGES = ("README.md", "docs/load-cases.md")
-OWN = ("all", "my-robot.toml")
-"""Commands that other tests run whole, and those on a reader's own file."""
+EXAMPLES = ROOT / "validation/vjm_validation/examples"
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), *sorted(EXAMPLES.glob("*/README.md"))]
+STEP = re.compile(
+    r"^```\{code-block\} *\w*\n:caption: (?P<file>\S+)\n\n?(?P<content>.*?)^```$"
+    r"|^```(?:python|\{code-block\} python)\n(?P<program>.*?)^```$"
+    r"|^```.*?^```$"
+    r"|^    (?P<command>validate \w.*?)(?:  #.*)?$",
+    re.DOTALL | re.MULTILINE,
+)
+PLACEHOLDER = re.compile(r"\b[A-Z]{3,}\b|…|\[--|\w\|\w|tcp://")
+SLOW = re.compile(
+    r"^validate (all|map|diagnose|calibrate|identify (orthoglide|.*--solid)|(check|show) parts/|buckling .*exudyn)"
+)
+"""Steps that take more than two seconds or so."""
 
 
-def commands():
-    lines = [line for page in PAGES for line in (ROOT / page).read_text().splitlines()]
-    found = [line.strip().partition("  #")[0] for line in lines if re.match(r"    validate \w", line)]
-    return [command for command in found if not set(OWN) & set(command.split())]
+@dataclass(frozen=True)
+class Step:
+    """Something that a page has its reader do."""
+
+    kind: str
+    text: str
+    file: str = ""
+
+    @property
+    def placeholder(self) -> bool:
+        return self.kind == "command" and PLACEHOLDER.search(self.text) is not None
+
+    @property
+    def slow(self) -> bool:
+        return self.kind == "command" and not self.placeholder and SLOW.search(self.text) is not None
 
 
-def programs():
-    return [
-        pytest.param(program, id=f"{page}-{i}")
-        for page in PAGES
-        for i, program in enumerate(re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.DOTALL))
-    ]
+def steps(page: Path) -> list[Step]:
+    found = [
+        Step("file", match["content"], match["file"]) if match["file"]
+        else Step("program", match["program"]) if match["program"]
+        else Step("command", match["command"])
+        for match in STEP.finditer(page.read_text(encoding="utf-8"))
+        if match["file"] or match["program"] or match["command"]
+    ]  # fmt: skip
+    if page.parent.parent == EXAMPLES:
+        return [Step("command", f"validate example {page.parent.name}"), *found]
+    return found
 
 
-@pytest.mark.parametrize("command", commands())
-def test_a_command_works(command):
-    finished = validate(*shlex.split(command)[1:])
-    assert finished.status == 0, finished.err
+def name(page: Path) -> str:
+    return str(page.relative_to(ROOT))
 
 
-@pytest.mark.parametrize("program", programs())
-def test_a_program_works(program, tmp_path):
+def follow(page: Path, todo: list[Step], capfd: pytest.CaptureFixture[str]) -> None:
+    for step in todo:
+        if step.kind == "file":
+            Path(step.file).write_text(step.content, encoding="utf-8")
+        elif step.kind == "program":
+            program(step.text)
+        else:
+            words = shlex.split(step.text)[1:]
+            if step.placeholder:
+                words = [words[0], "--help"]
+            status = run(words)
+            said = capfd.readouterr()
+            # a test of acceptance that fails is an answer, too
+            assert status == 0, f"{name(page)}: {step.text}: status {status}: {said.err}"
+            if step.placeholder:
+                options = re.findall(r"(?<![\w-])--[a-z][a-z-]*", step.text)
+                assert [option for option in options if option not in said.out] == [], step.text
+
+
+def program(text: str) -> None:
     # a file of its own: processes that it spawns import it
-    file = tmp_path / "example.py"
-    file.write_text(program)
-    done = subprocess.run(
-        [sys.executable, str(file)], capture_output=True, text=True, cwd=tmp_path, timeout=300, check=False
-    )
+    file = Path("program_of_the_page.py")
+    file.write_text(text, encoding="utf-8")
+    done = subprocess.run([sys.executable, str(file)], capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     said = {float(v) for v in re.findall(r"\d+\.\d+", done.stdout)}
-    promised = [float(v) for line in re.findall(r"# \[(.*?)\]", program) for v in line.split()]
+    promised = [float(v) for line in re.findall(r"# \[(.*?)\]", text) for v in line.split()]
     for value in promised:
         assert any(abs(value - other) < 0.06 for other in said), (value, done.stdout)
+
+
+def quick(page: Path) -> list[Step]:
+    """The steps before the first slow one."""
+    found = steps(page)
+    slow = [k for k, step in enumerate(found) if step.slow]
+    return found[: slow[0]] if slow else found
+
+
+WITH_SLOW = [page for page in PAGES if any(step.slow for step in steps(page))]
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if quick(page)], ids=name)
+def test_a_page_does_what_it_says_up_to_what_takes_long(page, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    follow(page, quick(page), capfd)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", WITH_SLOW, ids=name)
+def test_a_page_does_what_it_says(page, tmp_path, monkeypatch, capfd):
+    if any("--solid" in step.text or "parts/" in step.text for step in steps(page)):
+        from helpers.solids import gmsh_or_skip
+
+        gmsh_or_skip()
+    monkeypatch.chdir(tmp_path)
+    follow(page, steps(page), capfd)
+
+
+def test_steps_are_found():
+    page = ROOT / "docs/solid-parts.md"
+    assert steps(page)[0].text == "validate example parts"
+    assert [step.text for step in quick(page)] == ["validate example parts"] or len(quick(page)) > 1
+    assert Step("command", "validate calibrate DATA.csv --sheet SHEET.toml").placeholder
+    assert Step("command", "validate map orthoglide --scheduler tcp://host:8786").placeholder
+    assert not Step("command", "validate stiffness ur10 --posture work --wrench 0,0,-100,0,0,0").placeholder

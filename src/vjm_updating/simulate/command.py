@@ -26,6 +26,7 @@ from vjm_updating.experiment import Readings, read_sheet
 from vjm_updating.experiment.channels import POSE, POSTURE, RUN, TEMPERATURE, WRENCH
 from vjm_updating.experiment.measurement import planned_measurement
 from vjm_updating.experiment.sheet import Sheet
+from vjm_updating.mechanisms.catalogue import plug_in
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.simulate.hidden import Hidden, parsed_effects, sizes
 from vjm_updating.simulate.plan import Ramp, parsed_ramp, planned_readings, usual_ramps
@@ -90,7 +91,7 @@ class _Machine:
 
 def simulate(
     model: str, sheet: Path, out: Path, *, hide: Sequence[str], noise: str = "sheet", seed: int = 0,
-    ramps: Sequence[str] = (),
+    ramps: Sequence[str] = (), plug_ins: Sequence[Path] = (),
 ) -> Truth:  # fmt: skip
     """Write a test's two files and the truth behind them.
 
@@ -102,11 +103,13 @@ def simulate(
         noise: ``sheet`` or ``none``.
         seed: of noise and tolerances.
         ramps: ``POSTURE:END`` or ``POSTURE:AXIS:END``; every posture pulled and pushed where none is given.
+        plug_ins: files with effects of one's own, see docs/effects.md.
 
     Raises:
         ValueError: an input cannot be used; one line.
         vjm.errors.NoConvergenceError: the machine does not stand at the readings.
     """
+    more = [plug_in(path) for path in plug_ins]
     page = read_sheet(sheet)
     name = str(Path(model).resolve()) if Path(model).is_file() else model
     page = page.model_copy(update={"test": page.test.model_copy(update={"model": name})})
@@ -115,7 +118,7 @@ def simulate(
     rest = np.zeros(len(nominal.nuisances))
     # effects know the test by its forces
     scene = replace(observed, wrench=np.where(observed.present, nominal.wrench(rest), np.nan))
-    hidden = parsed_effects(hide, effects_of(scene))
+    hidden = parsed_effects(hide, effects_of(scene, more))
     machine = replace(nominal, effects=tuple(e for e, _ in hidden), values=[v for _, v in hidden])
     strength, largest, left, channel = _strength(nominal, machine)
     rng = np.random.default_rng(seed)

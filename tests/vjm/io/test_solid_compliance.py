@@ -11,7 +11,7 @@ from vjm.io import solid_provider
 from vjm.io.model_file import ModelFileError, load_chain
 from vjm.io.solid_compliance import SolidResult
 
-EXAMPLES = Path(__file__).parents[3] / "examples/parts"
+EXAMPLES = Path(__file__).parents[3] / "validation/vjm_validation/examples/parts"
 C = np.diag([1e-5, 4e-5, 4e-5, 1e-9, 1e-9, 1e-9])
 
 

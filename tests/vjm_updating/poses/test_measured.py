@@ -12,7 +12,7 @@ from vjm_updating.poses.ladder import climb
 from vjm_validation.cli.main import main
 
 ROOT = Path(__file__).parents[3]
-EXAMPLE = ROOT / "examples/ur10-poses"
+EXAMPLE = ROOT / "validation/vjm_validation/examples/ur10-poses"
 MEASURED = ROOT.parent / "shared/measured"
 
 

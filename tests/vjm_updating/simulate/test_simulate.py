@@ -54,6 +54,37 @@ def test_readings_without_noise_are_the_path_of_the_machine(sheet, tmp_path):
     np.testing.assert_allclose(force, expected, atol=1e-3 * expected.max())
 
 
+LAW = """
+from vjm_updating.mechanisms.effect import Effect, Quantity
+from vjm_updating.mechanisms.element_sites import drive
+from vjm_updating.mechanisms.series_elements import Element, memoryless
+
+class Soft(Effect):
+    cause = "soft"
+    title = "a soft drive"
+    def quantities(self):
+        return (Quantity("compliance_mm_per_N", 0.0, 1.0, 1e-5, neutral=0.0),)
+    def trials(self):
+        return [(1e-5,)]
+    def elements(self, machine, values):
+        return (Element(drive(machine), memoryless(lambda N: (values[0] * N, values[0] + 0.0 * N))),)
+
+def effects(scene):
+    return [Soft()]
+"""
+
+
+def test_an_effect_of_one_s_own_is_hidden_like_the_catalogue_s(sheet, tmp_path):
+    """A law that is the catalogue's soft drive under another name gives the same readings."""
+    law = tmp_path / "law.py"
+    law.write_text(LAW)
+    simulate(MODEL, sheet, tmp_path, hide=["actuator_compliance=2e-5"], noise="none", ramps=["A:2"])
+    known = column(tmp_path, "fx_N")
+    simulate(MODEL, sheet, tmp_path, hide=["soft=2e-5"], noise="none", ramps=["A:2"], plug_ins=[law])
+    # files have six decimals
+    np.testing.assert_allclose(column(tmp_path, "fx_N"), known, atol=2e-6)
+
+
 def test_strength_of_a_zero_error_is_that_of_a_mean(sheet, tmp_path):
     """An error e beside a tolerance s and n readings of noise sigma: e/sqrt(s² + sigma²/n)."""
     sheet.write_text(BARE + "zero = 3.0\n")

@@ -1,11 +1,8 @@
 """`validate identify --solid` as a user types it, and what it says to bad input."""
 
 import json
-import shlex
-import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +11,6 @@ from helpers.solids import drawn, gmsh_or_skip, prism
 
 from vjm_validation.cli import main
 
-PAGE = Path(__file__).parents[3] / "docs/solid-parts.md"
 TIMOSHENKO = 4 * 100.0**3 / (70000 * 10 * 20**3) + 1.2 * 2.6 * 100.0 / (70000 * 10 * 20)
 """Deflection of the prism under a force, mm/N."""
 MATERIAL = ("--youngs", "70000", "--poisson", "0.3")
@@ -136,16 +132,3 @@ def test_the_command_starts_without_the_extra():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-COMMANDS = [line.strip() for line in PAGE.read_text().splitlines() if line.startswith("    validate ")]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("command", COMMANDS)
-def test_what_the_page_says_to_type_works(tmp_path, command):
-    """In a folder of its own, to which the examples are copied: the commands write beside them."""
-    gmsh_or_skip()
-    shutil.copytree(PAGE.parents[1] / "examples/parts", tmp_path / "examples/parts")
-    done = validate(*shlex.split(command)[1:], cwd=tmp_path)
-    assert done.status == 0, done.err

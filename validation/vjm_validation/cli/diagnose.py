@@ -20,6 +20,7 @@ from vjm_updating.poses.document import PoseDiagnosis
 from vjm_updating.poses.sheet import kind_of_sheet
 from vjm_updating.poses.summary_text import lines as lines_of_poses
 from vjm_validation.cli.doubts import Strict, warn
+from vjm_validation.cli.effect_files import EffectFiles, tell_what_runs
 
 
 def diagnose_(
@@ -27,12 +28,7 @@ def diagnose_(
     *,
     sheet: Annotated[Path, Parameter(help="Test sheet, TOML.")],
     out: Annotated[Path, Parameter(help="Folder for diagnosis.json, diagnosis.html, extended-model.toml.")],
-    effects: Annotated[
-        tuple[Path, ...],
-        Parameter(
-            consume_multiple=True, help="Python files with effects of your own, which are run; see docs/effects.md."
-        ),
-    ] = (),
+    effects: EffectFiles = (),
     only: Annotated[
         tuple[str, ...], Parameter(consume_multiple=True, help="The causes that are thought possible; else all.")
     ] = (),
@@ -47,8 +43,7 @@ def diagnose_(
     strict: Strict = False,
 ) -> int:
     """Show what the model gets wrong, name the cause, extend the model and measure the gain."""
-    for path in filter(Path.is_file, effects):
-        terminal.error(f"warning: --effects runs the program {path} with all your rights: only what you trust")
+    tell_what_runs(effects)
     with ExitStack() as stack:
         display: Callable[[str, int, int], None] | None = None
         done = 0

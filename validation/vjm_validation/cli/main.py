@@ -47,6 +47,7 @@ COMMANDS = {
     "simulate": "Make the readings of a machine with a hidden effect, and say how strong it is in that test.",
     "identify": "A part's 6×6 compliance from virtual experiments, and the uniform beam behind a compliance.",
     "new": "Write a commented model file that runs as it is: chain, arm or platform; or a test sheet.",
+    "example": "Copy an example into a folder: a model or a test's data, with a page about it.",
     "check": "List every error of a model file, or say what machine it describes.",
     "show": "Write a 3-D view of a machine as HTML or PNG, or draw a part's faces numbered.",
     "compensate": "Find the joint coordinates that put the loaded tool where it should be, along a path.",
@@ -81,6 +82,10 @@ EXTRAS = {
     "openseespy": "opensees",
     "urdf_parser_py": "urdf",
     "distributed": "cluster",
+    "gmsh": "solid",
+    "skfem": "solid",
+    "pypardiso": "solid",
+    "pandas": "frame",
 }
 """The optional extra that brings a module."""
 

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_updating.simulate.command import DATA, SHEET, simulate, words
+from vjm_validation.cli.effect_files import EffectFiles, tell_what_runs
 from vjm_validation.cli.options import Model
 from vjm_validation.cli.status import OK
 
@@ -26,6 +27,7 @@ def simulate_(
             "link_bow=1.0; may be repeated. docs/effects.md lists them."
         ),
     ] = (),
+    effects: EffectFiles = (),
     noise: Annotated[
         Literal["sheet", "none"], Parameter(help="The sheet's noise and tolerances, or none.")
     ] = "sheet",
@@ -42,7 +44,8 @@ def simulate_(
     json: Annotated[bool, Parameter(negative="", help="Print truth.json and nothing else.")] = False,
 ) -> int:
     """Make the readings of a machine with a hidden effect, and say how strong it is in that test."""
-    truth = simulate(model, test, out, hide=hide, noise=noise, seed=seed, ramps=ramp)
+    tell_what_runs(effects)
+    truth = simulate(model, test, out, hide=hide, noise=noise, seed=seed, ramps=ramp, plug_ins=effects)
     if json:
         sys.stdout.write(as_json(truth))
         return OK

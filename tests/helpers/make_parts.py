@@ -1,4 +1,4 @@
-"""Draw the example parts and write their STEP files beside this script: ``python make_parts.py [FOLDER]``.
+"""Draw the example parts and write their STEP files: ``python make_parts.py FOLDER``.
 
 Needs the extra ``vjm-stiffness[solid]``. What is learnt from the parts stands in docs/solid-parts.md.
 """
@@ -105,4 +105,4 @@ def make(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    make(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)
+    make(Path(sys.argv[1]))
