@@ -19,7 +19,7 @@ export MKL_NUM_THREADS = 1
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help validate report test test-all bench blind fuzz lint schemas lock clean
+.PHONY: help validate report test test-all bench bench-table blind fuzz lint schemas lock clean
 
 help:
 	@echo 'make validate   every comparison (validate all $$ARGS); says where the report is'
@@ -27,6 +27,7 @@ help:
 	@echo 'make test       ruff, mypy and the tests that are not slow'
 	@echo 'make test-all   ruff, mypy and all tests'
 	@echo 'make bench      the benchmarks; writes bench.json'
+	@echo 'make bench-table  the table in README.md from bench.json'
 	@echo 'make blind      hides causes in made-up readings and scores their diagnoses ($$ARGS; --sample is quick)'
 	@echo 'make fuzz       mutated files for every loader ($$SECONDS; an hour, from $$SEED)'
 	@echo 'make lint       ruff and mypy only'
@@ -53,6 +54,10 @@ test-all: lint $(VENV)/.project
 
 bench: $(VENV)/.test $(VENV)/.project
 	$(BIN)/pytest tests/benchmarks $(ARGS)
+
+# From the whole of bench.json, which `make bench` wrote without ARGS.
+bench-table: $(VENV)/.project
+	$(BIN)/python tests/benchmarks/readme_table.py
 
 # An interrupted campaign goes on where it was.
 blind: $(VENV)/.project

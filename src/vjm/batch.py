@@ -96,7 +96,7 @@ def trace_all(
         The paths in the order of the tasks, the same to the last bit for any number of jobs but for the seconds
         that they took.
     """
-    return map_all(_walk, tasks, jobs, progress, done)
+    return map_all(_trace, tasks, jobs, progress, done)
 
 
 def map_all(
@@ -146,7 +146,7 @@ def map_all(
     return [results[index] for index in range(len(items))]
 
 
-def _walk(task: Task) -> Path | Failure:
+def _trace(task: Task) -> Path | Failure:
     """The path of a task, or why there is none."""
     try:
         task.chain.posture(task.load_case.posture)

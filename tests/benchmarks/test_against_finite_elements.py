@@ -30,8 +30,8 @@ def exudyn() -> ExudynEngine:
     return ExudynEngine(elements=ELEMENTS)
 
 
-def seconds_of_walk(engine: Engine, chain) -> tuple[float, Path]:
-    """One walk, the model's assembly and the location of the bifurcation included."""
+def seconds_of_path(engine: Engine, chain) -> tuple[float, Path]:
+    """One path, the model's assembly and the location of the bifurcation included."""
     started = time.perf_counter()
     path = engine.trace(chain, PROGRAMME)
     return time.perf_counter() - started, path
@@ -61,12 +61,12 @@ def test_speed_and_error(chain, vjm, exudyn, record):
         exudyn: exudyn.problem(chain, PROGRAMME),
     }
     vjm.trace(chain, PROGRAMME)  # compiles
-    walks, points, paths = {vjm: [], exudyn: []}, {vjm: [], exudyn: []}, {}
+    traces, points, paths = {vjm: [], exudyn: []}, {vjm: [], exudyn: []}, {}
     for _ in range(RUNS):
         # side by side, so that other work on the machine meets both
         for engine in (vjm, exudyn):
-            seconds, paths[engine] = seconds_of_walk(engine, chain)
-            walks[engine].append(seconds)
+            seconds, paths[engine] = seconds_of_path(engine, chain)
+            traces[engine].append(seconds)
             points[engine].append(seconds_per_equilibrium(problems[engine], paths[engine]))
 
     for path in paths.values():
@@ -76,15 +76,15 @@ def test_speed_and_error(chain, vjm, exudyn, record):
     assert len(paths[vjm].points) == pytest.approx(len(paths[exudyn].points), rel=0.1)
     assert paths[vjm].force[-1] == pytest.approx(paths[exudyn].force[-1], rel=1e-4)
 
-    trace = {engine: statistics.median(seconds) for engine, seconds in walks.items()}
+    trace = {engine: statistics.median(seconds) for engine, seconds in traces.items()}
     point = {engine: statistics.median(seconds) for engine, seconds in points.items()}
-    by_walk, by_point = trace[exudyn] / trace[vjm], point[exudyn] / point[vjm]
-    value = min(by_walk, by_point)
+    by_path, by_point = trace[exudyn] / trace[vjm], point[exudyn] / point[vjm]
+    value = min(by_path, by_point)
     record("speedup_vs_exudyn", value, "", ">= 50", value >= 50.0)
-    record("speedup_vs_exudyn_walk", by_walk, "", "", True)
+    record("speedup_vs_exudyn_path", by_path, "", "", True)
     record("speedup_vs_exudyn_equilibrium", by_point, "", "", True)
     for name, engine in (("vjm", vjm), ("exudyn", exudyn)):
-        record(f"walk_{name}_16_s", trace[engine], "s", "", True)
+        record(f"path_{name}_16_s", trace[engine], "s", "", True)
         record(f"equilibrium_{name}_16_s", point[engine], "s", "", True)
 
     # both against the lumped model with four times the springs, placed best: with 128 it is the same to 5e-11, and

@@ -1,7 +1,7 @@
 """Rigs whose forces come from elsewhere: the sheet's own lumped link, and finite elements.
 
 A lumped link is no rod. Where the sheet has one, what it reads is taken from the lumped model that the sheet means.
-Truth that no integration of rods has made comes from Exudyn's beams. Both walk each half of the displacements once
+Truth that no integration of rods has made comes from Exudyn's beams. Both trace each half of the displacements once
 and are interpolated between the path's points; so they know no history.
 """
 

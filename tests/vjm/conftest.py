@@ -102,10 +102,10 @@ def column() -> Chain:
 
 @pytest.fixture(scope="session")
 def trace(chain: Chain) -> Callable[..., Path]:
-    """Path of the paper's chain, walked once for all tests that ask for the same."""
+    """Path of the paper's chain, traced once for all tests that ask for the same."""
     known: dict[tuple, Path] = {}
 
-    def walked(
+    def traced(
         posture: str, to: float, segments: int | None = None, foot: int | None = None,
         placement: str = "best", **ramp,
     ) -> Path:  # fmt: skip
@@ -115,7 +115,7 @@ def trace(chain: Chain) -> Callable[..., Path]:
             known[key] = engine.trace(chain, LoadCase(posture, to, **ramp))
         return known[key]
 
-    return walked
+    return traced
 
 
 @pytest.fixture(scope="session")

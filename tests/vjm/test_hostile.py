@@ -85,7 +85,7 @@ def test_two_joints_in_one_place_are_a_singular_posture():
         VjmEngine(4).trace(Chain("double", parts, postures={"p": np.zeros(2)}), LoadCase("p", -1.0))
 
 
-def test_a_nearly_singular_posture_is_walked_or_ends_with_its_reason(chain):
+def test_a_nearly_singular_posture_is_traced_or_ends_with_its_reason(chain):
     there = replace(chain, postures={"S": np.array([0.0, 1.57, -1.57, 0.0])})
     path = VjmEngine(4).trace(there, LoadCase("S", -4.0))
     assert path.complete or path.stopped

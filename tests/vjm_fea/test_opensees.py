@@ -38,10 +38,10 @@ def column():
 @pytest.fixture(scope="module")
 def trace(orthoglide):
     @cache
-    def walked(posture, to, steps, branch=1):
+    def traced(posture, to, steps, branch=1):
         return OpenSeesEngine().trace(orthoglide, LoadCase(posture, to, steps=steps, branch=branch))
 
-    return walked
+    return traced
 
 
 # P (1 − P/EA) = π² EI/L². The linear element is π²/12 n² too stiff: its axial force knows the chord only. The bowed

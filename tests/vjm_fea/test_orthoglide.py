@@ -18,10 +18,10 @@ ENGINES = {engine.label: engine for engine in (BEAM, SPRING)}
 @pytest.fixture(scope="module")
 def trace(orthoglide):
     @cache
-    def walked(label, posture, to, branch=1):
+    def traced(label, posture, to, branch=1):
         return ENGINES[label].trace(orthoglide, LoadCase(posture, to, branch=branch))
 
-    return walked
+    return traced
 
 
 @pytest.mark.parametrize("posture", "ABCD")

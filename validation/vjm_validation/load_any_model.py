@@ -13,7 +13,7 @@ from vjm.platform.manipulator import Manipulator
 
 
 def loaded(name_or_path: str, *, shear: bool = True) -> tuple[Chain, Callable[[Engine], Engine]]:
-    """A model, and what makes of an engine one that walks it.
+    """A model, and what makes of an engine one that traces it.
 
     A manipulator goes under the name of a chain here: commands ask for its name, postures and size only, and hand
     it to the engine.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ExudynEngine:
-    """Walks a chain with Exudyn's `ObjectBeamGeometricallyExact`.
+    """Traces paths of a chain with Exudyn's `ObjectBeamGeometricallyExact`.
 
     With ``foot_spring`` the part named "foot" is one `RigidBodySpringDamper` in its intrinsic form instead:
     its 6×6 stiffness acts on the SE(3) logarithm between its two sides, at their mid-pose. At finite rotation
@@ -28,7 +28,7 @@ class ExudynEngine:
     with a lumped model must say which law each side uses.
 
     Exudyn gives elements, joints, residual and Jacobian; Newton's method, stability and the change of branch
-    are in `vjm_fea.common.beam_problem` and `vjm_fea.exudyn.statics`. It walks every load case but those with an
+    are in `vjm_fea.common.beam_problem` and `vjm_fea.exudyn.statics`. It traces every load case but those with an
     imperfection. Threads slow the small matrices down five times and more: run with ``OMP_NUM_THREADS=1``.
 
     Attributes:
@@ -64,7 +64,7 @@ class ExudynEngine:
         return replace(path, model=chain.name, model_sha256=chain.sha256)
 
     def for_manipulators(self) -> ManipulatorExudynEngine | None:
-        """The engine that walks whole manipulators with as many elements; none with a foot spring."""
+        """The engine that traces whole manipulators with as many elements; none with a foot spring."""
         from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine
 
         return None if self.foot_spring else ManipulatorExudynEngine(self.elements, self.shear)

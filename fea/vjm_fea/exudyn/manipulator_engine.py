@@ -112,7 +112,7 @@ def _bow(fractions: Array, moved: Array) -> float:
 
 @dataclass(frozen=True)
 class ManipulatorExudynEngine:
-    """Walks a whole manipulator with Exudyn, see `vjm_fea.exudyn.engine.ExudynEngine`.
+    """Traces paths of a whole manipulator with Exudyn, see `vjm_fea.exudyn.engine.ExudynEngine`.
 
     Attributes:
         elements: per beam.

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from vjm.continuation.critical_points import VANISHED, WithoutPairs, bifurcation, locate, only_a_pair
-from vjm.continuation.load_stepping import follow, walked
+from vjm.continuation.load_stepping import finished_path, follow
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
 from vjm.continuation.problem import Problem
 from vjm.errors import NoConvergenceError
@@ -115,7 +115,7 @@ def follow_arc(
     control: ArcControl = ArcControl(),
     progress: Callable[[float], None] | None = None,
 ) -> Path:
-    """Walk along a path by its arc until the ramp reaches its end.
+    """Trace a path by its arc until the ramp reaches its end.
 
     Folds of the ramp are limit points where loads are driven. Behind them the path goes on, unstable where it is,
     and each point says so. At a bifurcation of a stable path it goes on along the branch that the load case asks
@@ -132,7 +132,7 @@ def follow_arc(
 
 
 class _ArcWalk:
-    """The state of one walk."""
+    """The state while one path is traced."""
 
     def __init__(
         self,
@@ -152,10 +152,10 @@ class _ArcWalk:
 
     def run(self) -> Path:
         started = time.perf_counter()
-        stopped = self._walk()
-        return walked(self.problem, self.load_case, self.points, self.events, stopped, started)
+        stopped = self._march()
+        return finished_path(self.problem, self.load_case, self.points, self.events, stopped, started)
 
-    def _walk(self) -> str:
+    def _march(self) -> str:
         step, end = self.control.first, self.load_case.length
         why, seen = "", 0
         while len(self.points) < self.control.points:

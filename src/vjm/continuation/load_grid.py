@@ -48,7 +48,7 @@ class GridPath:
 
 
 def trace_grid(problem: LumpedProblem, grid: Array) -> GridPath:
-    """Walk along the stable path through a grid of displacements.
+    """Trace the stable path through a grid of displacements.
 
     Args:
         problem: a lumped model in a posture under a ramp.

@@ -65,7 +65,7 @@ def follow(
     control: StepControl = StepControl(),
     progress: Callable[[float], None] | None = None,
 ) -> Path:
-    """Walk along the stable path from the unloaded state.
+    """Trace the stable path from the unloaded state.
 
     Bifurcations are located on the primary path, where the smallest eigenvalue passes zero, and left on the
     branch that the load case asks for; limit points and bend-overs are located between stable points. A path
@@ -77,10 +77,10 @@ def follow(
         control: step control, for a load case without fixed steps.
         progress: called with the fraction done.
     """
-    return _Walk(problem, load_case, control, progress).run()
+    return _Trace(problem, load_case, control, progress).run()
 
 
-def walked(
+def finished_path(
     problem: Problem,
     load_case: LoadCase,
     points: Sequence[Equilibrium],
@@ -88,7 +88,7 @@ def walked(
     stopped: str,
     started: float,
 ) -> Path:
-    """A finished walk as a path of a model that the engine names.
+    """What was traced as a path of a model that the engine names.
 
     Args:
         problem: whose path it is.
@@ -110,8 +110,8 @@ def walked(
     )
 
 
-class _Walk:
-    """The state of one walk."""
+class _Trace:
+    """The state while one path is traced."""
 
     def __init__(
         self,
@@ -132,11 +132,11 @@ class _Walk:
 
     def run(self) -> Path:
         started = time.perf_counter()
-        stopped = self._walk()
+        stopped = self._march()
         self._add_neighbour_stiffness()
-        return walked(self.problem, self.load_case, self.points, self.events, stopped, started)
+        return finished_path(self.problem, self.load_case, self.points, self.events, stopped, started)
 
-    def _walk(self) -> str:
+    def _march(self) -> str:
         grid = None
         if self.load_case.steps is not None:
             grid = np.linspace(0.0, self.length, self.load_case.steps + 1)[1:]

@@ -176,7 +176,7 @@ class LoadCase:
 
     @property
     def pose_only(self) -> bool:
-        """Whether it is a ramp of the whole imposed pose and nothing else, which every engine can walk."""
+        """Whether it is a ramp of the whole imposed pose and nothing else, which every engine can trace."""
         return not (self.load_driven or self.free or self.loads or self.gravity or self.imperfection) and (
             self.control == RAMP
         )
@@ -233,6 +233,6 @@ def refuse_unless_pose_only(engine: str, load_case: LoadCase) -> None:
     """
     if not load_case.pose_only:
         raise ValueError(
-            f"{engine} walks ramps of the whole imposed pose only: no loads, free components, imperfections or "
+            f"{engine} traces ramps of the whole imposed pose only: no loads, free components, imperfections or "
             f"other control than the ramp; vjm and vjm-paper do, exudyn and opensees all but imperfections"
         )

@@ -118,7 +118,7 @@ def label(figure: Predicted) -> str:
 
 
 def candidates(fit: Fit, target: Predicted | None, ramps: Sequence[LoadCase]) -> tuple[list[Candidate], list[str]]:
-    """What each ramp would bring, the best for the parameters first, and the ramps that the model cannot walk."""
+    """What each ramp would bring, the best for the parameters first, and the ramps that the model cannot follow."""
     unknowns = fit.problem.unknowns
     before = np.linalg.inv(fit.covariance)
     p = unknowns.parameters

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import WRENCH, split_point
 from vjm_updating.mechanisms.column import Fibres, column_force
-from vjm_updating.mechanisms.effect import Effect, Quantity
+from vjm_updating.mechanisms.effect import Effect, Quantity, part_table
 from vjm_updating.mechanisms.link_bow import LinkBow
 from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
@@ -33,8 +34,6 @@ from vjm_updating.mechanisms.series_elements import History
 
 LEAST = 5
 """Half of the marks from which noise is estimated."""
-FIRST_YIELD, DEPARTS = "plasticity.yield_N", "plasticity.departs_mm"
-HANDBOOK = "plasticity.handbook"
 SET = 0.002
 """Permanent strain at the proof stress."""
 GONE = 0.01
@@ -90,6 +89,10 @@ class ColumnYield(Effect):
     def trials(self) -> Sequence[tuple[float, ...]]:
         """About the handbook's value, rounded and sharp."""
         return [(share * self.stress, n) for n in (40.0, 8.0) for share in (0.8, 1.0, 1.25)]
+
+    def write(self, document: dict[str, Any], nominal: Chain, values: Sequence[float]) -> None:
+        """The section's yield stress; a file has no word for the exponent."""
+        part_table(document, link_of(nominal))["section"]["yield_stress_MPa"] = float(values[0])
 
 
 def is_column(measurement: Measurement) -> bool:
@@ -147,7 +150,7 @@ def observe_column(measurement: Measurement) -> Observed:
         History(np.zeros(n), begins, np.tile(line, (n, 1))),
         None,
         None,
-        steered=control,
+        {control: 0},
     )
 
 
@@ -184,7 +187,7 @@ def column_effects(observed: Observed) -> list[Effect]:
     if section is not None:
         stress = _table(observed.measurement).get("yield_stress_MPa")
         found.append(ColumnYield(stress=float(str(stress)) if stress else 250.0))
-    for channel in (observed.steered, WRENCH[0]):
+    for channel in (*observed.pose_channels, WRENCH[0]):
         found += [InstrumentZero(part=channel), InstrumentScale(part=channel)]
     return found
 
@@ -240,7 +243,7 @@ class ColumnForward:
     ) -> Evaluation:
         """Readings against a hypothesis; no tables are needed for it."""
         observed = self.observed
-        zero_u, gain_u = channel_errors(found, z, [observed.steered])
+        zero_u, gain_u = channel_errors(found, z, observed.pose_channels)
         zero_f, gain_f = channel_errors(found, z, WRENCH)
         w = (observed.pose[:, 0] - zero_u[0]) / gain_u[0]
         wrench = np.zeros((len(w), 6))

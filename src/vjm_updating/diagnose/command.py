@@ -7,17 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from vjm import __version__
 from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
-from vjm.rotations import Array
 from vjm_output.documents import as_json, doubt_rows
-from vjm_updating.diagnose.column import DEPARTS, FIRST_YIELD, HANDBOOK, ColumnForward, is_column, observe_column
-from vjm_updating.diagnose.column_experiment import direct
 from vjm_updating.diagnose.contrasts import contrasts
-from vjm_updating.diagnose.critical import Critical, critical_points
+from vjm_updating.diagnose.critical import Critical
 from vjm_updating.diagnose.document import (
     AlternativeRow,
     CandidateRow,
@@ -35,18 +30,15 @@ from vjm_updating.diagnose.document import (
 )
 from vjm_updating.diagnose.estimates import Estimate, estimates, joined, nuisance_estimates
 from vjm_updating.diagnose.evidence import effective_samples
-from vjm_updating.diagnose.experiment import propose
 from vjm_updating.diagnose.extended import extended_text
 from vjm_updating.diagnose.fitting import Fit
-from vjm_updating.diagnose.holdout import Split, gain, held_out_residual, split_of, unsure
-from vjm_updating.diagnose.holdout_folds import folds
-from vjm_updating.diagnose.mark_selection import marks_gain, with_one_more
+from vjm_updating.diagnose.kind_of_test import HoldOut, KindOfTest
+from vjm_updating.diagnose.kinds import kind_of
 from vjm_updating.diagnose.mistaken import with_mistakes
 from vjm_updating.diagnose.page import write_page
-from vjm_updating.diagnose.preprocess import Prepared, effects_of, possible, prepare, refresh
+from vjm_updating.diagnose.preprocess import Prepared, possible, prepare, refresh
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import Search
-from vjm_updating.diagnose.test_data import Observed, observe
 from vjm_updating.diagnose.transfer import transfer
 from vjm_updating.diagnose.verdict import DOUBTFUL, STRAINED, Verdict, judge, proved
 from vjm_updating.experiment import Measurement, read_measurement
@@ -58,10 +50,8 @@ from vjm_updating.mechanisms.catalogue import plug_in
 DOCUMENT, MODEL, PAGE = "diagnosis.json", "extended-model.toml", "diagnosis.html"
 AGAIN = 2
 """Searches more at most, each about what the last one found."""
-MANY, HALF = 6.0, 0.5
-"""Noise of marks that is found over the sheet's from which on it is spoken of, and how sure a verdict then is."""
-MOST_PAIRS = 5
-"""Members of a class that the next experiment tells from the most probable one."""
+HALF = 0.5
+"""How sure a verdict is where the noise found exceeds the sheet's by far."""
 SHOWN = 12
 """Contrasts that are kept."""
 
@@ -105,13 +95,14 @@ def diagnose(
     mistakes = mistakes_of(findings)
     measurement = mended(measurement, mistakes)
     second = None if beside is None else read_measurement(*beside)
-    observed = observe_column(measurement) if is_column(measurement) else observe(measurement)
-    possible(effects_of(observed, more), only, without)
+    kind = kind_of(measurement)
+    observed = kind.observe(measurement)
+    possible(kind.effects(observed, more), only, without)
     check_writable(out)
     warn(findings)
     progress("the nominal model")
     prepared = prepare(observed, more, only=only, without=without)
-    search = _search(prepared, progress)
+    search = _search(prepared, kind, progress)
     best = search.run()
     prepared = replace(prepared, null=search.null)
     for _ in range(AGAIN):
@@ -120,16 +111,15 @@ def diagnose(
         if again is None:
             break
         prepared = again
-        before, search = best, replace(_search(prepared, progress), hints=search.tried)
+        before, search = best, replace(_search(prepared, kind, progress), hints=search.tried)
         best = search.run()
         prepared = replace(prepared, null=search.null)
         if best.labels == before.labels:
             break
-    if observed.steered:
-        best = with_one_more(search, best)
+    best = kind.completed(search, best)
     progress("verdict")
-    verdict, candidates, points = _proved(prepared, judge(search, best))
-    document = _document(measurement, prepared, verdict, candidates, points, begun)
+    verdict, candidates, points = _proved(prepared, kind, judge(search, best))
+    document = _document(measurement, prepared, kind, verdict, candidates, points, begun)
     if second is not None:
         document = document.model_copy(update={"transfer": _transfer(verdict, second)})
     document = with_mistakes(document, mistakes).model_copy(update={"doubts": doubt_rows(findings)})
@@ -142,36 +132,34 @@ def diagnose(
     return document
 
 
-def _search(prepared: Prepared, progress: Callable[[str], None]) -> Search:
+def _search(prepared: Prepared, kind: KindOfTest, progress: Callable[[str], None]) -> Search:
     fitter = prepared.fitter
     samples = effective_samples(fitter.whitening.memory.rho, fitter.whitening.present)
-    return Search(fitter, prepared.null, prepared.effects, samples, progress, signed=prepared.signed)
+    return Search(
+        fitter, prepared.null, prepared.effects, samples, progress, signed=prepared.signed, costs=kind.costs
+    )
 
 
-def _proved(prepared: Prepared, verdict: Verdict) -> tuple[Verdict, list[CandidateRow], list[Critical]]:
+def _proved(
+    prepared: Prepared, kind: KindOfTest, verdict: Verdict
+) -> tuple[Verdict, list[CandidateRow], list[Critical]]:
     """The verdict judged by what its members predict of readings held out, and the first's critical points."""
     null = prepared.null
     if not verdict.members:
-        return verdict, [], critical_points(prepared.fitter, null, null)
-    observed = prepared.fitter.forward.observed
-    split = split_of(observed)
-    # of marks every third one is held out, which is another split
-    unaided = None if observed.steered else held_out_residual(prepared.fitter, null, split)
-    points = [critical_points(prepared.fitter, null, member.fit) for member in verdict.members]
-    gains = [
-        _gain(prepared, member.fit, own, split, unaided)
-        for member, own in zip(verdict.members, points, strict=True)
-    ]
+        return verdict, [], kind.critical_points(prepared.fitter, null, null)
+    hold_out = kind.hold_out(prepared.fitter, null)
+    points = [kind.critical_points(prepared.fitter, null, member.fit) for member in verdict.members]
+    gains = [_gain(hold_out, member.fit, own) for member, own in zip(verdict.members, points, strict=True)]
     first = gains[0]
     verdict = proved(verdict, first.before_in_sigma, first.after_in_sigma, first.expected_in_sigma)
     if not verdict.members:
-        return verdict, [], critical_points(prepared.fitter, null, null)
+        return verdict, [], kind.critical_points(prepared.fitter, null, null)
     candidates = [
         CandidateRow(
             causes=sorted(m.causes),
             places=sorted({e.place for e in m.fit.hypothesis}),
             probability=p,
-            parameters=_values(prepared, m.fit, places),
+            parameters=_values(prepared, kind, m.fit, places),
             gain=own,
         )
         for m, p, own, places in zip(verdict.members, verdict.probabilities, gains, verdict.places, strict=True)
@@ -182,6 +170,7 @@ def _proved(prepared: Prepared, verdict: Verdict) -> tuple[Verdict, list[Candida
 def _document(
     measurement: Measurement,
     prepared: Prepared,
+    kind: KindOfTest,
     verdict: Verdict,
     candidates: Sequence[CandidateRow],
     points: Sequence[Critical],
@@ -196,14 +185,14 @@ def _document(
         causes=sorted({cause for c in candidates for cause in c.causes}),
         candidates=list(candidates),
         parameters=candidates[0].parameters if candidates else {},
-        confidence=verdict.confidence * (HALF if _noise_words(observed) else 1.0),
+        confidence=verdict.confidence * (HALF if kind.scatter(observed) else 1.0),
         alternatives=[AlternativeRow(causes=sorted(r.causes), confidence=w) for r, w in verdict.others],
         gain=candidates[0].gain if candidates else None,
-        next_experiment=_next(prepared, verdict),
+        next_experiment=kind.next_experiment(fitter, verdict) if verdict.kind == "class" else ExperimentRow(),
         version=VersionRow(
             package=__version__, model_sha256=measurement.model_sha256, data_sha256=measurement.data_sha256
         ),
-        residual=_residual_words(verdict) or _noise_words(observed),
+        residual=_residual_words(verdict) or kind.scatter(observed),
         contrasts=[
             ContrastRow(name=c.name, channel=c.channel, size=c.size, significance=c.significance)
             for c in contrasts(fitter, prepared.null)[:SHOWN]
@@ -257,40 +246,15 @@ def _residual_words(verdict: Verdict) -> str:
     return f"what is left has the shape '{rest.worst or 'rough'}', strength {rest.left**0.5:.1f}"
 
 
-def _noise_words(observed: Observed) -> str:
-    """Where loads at marks scatter more than the sheet says: what is left is not explained, only bounded."""
-    if not observed.steered:
-        return ""
-    sheet = observed.measurement.sheet
-    said, found = float(sheet.sigma(WRENCH[0]).noise), float(observed.noise.wrench[0])
-    if found < MANY * said:
-        return ""
-    return (
-        f"what is left scatters by {found:.3g} N of load, {found / said:.2g} times the sheet's noise: so much of "
-        "the curve no cause explains"
-    )
-
-
 def _value(e: Estimate) -> ValueRow:
     return ValueRow(value=e.value, std=e.std, interval95=[e.low, e.high])
 
 
-def _values(prepared: Prepared, fit: Fit, places: Sequence[Ranked]) -> dict[str, ValueRow | str]:
+def _values(prepared: Prepared, kind: KindOfTest, fit: Fit, places: Sequence[Ranked]) -> dict[str, ValueRow | str]:
     elsewhere = [estimates(prepared.fitter, place.fit, 0.0) for place in places]
     found = joined(estimates(prepared.fitter, fit, 0.0), elsewhere)
     result: dict[str, ValueRow | str] = {name: _value(e) for name, e in found.items()}
-    forward = prepared.fitter.forward
-    if isinstance(forward, ColumnForward):
-        here = forward.first_yield(fit.found, fit.at.z, fit.hypothesis)
-        if here is not None:
-            stress = found["plasticity.yield_stress_MPa"]
-            std = abs(here[0]) * stress.std / stress.value
-            ends = [here[0] - 1.96 * std, here[0] + 1.96 * std]
-            result[FIRST_YIELD] = ValueRow(value=here[0], std=std, interval95=ends)
-            result[HANDBOOK] = forward.handbook_yield()
-        departs = forward.departs(fit)
-        if departs is not None:
-            result[DEPARTS] = f"{departs:.3g}, where yield takes a hundredth of the load"
+    result |= kind.parameters(prepared.fitter, fit, found)
     for effect in fit.hypothesis:
         if effect.part and not any(name.startswith(f"{effect.cause}.{effect.part}") for name in result):
             other = [e.part for place in places for e in place.fit.hypothesis if e.cause == effect.cause]
@@ -298,15 +262,8 @@ def _values(prepared: Prepared, fit: Fit, places: Sequence[Ranked]) -> dict[str,
     return result
 
 
-def _gain(prepared: Prepared, fit: Fit, points: Sequence[Critical], split: Split, unaided: Array | None) -> GainRow:
-    """The gain of a fit; ``unaided`` (n, 6) what the tolerances alone leave held out, None for a test of marks."""
-    fitter = prepared.fitter
-    if unaided is None:
-        found, parts = marks_gain(fitter, prepared.null, fit)
-    else:
-        extended = held_out_residual(fitter, fit, split, unaided)
-        found = gain(fitter, fit, split, unaided, extended, unsure(fitter, fit, split))
-        parts = folds(fitter, split, unaided, extended)
+def _gain(hold_out: HoldOut, fit: Fit, points: Sequence[Critical]) -> GainRow:
+    found, parts = hold_out(fit)
     measured, before, after = points[0].triple if points else (None, None, None)
     return GainRow(
         rmse_before=found.before,
@@ -321,51 +278,4 @@ def _gain(prepared: Prepared, fit: Fit, points: Sequence[Critical], split: Split
             FoldRow(name=f.name, readings=f.readings, force=f.force, rmse_before=f.before, rmse_after=f.after)
             for f in parts
         ],
-    )
-
-
-def _next_of_column(prepared: Prepared, verdict: Verdict) -> ExperimentRow:
-    """Of the direct measurements the one that would show most, of a cause that not all members have."""
-    observed = prepared.fitter.forward.observed
-    common = frozenset.intersection(*(member.causes for member in verdict.members))
-    load = float(np.nanmax(np.abs(observed.wrench[:, 0])))
-    ways = [
-        way
-        for member in verdict.members
-        for cause in sorted(member.causes - common)
-        if (way := direct(observed.measurement, cause, estimates(prepared.fitter, member.fit, 0.0), load))
-    ]
-    posture = str(observed.readings.posture[0])
-    if not ways:
-        why = "turned over, a bow changes sides while errors of the instruments and the stiffness stay"
-        return ExperimentRow(why=why, posture=posture, path="the same marks with the specimen turned half a turn")
-    best = max(ways, key=lambda way: (way.difference is not None, way.strength or 0.0))
-    return ExperimentRow(
-        why=best.why, posture=posture, path=best.path, difference=best.difference, channel=best.channel,
-        strength=best.strength,
-    )  # fmt: skip
-
-
-def _next(prepared: Prepared, verdict: Verdict) -> ExperimentRow:
-    if verdict.kind != "class":
-        return ExperimentRow()
-    first = verdict.members[0]
-    if isinstance(prepared.fitter.forward, ColumnForward):
-        return _next_of_column(prepared, verdict)
-    others: dict[frozenset[str], Fit] = {}
-    for member in verdict.members:
-        if member.causes != first.causes and len(others) < MOST_PAIRS:
-            others.setdefault(member.causes, member.fit)
-    found = propose(prepared.fitter, [first.fit, *others.values()])
-    if found is None:
-        return ExperimentRow(why="no posture of the model separates them")
-    one, *rest = (" + ".join(sorted(causes)) for causes in (first.causes, *others))
-    told = f"it tells {one} from {' and from '.join(rest)}"
-    return ExperimentRow(
-        why=f"{told}: {found.channel} would differ by up to {found.difference:.3g}",
-        posture=found.posture,
-        path=found.path,
-        difference=found.difference,
-        channel=found.channel,
-        strength=found.strength,
     )

@@ -20,7 +20,6 @@ from vjm.model.parameters import compliance_factor
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibrate.rays import Ray
-from vjm_updating.diagnose.column import ColumnForward
 from vjm_updating.diagnose.extended import extended_chain
 from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.stress import First, first_yield
@@ -108,8 +107,6 @@ def knee(s: Array, force: Array) -> float | None:
 
 def critical_points(fitter: Fitter, null: Fit, fit: Fit) -> list[Critical]:
     """The test's half-rays: those with a measured critical force first, then by the extended model's own."""
-    if isinstance(fitter.forward, ColumnForward):
-        return [_column(fitter.forward, fit)]
     found: dict[tuple[str, str], Critical] = {}
     for ray in fitter.forward.observed.rays:
         for sign in (1.0, -1.0):
@@ -195,29 +192,3 @@ def _point(
     if fitter is None:
         return point, First(None, "")
     return point, first_yield(problem, path, fitter.forward.observed.measurement.document)
-
-
-def _column(forward: ColumnForward, fit: Fit) -> Critical:
-    """A column steered by its middle: its largest load, where the readings fall again behind it."""
-    observed = forward.observed
-    on = observed.present[:, 0]
-    read = -observed.wrench[on, 0]
-    predicted = read + fit.at.residual[on, 0]
-    tops = [int(np.argmax(load)) for load in (read, predicted)]
-    turned = [top < len(read) - 2 for top in tops]
-    nominal = Point("bifurcation", float(forward.evaluate_nominal(np.zeros(1))[0]))
-    extended = Point("limit", float(predicted[tops[1]])) if turned[1] else Point()
-    here = forward.first_yield(fit.found, fit.at.z, fit.hypothesis, handbook=True)
-    return Critical(
-        str(observed.readings.posture[0]),
-        "compression",
-        float(read[tops[0]]),
-        float(read[tops[0]]) if turned[0] else None,
-        nominal.force,
-        extended.force,
-        nominal,
-        extended,
-        First(None, forward.yield_unknown())
-        if here is None
-        else First(here[0], f"at {here[1]:.3g} mm of deflection"),
-    )

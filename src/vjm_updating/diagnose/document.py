@@ -152,7 +152,7 @@ class Diagnosis(Row):
     contrasts: list[ContrastRow] = []
     noise: NoiseRow | None = None
     nuisances: dict[str, ValueRow] = {}
-    critical: list[CriticalPointRow] = Field([], description="of every half-ray that was walked")
+    critical: list[CriticalPointRow] = Field([], description="of every half-ray that was traced")
     transfer: list[TransferRow] = Field([], description="to the specimen of --beside")
     doubts: list[DoubtRow] = Field([], description="what is implausible about readings, sheet or model")
     seconds: float = 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import log_ndtr
@@ -24,7 +25,20 @@ third costs besides: something that no catalogue has is far likelier than three 
 with shapes of its own, explain nearly any smooth residual (docs/hidden-effects.md)."""
 
 
-def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: float) -> float:
+@dataclass(frozen=True)
+class Costs:
+    """What a choice of causes costs that depends on the kind of test, in units of the objective.
+
+    Attributes:
+        third: of each cause beyond the second.
+        disguised: of a cause whose own parameter may as well be nothing.
+    """
+
+    third: float = RAREST
+    disguised: float = DISGUISED
+
+
+def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: float, costs: Costs = Costs()) -> float:
     """Objective, what the parameters cost, and the catalogue's choice: of a cause, and of its place.
 
     A free parameter costs the logarithm of the effective readings; one with a usual value and a spread what the
@@ -36,6 +50,7 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
         fit: of the hypothesis.
         effects: the catalogue.
         samples: effective number of readings.
+        costs: of the kind of test.
     """
     own = [i for i, c in enumerate(fit.found) if c.kind == "effect" and np.isfinite(c.sigma)]
     places = Counter(e.cause for e in effects)
@@ -46,10 +61,7 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     again = len(fit.hypothesis) - len({e.cause for e in fit.hypothesis})
     cost = free * float(np.log(samples)) + float(choice) + TWICE * again
     cost += RARER * max(len(fit.hypothesis) - 1, 0)
-    # every column is bowed, however little, and yields in the end: there a third cause is the first surprise
-    column = fitter.forward.observed.steered
-    if not column:
-        cost += RAREST * max(len(fit.hypothesis) - 2, 0)
+    cost += costs.third * max(len(fit.hypothesis) - 2, 0)
     A = fitter.normal(fit)
     covariance = inverse(A, np.ones(len(A), dtype=bool))
     spread = np.maximum(np.diag(covariance), 1e-300)
@@ -58,8 +70,8 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     cost += float(np.sum(np.log(np.maximum(sigma**2 / spread[own], 1.0))))
     for number, effect in enumerate(fit.hypothesis):
         at = of_effect(fit.found, number)[: effect.extent]
-        if at and not column and _is_nothing(effect, fit.at.z[at], size_covariance(A, fit, number)):
-            cost += DISGUISED
+        if at and _is_nothing(effect, fit.at.z[at], size_covariance(A, fit, number)):
+            cost += costs.disguised
         if len(at) > 1:
             # of a vector the directions that the readings say less of cost less
             sizes = np.maximum(np.linalg.eigvalsh(covariance[np.ix_(at, at)]), 1e-300)

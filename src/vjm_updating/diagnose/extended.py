@@ -15,7 +15,6 @@ import numpy as np
 from vjm.io.model_file import build_chain
 from vjm.io.toml_text import toml_text
 from vjm.model.chain import Chain
-from vjm.model.parts import Actuator
 from vjm_updating.calibrate.calibrated_model import calibrated_document
 from vjm_updating.diagnose.column import ColumnYield
 from vjm_updating.diagnose.estimates import Estimate
@@ -23,15 +22,15 @@ from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero, ThermalDrift
 from vjm_updating.experiment import Measurement
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
-from vjm_updating.mechanisms.base_compliance import AXES, BaseCompliance
-from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.mechanisms.base_compliance import BaseCompliance
+from vjm_updating.mechanisms.effect import Effect, part_table
 from vjm_updating.mechanisms.foot_lumping import FootLumping
 from vjm_updating.mechanisms.gravity import Gravity
 from vjm_updating.mechanisms.link_bow import LinkBow
 from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.link_lumping import LinkLumping
 from vjm_updating.mechanisms.load_misalignment import LoadMisalignment
-from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, ModifiedChain, beam_of, link_of
+from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, ModifiedChain, beam_of
 from vjm_updating.mechanisms.part_compliance import PartCompliance
 
 FILE = "extended-model.toml"
@@ -44,11 +43,11 @@ WORDS: dict[type[Effect], str] = {
     Gravity: "in the link's mass_kg; it weighs where a command says --gravity",
     LinkLumping: "in link_segments",
     FootLumping: "in foot_segments",
+    ColumnYield: "in the section's yield_stress_MPa; springs stay elastic beyond it, so the numbers below hold up "
+    "to it",
 }
 """Causes that the file's values express, and where."""
 ERRORS = (InstrumentZero, InstrumentScale, ThermalDrift)
-MOUNT = "base"
-"""Beginning of the names of the springs that carry the chain."""
 
 
 def extended_chain(fitter: Fitter, fit: Fit) -> Chain:
@@ -76,43 +75,15 @@ def extended_document(measurement: Measurement, fitter: Fitter, fit: Fit) -> dic
     document["springs"] = {"link_segments": engine.segments or 1, "foot_segments": engine.foot_segments or 1}
     for name, along_y, along_z in machine.bow:
         y, z = beam_of(machine.nominal, name).bow
-        _part(document, name)["bow_mm"] = [float(y + along_y), float(z + along_z)]
+        part_table(document, name)["bow_mm"] = [float(y + along_y), float(z + along_z)]
     for name, mass in machine.weight:
-        part = _part(document, name)
+        part = part_table(document, name)
         part["mass_kg"] = float(mass)
         part.get("section", {}).pop("density_kg_per_m3", None)
     for effect, values in zip(fit.hypothesis, fit.values, strict=True):
-        _add(document, machine.nominal, effect, values)
+        effect.write(document, machine.nominal, values)
     build_chain(document, FILE)
     return document
-
-
-def _add(document: dict[str, Any], nominal: Chain, effect: Effect, values: Sequence[float]) -> None:
-    """What is no value of a beam."""
-    if isinstance(effect, ActuatorCompliance):
-        for part in nominal.parts:
-            if isinstance(part, Actuator):
-                _part(document, part.name)["compliance_mm_per_N"] = float(part.compliance + values[0])
-    elif isinstance(effect, BaseCompliance):
-        c, y, z = values
-        names = {part.name for part in nominal.parts}
-        mounts = [
-            {
-                "kind": "mount",
-                "name": next(n for k in range(99) if (n := f"{MOUNT}-{letter}" + "-" * k) not in names),
-                # along the world's axes, wherever the base is turned
-                "axis": (nominal.base[:3, :3].T @ np.array(axis)).tolist(),
-                "compliance_mm_per_N": float(c * share),
-            }
-            for letter, axis, share in zip("xyz", AXES, (1.0, y, z), strict=True)
-        ]
-        document["parts"] = [*mounts, *document["parts"]]
-    elif isinstance(effect, ColumnYield):
-        _part(document, link_of(nominal))["section"]["yield_stress_MPa"] = float(values[0])
-
-
-def _part(document: Mapping[str, Any], name: str) -> dict[str, Any]:
-    return next(part for part in document["parts"] if part["name"] == name)
 
 
 def extended_text(
@@ -155,10 +126,6 @@ def _where(effect: Effect, values: Sequence[float], machine: ModifiedChain) -> s
     if isinstance(effect, LoadMisalignment):
         tilted = effect.imposed(np.eye(6)[:1], values)[0, :3]
         return f"of the test, not of the machine: a command says --axis {','.join(f'{v:.6g}' for v in tilted)}"
-    if isinstance(effect, ColumnYield):
-        return (
-            "in the section's yield_stress_MPa; springs stay elastic beyond it, so the numbers below hold up to it"
-        )
     if isinstance(effect, ERRORS):
         return "an error of the instrument, not in the numbers below"
     return words or "not in the numbers below: a chain of springs has no word for it"

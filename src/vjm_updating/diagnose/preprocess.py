@@ -10,20 +10,19 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.io.errors import did_you_mean
 from vjm.rotations import Array
-from vjm_updating.diagnose.column import ColumnForward, column_effects, with_noise_found
 from vjm_updating.diagnose.fitting import Fit, Fitter, prior
-from vjm_updating.diagnose.forward import Evaluation, Forward, Predictor
-from vjm_updating.diagnose.instrument import LEVER, InstrumentScale, InstrumentZero, ThermalDrift, unit_of
+from vjm_updating.diagnose.forward import Evaluation
+from vjm_updating.diagnose.kind_of_test import KindOfTest
+from vjm_updating.diagnose.kinds import kind_of
 from vjm_updating.diagnose.noise_model import estimate_memory
 from vjm_updating.diagnose.outliers import loads, outlying, standing_out
 from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates
 from vjm_updating.diagnose.residual_basis import smooth_shapes
-from vjm_updating.diagnose.screening import STRONG, Signature, Signed, far_off, signed
+from vjm_updating.diagnose.screening import STRONG, Signature, Signed, signed
 from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.diagnose.whitening import Whitening, weighed
-from vjm_updating.experiment.channels import TIME
-from vjm_updating.mechanisms.catalogue import Maker, catalogue
-from vjm_updating.mechanisms.effect import Effect, Scene
+from vjm_updating.mechanisms.catalogue import Maker
+from vjm_updating.mechanisms.effect import Effect
 
 SAME_MEMORY = 0.05
 """Change of the noise's autocorrelation that is none."""
@@ -31,8 +30,6 @@ SAME_NOISE = 0.03
 """Relative change of a fit's squares by which its own covariances are those in force."""
 WORSE = 6
 """Rounds in which wild samples are looked for, the worst first."""
-LONG_BEFORE = 4.0
-"""Spans of a test that its clock may have run before at most: one that shows the date says nothing."""
 
 
 @dataclass(frozen=True)
@@ -69,17 +66,18 @@ def prepare(
         ValueError: no effect of this test has such a cause.
         NoConvergenceError: the nominal machine has no equilibrium at the readings.
     """
-    forward: Predictor = ColumnForward(observed) if observed.steered else Forward(observed)
+    kind = kind_of(observed.measurement)
+    forward = kind.forward(observed)
     nuisances = tuple(nuisance_coordinates(observed))
     found = coordinates(nuisances, ())
     zero = np.zeros(len(found))
     at = forward.evaluate(found, zero, ())
     fitter = Fitter(forward, nuisances, Whitening(np.zeros(0), observed.memory, observed.present))
     fitter.weigh(at)
-    _leave_out(fitter, observed, standing_out(observed, at.residual, fitter.whitening.factors), at)
+    _leave_out(fitter, kind, observed, standing_out(observed, at.residual, fitter.whitening.factors), at)
     null = _fitted(fitter)
     null = choose_branches(fitter, null)
-    effects = possible(effects_of(forward.observed, more), only, without)
+    effects = possible(kind.effects(forward.observed, more), only, without)
     known = signed(fitter, null, effects)
     remember(fitter, null, known.found)
     null = _fitted(fitter, null.at.z, *_beside_kinks(fitter))
@@ -100,9 +98,9 @@ def possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[s
     return tuple(e for e in effects if e.cause not in without and (not only or e.cause in only))
 
 
-def _leave_out(fitter: Fitter, observed: Observed, wild: np.ndarray, at: Evaluation) -> None:
-    """Go on without wild samples ``(n, 6)``; marks that were steered to by hand all count."""
-    kept = observed if observed.steered else observed.without(wild)
+def _leave_out(fitter: Fitter, kind: KindOfTest, observed: Observed, wild: np.ndarray, at: Evaluation) -> None:
+    """Go on without wild samples ``(n, 6)``, where the kind of test leaves any out."""
+    kept = kind.without_outliers(observed, wild)
     memory = replace(kept.memory, rho=fitter.whitening.memory.rho)
     fitter.forward.observed = kept
     fitter.whitening = replace(fitter.whitening, memory=memory, present=kept.present)
@@ -115,13 +113,12 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
     None where nothing changes by it, or the model is so far off that it tells nothing of the noise; the fitter is
     then as it was, so that objectives found with it can still be compared.
     """
-    fitter, everything = prepared.fitter, prepared.all
-    if far_off(fitter, best) and not everything.steered:
+    fitter, kind = prepared.fitter, kind_of(prepared.all.measurement)
+    everything = kind.reweighted(fitter, prepared.all, best)
+    if everything is None:
         return None
     readings, whitening, branches = fitter.forward.observed, fitter.whitening, dict(fitter.forward.branches)
-    if everything.steered:
-        everything = with_noise_found(everything, best)
-    _leave_out(fitter, everything, np.zeros_like(everything.present), best.at)
+    _leave_out(fitter, kind, everything, np.zeros_like(everything.present), best.at)
     fitter.anchor = None
     whole = fitter.evaluate(best.found, best.at.z, best.hypothesis)
     # of samples left out a fit does not say what should have been read
@@ -138,19 +135,20 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
         if fit is not None and np.array_equal(found, wild):
             break
         wild = found
-        _leave_out(fitter, everything, wild != 0.0, at)
+        _leave_out(fitter, kind, everything, wild != 0.0, at)
         # wild samples bend a fit and hide the noise's memory, and then their neighbours look wild
         fit = choose_branches(fitter, fitter.fit(best.hypothesis, at.z[:m], best.values, fresh=True) or best)
         remember(fitter, fit, ())
         at = fit.at
-    same = np.array_equal(readings.present, fitter.forward.observed.present)
+    same = everything.noise is prepared.all.noise
+    same &= np.array_equal(readings.present, fitter.forward.observed.present)
     close = float(np.abs(whitening.memory.rho - fitter.whitening.memory.rho).max()) < SAME_MEMORY
     # near a critical point the stiffness, and what the gauge's noise makes of forces, may be another altogether
     squares, own = (
         float(np.sum(w.flat(best.at.residual) ** 2)) for w in (whitening, weighed(whitening, readings, best.at))
     )
     alike = abs(own - squares) < SAME_NOISE * squares
-    if same and close and alike and prepared.null.objective - best.objective < STRONG and not everything.steered:
+    if same and close and alike and prepared.null.objective - best.objective < STRONG:
         fitter.forward.observed, fitter.whitening, fitter.forward.branches = readings, whitening, branches
         return None
     return replace(prepared, null=_fitted(fitter, prepared.null.at.z, *_beside_kinks(fitter)), all=everything)
@@ -225,42 +223,3 @@ def choose_branches(fitter: Fitter, base: Fit) -> Fit:
             else:
                 best = replace(best, at=at, objective=fitter.objective(best.found, at))
     return best
-
-
-def effects_of(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
-    """The catalogue of a test: the machine's effects, and the instruments'."""
-    if observed.steered:
-        return column_effects(observed)
-    measurement = observed.measurement
-    clock = observed.clock
-    force = float(np.nanmax(np.linalg.norm(np.nan_to_num(observed.wrench[:, :3]), axis=1)))
-    gravity = measurement.sheet.test.gravity
-    scene = Scene(
-        chain=measurement.chain,
-        engine=measurement.engine,
-        force=max(force, 1.0),
-        reach=float(np.abs(observed.pose[:, :3]).max()),
-        duration=0.0 if clock is None else float(clock.max() - clock.min()),
-        interval=0.0 if clock is None else float(np.median(np.diff(clock))),
-        gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
-    )
-    largest = _largest(observed, scene)
-    found: list[Effect] = list(catalogue(scene, more))
-    for channel in (*observed.pose_channels, *observed.wrench_channels):
-        found += [InstrumentZero(part=channel), InstrumentScale(part=channel)]
-        most = largest[unit_of(channel)]
-        if observed.warmth is not None:
-            span = float(np.ptp(observed.warmth))
-            found.append(ThermalDrift(channel, "K", span, duration=scene.duration, largest=most))
-        if clock is not None:
-            span, first = float(np.ptp(clock)), float(observed.readings.values[TIME][0])
-            since = float(np.clip(first / span, 0.0, LONG_BEFORE))
-            found.append(ThermalDrift(channel, "s", span, since=since, largest=most))
-    return found
-
-
-def _largest(observed: Observed, scene: Scene) -> dict[str, float]:
-    """The largest reading by its unit: what gauges of that kind are made for."""
-    moment = float(np.abs(np.nan_to_num(observed.wrench[:, 3:])).max())
-    turn = float(np.abs(observed.pose[:, 3:]).max())
-    return {"N": scene.force, "Nmm": max(moment, LEVER * scene.force), "mm": scene.reach, "rad": turn or np.inf}

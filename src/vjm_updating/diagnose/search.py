@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.diagnose.evidence import criterion
+from vjm_updating.diagnose.evidence import Costs, criterion
 from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.model_adequacy import Misfit, misfit
 from vjm_updating.diagnose.parameters import Hypothesis, afar, bent, towards_nothing
@@ -84,6 +84,7 @@ class Search:
         progress: told what is being tried.
         hints: fits of an earlier search, by their effects, from which to begin.
         signed: what the effects do to the readings about a null near by.
+        costs: what a choice of causes costs in this kind of test.
     """
 
     fitter: Fitter
@@ -93,6 +94,7 @@ class Search:
     progress: Callable[[str], None] = lambda _: None
     hints: Mapping[frozenset[str], Ranked] = field(default_factory=dict)
     signed: Signed | None = None
+    costs: Costs = field(default_factory=Costs)
     tried: dict[frozenset[str], Ranked] = field(default_factory=dict)
     alarm: float = 0.0
     restarts: int = 0
@@ -379,7 +381,7 @@ class Search:
         return best
 
     def _criterion(self, fit: Fit) -> float:
-        return criterion(self.fitter, fit, self.effects, self.samples)
+        return criterion(self.fitter, fit, self.effects, self.samples, self.costs)
 
 
 def _lower(*fits: Fit | None) -> Fit | None:

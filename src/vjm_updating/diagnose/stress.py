@@ -76,7 +76,7 @@ def first_yield(problem: LumpedProblem, path: Path, document: Mapping[str, Any])
 
     Args:
         problem: of the path.
-        path: walked.
+        path: traced.
         document: of the model, with shapes and yield stresses.
     """
     model = problem.model

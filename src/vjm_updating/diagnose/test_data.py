@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,9 +33,9 @@ class Observed:
         history: clock, postures, lines of the link.
         clock: s since the first reading ``(n,)``, or None.
         warmth: K above the first reading ``(n,)``, or None.
+        slots: index of the displacement that each of its channels is.
         wild: number of samples left out as wild.
         steady: how the displacement was steered; None where it is what was read.
-        steered: column that takes the place of the first displacement, where a point steered the test.
     """
 
     measurement: Measurement
@@ -47,9 +48,9 @@ class Observed:
     history: History
     clock: Array | None
     warmth: Array | None
+    slots: Mapping[str, int]
     wild: int = 0
     steady: Steady | None = None
-    steered: str = ""
 
     @property
     def present(self) -> np.ndarray:
@@ -65,7 +66,7 @@ class Observed:
     @property
     def pose_channels(self) -> list[str]:
         """Columns of the displacement that were read."""
-        return [self.steered] if self.steered else [name for name in POSE if name in self.readings.values]
+        return list(self.slots)
 
     @property
     def pose_noise(self) -> Array:
@@ -75,7 +76,7 @@ class Observed:
 
     def slot(self, channel: str) -> int:
         """Index of a displacement's channel."""
-        return 0 if channel == self.steered else POSE.index(channel)
+        return self.slots[channel]
 
     def without(self, wild: np.ndarray) -> Observed:
         """The same with samples ``(n, 6)`` left out."""
@@ -133,5 +134,6 @@ def observe(measurement: Measurement) -> Observed:
     )
     return Observed(
         measurement, readings, pose, wrench, noise, own,
-        memory_of(readings.sequence, ~np.isnan(wrench)), history, clock, warmth, steady=path,
+        memory_of(readings.sequence, ~np.isnan(wrench)), history, clock, warmth,
+        {name: k for k, name in enumerate(POSE) if name in readings.values}, steady=path,
     )  # fmt: skip

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm_updating.diagnose.column import ColumnForward, is_column, observe_column
 from vjm_updating.diagnose.fitting import Fit
-from vjm_updating.diagnose.forward import Forward, Predictor
+from vjm_updating.diagnose.forward import Predictor
+from vjm_updating.diagnose.kinds import kind_of
 from vjm_updating.diagnose.parameters import (
     Coordinate,
     Hypothesis,
@@ -18,7 +18,7 @@ from vjm_updating.diagnose.parameters import (
     nuisance_coordinates,
     release_key,
 )
-from vjm_updating.diagnose.test_data import Observed, observe
+from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.experiment import Measurement
 
 
@@ -45,8 +45,9 @@ def transfer(fit: Fit, other: Measurement) -> list[Transferred]:
     Raises:
         ValueError: the other test cannot be used.
     """
-    observed = observe_column(other) if is_column(other) else observe(other)
-    forward: Predictor = ColumnForward(observed) if observed.steered else Forward(observed)
+    kind = kind_of(other)
+    observed = kind.observe(other)
+    forward = kind.forward(observed)
     rows = [_row(forward, observed, "nothing: the sheet's own model", (), lambda _: 0.0)]
     for i, effect in enumerate(fit.hypothesis):
         rows.append(_row(forward, observed, effect.cause, (effect,), _values(fit, {i}, nuisances=False)))

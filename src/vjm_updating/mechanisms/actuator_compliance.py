@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
+from vjm.model.chain import Chain
+from vjm.model.parts import Actuator
+from vjm_updating.mechanisms.effect import Effect, Quantity, Scene, part_table
 from vjm_updating.mechanisms.element_sites import drive
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.series_elements import Element, memoryless
@@ -32,6 +35,12 @@ class ActuatorCompliance(Effect):
         """One spring."""
         c = values[0]
         return (Element(drive(machine), memoryless(lambda N: (c * N, np.full_like(N, c)))),)
+
+    def write(self, document: dict[str, Any], nominal: Chain, values: Sequence[float]) -> None:
+        """Added to what each drive has."""
+        for part in nominal.parts:
+            if isinstance(part, Actuator):
+                part_table(document, part.name)["compliance_mm_per_N"] = float(part.compliance + values[0])
 
 
 def effects(scene: Scene) -> list[Effect]:

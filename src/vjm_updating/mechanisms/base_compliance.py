@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from vjm.model.chain import Chain
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.series_elements import AlongAxis, Element, Law, memoryless
 
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+MOUNT = "base"
+"""Beginning of the names of the springs that carry the chain."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,21 @@ class BaseCompliance(Effect):
         return tuple(
             Element(AlongAxis(axis), _spring(c * share)) for axis, share in zip(AXES, (1.0, y, z), strict=True)
         )
+
+    def write(self, document: dict[str, Any], nominal: Chain, values: Sequence[float]) -> None:
+        """As springs before the chain, along the world's axes wherever the base is turned."""
+        c, y, z = values
+        names = {part.name for part in nominal.parts}
+        mounts = [
+            {
+                "kind": "mount",
+                "name": next(n for k in range(99) if (n := f"{MOUNT}-{letter}" + "-" * k) not in names),
+                "axis": (nominal.base[:3, :3].T @ np.array(axis)).tolist(),
+                "compliance_mm_per_N": float(c * share),
+            }
+            for letter, axis, share in zip("xyz", AXES, (1.0, y, z), strict=True)
+        ]
+        document["parts"] = [*mounts, *document["parts"]]
 
 
 def _spring(c: float) -> Law:

@@ -7,9 +7,9 @@ it puts elements with a law of their own in series with it (`elements`), it give
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -134,3 +134,11 @@ class Effect:
     def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
         """Parameters under the names of docs/measured-data.md."""
         return {f"{self.cause}.{q.name}": float(v) for q, v in zip(self.quantities(), values, strict=True)}
+
+    def write(self, document: dict[str, Any], nominal: Chain, values: Sequence[float]) -> None:
+        """Write into a model document what a file can say of the effect beyond the values of its beams."""
+
+
+def part_table(document: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """The table of a part of a model document."""
+    return next(part for part in document["parts"] if part["name"] == name)

@@ -1,4 +1,4 @@
-"""A machine to be walked through a test: the chain, its lumped model, and what is built into it.
+"""A machine to be taken through a test: the chain, its lumped model, and what is built into it.
 
 Chain and engine say which springs there are. A bow, a part that differs between pull and push, and the parts' own
 weight are built in here, since the equilibrium has to be solved with them.

@@ -180,13 +180,13 @@ def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool) -> Table:
     bow = bowed(model, half.posture, machine.bow) if machine.bow else None
     problem = LumpedProblem(model, load_case, machine.engine.label, bow)
     grid = np.linspace(0.0, half.reach, NODES + 1)
-    table = _walk(problem, grid, loaded=gravity is not None)
+    table = _trace(problem, grid, loaded=gravity is not None)
     finer = np.concatenate([_refined(table), grid[grid > table.s[-1]]])
     if np.isfinite(table.bifurcation):
         # towards a bifurcation the stiffness across the ray has a pole
         near = table.bifurcation * (1.0 + np.concatenate([-NEAR, NEAR]))
         finer = np.unique(np.concatenate([finer, near[near < half.reach]]))
-    return table if np.array_equal(finer, grid) else _walk(problem, finer, loaded=gravity is not None)
+    return table if np.array_equal(finer, grid) else _trace(problem, finer, loaded=gravity is not None)
 
 
 def _refined(table: Table) -> Array:
@@ -201,10 +201,10 @@ def _refined(table: Table) -> Array:
     return np.concatenate([*pieces, s[-1:]])
 
 
-def _walk(problem: LumpedProblem, grid: Array, *, loaded: bool) -> Table:
+def _trace(problem: LumpedProblem, grid: Array, *, loaded: bool) -> Table:
     direction = problem.load_case.direction
     if loaded:
-        s, x, F, K, stopped = _walk_loaded(problem, grid)
+        s, x, F, K, stopped = _trace_loaded(problem, grid)
         bifurcation = np.inf
     else:
         path = trace_grid(problem, grid)
@@ -217,7 +217,7 @@ def _walk(problem: LumpedProblem, grid: Array, *, loaded: bool) -> Table:
     return Table(s, F, K @ direction, K, x, bifurcation, problem, stopped)
 
 
-def _walk_loaded(problem: LumpedProblem, grid: Array) -> tuple[Array, Array, Array, Array, str]:
+def _trace_loaded(problem: LumpedProblem, grid: Array) -> tuple[Array, Array, Array, Array, str]:
     """The equilibria of a chain that carries weights: it has no bifurcation, but may bend over steeply.
 
     Where the compiled march stumbles, each point is gone to from the last, by steps that become shorter.

@@ -19,7 +19,7 @@ from vjm_updating.diagnose.experiment import left_over
 from vjm_updating.diagnose.fitting import Fitter
 from vjm_updating.diagnose.forward import Forward
 from vjm_updating.diagnose.parameters import Coordinate, coordinates, nuisance_coordinates, release_key, start
-from vjm_updating.diagnose.preprocess import effects_of
+from vjm_updating.diagnose.ramp_test import ramp_effects
 from vjm_updating.diagnose.test_data import Observed, observe
 from vjm_updating.diagnose.whitening import Whitening
 from vjm_updating.experiment import Readings, read_sheet
@@ -118,7 +118,7 @@ def simulate(
     rest = np.zeros(len(nominal.nuisances))
     # effects know the test by its forces
     scene = replace(observed, wrench=np.where(observed.present, nominal.wrench(rest), np.nan))
-    hidden = parsed_effects(hide, effects_of(scene, more))
+    hidden = parsed_effects(hide, ramp_effects(scene, more))
     machine = replace(nominal, effects=tuple(e for e, _ in hidden), values=[v for _, v in hidden])
     strength, largest, left, channel = _strength(nominal, machine)
     rng = np.random.default_rng(seed)

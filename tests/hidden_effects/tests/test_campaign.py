@@ -69,7 +69,7 @@ def test_a_seed_makes_the_same_set(made, known, tmp_path):
 def test_readings_scatter_as_the_sheet_says(known, tmp_path):
     """Whitened residuals of quiet sets, nuisances included, have unit variance."""
     visibility, squares = known.visibility, []
-    # not multiples of four, which finite elements would walk
+    # not multiples of four, which finite elements would trace
     for number in range(21, 141, 4):
         folder = tmp_path / str(number)
         making.make(Plan(number, Group.QUIET, 0, (), (), False), OneDesign(known), folder)

@@ -224,7 +224,7 @@ def test_progress_runs_to_one(chain):
     assert seen[-1] == pytest.approx(1.0, abs=1e-12)
 
 
-def test_chain_without_a_posture_or_section_is_refused_before_it_is_walked(chain):
+def test_chain_without_a_posture_or_section_is_refused_before_it_is_traced(chain):
     with pytest.raises(KeyError):
         VjmEngine().trace(chain, LoadCase("Z", 1.0))
     bare = Chain("bare", (Beam("b", 1.0, compliance=np.eye(6)),), postures={"p": np.zeros(0)})

@@ -89,7 +89,7 @@ def test_one_spring_a_column_ends_in_a_path_and_not_in_an_error(placement, to):
 
 
 @pytest.mark.parametrize("segments", [None, 1, 2])
-def test_cantilever_without_joints_can_be_walked(segments):
+def test_cantilever_without_joints_can_be_traced(segments):
     """With one spring nothing is left to become unstable once the pose is held."""
     path = VjmEngine(segments).trace(clamped_column(EI), LoadCase("straight", 0.01, "y"))
     # 12 EI/L³ with the end's turn held; its axial stretch needs force of the order of (0.01/100)²

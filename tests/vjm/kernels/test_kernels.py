@@ -95,7 +95,7 @@ def test_a_singular_matrix_is_said_to_be_one():
 
 @pytest.mark.parametrize(("posture", "to"), [("A", 2.0), ("B", 3.0), ("C", 0.3), ("A", -3.5)])
 @pytest.mark.parametrize("engine", [VjmEngine(), VjmEngine(4)], ids=lambda e: e.label)
-def test_a_grid_is_walked_as_one_by_one(chain, engine, posture, to):
+def test_a_grid_gives_what_one_by_one_gives(chain, engine, posture, to):
     load_case = LoadCase(posture, to, steps=400)
     problem = LumpedProblem(engine.model(chain), load_case, engine.label)
     found = trace_grid(problem, np.linspace(0.0, load_case.length, 401))
@@ -119,7 +119,7 @@ def test_a_grid_is_walked_as_one_by_one(chain, engine, posture, to):
     assert found.residual.max() < TOLERANCE
 
 
-def test_a_grid_that_cannot_be_walked_keeps_what_it_has(chain):
+def test_a_grid_that_cannot_be_traced_keeps_what_it_has(chain):
     """Folded far beyond its buckling, on a grid too coarse for it, the chain lands on no neighbouring state."""
     engine = VjmEngine(4, placement=Placement.TWO_THIRDS)
     problem = LumpedProblem(engine.model(chain), LoadCase("A", -500.0), engine.label)

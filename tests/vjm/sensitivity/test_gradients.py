@@ -38,8 +38,8 @@ def soft(chain) -> Chain:
 
 
 @pytest.fixture(scope="module")
-def walked(soft):
-    """A path of the soft chain, and its engine, walked once for all tests that ask for the same."""
+def traced(soft):
+    """A path of the soft chain, and its engine, traced once for all tests that ask for the same."""
     known = {}
 
     def path(posture, to, segments, steps):
@@ -88,9 +88,9 @@ PATHS = [("A", 2.0, None, 5), ("B", 4.0, None, 4), ("A", -4.0, 4, 5), ("B", -10.
 
 
 @pytest.mark.parametrize(("posture", "to", "segments", "steps"), PATHS)
-def test_wrenches_change_as_those_of_the_solver_do(soft, walked, posture, to, segments, steps):
+def test_wrenches_change_as_those_of_the_solver_do(soft, traced, posture, to, segments, steps):
     """Before and behind the bifurcation (A) and the bend-over (B, D)."""
-    engine, path = walked(posture, to, segments, steps)
+    engine, path = traced(posture, to, segments, steps)
     parameters = one_of_each(soft, posture, segments)
     found = wrench_sensitivity(engine, soft, path, parameters)
     assert found.shape == (len(path.points), 6, len(parameters))
@@ -111,8 +111,8 @@ def test_wrenches_change_as_those_of_the_solver_do(soft, walked, posture, to, se
 
 
 @pytest.mark.parametrize(("posture", "to", "segments", "steps"), [("B", 4.0, None, 4), ("A", -4.0, 4, 5)])
-def test_last_wrench_changes_as_that_of_a_whole_walk_does(soft, walked, posture, to, segments, steps):
-    engine, path = walked(posture, to, segments, steps)
+def test_last_wrench_changes_as_that_of_a_whole_path_does(soft, traced, posture, to, segments, steps):
+    engine, path = traced(posture, to, segments, steps)
     parameters = [compliance_factor(soft, "link"), actuator_compliance(soft, "actuator"), beam_length(soft, "link")]
     found = wrench_sensitivity(engine, soft, path, parameters)[-1]
     for k, parameter in enumerate(parameters):
@@ -125,8 +125,8 @@ def test_last_wrench_changes_as_that_of_a_whole_walk_does(soft, walked, posture,
         )
 
 
-def test_unloaded_chain_feels_nothing(soft, walked):
-    engine, path = walked("B", 4.0, None, 4)
+def test_unloaded_chain_feels_nothing(soft, traced):
+    engine, path = traced("B", 4.0, None, 4)
     found = wrench_sensitivity(engine, soft, path, one_of_each(soft, "B", None))[0]
     # rounding of a pose of 400 mm over a step of 1e-5, times stiffnesses of 1e6 N mm
     assert np.abs(found / engine.model(soft).wrench_scale[:, None]).max() < 1e-8
@@ -142,9 +142,9 @@ def state_of(engine, chain, path, point) -> State:
 
 
 @pytest.mark.parametrize("transposed", [False, True])
-def test_tangent_of_the_blocks_is_the_dense_one(soft, walked, transposed):
+def test_tangent_of_the_blocks_is_the_dense_one(soft, traced, transposed):
     """Under a moment, which makes it unsymmetric."""
-    engine, path = walked("B", -10.0, 4, 4)
+    engine, path = traced("B", -10.0, 4, 4)
     state = state_of(engine, soft, path, path.points[-1])
     model, scale = state.at.model, newton_scale(state.at.model)
     dense = newton_matrix(model, state.at.kinematics, state.at.wrench)
@@ -155,8 +155,8 @@ def test_tangent_of_the_blocks_is_the_dense_one(soft, walked, transposed):
     assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-def test_at_a_bifurcation_the_tangent_without_its_mode_is_the_dense_one(soft, walked):
-    engine, path = walked("A", -2.9, 4, 6)
+def test_at_a_bifurcation_the_tangent_without_its_mode_is_the_dense_one(soft, traced):
+    engine, path = traced("A", -2.9, 4, 6)
     state = state_of(engine, soft, path, path.events[0].point)
     scale = newton_scale(state.at.model)
     U, values, Vt = np.linalg.svd(newton_matrix(state.at.model, state.at.kinematics, state.at.wrench))
@@ -170,12 +170,12 @@ def test_at_a_bifurcation_the_tangent_without_its_mode_is_the_dense_one(soft, wa
     assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
 
 
-def test_neighbours_serve_every_path_of_a_chain(soft, walked):
+def test_neighbours_serve_every_path_of_a_chain(soft, traced):
     parameters = [compliance_factor(soft, "link"), joint_angle(soft, "A", "q1"), beam_length(soft, "link")]
-    engine, _ = walked("A", -4.0, 4, 5)
+    engine, _ = traced("A", -4.0, 4, 5)
     once = Sensitivity(engine, soft, parameters)
     for posture, to, steps in (("A", -4.0, 5), ("B", -10.0, 4)):
-        _, path = walked(posture, to, 4, steps)
+        _, path = traced(posture, to, 4, steps)
         assert np.array_equal(once.wrench(path), wrench_sensitivity(engine, soft, path, parameters))
 
 
@@ -185,9 +185,9 @@ EVENTS = [("A", 0.9, None, 6, 0), ("A", -2.9, 4, 6, 0), ("B", -8.5, 4, 8, 0), ("
 
 
 @pytest.mark.parametrize(("posture", "to", "segments", "steps", "which"), EVENTS)
-def test_events_move_as_located_ones_do(soft, walked, posture, to, segments, steps, which):
+def test_events_move_as_located_ones_do(soft, traced, posture, to, segments, steps, which):
     """A bifurcation, a bend-over and a limit point."""
-    engine, path = walked(posture, to, segments, steps)
+    engine, path = traced(posture, to, segments, steps)
     parameters = [
         compliance_factor(soft, "foot"),
         compliance_factor(soft, "link"),
@@ -223,10 +223,10 @@ def test_events_move_as_located_ones_do(soft, walked, posture, to, segments, ste
     ("A", 0.9, None, 6), ("A", -2.9, 4, 6), ("B", 2.5, None, 5), ("B", -8.5, 4, 8), ("D", -17.0, 4, 34),
 ])  # fmt: skip
 def test_softening_every_spring_alike_lowers_the_force_alike_and_leaves_the_displacement(
-    soft, walked, posture, to, segments, steps
+    soft, traced, posture, to, segments, steps
 ):
     """With all compliances times f, all forces are over f at the same displacements, whatever the laws."""
-    engine, path = walked(posture, to, segments, steps)
+    engine, path = traced(posture, to, segments, steps)
     springs = [compliance_factor(soft, "foot"), compliance_factor(soft, "link")]
     springs.append(actuator_compliance(soft, "actuator"))
     scale = np.array([p.scale for p in springs])
@@ -250,9 +250,9 @@ def test_column_buckles_by_euler(column):
 # --- where there is no derivative -----------------------------------------------------------------
 
 
-def test_parameter_that_breaks_the_symmetry_is_said_to_do_so(soft, walked):
+def test_parameter_that_breaks_the_symmetry_is_said_to_do_so(soft, traced):
     """A coupling of the pull with the soft bending is an imperfection: the corner becomes a bend."""
-    engine, path = walked("A", 0.9, None, 6)
+    engine, path = traced("A", 0.9, None, 6)
     coupling = compliance_entry(soft, "link", 1, 2)
     (result,) = critical_sensitivity(engine, soft, path, [coupling, compliance_entry(soft, "link", 2, 2)])
     assert "breaks the symmetry" in result.reasons[0]
@@ -297,9 +297,9 @@ def test_parameters_are_set_one_after_the_other(soft):
     assert np.allclose(link.own_frame, turn([1.0, 0.0, 0.0], 0.1)[:3, :3] @ soft.beams[1].own_frame, atol=1e-15)
 
 
-def test_a_parameter_of_ones_own(soft, walked):
+def test_a_parameter_of_ones_own(soft, traced):
     """Where the base stands changes nothing: forces are counted in world axes, and the base only shifts."""
-    engine, path = walked("B", 4.0, None, 4)
+    engine, path = traced("B", 4.0, None, 4)
     shift = Parameter("base x", "mm", 0.0, 1.0, lambda c, v: replace(c, base=frame(p=[v, 0, 0]) @ c.base))
     found = wrench_sensitivity(engine, soft, path, [shift])
     assert np.abs(found[..., 0] / engine.model(soft).wrench_scale).max() < 1e-8
@@ -332,8 +332,8 @@ def test_what_is_no_parameter_is_refused(chain, make, said):
     assert said in str(refusal.value)
 
 
-def test_path_of_another_engine_and_new_coordinates_are_refused(soft, chain, walked):
-    engine, path = walked("B", 4.0, None, 4)
+def test_path_of_another_engine_and_new_coordinates_are_refused(soft, chain, traced):
+    engine, path = traced("B", 4.0, None, 4)
     factor = compliance_factor(soft, "link")
     with pytest.raises(ValueError) as refusal:
         wrench_sensitivity(VjmEngine(2), soft, path, [factor])
@@ -356,14 +356,14 @@ def test_path_of_another_engine_and_new_coordinates_are_refused(soft, chain, wal
 # --- cost -----------------------------------------------------------------------------------------
 
 
-def test_cost_of_a_parameter(soft, walked, capsys):
-    """A parameter costs a part of a walk, where differences take two walks; printed, for machines are shared."""
-    engine, path = walked("A", -4.0, 4, 5)
+def test_cost_of_a_parameter(soft, traced, capsys):
+    """A parameter costs a part of a path, where differences take two paths; printed, for machines are shared."""
+    engine, path = traced("A", -4.0, 4, 5)
     parameters = one_of_each(soft, "A", 4)
     started = time.perf_counter()
     wrench_sensitivity(engine, soft, path, parameters)
     seconds = (time.perf_counter() - started) / len(parameters)
     with capsys.disabled():
         print(
-            f"\n{1e3 * seconds:.1f} ms a parameter, {1e3 * path.seconds:.0f} ms a walk of {len(path.points)} points"
+            f"\n{1e3 * seconds:.1f} ms a parameter, {1e3 * path.seconds:.0f} ms a path of {len(path.points)} points"
         )

@@ -102,7 +102,7 @@ def finite_elements(posture: str, to: float, steps: int | None) -> LoadPath:
     return path
 
 
-Walk = Callable[[str, float, int], tuple[np.ndarray, np.ndarray]]
+Trace = Callable[[str, float, int], tuple[np.ndarray, np.ndarray]]
 """Displacements ``(k,)``, magnitudes from zero on, and wrenches ``(k, 6)`` of a ramp in equal steps."""
 
 
@@ -119,7 +119,7 @@ def _on_grid(path: LoadPath, steps: int) -> tuple[np.ndarray, np.ndarray]:
     return path.s[at], path.wrench[at]
 
 
-def of_model(chain: Chain, engine: VjmEngine) -> Walk:
+def of_model(chain: Chain, engine: VjmEngine) -> Trace:
     """What a lumped chain needs."""
 
     @cache
@@ -151,7 +151,7 @@ Row = dict[str, str | float]
 
 
 def readings(
-    trace: Walk,
+    trace: Trace,
     ramps: Mapping[str, Sequence[float]],
     steps: int,
     rng: np.random.Generator,

@@ -39,10 +39,10 @@ def test_the_file_is_the_machine(make: Make, tmp_path: Path, case: str):
     file.write_text(calibrated_text(measurement, chain), encoding="utf-8")
     again = load_chain(file)
     for to in (-3.0, 2.0):
-        walks = [measurement.engine.trace(one, LoadCase("B", to, steps=4)) for one in (chain, again)]
-        np.testing.assert_allclose(walks[1].wrench, walks[0].wrench, rtol=1e-9, atol=1e-6)
+        paths = [measurement.engine.trace(one, LoadCase("B", to, steps=4)) for one in (chain, again)]
+        np.testing.assert_allclose(paths[1].wrench, paths[0].wrench, rtol=1e-9, atol=1e-6)
     nominal = measurement.engine.trace(measurement.chain, LoadCase("B", -3.0, steps=4))
-    assert abs(nominal.force[-1] / walks[0].force[-1]) != pytest.approx(1.0, rel=1e-3)
+    assert abs(nominal.force[-1] / paths[0].force[-1]) != pytest.approx(1.0, rel=1e-3)
 
 
 def test_both_descriptions_of_a_part_change_alike(make: Make):

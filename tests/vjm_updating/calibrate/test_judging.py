@@ -106,7 +106,7 @@ def test_a_figure_that_is_none(make: Make):
 
 
 def test_slopes_of_figures_are_those_of_whole_paths():
-    """Also where a sign, a factor or the wrong path would show: against differences of paths walked anew."""
+    """Also where a sign, a factor or the wrong path would show: against differences of paths traced anew."""
     engine, chain = VjmEngine(4), load_chain("orthoglide-chain")
     chain = replace(chain, postures={"A": chain.posture("A")})
     parameter = section_value(chain, "link", "EIz")

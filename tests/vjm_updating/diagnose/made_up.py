@@ -13,7 +13,7 @@ import numpy as np
 
 from vjm_updating.diagnose.forward import Forward
 from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates, start
-from vjm_updating.diagnose.preprocess import effects_of
+from vjm_updating.diagnose.ramp_test import ramp_effects
 from vjm_updating.diagnose.test_data import observe
 from vjm_updating.experiment import measurement as reading
 
@@ -107,7 +107,7 @@ def made_up(
         at = Forward(observed).evaluate(nuisances, np.zeros(len(nuisances)), ())
         wrench = np.nan_to_num(observed.wrench - at.residual)
     monkeypatch.undo()
-    known = {effect.label: effect for effect in effects_of(observed)}
+    known = {effect.label: effect for effect in ramp_effects(observed)}
     hypothesis = tuple(known[label] for label in hidden)
     found = coordinates(nuisances, hypothesis)
     values = [

@@ -40,7 +40,7 @@ def test_a_refit_stays_within_bounds(high, left):
 
 def test_what_either_is_or_is_not_has_no_parameter_to_pay_for():
     zero = Coordinate("zero fx_N", "zero", "fx_N", 1.0, sigma=np.inf)
-    observed = SimpleNamespace(steered="")
+    observed = SimpleNamespace()
     fitter = SimpleNamespace(
         forward=SimpleNamespace(observed=observed), normal=lambda fit: np.eye(1), pressure=lambda fit: np.zeros(1)
     )

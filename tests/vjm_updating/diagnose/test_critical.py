@@ -35,7 +35,7 @@ def column(**section):
     return document
 
 
-def walked(document, load_case, segments=32):
+def traced(document, load_case, segments=32):
     problem = VjmEngine(segments).problem(build_chain(document, "m.toml"), load_case)
     return problem, trace(problem, load_case)
 
@@ -50,7 +50,7 @@ def squeezed(to):
 
 def test_a_pulled_bar_yields_all_through():
     # (a squeezed one buckles long before)
-    problem, path = walked(COLUMN, LoadCase("straight", 1.5))
+    problem, path = traced(COLUMN, LoadCase("straight", 1.5))
     found = first_yield(problem, path, COLUMN)
     assert found.force == pytest.approx(241.3 * 25.4 * 3.175, rel=1e-3)
     assert found.words == "on the way"
@@ -58,7 +58,7 @@ def test_a_pulled_bar_yields_all_through():
 
 def test_a_column_buckles_long_before_it_yields():
     document = column()
-    problem, path = walked(document, LoadCase("straight", -1.0))
+    problem, path = traced(document, LoadCase("straight", -1.0))
     found = first_yield(problem, path, document)
     euler = np.pi**2 * 68948.0 * 25.4 * 3.175**3 / 12.0 / 299.085**2
     assert path.critical.force == pytest.approx(euler, rel=1e-3)
@@ -69,7 +69,7 @@ def test_a_column_buckles_long_before_it_yields():
 
 def test_a_bowed_column_yields_where_beam_theory_says():
     document = column(bow_mm=[2.0, 0.0])
-    problem, path = walked(document, squeezed(30.0), 64)
+    problem, path = traced(document, squeezed(30.0), 64)
     found = first_yield(problem, path, document)
     w = np.linspace(1.0, 30.0, 400)
     P = column_force(w, 299.085, 68948.0 * 25.4 * 3.175**3 / 12.0, 2.0)

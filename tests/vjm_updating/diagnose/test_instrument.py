@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from vjm_updating.diagnose.command import diagnose
 from vjm_updating.diagnose.instrument import ThermalDrift, lagging
-from vjm_updating.diagnose.preprocess import effects_of
+from vjm_updating.diagnose.ramp_test import ramp_effects
 from vjm_updating.diagnose.test_data import observe
 from vjm_updating.experiment import read_measurement
 
@@ -50,7 +50,7 @@ def test_a_gauge_drifts_by_some_hundredths_of_its_range_in_a_test(make, tmp_path
     moment = np.abs(np.nan_to_num(observed.wrench[:, 3:])).max()
     # a gauge of forces and moments has a range of moments of a tenth of a metre times its forces, at least
     ranges = {"mm": np.abs(observed.pose[:, :3]).max(), "N": force, "Nmm": max(moment, 100.0 * force)}
-    drifts = [e for e in effects_of(observed) if isinstance(e, ThermalDrift)]
+    drifts = [e for e in ramp_effects(observed) if isinstance(e, ThermalDrift)]
     assert {d.by for d in drifts} == {"s"}
     assert {d.part for d in drifts} == {*observed.pose_channels, *observed.wrench_channels}
     for drift in drifts:

@@ -8,7 +8,7 @@ import pytest
 from vjm_validation.cli.main import run
 
 
-def test_curve_walks_the_whole_robot(capsys, tmp_path):
+def test_curve_traces_the_whole_robot(capsys, tmp_path):
     file = tmp_path / "path.csv"
     arguments = ["--posture", "isotropic", "--to", "1.2", "--engine", "vjm-paper", "--csv", str(file)]
     assert run(["curve", "orthoglide", *arguments]) == 0

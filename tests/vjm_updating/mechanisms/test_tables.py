@@ -83,7 +83,7 @@ def test_weight_is_borne_by_both_ends(machine):
     assert table.wrench[0, 2] == pytest.approx(0.5 * 4.0 * 9.80665, rel=2e-3)
 
 
-def test_weight_agrees_with_the_suites_own_walk(machine):
+def test_weight_agrees_with_the_suites_own_path(machine):
     heavy = replace(machine, weight=(("link", 4.0),))
     table = tabulate(heavy, HalfRay("B", BACK, 2.0), pulls=False)
     path = machine.engine.trace(heavy.chain(), LoadCase("B", -2.0, steps=4, gravity=(0.0, 0.0, -9.80665)))

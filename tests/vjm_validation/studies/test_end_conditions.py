@@ -34,7 +34,7 @@ def test_dead_load_and_imposed_displacement_lose_stability_at_the_same_state(stu
     """Where both supports hold the same five components a bifurcation with no motion along x is the same."""
     imposed, dead = (study.paths["D", name, "vjm-16f16"].events[0] for name in ("hinged", HINGED_LOAD))
     assert imposed.kind is dead.kind is EventKind.BIFURCATION
-    # two walks with other parameters; each locates its event to 1e-9 of its path
+    # two paths with other parameters; each locates its event to 1e-9 of its path
     assert dead.force == pytest.approx(imposed.force, rel=1e-7)
     assert dead.point.displacement[0] == pytest.approx(imposed.point.displacement[0], rel=1e-7)
 

@@ -37,7 +37,7 @@ def study(chain):
 
 
 @pytest.fixture(scope="module")
-def walked(chain):
+def traced(chain):
     """Model, path on the study's grid, and the frame imposed at each displacement."""
     load_case = LoadCase("A", 4.0, steps=round(4.0 / COARSE_MM))
     engine = VjmEngine()
@@ -45,19 +45,19 @@ def walked(chain):
     return model, engine.trace(chain, load_case), LumpedProblem(model, load_case, "").target
 
 
-def neighbours(walked, s):
+def neighbours(traced, s):
     """Start and end of the step that ends at a displacement."""
-    _, path, _ = walked
+    _, path, _ = traced
     i = int(np.argmin(np.abs(path.s - s)))
     assert path.s[i] == pytest.approx(s)
     return path.points[i - 1], path.points[i]
 
 
 @pytest.mark.parametrize("s", [0.4, 1.2, 2.9])
-def test_one_point_by_a_loop_by_hand(study, walked, s):
+def test_one_point_by_a_loop_by_hand(study, traced, s):
     """(13) written out, unscaled, in lengths of a metre so that its matrix is not too skewed."""
-    model, _, target = walked
-    start, wanted = neighbours(walked, s)
+    model, _, target = traced
+    start, wanted = neighbours(traced, s)
     frame, x = target(wanted.s), start.state[: model.size]
     unit = np.diag([1.0, 1.0, 1.0, 1e3, 1e3, 1e3])  # N, N m
     found = {}
@@ -85,12 +85,12 @@ def test_one_point_by_a_loop_by_hand(study, walked, s):
     assert (point.paper_loose, point.paper) == (found[LOOSE], found[equilibrium.TOLERANCE])
 
 
-def test_counts_are_those_of_the_solvers(study, walked, monkeypatch):
-    model, _, target = walked
+def test_counts_are_those_of_the_solvers(study, traced, monkeypatch):
+    model, _, target = traced
     for point in study.points:
         if point.s == pytest.approx(study.d_cr, rel=1e-3):
             continue
-        start, wanted = neighbours(walked, point.s)
+        start, wanted = neighbours(traced, point.s)
         x, wrench = start.state[: model.size], start.state[model.size : model.size + 6]
         frame = target(wanted.s)
         for tolerance, paper, newton in (
@@ -125,9 +125,9 @@ def test_contraction_is_the_force_over_the_critical_force(study):
     assert len(before) > 5
 
 
-def test_a_disturbed_start_fades_at_the_rate_of_the_contraction(walked):
-    model, _, target = walked
-    _, wanted = neighbours(walked, 0.4)
+def test_a_disturbed_start_fades_at_the_rate_of_the_contraction(traced):
+    model, _, target = traced
+    _, wanted = neighbours(traced, 0.4)
     frame = target(wanted.s)
     x, wrench = wanted.state[: model.size], wanted.state[model.size : model.size + 6]
     rate = contraction(model, frame, (x, wrench))
@@ -146,9 +146,9 @@ def test_disturbed_counts_come_from_one_and_the_same_noise(chain, study, monkeyp
     assert all(point.disturbed > point.paper for point in before if point.disturbed is not None)
 
 
-def test_the_limit_and_lost_iterations_are_failures(walked):
-    model, _, target = walked
-    start, wanted = neighbours(walked, 1.0)
+def test_the_limit_and_lost_iterations_are_failures(traced):
+    model, _, target = traced
+    start, wanted = neighbours(traced, 1.0)
     state = start.state[: model.size], start.state[model.size : model.size + 6]
     history, _ = residual_history(paper_step, model, target(wanted.s), state, limit=3)
     assert len(history) == 3

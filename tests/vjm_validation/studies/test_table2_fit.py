@@ -50,7 +50,7 @@ def test_a_table_made_by_known_matrices_is_met_by_the_fit(chain, monkeypatch):
     table = TableFit(chain)
     assert {posture for posture, _ in table.figures} == {"A"}
     assert table.printed.rms > 0.005
-    # nineteen entries, seven figures: many matrices make the same row, the hidden ones among them; the walk along a
+    # nineteen entries, seven figures: many matrices make the same row, the hidden ones among them; tracing a
     # path locates its critical point to some 1e-5
     assert table.fit(table.figures).rms < 1e-4
     assert table.level(table.figures).worst < 1e-4

@@ -72,7 +72,7 @@ def curve_(
     report: pages.Report = None,
     strict: Strict = False,
 ) -> int:
-    """Walk one load path and show it."""
+    """Trace one load path and show it."""
     positive("--steps", steps)
     chain, whole = loaded(model, shear=with_shear(shear))
     considered(model, strict)

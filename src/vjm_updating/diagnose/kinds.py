@@ -1,0 +1,16 @@
+"""The kinds of test that a diagnosis knows."""
+
+from __future__ import annotations
+
+from vjm_updating.diagnose.column_test import ColumnTest
+from vjm_updating.diagnose.kind_of_test import KindOfTest
+from vjm_updating.diagnose.ramp_test import RampTest
+from vjm_updating.experiment import Measurement
+
+KINDS: tuple[KindOfTest, ...] = (ColumnTest(), RampTest())
+"""Each is asked in turn whether a test is of its kind; the last one takes every test."""
+
+
+def kind_of(measurement: Measurement) -> KindOfTest:
+    """The kind of a test."""
+    return next(kind for kind in KINDS if kind.applies(measurement))

@@ -1,0 +1,94 @@
+"""``make bench-table``: the README's table of speed and accuracy from ``bench.json``."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from vjm.io.files import write_whole
+
+BEGIN, END = "<!-- bench: begin -->", "<!-- bench: end -->"
+"""Between these the README's table stands."""
+MEANING = {
+    "table2_16004_equilibria_s": "the paper's experiment whole: 4 postures, 16 004 displacements; equilibrium, "
+    "loaded stiffness and stability at each",
+    "speedup_vs_exudyn": "one path through the bifurcation, 16 springs against 16 elements in foot and bar each; "
+    "the smaller of the ratios of whole paths and of single equilibria",
+    "critical_load_error_vjm_16": "critical force of that path, against 64 springs; to be no worse than the finite "
+    "elements'",
+    "critical_load_error_exudyn_16": "the finite elements', against the same",
+    "cost_ratio_n256_n32": "Newton step, factorisation, inertia and stiffness, 256 springs in the bar over 32",
+    "critical_load_error_n4": "posture A in compression, 4 springs against 64",
+    "critical_load_error_n8": "the same with 8",
+    "critical_load_order": "pinned column against P (1 − P/EA) = π² EI/L², least of the doublings from 2 to 8 "
+    "springs",
+    "calibrate_600_readings_s": "a calibration on 3 postures with 200 readings of 6 channels each, files to page",
+    "diagnose_600_readings_s": "a diagnosis of 600 readings, files to page",
+    "platform_equilibria_a_minute": "platforms on the paper's chains with inverse kinematics, stiffness and "
+    "stability, two processes",
+    "platform_equilibrium_us": "processor time of one of these",
+    "equilibria_speedup_2_workers": "two processes against one at that",
+    "weakest_speedup_2_workers": "the same of smallest critical forces over all directions",
+    "map_21_stiffness_s": "21³ poses of the Orthoglide: stiffness, from the start of two processes to the files",
+    "map_21_critical_s": "the same: smallest critical force over all directions, from two thinner grids",
+    "solid_unknowns": "a solid part meshed for the next rows",
+    "solid_one_bound_s": "one bound of its compliance, mesh to matrix",
+    "solid_memory_gb": "resident memory of that",
+    "peak_memory_MB": "resident memory of a process that runs the paper's experiment",
+    "curve_first_s": "`validate curve orthoglide-chain --posture A --to -4`, first after the installation, which "
+    "compiles the kernels",
+    "curve_uncompiled_s": "the same where `python -m vjm.warm_up` was left out",
+    "curve_later_s": "the same once more",
+}
+"""What each row is, in the table's order. Rows of ``bench.json`` without a requirement may have none."""
+
+
+def markdown(found: list[dict[str, Any]]) -> str:
+    """The rows of a ``bench.json`` as a table, with the machine below it.
+
+    Raises:
+        ValueError: a row is missing, or has a requirement and no meaning here.
+    """
+    rows = {row["name"]: row for row in found}
+    missing = [name for name in MEANING if name not in rows]
+    if missing:
+        raise ValueError(f"bench.json: no row {', '.join(missing)}: run `make bench` whole, without ARGS")
+    unknown = [name for name, row in rows.items() if row["requirement"] and name not in MEANING]
+    if unknown:
+        raise ValueError(f"tests/benchmarks/readme_table.py: say in MEANING what {', '.join(unknown)} is")
+    lines = ["| row | is | measured | required | |", "| --- | --- | --- | --- | --- |"]
+    for name, meaning in MEANING.items():
+        row = rows[name]
+        unit = f" {row['unit'].replace('us', 'µs')}".rstrip()
+        required = row["requirement"].replace("<=", "≤").replace(">=", "≥")
+        verdict = ("holds" if row["passed"] else "**missed**") if required else ""
+        lines.append(f"| `{name}` | {meaning} | {_number(row['value'])}{unit} | {required} | {verdict} |")
+    value = {name: row["value"] for name, row in rows.items()}
+    versions = [f"{n.capitalize()} {value[f'version:{n}']}" for n in ("python", "numpy", "numba", "exudyn")]
+    machine = f"{value['machine:cores']} cores ({value['machine:processor']}, {', '.join(versions)})"
+    return "\n".join([*lines, "", f"Medians, one thread, on a machine with {machine}."]) + "\n"
+
+
+def with_table(readme: str, found: list[dict[str, Any]]) -> str:
+    """A README with the table between its marks."""
+    block = f"{BEGIN}\n{markdown(found)}{END}"
+    return re.sub(f"{re.escape(BEGIN)}.*?{re.escape(END)}", lambda _: block, readme, flags=re.S)
+
+
+def _number(value: float) -> str:
+    """Two figures, or whole where there are more before the point."""
+    if value != 0.0 and (abs(value) < 1e-3 or abs(value) >= 1e6):
+        return f"{value:.1e}".replace("e-0", "e-").replace("e+0", "e")
+    return f"{value:.0f}" if abs(value) >= 10.0 else f"{value:.2g}"
+
+
+if __name__ == "__main__":
+    readme = Path("README.md")
+    try:
+        measured = json.loads(Path("bench.json").read_text(encoding="utf-8"))
+        write_whole(readme, with_table(readme.read_text(encoding="utf-8"), measured))
+    except (OSError, ValueError, KeyError) as error:
+        sys.exit(f"error: {error}")
