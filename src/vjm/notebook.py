@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from vjm.model.load_case import COMPONENTS
+from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.rotations import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes
     from pandas import DataFrame as DataFrame
-
-    from vjm.analysis import LoadedStiffness
-    from vjm.continuation.path import Path
 
 WRENCH_ROWS = ("fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm")
 DISPLACEMENT_COLUMNS = ("ux_mm", "uy_mm", "uz_mm", "rx_rad", "ry_rad", "rz_rad")
@@ -24,6 +21,94 @@ NOTHING = 1e-10
 """Of the largest component: below it others are zero but for rounding."""
 ROWS = 12
 """Points of a path that its HTML shows."""
+
+
+class Ramped(Protocol):
+    """An equilibrium on a path; see `vjm.continuation.path.Equilibrium`."""
+
+    @property
+    def ramp(self) -> float:
+        """Driven displacement or load factor."""
+
+
+class Located(Protocol):
+    """A critical point as figures mark it; see `vjm.continuation.path.Event`."""
+
+    @property
+    def s(self) -> float:
+        """Ramp."""
+
+    @property
+    def force(self) -> float:
+        """Driven force."""
+
+    @property
+    def point(self) -> Ramped | None:
+        """Its equilibrium, where it was kept."""
+
+
+class Traced(Protocol):
+    """A path as tables and figures show it; see `vjm.continuation.path.Path`."""
+
+    @property
+    def engine(self) -> str:
+        """Its label."""
+
+    @property
+    def load_case(self) -> LoadCase:
+        """What was done."""
+
+    @property
+    def points(self) -> Sequence[object]:
+        """Equilibria."""
+
+    @property
+    def events(self) -> Sequence[Located]:
+        """Critical points."""
+
+    @property
+    def s(self) -> Array:
+        """Ramp made positive ``(n,)``."""
+
+    @property
+    def ramp(self) -> Array:
+        """Ramp ``(n,)``."""
+
+    @property
+    def displacement(self) -> Array:
+        """Of the end-effector ``(n, 6)``."""
+
+    @property
+    def wrench(self) -> Array:
+        """On the end-effector ``(n, 6)``."""
+
+    @property
+    def force(self) -> Array:
+        """Driven force ``(n,)``."""
+
+    @property
+    def tangent(self) -> Array:
+        """Its slope ``(n,)``."""
+
+    @property
+    def unstable(self) -> Array:
+        """Unstable modes ``(n,)``."""
+
+    @property
+    def eigenvalue_relative(self) -> Array:
+        """Smallest stability eigenvalue over its first ``(n,)``."""
+
+
+class Compared(Protocol):
+    """A loaded stiffness beside the unloaded one; see `vjm.analysis.LoadedStiffness`."""
+
+    @property
+    def unloaded(self) -> Array:
+        """``(6, 6)``."""
+
+    @property
+    def loaded(self) -> Array:
+        """``(6, 6)``."""
 
 
 def frame_of(
@@ -43,7 +128,7 @@ def frame_of(
     return pd.DataFrame(rows, index=index, columns=columns)
 
 
-def path_columns(path: Path) -> dict[str, Any]:
+def path_columns(path: Traced) -> dict[str, Any]:
     """Columns of a path under the names of a curve file, each ``(n,)``."""
     columns: dict[str, Any] = {"s": path.s}
     columns |= dict(zip(DISPLACEMENT_COLUMNS, path.displacement.T, strict=True))
@@ -52,14 +137,14 @@ def path_columns(path: Path) -> dict[str, Any]:
     return columns | {"lambda_min_rel": path.eigenvalue_relative}
 
 
-def path_unit(path: Path) -> str:
+def path_unit(path: Traced) -> str:
     """Unit of the ramp: ``mm``, ``rad``, or nothing for a load factor."""
     if path.load_case.load_driven:
         return ""
     return "mm" if path.load_case.direction[:3].any() else "rad"
 
 
-def path_plot(path: Path, ax: Axes | None = None, label: str = "") -> Axes:
+def path_plot(path: Traced, ax: Axes | None = None, label: str = "") -> Axes:
     """Driven force over ramp, unstable stretches dotted, critical points marked.
 
     Raises:
@@ -80,7 +165,7 @@ def path_plot(path: Path, ax: Axes | None = None, label: str = "") -> Axes:
     return ax
 
 
-def stiffness_plot(result: LoadedStiffness, ax: Axes | None = None) -> Axes:
+def stiffness_plot(result: Compared, ax: Axes | None = None) -> Axes:
     """Diagonal of the loaded stiffness over that of the unloaded one.
 
     Raises:
@@ -110,7 +195,7 @@ def rounded(values: Array) -> str:
     return " ".join(f"{v:.5g}" for v in np.where(np.abs(values) < NOTHING * size, 0.0, values) + 0.0)
 
 
-def stiffness_frame(result: LoadedStiffness) -> DataFrame:
+def stiffness_frame(result: Compared) -> DataFrame:
     """The loaded stiffness as a pandas DataFrame.
 
     Raises:
@@ -119,7 +204,7 @@ def stiffness_frame(result: LoadedStiffness) -> DataFrame:
     return frame_of(result.loaded, WRENCH_ROWS, DISPLACEMENT_COLUMNS)
 
 
-def stiffness_html(result: LoadedStiffness) -> str:
+def stiffness_html(result: Compared) -> str:
     """The loaded stiffness as an HTML table under one line of words."""
     rows = [
         {"": name, **dict(zip(DISPLACEMENT_COLUMNS, line, strict=True))}
@@ -128,7 +213,7 @@ def stiffness_html(result: LoadedStiffness) -> str:
     return f"<pre>{escape(repr(result))}</pre>{table_html(rows)}"
 
 
-def path_html(path: Path) -> str:
+def path_html(path: Traced) -> str:
     """A path's words, and a few of its points as an HTML table."""
     columns = path_columns(path)
     n = len(path.points)

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-if TYPE_CHECKING:
-    from vjm.io.solid_compliance import SolidResult, SolidTable
-
-    Compute = Callable[[Path, SolidTable, str], SolidResult]
-    """From a drawing, its table and its key."""
+Compute = Callable[[Path, Any, str], Any]
+"""From a drawing, its `vjm.io.solid_compliance.SolidTable` and its key to its `SolidResult`."""
 
 _computers: list[Compute] = []
 
