@@ -142,11 +142,14 @@ def jump(study: Study, state: State) -> tuple[int, Array, float]:
 
     The largest two-sample statistic over all places; only of tests whose order is known.
     """
-    mean = np.nanmean(state.at.residual[..., :3], axis=1)
-    good = np.isfinite(mean).all(axis=1)
-    g = len(mean)
-    if not study.ordered or g < 20:
+    residual = state.at.residual[..., :3]
+    seen = np.asarray(np.isfinite(residual).any(axis=1))
+    good = np.asarray(seen.all(axis=1))
+    g = len(residual)
+    if not study.ordered or g < 20 or good.sum() < 20:
         return 0, np.zeros(3), 0.0
+    mean = np.full((g, 3), np.nan)
+    mean[good] = np.nanmean(residual[good], axis=1)
     x = np.where(good[:, None], mean, 0.0)
     sums, counts = np.cumsum(x, axis=0), np.cumsum(good)
     spread = MEDIAN * np.nanmedian(np.abs(mean - np.nanmedian(mean, axis=0)), axis=0)

@@ -107,7 +107,7 @@ class PoseForward:
         arrays, values = self._changed(z)
         x, forces, R, p = self._solve(arrays, values)
         d = frame_derivatives(arrays, values, self._natural, self._wrench, x)
-        columns = self._columns(z, arrays, x, d)
+        columns = self._columns(z, arrays, x, forces, d)
         return self._seen(z, frames, R, p, columns, forces)
 
     def unloaded(self) -> tuple[Array, Array]:
@@ -118,19 +118,38 @@ class PoseForward:
     def _changed(self, z: Array) -> tuple[TreeArrays, Array]:
         """Arrays and joints' values at the members' sizes."""
         K, load, values = self._arrays.K.copy(), self._arrays.load.copy(), self._values.copy()
+        beam = self._arrays.beam.copy()
         for size, member in zip(z, self.members, strict=True):
             if size == 0.0:
                 continue
             change = size * member.unit
             if member.acts == VALUE:
-                values[:, member.index] += change * (1.0 if member.basis is None else member.basis)
+                for joint, share in self._moves(member):
+                    values[:, joint] += share * change * (1.0 if member.basis is None else member.basis)
             elif member.acts == COMPLIANCE:
                 K[self._block[member.index]][0, 0] = 1.0 / max(member.nominal + change, RIGID)
             elif member.acts == FACTOR:
-                K[self._block[member.index]] /= max(1.0 + change, 1e-3)
+                for block in self._blocks_of(member):
+                    K[block] /= max(1.0 + change, 1e-3)
+                    beam[block, :4] /= max(1.0 + change, 1e-3)
+                    beam[block, 5:] *= max(1.0 + change, 1e-3)
             elif member.acts == MASS:
-                load[member.index] *= max(1.0 + change, 0.0)
-        return self._arrays._replace(K=K, load=load), values
+                load[self._loads(member)] *= max(1.0 + change, 0.0)
+        return self._arrays._replace(K=K, load=load, beam=beam), values
+
+    def _moves(self, member: Member) -> list[tuple[int, float]]:
+        """One-degree joints that a member of joints' values moves, and by which share."""
+        return self.machine.moves.get(member.index, [(member.index, 1.0)])
+
+    def _loads(self, member: Member) -> list[int]:
+        """Weights of the part that a member of masses belongs to."""
+        own = self.machine.masses[member.index]
+        return [k for k, name in enumerate(self.machine.masses) if name == own]
+
+    def _blocks_of(self, member: Member) -> list[int]:
+        """Blocks of springs of the beam that a factor belongs to."""
+        span = self.machine.tree.span(member.part)
+        return [self._block[c] for c in span if c in self._block]
 
     def _solve(self, arrays: TreeArrays, values: Array) -> tuple[Array, Array, Array, Array]:
         g = len(self._start)
@@ -144,13 +163,15 @@ class PoseForward:
         self._start = x
         return x, forces, R, p
 
-    def _columns(self, z: Array, arrays: TreeArrays, x: Array, d: FrameDerivatives) -> Array:
+    def _columns(self, z: Array, arrays: TreeArrays, x: Array, forces: Array, d: FrameDerivatives) -> Array:
         """Velocities ``(g, k, 6, P)`` of the end frames in the base's axes, per unit of each member."""
         g, k = len(self.data), len(self.data.markers)
         result = np.zeros((g, k, 6, len(self.members)))
         for i, (size, member) in enumerate(zip(z, self.members, strict=True)):
             if member.acts == VALUE:
-                column = d.value[..., member.index]
+                column = sum(
+                    (share * d.value[..., joint] for joint, share in self._moves(member)), np.zeros((g, k, 6))
+                )
                 if member.basis is not None:
                     column = column * member.basis[:, None, None]
             elif member.acts == COMPLIANCE:
@@ -158,13 +179,16 @@ class PoseForward:
                 stiffness = arrays.K[self._block[c], 0, 0]
                 column = d.force[..., c] * ((x[:, c] - self._natural[:, c]) * stiffness**2)[:, None, None]
             elif member.acts == FACTOR:
-                b = self._block[member.index]
-                span = slice(int(arrays.first[b]), int(arrays.first[b + 1]))
-                width = span.stop - span.start
-                force = (x[:, span] - self._natural[:, span]) @ arrays.K[b, :width, :width].T
-                column = np.einsum("gkan,gn->gka", d.force[..., span], force) / (1.0 + size * member.unit)
+                # all stiffnesses over f: under the reactions t the strain θ(f t) of the law as it was, so that a
+                # unit of f does what the force t/f would
+                span = self.machine.tree.span(member.part)
+                reaction = np.stack(
+                    [forces @ np.where(arrays.coordinate == c, arrays.factor, 0.0) for c in span], 1
+                )
+                column = np.einsum("gkan,gn->gka", d.force[..., span.start : span.stop], reaction)
+                column = column / max(1.0 + size * member.unit, 1e-3)
             elif member.acts == MASS:
-                column = d.load[..., member.index] / max(1.0 + size * member.unit, 1e-6)
+                column = d.load[..., self._loads(member)].sum(axis=3) / max(1.0 + size * member.unit, 1e-6)
             else:
                 continue
             result[..., i] = member.unit * column

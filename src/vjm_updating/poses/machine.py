@@ -71,6 +71,7 @@ class PoseMachine:
         springs: coordinates whose compliance is to be found.
         frames: errors of frames.
         masses: part of each load of the tree's arrays that is a weight, in their order.
+        moves: of a joint that pushes a beam out all one-degree joints that it moves and their shares, by the first.
         coupled: the coupled joints' names and whether what bends is passed on.
     """
 
@@ -116,6 +117,8 @@ class PoseMachine:
         self.limits = tuple(own[name].limits for name in self.joints)
         self.coupled = {name: part.as_bent for name, part in own.items() if isinstance(part, CoupledJoint)}
         self.driven = {name: self.tree.driven_by(name) for name in own}
+        shares = {self.driven[name]: self.tree.shares(name) for name in chain.pushing}
+        self.moves = {first: list(own_share.items()) for first, own_share in shares.items()}
         self.turning = {name for name, part in own.items() if not part.slides}
         self.frames = tuple(FrameError(j, label, self.tree.driven_by(part)) for j, label, part in self._frames)
         self.springs = tuple(
@@ -154,7 +157,7 @@ class PoseMachine:
                 self._append_link(part, behind)
             case Beam():
                 self._append(part, behind)
-                if part.segments is None or part.segments == 1:
+                if part.free_length or part.segments is None or part.segments == 1:
                     self._springs.append((part.name, "beam", "factor", part.name, None, 1.0, False))
             case _:
                 self._append(part, behind)
