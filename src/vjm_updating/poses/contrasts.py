@@ -24,6 +24,8 @@ MOST = 50.0
 """Standard deviations beyond which no more is said."""
 MEDIAN = 1.4826
 """From the median of absolute values to a standard deviation."""
+MOSTLY = 0.9
+"""Share of postures in which a torque was measured, from which on it is asked about."""
 LEAST_SHARED = 0.15
 """Share of the variance, beyond what chance gives, from which on markers move together."""
 
@@ -64,6 +66,12 @@ def contrasts(study: Study, state: State) -> list[Contrast]:
             columns.setdefault((f"way of approach of {member.part}", "approach"), []).append(n + i)
         elif member.family == "tracker_drift":
             columns.setdefault((f"{member.name.split('.')[1]}, evenly", "time"), []).append(n + i)
+    for i, member in enumerate(study.members):
+        if member.family == "joint_offset" and member.part in study.data.joints:
+            torque = study.data.torque[:, study.data.joints.index(member.part)]
+            if np.isfinite(torque).mean() > MOSTLY and np.ptp(np.nan_to_num(torque)) > 0.0:
+                by_torque = blocks.J[:, [n + i]] * np.nan_to_num(torque)[blocks.posture][:, None]
+                result.append(_share(f"measured torque of {member.part}", "torque", left, Q, by_torque))
     for (name, kind), index in columns.items():
         result.append(_share(name, kind, left, Q, blocks.J[:, index]))
     result.append(_by_region(study, state, left, Q))

@@ -59,7 +59,7 @@ class Member:
 TITLES = {
     "joint_offset": "offsets of the joints' zeros",
     "frame_error": "errors of the fixed frames between the joints",
-    "joint_compliance": "compliance of the joints about their own axes: drives and gears",
+    "joint_compliance": "compliance of the joints about their own axes",
     "coupling": "a coupled joint passes on what bends, and not only what is commanded",
     "base_compliance": "compliance of the base: what the robot stands on turns under its weight",
     "lateral_compliance": "compliance of the joints about the axes across: bearings, and the link before",

@@ -87,8 +87,9 @@ class PoseForward:
 
     @property
     def tracked(self) -> list[int]:
-        """Markers whose orientation was tracked."""
-        seen = np.isfinite(self.data.orientation).all(axis=(2, 3)).any(axis=0)
+        """Markers whose orientation was tracked, or whose tilt was read."""
+        turned = np.isfinite(self.data.orientation).all(axis=(2, 3))
+        seen = (turned | np.isfinite(self.data.tilt).any(axis=2)).any(axis=0)
         return [int(k) for k in np.flatnonzero(seen)]
 
     def torques(self) -> Array:
@@ -97,6 +98,11 @@ class PoseForward:
         K = np.array([self._arrays.K[self._block[c], 0, 0] if c in self._block else 0.0 for c in range(x.shape[1])])
         result: Array = np.sqrt(np.mean(((x - self._natural) * K) ** 2, axis=0))
         return result
+
+    def holding(self) -> Array:
+        """What holds each of the data's joints ``(g, n)`` in the machine as the model file has it, N mm or N."""
+        _, forces, _, _ = self._solve(self._arrays, self._values)
+        return self.machine.tree.torques(forces)[:, self._coupled]
 
     def evaluate(self, z: Array, frames: Frames) -> Linearised:
         """Residuals and derivatives at members ``z`` (P,), in units, and nuisances.
@@ -231,11 +237,30 @@ class PoseForward:
         residual = np.full((g, k, 6), np.nan)
         residual[..., :3] = data.position - seen
         residual[..., 3:] = _turn_between(turned, data.orientation)
+        self._tilts(frames, R, columns, residual, J, F)
         tilt = np.zeros((g, k, 6, 3))
         for a in range(3):
             tilt[:, :, :3, a] = np.cross(np.eye(3)[a], place) @ frames.R.T
             tilt[:, :, 3:, a] = frames.R[:, a]
         return Linearised(residual, F, J, self.machine.tree.torques(forces)[:, self._coupled], tilt)
+
+    def _tilts(self, frames: Frames, R: Array, columns: Array, residual: Array, J: Array, F: Array) -> None:
+        """Readings of inclinometers in place of turns: ``asin(u · a)`` of their axes a, u against the weight."""
+        u = -np.array(self.gravity) / np.linalg.norm(self.gravity)
+        for place_of, j in enumerate(self.tracked):
+            if not np.isfinite(self.data.tilt[:, j]).any():
+                continue
+            axes = R[:, j] @ frames.M[j]
+            own = 6 + 3 * len(self.data.markers) + 3 * place_of
+            J[:, j, 3:], F[:, j, 3:], residual[:, j, 5] = 0.0, 0.0, np.nan
+            for k in range(2):
+                sine = np.clip(axes[:, :, k] @ u, -1.0, 1.0)
+                over = 1.0 / np.sqrt(np.maximum(1.0 - sine**2, 1e-12))
+                residual[:, j, 3 + k] = self.data.tilt[:, j, k] - np.arcsin(sine)
+                # a turn w of the body moves a by w × a, and u · (w × a) = (a × u) · w
+                by_turn = np.cross(axes[:, :, k], u) * over[:, None]
+                J[:, j, 3 + k] = np.einsum("ga,gap->gp", by_turn, columns[:, j, 3:])
+                F[:, j, 3 + k, own : own + 3] = np.einsum("ga,gab->gb", by_turn, axes)
 
     def moved(self, frames: Frames, step: Array) -> Frames:
         """Nuisances after a step ``(n_f,)`` in the coordinates of `Linearised.nuisance`."""

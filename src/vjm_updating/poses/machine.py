@@ -75,19 +75,22 @@ class PoseMachine:
         coupled: the coupled joints' names and whether what bends is passed on.
     """
 
-    def __init__(self, chain: Chain, ends: dict[str, tuple[str, Array]], *, rigid: bool = False) -> None:
+    def __init__(
+        self, chain: Chain, ends: dict[str, tuple[str, Array]], *, rigid: bool = False, at_output: bool = False
+    ) -> None:
         """Extend a machine.
 
         Args:
             chain: of the model file.
             ends: part behind which each marker rides, and where there, ``(3,)`` mm, by the marker's name.
             rigid: set aside the compliances of joints.
+            at_output: set aside those about the joints' own axes: what they bend by is in the coordinates.
 
         Raises:
             ValueError: a part or a spring that has no place here.
         """
         _refuse(chain)
-        self._chain = chain
+        self._chain, self._at_output = chain, at_output
         self._parts: list[Part] = []
         self._after: dict[str, str] = {}
         self._frames: list[tuple[str, str, str]] = []
@@ -170,10 +173,15 @@ class PoseMachine:
             self._frames.append((joint.name, label, name))
             behind = name
         keep = isinstance(joint, ActuatedJoint) and joint.matrix is not None
+        if keep and self._at_output and not rigid:
+            raise ValueError(
+                f"joint '{joint.name}': its 6×6 compliance mixes what a measured output has in it with what it has "
+                "not: write compliances about and across its axis"
+            )
         if keep and not rigid:
             self._append(joint, behind)
             return
-        own = 0.0 if rigid else joint.compliance
+        own = 0.0 if rigid or self._at_output else joint.compliance
         lateral = (0.0, 0.0) if rigid else joint.lateral
         at_least = (max(lateral[0], RIGID), max(lateral[1], RIGID))
         changed = replace(joint, compliance=max(own, RIGID), lateral=at_least)

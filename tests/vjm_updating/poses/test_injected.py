@@ -163,12 +163,14 @@ def test_bad_data_are_named(spoil, name, postures, compliant, tmp_path):
         *files(tmp_path, UR10, *spoil(postures, compliant[1])), tmp_path / "out", only=("joint_compliance",)
     )
     assert found.verdict == "unknown"
-    assert [problem.name for problem in found.problems] == [name]
+    assert [row.found.partition(":")[0] for row in found.doubts if row.grade == "doubtful"] == [name]
 
 
 def test_strict_refuses_a_flipped_joint(postures, compliant, tmp_path):
     flipped = postures * [1.0, 1.0, -1.0, 1.0, 1.0, 1.0]
-    with pytest.raises(ValueError, match=r"readings\.csv: joint_sign\.joint-3: .* multiply joint-3 by −1"):
+    with pytest.raises(
+        ValueError, match=r"readings\.csv: joint_sign\.joint-3: .* multiply joint-3 by −1.*--strict"
+    ):
         calibrate_poses(*files(tmp_path, UR10, flipped, compliant[1]), tmp_path / "out", strict=True)
     assert not (tmp_path / "out").exists()
 
