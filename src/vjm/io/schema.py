@@ -43,7 +43,7 @@ from vjm.io.sections import (
     Table,
 )
 from vjm.model import parts
-from vjm.model.chain import FOOT, Chain
+from vjm.model.chain import FOOT, Chain, pushed_out
 from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
 from vjm.rotations import frame
 
@@ -72,6 +72,10 @@ class BeamTable(PartTable):
     segments: int | None = Field(
         None, ge=1, le=1000, description="springs that it is always computed with; 1: one spring at its far end"
     )
+    free_length: Label | None = Field(
+        None,
+        description="sliding joint whose coordinate is how much of it is out of its root; length_mm is the whole",
+    )
 
     @field_validator("compliance")
     @classmethod
@@ -96,6 +100,10 @@ class BeamTable(PartTable):
         for key, given in (("bow_mm", any(self.bow_mm)), ("mass_kg", self.mass_kg is not None)):
             if given and self.section is None:
                 raise ValueError(f"has {key} but no [parts.section]: it is spread along a section")
+        if self.free_length is not None and (
+            self.section is None or any(self.bow_mm) or self.compliance is not None
+        ):
+            raise ValueError("has free_length: it takes a [parts.section], and neither bow_mm nor a compliance")
         if math.hypot(*self.bow_mm) > 0.2 * self.length_mm:
             raise ValueError(
                 f"has bow_mm = {self.bow_mm}, above a fifth of length_mm = {printed(self.length_mm)}: give mm"
@@ -119,6 +127,7 @@ class BeamTable(PartTable):
             count=self.count,
             bow=(self.bow_mm[0], self.bow_mm[1]),
             own_segments=self.segments,
+            free_length=self.free_length or "",
         )
 
 
@@ -237,6 +246,12 @@ class ModelFile(Table):
             link_segments=self.springs.link_segments,
             foot_segments=self.springs.foot_segments,
         )
+        for label in self.postures:
+            for joint, beam in chain.pushing.items():
+                try:
+                    pushed_out(beam, chain.held[label][joint])
+                except ValueError as error:
+                    raise ValueError(f"posture '{label}': {error}") from error
         checks.check_postures(chain)
         return chain
 

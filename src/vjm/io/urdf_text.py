@@ -26,6 +26,7 @@ def urdf_text(chain: Chain) -> str:
     base = "base" if "base" not in ends else "base-link"
     ET.SubElement(robot, "link", name=base)
     slides = {part.name: part.slides for part in chain.parts if isinstance(part, HeldJoint)}
+    pushing = chain.pushing
     previous = ""
     frames = {"": (base, chain.base)}
     for part in chain.parts:
@@ -33,12 +34,21 @@ def urdf_text(chain: Chain) -> str:
         previous = part.name
         child = f"{part.name}-body"
         _link(robot, child, part)
-        joint = ET.SubElement(robot, "joint", name=part.name, type=_type(part))
+        # what pushes a beam out stands still itself, and the beam's end slides in its place
+        pushes = part.name in pushing
+        pushed = next((joint for joint in chain.held_joints if pushing.get(joint.name) is part), None)
+        name = pushed.name if pushed is not None else f"{part.name}-root" if pushes else part.name
+        kind = "fixed" if pushes else _type(part if pushed is None else pushed)
+        joint = ET.SubElement(robot, "joint", name=name, type=kind)
         _origin(joint, before)
         ET.SubElement(joint, "parent", link=link)
         ET.SubElement(joint, "child", link=child)
         behind = translation([0.0, 0.0, 0.0])
-        if isinstance(part, HeldJoint | PassiveJoint):
+        if isinstance(part, Beam) and pushed is not None:
+            ET.SubElement(joint, "axis", xyz=_numbers(part.section_in_chain[:3, 0]))
+            _limits(joint, pushed, slides)
+            behind = translation(part.own_frame @ part.end_offset)
+        elif isinstance(part, HeldJoint | PassiveJoint) and not pushes:
             ET.SubElement(joint, "axis", xyz=_numbers(part.axis))
             _limits(joint, part, slides)
         elif isinstance(part, RigidOffset):
@@ -101,7 +111,7 @@ def _link(robot: ET.Element, name: str, part: object) -> None:
     if isinstance(part, RigidOffset):
         mass, centre = part.mass, part.centre_of_mass
     elif isinstance(part, Beam):
-        mass, centre = part.mass, 0.5 * part.tip
+        mass, centre = part.mass, (-0.5 if part.free_length else 0.5) * part.tip
     if mass > 0.0 and centre is not None:
         inertial = ET.SubElement(link, "inertial")
         ET.SubElement(inertial, "origin", xyz=_numbers(centre / METRE), rpy="0 0 0")

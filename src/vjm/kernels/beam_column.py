@@ -100,3 +100,37 @@ def beam_column(beam: Floats, t: Floats, theta: Floats, K: Floats, r: Floats) ->
     e4, e5 = cy * My - theta[4], cz * Mz - theta[5]
     for i in range(6):
         r[i] = K[i, 0] * e0 + K[i, 1] * e1 + K[i, 2] * e2 + K[i, 3] * e3 + K[i, 4] * e4 + K[i, 5] * e5
+
+
+@kernel
+def _plane_by_length(N: float, EA: float, EI: float, h: float, slip: float) -> tuple[float, float, float, float]:
+    """Derivatives by h of `_plane`'s rotational and transverse compliance, and of their derivatives by N."""
+    kappa, nu = h * h / (4.0 * EI), 1.0 / EA - slip / h
+    stretch = 1.0 + nu * N
+    z, zN = -kappa * N * stretch, -kappa * (1.0 + 2.0 * nu * N)
+    zh, zNh = 2.0 * z / h, 2.0 * zN / h
+    f, f1, f2 = _rooted(z, 1.0, 0.0, _RA, _RB, _RC, _RE)
+    g, g1, g2 = _shift(z, 1.0, 0.0)
+    k = 1.0 / f + kappa * nu * N * N
+    kN = -f1 * zN / (f * f) + 2.0 * kappa * nu * N
+    kh = -f1 * zh / (f * f) + 2.0 * kappa * nu * N * N / h
+    kNh = 2.0 * f1 * f1 * zN * zh / (f * f * f) - (f2 * zN * zh + f1 * zNh) / (f * f) + 4.0 * kappa * nu * N / h
+    p, pN = stretch * stretch, 2.0 * nu * stretch
+    c, d = h / EI, h**3 / (12.0 * EI)
+    return (
+        c / (h * k) - c * kh / (k * k),
+        -c * kN / (h * k * k) - c * (kNh / (k * k) - 2.0 * kN * kh / (k * k * k)),
+        3.0 * d / h * g * p + d * g1 * zh * p + slip / h,
+        3.0 * d / h * (g1 * zN * p + g * pN) + d * (g2 * zN * zh * p + g1 * zNh * p + g1 * zh * pN),
+    )
+
+
+@kernel
+def beam_column_by_length(beam: Floats, t: Floats, r: Floats) -> None:
+    """What a unit of the length adds to the residual before it is multiplied by K: ``r = ∂θ/∂h`` (6,) at ``t``."""
+    EA, GJ, EIy, EIz, h = beam[0], beam[1], beam[2], beam[3], beam[4]
+    N, Qy, Qz, My, Mz = t[0], t[1], t[2], t[4], t[5]
+    cz, czN, dy, dyN = _plane_by_length(N, EA, EIz, h, beam[5])
+    cy, cyN, dz, dzN = _plane_by_length(N, EA, EIy, h, beam[6])
+    r[0] = N / EA + 0.5 * (czN * Mz * Mz + dyN * Qy * Qy + cyN * My * My + dzN * Qz * Qz)
+    r[1], r[2], r[3], r[4], r[5] = dy * Qy, dz * Qz, t[3] / GJ, cy * My, cz * Mz

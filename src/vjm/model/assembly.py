@@ -50,6 +50,7 @@ class Piece:
         mass: kg.
         centre: fraction at which its weight acts.
         weight_at: position ``(3,)`` mm at which it acts, where that is off the stretch.
+        grows: joint of a beam that grows; the mass is then that of 1 mm, see `vjm.tree.arrays`.
     """
 
     part: str
@@ -61,6 +62,7 @@ class Piece:
     mass: float = 0.0
     centre: float = 0.5
     weight_at: Array | None = None
+    grows: int = -1
 
     @property
     def centre_of_mass(self) -> Array:

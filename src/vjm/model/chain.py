@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from vjm.model.joints import CoupledJoint, HeldJoint, PointSpring
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring
 from vjm.model.parts import Actuator, Beam, Part, PassiveJoint, Placement, RigidOffset
 from vjm.rotations import Array
 
@@ -83,6 +83,7 @@ class Chain:
                     raise ValueError(f"joint '{part.name}' is coupled to '{name}', which is no joint before it")
             if isinstance(part, HeldJoint | PassiveJoint):
                 joints.add(part.name)
+        self._check_free_lengths()
         for end, behind in self.ends.items():
             if behind not in before:
                 raise ValueError(f"{self.name}: end frame '{end}' lies behind '{behind}', which is no part")
@@ -90,6 +91,33 @@ class Chain:
             for name in spring.parts:
                 if name not in before:
                     raise ValueError(f"{self.name}: spring '{spring.name}' is fixed to '{name}', which is no part")
+
+    def _check_free_lengths(self) -> None:
+        """Refuse a beam that no sliding joint before it pushes out.
+
+        Raises:
+            ValueError: naming both.
+        """
+        sliding, pushed = set[str](), set[str]()
+        for part in self.parts:
+            if isinstance(part, ActuatedJoint) and part.slides:
+                sliding.add(part.name)
+            if isinstance(part, Beam) and part.free_length:
+                name = part.free_length
+                if name not in sliding:
+                    raise ValueError(
+                        f"part '{part.name}': free_length = '{name}' is no actuated joint before it that slides"
+                    )
+                if name in pushed:
+                    raise ValueError(
+                        f"part '{part.name}': joint '{name}' pushes out another beam too: take two joints"
+                    )
+                pushed.add(name)
+
+    @property
+    def pushing(self) -> dict[str, Beam]:
+        """Beams whose free length is a joint's coordinate, by the joint's name; the joint itself stands still."""
+        return {beam.free_length: beam for beam in self.beams if beam.free_length}
 
     @property
     def beams(self) -> tuple[Beam, ...]:
@@ -140,7 +168,11 @@ class Chain:
                         f"joint '{part.name}' is coupled to '{other}', which is no held joint before it"
                     )
                 at[part.name] = part.offset + sum(ratio * at[name] for name, ratio in part.ratios)
-            parts.append(replace(part, value=float(at[part.name])) if isinstance(part, HeldJoint) else part)
+            if isinstance(part, Beam) and part.free_length:
+                parts.append(pushed_out(part, at[part.free_length]))
+                continue
+            stands = 0.0 if part.name in self.pushing else at.get(part.name, 0.0)
+            parts.append(replace(part, value=float(stands)) if isinstance(part, HeldJoint) else part)
         return replace(self, parts=tuple(parts))
 
     def refuse_tree(self, what: str) -> None:
@@ -229,3 +261,17 @@ class Chain:
                 replace(part, compliance=compliance) if isinstance(part, Actuator) else part for part in self.parts
             ),
         )
+
+
+def pushed_out(beam: Beam, free: float) -> Beam:
+    """A beam of which ``free`` mm are out of its root, all else being as it is.
+
+    Raises:
+        ValueError: nothing of it is, or more than there is.
+    """
+    if not 0.0 < free <= beam.length:
+        raise ValueError(
+            f"part '{beam.name}': joint '{beam.free_length}' at {free:g} mm leaves no free length between 0 and "
+            f"the whole, {beam.length:g} mm"
+        )
+    return replace(beam, length=float(free), free_length="")

@@ -183,6 +183,8 @@ class Beam:
         placement: where a segment's spring sits.
         bow: mid-span amplitudes ``(2,)`` along the section's y and z, mm, of a half sine wave that the beam is when
             it bears nothing. Its two ends keep the directions that they have without it.
+        free_length: name of the sliding joint whose coordinate is how much of the beam is free, as of a boom that
+            comes out of its root; ``length`` is then the whole. Empty where all of it always is.
     """
 
     name: str
@@ -197,6 +199,7 @@ class Beam:
     placement: Placement = Placement.BEST
     bow: tuple[float, float] = (0.0, 0.0)
     own_segments: int | None = None
+    free_length: str = ""
 
     @property
     def tip(self) -> Array:

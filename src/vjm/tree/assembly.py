@@ -9,12 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm.model.assembly import Assembly
+from vjm.model.assembly import Assembly, Piece
 from vjm.model.chain import Chain
 from vjm.model.joints import CoupledJoint, HeldJoint, SprungJoint
-from vjm.model.parts import Part, PassiveJoint
-from vjm.model.springs import LinearSpring
-from vjm.rotations import Array
+from vjm.model.parts import Beam, Part, PassiveJoint
+from vjm.model.springs import BeamColumnSpring, LinearSpring
+from vjm.rotations import Array, frame, translation
+from vjm.tree.arrays import GROWS
+
+GROWING_SEGMENTS = 4
+"""Of a beam that grows out of its root, where its model file asks for no other number."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,8 @@ class TreeAssembly(Assembly):
     Attributes:
         parent: joint before each joint, −1 for the base.
         held: name of the part that gives a joint its coordinate, by the index of the joint.
+        share: of that coordinate that the joint stands at, where it is not the whole.
+        grows: joint that gives a beam-column spring its length, by the spring's first coordinate.
         begins: where each part begins, held joints behind what deflects in them, by name.
         ends: where each part ends.
         rests: coordinates of sprung joints with a rest position of their own: the part's name and that position.
@@ -39,6 +45,9 @@ class TreeAssembly(Assembly):
     def __init__(self, chain: Chain) -> None:
         self.parent: list[int] = []
         self.held: dict[int, str] = {}
+        self.share: dict[int, float] = {}
+        self.grows: dict[int, int] = {}
+        self._pushing = chain.pushing
         self.begins: dict[str, Site] = {"": Site(-1, np.eye(4))}
         self.ends: dict[str, Site] = {"": Site(-1, chain.base)}
         self.rests: dict[int, tuple[str, float]] = {}
@@ -76,7 +85,8 @@ class TreeAssembly(Assembly):
     def _hold(self, joint: HeldJoint) -> None:
         self._mark(joint.name, 0.0)
         self._piece(joint.name, 0.0, 0.0, np.zeros(3))
-        self._stand(joint.name, joint.axis, rotary=not joint.slides)
+        if joint.name not in self._pushing:
+            self._stand(joint.name, joint.axis, rotary=not joint.slides)
 
     def _add_passive(self, joint: PassiveJoint) -> None:
         self._stand(joint.name, joint.axis, rotary=not joint.slides)
@@ -105,17 +115,56 @@ class TreeAssembly(Assembly):
         super()._add_springs(joint)  # type: ignore[arg-type]
         self.begins[self._open] = Site(self._last, self.rigid)
 
+    def _add_beam(self, beam: Beam) -> None:
+        if not beam.free_length:
+            super()._add_beam(beam)
+            return
+        n, x = beam.own_segments or GROWING_SEGMENTS, np.array([1.0, 0.0, 0.0])
+        section = beam.effective_section()
+        self._move(beam.section_in_chain)
+        self._mark(beam.name, 0.0)
+
+        def slide(share: float, mass: float) -> None:
+            self._stand(beam.free_length, x, rotary=False)
+            self.share[self._last] = share / n
+            if mass:
+                self._weigh(beam.name, mass)
+
+        self._piece(beam.name, 0.0, 0.0, np.zeros(3))
+        for _ in range(n):
+            # the halves' weights act at a third of their length from the segment's ends, as in a beam that stays:
+            # the first joint's value is a third of a half, the third one's that of the whole
+            slide(0.5 - 1.0 / GROWS, section.mass)
+            slide(1.0 / GROWS, 0.0)
+            self.grows[self.size] = self._last
+            self._symmetric_spring(BeamColumnSpring(section, 1.0))
+            slide(1.0 / GROWS, 0.5 * section.mass)
+            slide(0.5 - 1.0 / GROWS, 0.0)
+        self._piece(beam.name, 1.0, 1.0, np.zeros(3))
+        self._mark(beam.name, 1.0)
+        self._move(frame(beam.section_frame.T) @ translation(beam.end_offset))
+        self._move(frame(beam.own_frame).T)
+
+    def _weigh(self, part: str, mass: float) -> None:
+        """A weight, kg for each mm of which the last joint's value is a third; no fraction finds it."""
+        nowhere, here = float("nan"), np.zeros(3)
+        piece = Piece(part, nowhere, nowhere, self._last, here, here, mass, weight_at=here, grows=self._last)
+        self.pieces.append(piece)
+
     def _merge(self, coordinate: int, joint: str) -> None:
         """Nothing: in a tree a coordinate may drive joints anywhere."""
 
 
-def commands(chain: Chain, names: list[str], held: dict[int, str], joints: int) -> tuple[Array, Array]:
+def commands(
+    chain: Chain, names: list[str], held: dict[int, str], share: dict[int, float], joints: int
+) -> tuple[Array, Array]:
     """How the joints' values follow from the coordinates that the data give.
 
     Args:
         chain: the machine.
         names: of the n joints whose coordinates the data give.
-        held: part by joint, see `TreeAssembly`.
+        held: part by joint, and
+        share: of its coordinate, see `TreeAssembly`.
         joints: number of one-degree joints m.
 
     Returns:
@@ -128,5 +177,5 @@ def commands(chain: Chain, names: list[str], held: dict[int, str], joints: int) 
             rows[part.name] = row, part.offset + sum(ratio * rows[name][1] for name, ratio in part.ratios)
     C, c = np.zeros((joints, len(names))), np.zeros(joints)
     for joint, name in held.items():
-        C[joint], c[joint] = rows[name]
+        C[joint], c[joint] = (share.get(joint, 1.0) * value for value in rows[name])
     return C, c

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.errors import NoConvergenceError
+from vjm.kernels.beam_column import beam_column, beam_column_by_length
 from vjm.kernels.compilation import entry, kernel
-from vjm.kernels.packed_model import Floats, Ints
+from vjm.kernels.packed_model import BEAM_COLUMN, Floats, Ints
 from vjm.rotations import Array
-from vjm.tree.arrays import TreeArrays, TreeWork, workspace
+from vjm.tree.arrays import GROWS, TreeArrays, TreeWork, workspace
 from vjm.tree.dense import factor, solve
-from vjm.tree.kernel import evaluate, jacobian, place
+from vjm.tree.kernel import evaluate, grown, jacobian, place, segment
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,30 @@ def _by_values(model: TreeArrays, work: TreeWork, B: Floats) -> None:
             i = model.parent[i]
 
 
+@kernel
+def _by_lengths(
+    model: TreeArrays, command: Floats, strain: Floats, push: Floats, work: TreeWork, B: Floats
+) -> None:
+    """What a unit of their length adds for segments that grow: their law changes, and their weight."""
+    u = np.zeros(6)
+    for block in range(len(model.kind)):
+        j, c0 = model.grows[block], model.first[block]
+        if j < 0 or model.kind[block] != BEAM_COLUMN:
+            continue
+        segment(model, command, block, work)
+        t = work.t[c0 : c0 + 6]
+        beam_column(work.beam, t, strain[c0 : c0 + 6], work.Kb, u)
+        beam_column_by_length(work.beam, t, u)
+        for i in range(6):
+            for c in range(6):
+                B[c0 + i, j] += GROWS * work.Kb[i, c] * u[c]
+    for k in range(len(model.load_joint)):
+        j = model.load_grows[k]
+        if j >= 0:
+            for c in range(B.shape[0]):
+                B[c, j] += GROWS * push[k, c] / grown(model, command, j)
+
+
 @entry
 def _derivatives_of(
     model: TreeArrays, commands: Floats, naturals: Floats, end_wrench: Floats, x: Floats,
@@ -108,7 +133,8 @@ def _derivatives_of(
                 s = 0.0
                 for a in range(6):
                     s += work.J[a, c] * model.load[k, a]
-                push[k, c] = s
+                push[k, c] = s * grown(model, commands[t], model.load_grows[k])
+        _by_lengths(model, commands[t], x[t] - naturals[t], push, work, B)
         # Zᵀ = J A⁻¹: six solutions with the transpose serve all right sides
         for a in range(n):
             for b in range(n):

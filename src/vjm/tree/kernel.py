@@ -14,7 +14,7 @@ import numpy as np
 from vjm.kernels.beam_column import beam_column
 from vjm.kernels.compilation import kernel
 from vjm.kernels.packed_model import BEAM_COLUMN, LINEAR, Floats
-from vjm.tree.arrays import TreeArrays, TreeWork
+from vjm.tree.arrays import GROWS, SHORTEST, TreeArrays, TreeWork
 
 
 @kernel
@@ -103,7 +103,15 @@ def _act(work: TreeWork, j: int, point: Floats, f: Floats, share: float) -> None
 
 
 @kernel
-def _gather(model: TreeArrays, work: TreeWork, end_wrench: Floats, share: float, tangent: bool) -> None:
+def grown(model: TreeArrays, command: Floats, joint: int) -> float:
+    """Length in mm of what grows with a joint; 1 where nothing does."""
+    return max(GROWS * command[joint], SHORTEST) if joint >= 0 else 1.0
+
+
+@kernel
+def _gather(
+    model: TreeArrays, command: Floats, work: TreeWork, end_wrench: Floats, share: float, tangent: bool
+) -> None:
     """Sums over the bodies; with the tangent also the parts of ``A`` that turning and stretching loads bring."""
     S, u, v, offset, load = work.S, work.u, work.v, model.load_offset, model.load
     S[:, :] = 0.0
@@ -113,11 +121,12 @@ def _gather(model: TreeArrays, work: TreeWork, end_wrench: Floats, share: float,
         for a in range(3):
             u[a] = work.p[j, a] + R[a, 0] * offset[k, 0] + R[a, 1] * offset[k, 1] + R[a, 2] * offset[k, 2]
         if not model.follows[k]:
+            part = share * grown(model, command, model.load_grows[k])
             for a in range(3):
-                S[j, a] += share * load[k, a]
-                S[j, 3 + a] += share * load[k, 3 + a]
+                S[j, a] += part * load[k, a]
+                S[j, 3 + a] += part * load[k, 3 + a]
                 for b in range(3):
-                    S[j, 6 + 3 * a + b] += share * u[a] * load[k, b]
+                    S[j, 6 + 3 * a + b] += part * u[a] * load[k, b]
             continue
         for a in range(3):
             for half in range(0, 6, 3):
@@ -265,6 +274,14 @@ def _load_tangent(model: TreeArrays, work: TreeWork) -> None:
 
 
 @kernel
+def segment(model: TreeArrays, command: Floats, block: int, work: TreeWork) -> None:
+    """The data of a beam-column spring at the length that it has, in ``work.beam``."""
+    h = grown(model, command, model.grows[block])
+    for i in range(7):
+        work.beam[i] = model.beam[block, i] * (h if i >= 4 else 1.0)
+
+
+@kernel
 def evaluate(
     model: TreeArrays, command: Floats, natural: Floats, x: Floats, end_wrench: Floats, share: float,
     work: TreeWork, tangent: bool,
@@ -285,7 +302,7 @@ def evaluate(
     place(model, command, x, work)
     if tangent:
         A[:, :] = 0.0
-    _gather(model, work, end_wrench, share, tangent)
+    _gather(model, command, work, end_wrench, share, tangent)
     _fold(model, work)
     t[:] = 0.0
     for j in range(len(model.parent)):
@@ -305,7 +322,8 @@ def evaluate(
         elif model.kind[block] == BEAM_COLUMN:
             for i in range(6):
                 work.u[i] = x[c0 + i] - natural[c0 + i]
-            beam_column(model.beam[block], t[c0 : c0 + 6], work.u, work.Kb, work.v)
+            segment(model, command, block, work)
+            beam_column(work.beam, t[c0 : c0 + 6], work.u, work.Kb, work.v)
             for i in range(6):
                 r[c0 + i] = work.v[i]
                 if tangent:

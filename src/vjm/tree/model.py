@@ -50,7 +50,7 @@ class TreeModel:
             if isinstance(part, HeldJoint | PassiveJoint) and not isinstance(part, CoupledJoint)
         )
         self.ends = tuple(chain.ends) or ("",)
-        self._map, self._offset = commands(chain, list(self.joints), built.held, len(built.parent))
+        self._map, self._offset = commands(chain, list(self.joints), built.held, built.share, len(built.parent))
 
     # --- what the data give -------------------------------------------------------------------------------
 
@@ -114,7 +114,8 @@ class TreeModel:
                 share[part.name] = sum(own, np.zeros(len(self.joints)))
         result = np.zeros((len(self.joints), len(self._built.parent)))
         for joint, name in self._built.held.items():
-            result[:, joint] = share[name]
+            # what pushes a beam out bears what its end does, and each of the beam's joints but a share of that
+            result[:, joint] = self._built.share.get(joint, 1.0) * share[name]
         return result
 
     def span(self, part: str) -> range:
@@ -126,8 +127,14 @@ class TreeModel:
         return tuple(piece.part for piece in self._built.pieces if piece.mass > 0.0 and piece.joint >= 0)
 
     def driven_by(self, part: str) -> int:
-        """The one-degree joint that stands at the value of a held joint."""
+        """The one-degree joint that stands at the value of a held joint; the first where they are many."""
         return next(joint for joint, name in self._built.held.items() if name == part)
+
+    def shares(self, part: str) -> dict[int, float]:
+        """All one-degree joints that stand at the value of a held joint, and at which share of it."""
+        return {
+            joint: self._built.share.get(joint, 1.0) for joint, name in self._built.held.items() if name == part
+        }
 
     # --- arrays -------------------------------------------------------------------------------------------
 
@@ -161,14 +168,14 @@ class TreeModel:
         Raises:
             ValueError: a load stands on no point of the machine.
         """
-        rows: list[tuple[int, Array, Array, bool]] = []
+        rows: list[tuple[int, Array, Array, bool, int]] = []
         if gravity is not None:
             for piece in self._built.pieces:
                 if piece.mass > 0.0:
                     weight = np.concatenate([piece.mass * np.asarray(gravity, dtype=float), np.zeros(3)])
-                    rows.append((piece.joint, piece.centre_of_mass, weight, False))
+                    rows.append((piece.joint, piece.centre_of_mass, weight, False, piece.grows))
         for load in loads:
-            rows.append((*self.find(load.part, load.at), np.array(load.wrench), load.follower))
+            rows.append((*self.find(load.part, load.at), np.array(load.wrench), load.follower, -1))
         # what stands on the base moves nothing
         rows = [row for row in rows if row[0] >= 0]
         return self._bare._replace(
@@ -176,6 +183,7 @@ class TreeModel:
             load_offset=np.array([row[1] for row in rows]).reshape(-1, 3),
             load=np.array([row[2] for row in rows]).reshape(-1, 6),
             follows=np.array([row[3] for row in rows], dtype=np.int64),
+            load_grows=np.array([row[4] for row in rows], dtype=np.int64),
         )
 
     @cached_property
@@ -183,6 +191,7 @@ class TreeModel:
         built = self._built
         before = np.array(built.before).reshape(-1, 4, 4)
         kind, first, K, beam = _blocks(built)
+        grows = np.array([built.grows.get(int(c), -1) for c in first[:-1]], dtype=np.int64)
         sites = [self._end(name) for name in self.ends]
         joint, point, law = self._point_springs()
         nothing = np.zeros(0, dtype=np.int64)
@@ -194,9 +203,10 @@ class TreeModel:
             p0=np.ascontiguousarray(before[:, :3, 3]),
             coordinate=np.array(built.coordinate, dtype=np.int64),
             factor=np.array(built.factor, dtype=float),
-            kind=kind, first=first, K=K, beam=beam,
+            kind=kind, first=first, K=K, beam=beam, grows=grows,
             unit=self._unit,
             load_joint=nothing, load_offset=np.zeros((0, 3)), load=np.zeros((0, 6)), follows=nothing,
+            load_grows=nothing,
             spring_joint=joint, spring_point=point, spring=law,
             end_joint=np.array([site.joint for site in sites], dtype=np.int64),
             end_R=np.array([site.frame[:3, :3] for site in sites]),
@@ -207,7 +217,8 @@ class TreeModel:
     def reach(self) -> float:
         """Length of all links in mm: more than the machine can reach."""
         links = [*self._built.before, *(self._end(name).frame for name in self.ends)]
-        return max(1.0, sum(float(np.linalg.norm(T[:3, 3])) for T in links))
+        grown = sum(beam.length for beam in self.chain.beams if beam.free_length)
+        return max(1.0, grown + sum(float(np.linalg.norm(T[:3, 3])) for T in links))
 
     @cached_property
     def _unit(self) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from vjm.io.fields import rotation
@@ -24,6 +26,43 @@ def kabsch(p: Array, y: Array) -> tuple[Array, Array]:
     D = np.diag([1.0, 1.0, np.sign(np.linalg.det(Vt.T @ U.T))])
     R = Vt.T @ D @ U.T
     return R, b - R @ a
+
+
+def with_tilts(frames: Frames, R: Array, tilt: Array, gravity: Sequence[float]) -> Frames:
+    """Frames with those of the inclinometers on their bodies, from what they read on a rigid robot.
+
+    Each axis m of an instrument reads ``asin(u · R m)``: linear least squares for its direction, both made
+    perpendicular. One that was read in too few directions stays as the sheet's marker is.
+
+    Args:
+        frames: of all markers.
+        R: ``(g, k, 3, 3)`` end frames in the base.
+        tilt: ``(g, k, 2)`` rad, nan where not read.
+        gravity: ``(3,)``.
+    """
+    u = -np.array(gravity) / np.linalg.norm(gravity)
+    M = frames.M.copy()
+    for j in np.flatnonzero(np.isfinite(tilt).any(axis=(0, 2))):
+        axes = []
+        for k in range(2):
+            own = np.isfinite(tilt[:, j, k])
+            A = np.swapaxes(R[own, j], 1, 2) @ u
+            if own.sum() < 3 or np.linalg.matrix_rank(A, tol=1e-2 * np.sqrt(own.sum())) < 3:
+                axes.append(np.full(3, np.nan))
+                continue
+            axis = np.linalg.lstsq(A, np.sin(tilt[own, j, k]), rcond=None)[0]
+            axes.append(axis / np.linalg.norm(axis))
+        x, y = axes
+        if np.isnan(x).all() and np.isnan(y).all():
+            continue
+        if np.isnan(x).all():
+            x = np.cross(y, np.eye(3)[int(np.argmin(np.abs(y)))])
+        if np.isnan(y).all():
+            y = np.cross(np.eye(3)[int(np.argmin(np.abs(x)))], x)
+        U, _, Vt = np.linalg.svd(np.column_stack([x, y]), full_matrices=False)
+        first, second = (U @ Vt).T
+        M[j] = np.column_stack([first, second, np.cross(first, second)])
+    return Frames(frames.R, frames.t, frames.m, M)
 
 
 def align(

@@ -31,6 +31,7 @@ def calibrated_document(
         if member.family in state.hypothesis.families
     }
     acts = {member.name: member for member in study.members}
+    pushing = measurement.chain.pushing
     tables = {table["name"]: table for table in document["parts"]}
     left_out = sorted(
         {
@@ -38,6 +39,7 @@ def calibrated_document(
             for name in found
             if acts[name].acts not in (VALUE, COMPLIANCE, MASS) or acts[name].basis is not None
         }
+        | {"joint_offset" for joint in pushing if f"joint_offset.{joint}" in found}
         | ({"link_compliance"} if any(n.startswith("link_compliance") for n in found) else set())
     )
     joints = {part.name: part for part in measurement.chain.parts if isinstance(part, HeldJoint)}
@@ -55,7 +57,9 @@ def calibrated_document(
         if "after" in table:
             table["after"] = moved.get(table["after"], table["after"])
         if name in joints:
-            link = _frame_link(name, joints[name].axis, found, slides=joints[name].slides)
+            # how far a beam is out has no place in a frame
+            own = {k: v for k, v in found.items() if name not in pushing or k != f"joint_offset.{name}"}
+            link = _frame_link(name, joints[name].axis, own, slides=joints[name].slides)
             if link is not None:
                 if "after" in table:
                     link["after"] = table.pop("after")

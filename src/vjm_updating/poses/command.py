@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +11,11 @@ import numpy as np
 from vjm import __version__
 from vjm.io.errors import did_you_mean
 from vjm.io.files import check_writable, write_whole
+from vjm.io.findings import Finding
 from vjm.io.model_file import build_chain
 from vjm.io.urdf_text import urdf_text
 from vjm.rotations import Array, rotation_vector
-from vjm_output.documents import as_json
-from vjm_updating.experiment.readings import DataError
+from vjm_output.documents import as_json, doubt_rows
 from vjm_updating.poses import document as rows
 from vjm_updating.poses.calibrated import calibrated_document, calibrated_text
 from vjm_updating.poses.contrasts import contrasts, correlations
@@ -25,9 +25,10 @@ from vjm_updating.poses.ladder import Step, climb
 from vjm_updating.poses.measurement import PoseMeasurement, read_pose_measurement
 from vjm_updating.poses.next_postures import next_postures
 from vjm_updating.poses.page import page
-from vjm_updating.poses.plausibility import DataProblem, check_count, check_units, data_problems
+from vjm_updating.poses.plausibility import check_count, check_units, considered
 from vjm_updating.poses.readings import read_candidates
-from vjm_updating.poses.study import COUPLING, OUTLIER, Hypothesis, State, Study, couplings
+from vjm_updating.poses.sheet import PoseSheet
+from vjm_updating.poses.study import BEHIND_ENCODERS, COUPLING, OUTLIER, Hypothesis, State, Study, couplings
 from vjm_updating.poses.verdict import judge
 
 DIAGNOSIS, DIAGNOSIS_PAGE, EXTENDED = "diagnosis.json", "diagnosis.html", "extended-model.toml"
@@ -59,6 +60,11 @@ def _chosen(study: Study, only: Sequence[str], without: Sequence[str]) -> list[s
     """
     known = [*study.families, *couplings(study)]
     for name in (*only, *without):
+        if name in BEHIND_ENCODERS and study.sheet.at_output:
+            raise ValueError(
+                f"'{name}' is not seen in these data: joints measured at the output (encoders = 'output') have "
+                "what bends about their axes in their coordinates; leave it out, or give the motors' coordinates"
+            )
         if name not in known and name != COUPLING:
             raise ValueError(
                 f"no family '{name}' for these data; there are {', '.join(known)}{did_you_mean(name, known)}"
@@ -72,7 +78,7 @@ def _chosen(study: Study, only: Sequence[str], without: Sequence[str]) -> list[s
 
 def diagnose_poses(
     data: Path, sheet: Path, out: Path, *, only: Sequence[str] = (), without: Sequence[str] = (),
-    strict: bool = False,
+    strict: bool = False, warn: Callable[[Iterable[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> rows.PoseDiagnosis:  # fmt: skip
     """Diagnose a test of poses and write what was found.
@@ -83,7 +89,8 @@ def diagnose_poses(
         out: folder; all files are written at the end or none.
         only: families that are thought possible; all where none is given.
         without: families that are not.
-        strict: whether data that are not what they seem are refused.
+        strict: whether what is doubtful is refused.
+        warn: told what is implausible.
         progress: told what is being done.
 
     Raises:
@@ -94,16 +101,17 @@ def diagnose_poses(
     begun = time.perf_counter()
     measurement, study = prepared(data, sheet)
     names = _chosen(study, only, without)
-    problems = _problems(study, strict=strict)
+    findings = considered(measurement, study, strict=strict)
     check_writable(out)
+    warn(findings)
     steps = climb(study, names, progress)
     progress("verdict")
-    verdict = judge(study, steps, problems)
+    verdict = judge(study, steps, findings)
     first, last = steps[0].state, steps[-1].state
     common, model, urdf = _common(measurement, study, first, last, begun)
     found = rows.PoseDiagnosis(
         **common
-        | {"problems": _problem_rows(verdict.problems)},
+        | {"doubts": doubt_rows(verdict.findings)},
         verdict=verdict.kind,
         causes=list(verdict.causes),
         alternatives=[list(names) for names in verdict.alternatives],
@@ -125,7 +133,7 @@ def diagnose_poses(
 
 def calibrate_poses(
     data: Path, sheet: Path, out: Path, *, families: Sequence[str] = (), candidates: Path | None = None,
-    strict: bool = False,
+    strict: bool = False, warn: Callable[[Iterable[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> rows.PoseCalibration:  # fmt: skip
     """Calibrate a robot by poses with chosen families and write what was found.
@@ -136,7 +144,8 @@ def calibrate_poses(
         out: folder; all files are written at the end or none.
         families: names; none: `USUAL`.
         candidates: CSV of postures that could be measured next, columns as in the data; None: drawn within limits.
-        strict: whether data that are not what they seem are refused.
+        strict: whether what is doubtful is refused.
+        warn: told what is implausible.
         progress: told what is being done.
 
     Raises:
@@ -147,8 +156,9 @@ def calibrate_poses(
     begun = time.perf_counter()
     measurement, study = prepared(data, sheet)
     chosen = _chosen(study, families or USUAL, ())
-    problems = _problems(study, strict=strict)
+    findings = considered(measurement, study, strict=strict)
     check_writable(out)
+    warn(findings)
     progress("base frame and markers")
     first = study.settle(Hypothesis())
     hypothesis = Hypothesis()
@@ -162,7 +172,7 @@ def calibrate_poses(
         else read_candidates(candidates, measurement.sheet, study.machine.joints, study.machine.slides)
     )
     common, model, urdf = _common(measurement, study, first, last, begun, listed)
-    found = rows.PoseCalibration(**common | {"problems": _problem_rows(problems)})
+    found = rows.PoseCalibration(**common | {"doubts": doubt_rows(findings)})
     steps = [Step("", first, ()), Step(", ".join(hypothesis.names), last, ())]
     progress("report")
     _write(
@@ -176,23 +186,18 @@ def calibrate_poses(
     return found
 
 
-def _problems(study: Study, *, strict: bool) -> list[DataProblem]:
-    """What is thought wrong with the data.
-
-    Raises:
-        DataError: something is, and doubts are to be refused.
-    """
-    problems = data_problems(study)
-    if problems and strict:
-        raise DataError(f"{study.data.file}: {problems[0].name}: {problems[0].words}")
-    return problems
+def _bends(sheet: PoseSheet) -> str:
+    """What lies between the joints' columns and the links, and so bends about the joints' axes."""
+    if sheet.test.joints == "commanded":
+        return "gears, drives, and what the controllers leave of their error under load"
+    return "gears, and all else between the encoders at the motors and the links"
 
 
-def _problem_rows(problems: Sequence[DataProblem]) -> list[rows.ProblemRow]:
-    return [
-        rows.ProblemRow(name=one.name, words=one.words, before_mm=one.before, after_mm=one.after)
-        for one in problems
-    ]
+def _meaning(sheet: PoseSheet) -> str:
+    """What the joints' columns are, for people."""
+    if sheet.test.joints == "commanded":
+        return "commanded"
+    return "measured at the output" if sheet.at_output else "measured at the motor"
 
 
 def _write(
@@ -232,7 +237,7 @@ def _common(
     families = [
         rows.FamilyRow(
             name=name,
-            title=TITLES[name],
+            title=TITLES[name] if name != "joint_compliance" else f"{TITLES[name]}: {_bends(measurement.sheet)}",
             size=last.solution.sizes[study.number(name)],
             effective=last.solution.effective[study.number(name)],
             members=[row for row in member_rows if row.name.startswith(f"{name}.")],
@@ -263,7 +268,9 @@ def _common(
             )
             for one in next_postures(study, last, candidates)
         ],
-        "problems": [],
+        "doubts": [],
+        "joints": _meaning(measurement.sheet),
+        "not_asked": list(BEHIND_ENCODERS) if measurement.sheet.at_output else [],
         "not_in_model": left_out,
         "version": rows.PoseVersionRow(
             package=__version__, model_sha256=measurement.model_sha256, data_sha256=data.sha256

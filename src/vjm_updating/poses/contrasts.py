@@ -24,6 +24,8 @@ MOST = 50.0
 """Standard deviations beyond which no more is said."""
 MEDIAN = 1.4826
 """From the median of absolute values to a standard deviation."""
+MOSTLY = 0.9
+"""Share of postures in which a torque was measured, from which on it is asked about."""
 LEAST_SHARED = 0.15
 """Share of the variance, beyond what chance gives, from which on markers move together."""
 
@@ -64,6 +66,12 @@ def contrasts(study: Study, state: State) -> list[Contrast]:
             columns.setdefault((f"way of approach of {member.part}", "approach"), []).append(n + i)
         elif member.family == "tracker_drift":
             columns.setdefault((f"{member.name.split('.')[1]}, evenly", "time"), []).append(n + i)
+    for i, member in enumerate(study.members):
+        if member.family == "joint_offset" and member.part in study.data.joints:
+            torque = study.data.torque[:, study.data.joints.index(member.part)]
+            if np.isfinite(torque).mean() > MOSTLY and np.ptp(np.nan_to_num(torque)) > 0.0:
+                by_torque = blocks.J[:, [n + i]] * np.nan_to_num(torque)[blocks.posture][:, None]
+                result.append(_share(f"measured torque of {member.part}", "torque", left, Q, by_torque))
     for (name, kind), index in columns.items():
         result.append(_share(name, kind, left, Q, blocks.J[:, index]))
     result.append(_by_region(study, state, left, Q))
@@ -142,11 +150,14 @@ def jump(study: Study, state: State) -> tuple[int, Array, float]:
 
     The largest two-sample statistic over all places; only of tests whose order is known.
     """
-    mean = np.nanmean(state.at.residual[..., :3], axis=1)
-    good = np.isfinite(mean).all(axis=1)
-    g = len(mean)
-    if not study.ordered or g < 20:
+    residual = state.at.residual[..., :3]
+    seen = np.asarray(np.isfinite(residual).any(axis=1))
+    good = np.asarray(seen.all(axis=1))
+    g = len(residual)
+    if not study.ordered or g < 20 or good.sum() < 20:
         return 0, np.zeros(3), 0.0
+    mean = np.full((g, 3), np.nan)
+    mean[good] = np.nanmean(residual[good], axis=1)
     x = np.where(good[:, None], mean, 0.0)
     sums, counts = np.cumsum(x, axis=0), np.cumsum(good)
     spread = MEDIAN * np.nanmedian(np.abs(mean - np.nanmedian(mean, axis=0)), axis=0)

@@ -6,6 +6,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from vjm_output.documents import DoubtRow
+
 
 class Row(BaseModel):
     """A frozen table."""
@@ -77,15 +79,6 @@ class RemainderRow(Row):
     words: str
 
 
-class ProblemRow(Row):
-    """What is thought wrong with the data."""
-
-    name: str
-    words: str
-    before_mm: float
-    after_mm: float
-
-
 class NextRow(Row):
     """Postures to measure next."""
 
@@ -120,7 +113,9 @@ class PoseCalibration(Row):
         description="base in the tracker's frame, and the markers' places, mm, rad"
     )
     next_postures: list[NextRow]
-    problems: list[ProblemRow]
+    doubts: list[DoubtRow] = Field(description="what is implausible about the data and the model")
+    joints: str = Field(description="what the joints' columns are")
+    not_asked: list[str] = Field(description="families that such columns cannot show")
     not_in_model: list[str] = Field(description="what the calibrated model file cannot hold")
     version: PoseVersionRow
     seconds: float

@@ -19,6 +19,8 @@ from vjm_updating.poses.readings import PoseData
 VALUE, COMPLIANCE, FACTOR, MASS, DRIFT, STRETCH = "value", "compliance", "factor", "mass", "drift", "stretch"
 """What a member acts on."""
 MILLIMETRE, MILLIRADIAN = 1.0, 1e-3
+LINEAR_ZERO = 0.1
+"""mm: zeros of sliding joints are known to some millimetres, which `LARGEST` makes of it."""
 LEAST_TORQUE = 0.05
 """Of the largest torque: springs that bear less get the unit of one that bears this."""
 FEWEST_WAYS = 0.9
@@ -57,7 +59,7 @@ class Member:
 TITLES = {
     "joint_offset": "offsets of the joints' zeros",
     "frame_error": "errors of the fixed frames between the joints",
-    "joint_compliance": "compliance of the joints about their own axes: drives and gears",
+    "joint_compliance": "compliance of the joints about their own axes",
     "coupling": "a coupled joint passes on what bends, and not only what is commanded",
     "base_compliance": "compliance of the base: what the robot stands on turns under its weight",
     "lateral_compliance": "compliance of the joints about the axes across: bearings, and the link before",
@@ -71,7 +73,7 @@ TITLES = {
 }
 """In the order of precedence: of families that save about the same the first is taken."""
 LARGEST = {"mass": 2.0, "joint_offset": 100.0, "temperature": 10.0}
-"""Sizes of families beyond which they are not physical: 20 % of the masses, 100 mrad or mm, 1e-4 per K."""
+"""Sizes of families beyond which they are not physical: 20 % of the masses, 100 mrad or 10 mm, 1e-4 per K."""
 SECOND = ("gear_error", "approach", "encoder_scale", "tracker_drift", "temperature")
 """Families that are looked at where none of the others pays any more: functions of the posture or the clock that
 can imitate what weight and geometry do, not the other way round."""
@@ -89,6 +91,8 @@ def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: 
     result = _values(machine, data)
     result += _compliances(machine, torque)
     for k, part in enumerate(machine.masses):
+        if part in machine.masses[:k]:
+            continue  # a beam's weight in many pieces
         name = part.removesuffix("~root")
         result.append(Member("mass", f"mass.{name}", MASS, k, 0.1, "of its mass", part=name, lower=-1.0))
     if ordered:
@@ -115,7 +119,7 @@ def _values(machine: PoseMachine, data: PoseData) -> list[Member]:
     result = []
     for name, index in machine.driven.items():
         turns = name in machine.turning
-        unit, of = (MILLIRADIAN, "rad") if turns else (MILLIMETRE, "mm")
+        unit, of = (MILLIRADIAN, "rad") if turns else (LINEAR_ZERO, "mm")
         result.append(Member("joint_offset", f"joint_offset.{name}", VALUE, index, unit, of, part=name))
     for error in machine.frames:
         unit, of = (MILLIMETRE, "mm") if error.label.startswith("shift") else (MILLIRADIAN, "rad")

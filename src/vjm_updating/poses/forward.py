@@ -87,8 +87,9 @@ class PoseForward:
 
     @property
     def tracked(self) -> list[int]:
-        """Markers whose orientation was tracked."""
-        seen = np.isfinite(self.data.orientation).all(axis=(2, 3)).any(axis=0)
+        """Markers whose orientation was tracked, or whose tilt was read."""
+        turned = np.isfinite(self.data.orientation).all(axis=(2, 3))
+        seen = (turned | np.isfinite(self.data.tilt).any(axis=2)).any(axis=0)
         return [int(k) for k in np.flatnonzero(seen)]
 
     def torques(self) -> Array:
@@ -97,6 +98,11 @@ class PoseForward:
         K = np.array([self._arrays.K[self._block[c], 0, 0] if c in self._block else 0.0 for c in range(x.shape[1])])
         result: Array = np.sqrt(np.mean(((x - self._natural) * K) ** 2, axis=0))
         return result
+
+    def holding(self) -> Array:
+        """What holds each of the data's joints ``(g, n)`` in the machine as the model file has it, N mm or N."""
+        _, forces, _, _ = self._solve(self._arrays, self._values)
+        return self.machine.tree.torques(forces)[:, self._coupled]
 
     def evaluate(self, z: Array, frames: Frames) -> Linearised:
         """Residuals and derivatives at members ``z`` (P,), in units, and nuisances.
@@ -107,7 +113,7 @@ class PoseForward:
         arrays, values = self._changed(z)
         x, forces, R, p = self._solve(arrays, values)
         d = frame_derivatives(arrays, values, self._natural, self._wrench, x)
-        columns = self._columns(z, arrays, x, d)
+        columns = self._columns(z, arrays, x, forces, d)
         return self._seen(z, frames, R, p, columns, forces)
 
     def unloaded(self) -> tuple[Array, Array]:
@@ -118,19 +124,38 @@ class PoseForward:
     def _changed(self, z: Array) -> tuple[TreeArrays, Array]:
         """Arrays and joints' values at the members' sizes."""
         K, load, values = self._arrays.K.copy(), self._arrays.load.copy(), self._values.copy()
+        beam = self._arrays.beam.copy()
         for size, member in zip(z, self.members, strict=True):
             if size == 0.0:
                 continue
             change = size * member.unit
             if member.acts == VALUE:
-                values[:, member.index] += change * (1.0 if member.basis is None else member.basis)
+                for joint, share in self._moves(member):
+                    values[:, joint] += share * change * (1.0 if member.basis is None else member.basis)
             elif member.acts == COMPLIANCE:
                 K[self._block[member.index]][0, 0] = 1.0 / max(member.nominal + change, RIGID)
             elif member.acts == FACTOR:
-                K[self._block[member.index]] /= max(1.0 + change, 1e-3)
+                for block in self._blocks_of(member):
+                    K[block] /= max(1.0 + change, 1e-3)
+                    beam[block, :4] /= max(1.0 + change, 1e-3)
+                    beam[block, 5:] *= max(1.0 + change, 1e-3)
             elif member.acts == MASS:
-                load[member.index] *= max(1.0 + change, 0.0)
-        return self._arrays._replace(K=K, load=load), values
+                load[self._loads(member)] *= max(1.0 + change, 0.0)
+        return self._arrays._replace(K=K, load=load, beam=beam), values
+
+    def _moves(self, member: Member) -> list[tuple[int, float]]:
+        """One-degree joints that a member of joints' values moves, and by which share."""
+        return self.machine.moves.get(member.index, [(member.index, 1.0)])
+
+    def _loads(self, member: Member) -> list[int]:
+        """Weights of the part that a member of masses belongs to."""
+        own = self.machine.masses[member.index]
+        return [k for k, name in enumerate(self.machine.masses) if name == own]
+
+    def _blocks_of(self, member: Member) -> list[int]:
+        """Blocks of springs of the beam that a factor belongs to."""
+        span = self.machine.tree.span(member.part)
+        return [self._block[c] for c in span if c in self._block]
 
     def _solve(self, arrays: TreeArrays, values: Array) -> tuple[Array, Array, Array, Array]:
         g = len(self._start)
@@ -144,13 +169,15 @@ class PoseForward:
         self._start = x
         return x, forces, R, p
 
-    def _columns(self, z: Array, arrays: TreeArrays, x: Array, d: FrameDerivatives) -> Array:
+    def _columns(self, z: Array, arrays: TreeArrays, x: Array, forces: Array, d: FrameDerivatives) -> Array:
         """Velocities ``(g, k, 6, P)`` of the end frames in the base's axes, per unit of each member."""
         g, k = len(self.data), len(self.data.markers)
         result = np.zeros((g, k, 6, len(self.members)))
         for i, (size, member) in enumerate(zip(z, self.members, strict=True)):
             if member.acts == VALUE:
-                column = d.value[..., member.index]
+                column = sum(
+                    (share * d.value[..., joint] for joint, share in self._moves(member)), np.zeros((g, k, 6))
+                )
                 if member.basis is not None:
                     column = column * member.basis[:, None, None]
             elif member.acts == COMPLIANCE:
@@ -158,13 +185,16 @@ class PoseForward:
                 stiffness = arrays.K[self._block[c], 0, 0]
                 column = d.force[..., c] * ((x[:, c] - self._natural[:, c]) * stiffness**2)[:, None, None]
             elif member.acts == FACTOR:
-                b = self._block[member.index]
-                span = slice(int(arrays.first[b]), int(arrays.first[b + 1]))
-                width = span.stop - span.start
-                force = (x[:, span] - self._natural[:, span]) @ arrays.K[b, :width, :width].T
-                column = np.einsum("gkan,gn->gka", d.force[..., span], force) / (1.0 + size * member.unit)
+                # all stiffnesses over f: under the reactions t the strain θ(f t) of the law as it was, so that a
+                # unit of f does what the force t/f would
+                span = self.machine.tree.span(member.part)
+                reaction = np.stack(
+                    [forces @ np.where(arrays.coordinate == c, arrays.factor, 0.0) for c in span], 1
+                )
+                column = np.einsum("gkan,gn->gka", d.force[..., span.start : span.stop], reaction)
+                column = column / max(1.0 + size * member.unit, 1e-3)
             elif member.acts == MASS:
-                column = d.load[..., member.index] / max(1.0 + size * member.unit, 1e-6)
+                column = d.load[..., self._loads(member)].sum(axis=3) / max(1.0 + size * member.unit, 1e-6)
             else:
                 continue
             result[..., i] = member.unit * column
@@ -207,11 +237,30 @@ class PoseForward:
         residual = np.full((g, k, 6), np.nan)
         residual[..., :3] = data.position - seen
         residual[..., 3:] = _turn_between(turned, data.orientation)
+        self._tilts(frames, R, columns, residual, J, F)
         tilt = np.zeros((g, k, 6, 3))
         for a in range(3):
             tilt[:, :, :3, a] = np.cross(np.eye(3)[a], place) @ frames.R.T
             tilt[:, :, 3:, a] = frames.R[:, a]
         return Linearised(residual, F, J, self.machine.tree.torques(forces)[:, self._coupled], tilt)
+
+    def _tilts(self, frames: Frames, R: Array, columns: Array, residual: Array, J: Array, F: Array) -> None:
+        """Readings of inclinometers in place of turns: ``asin(u · a)`` of their axes a, u against the weight."""
+        u = -np.array(self.gravity) / np.linalg.norm(self.gravity)
+        for place_of, j in enumerate(self.tracked):
+            if not np.isfinite(self.data.tilt[:, j]).any():
+                continue
+            axes = R[:, j] @ frames.M[j]
+            own = 6 + 3 * len(self.data.markers) + 3 * place_of
+            J[:, j, 3:], F[:, j, 3:], residual[:, j, 5] = 0.0, 0.0, np.nan
+            for k in range(2):
+                sine = np.clip(axes[:, :, k] @ u, -1.0, 1.0)
+                over = 1.0 / np.sqrt(np.maximum(1.0 - sine**2, 1e-12))
+                residual[:, j, 3 + k] = self.data.tilt[:, j, k] - np.arcsin(sine)
+                # a turn w of the body moves a by w × a, and u · (w × a) = (a × u) · w
+                by_turn = np.cross(axes[:, :, k], u) * over[:, None]
+                J[:, j, 3 + k] = np.einsum("ga,gap->gp", by_turn, columns[:, j, 3:])
+                F[:, j, 3 + k, own : own + 3] = np.einsum("ga,gab->gb", by_turn, axes)
 
     def moved(self, frames: Frames, step: Array) -> Frames:
         """Nuisances after a step ``(n_f,)`` in the coordinates of `Linearised.nuisance`."""

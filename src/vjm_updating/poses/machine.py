@@ -71,22 +71,26 @@ class PoseMachine:
         springs: coordinates whose compliance is to be found.
         frames: errors of frames.
         masses: part of each load of the tree's arrays that is a weight, in their order.
+        moves: of a joint that pushes a beam out all one-degree joints that it moves and their shares, by the first.
         coupled: the coupled joints' names and whether what bends is passed on.
     """
 
-    def __init__(self, chain: Chain, ends: dict[str, tuple[str, Array]], *, rigid: bool = False) -> None:
+    def __init__(
+        self, chain: Chain, ends: dict[str, tuple[str, Array]], *, rigid: bool = False, at_output: bool = False
+    ) -> None:
         """Extend a machine.
 
         Args:
             chain: of the model file.
             ends: part behind which each marker rides, and where there, ``(3,)`` mm, by the marker's name.
             rigid: set aside the compliances of joints.
+            at_output: set aside those about the joints' own axes: what they bend by is in the coordinates.
 
         Raises:
             ValueError: a part or a spring that has no place here.
         """
         _refuse(chain)
-        self._chain = chain
+        self._chain, self._at_output = chain, at_output
         self._parts: list[Part] = []
         self._after: dict[str, str] = {}
         self._frames: list[tuple[str, str, str]] = []
@@ -116,6 +120,8 @@ class PoseMachine:
         self.limits = tuple(own[name].limits for name in self.joints)
         self.coupled = {name: part.as_bent for name, part in own.items() if isinstance(part, CoupledJoint)}
         self.driven = {name: self.tree.driven_by(name) for name in own}
+        shares = {self.driven[name]: self.tree.shares(name) for name in chain.pushing}
+        self.moves = {first: list(own_share.items()) for first, own_share in shares.items()}
         self.turning = {name for name, part in own.items() if not part.slides}
         self.frames = tuple(FrameError(j, label, self.tree.driven_by(part)) for j, label, part in self._frames)
         self.springs = tuple(
@@ -154,7 +160,7 @@ class PoseMachine:
                 self._append_link(part, behind)
             case Beam():
                 self._append(part, behind)
-                if part.segments is None or part.segments == 1:
+                if part.free_length or part.segments is None or part.segments == 1:
                     self._springs.append((part.name, "beam", "factor", part.name, None, 1.0, False))
             case _:
                 self._append(part, behind)
@@ -167,10 +173,15 @@ class PoseMachine:
             self._frames.append((joint.name, label, name))
             behind = name
         keep = isinstance(joint, ActuatedJoint) and joint.matrix is not None
+        if keep and self._at_output and not rigid:
+            raise ValueError(
+                f"joint '{joint.name}': its 6×6 compliance mixes what a measured output has in it with what it has "
+                "not: write compliances about and across its axis"
+            )
         if keep and not rigid:
             self._append(joint, behind)
             return
-        own = 0.0 if rigid else joint.compliance
+        own = 0.0 if rigid or self._at_output else joint.compliance
         lateral = (0.0, 0.0) if rigid else joint.lateral
         at_least = (max(lateral[0], RIGID), max(lateral[1], RIGID))
         changed = replace(joint, compliance=max(own, RIGID), lateral=at_least)

@@ -58,7 +58,7 @@ def read_pose_measurement(data: Path, sheet: Path) -> PoseMeasurement:
             )
     ends = {name: (table.on, np.array(table.position_mm, dtype=float)) for name, table in page.markers.items()}
     try:
-        machine = PoseMachine(chain, ends, rigid=page.test.rigid)
+        machine = PoseMachine(chain, ends, rigid=page.test.rigid, at_output=page.at_output)
     except ValueError as error:
         raise SheetError(f"{page.file}: {error}") from error
     readings = read_poses(data, page, machine.joints, machine.slides)

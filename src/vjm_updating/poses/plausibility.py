@@ -1,15 +1,16 @@
-"""Data that are not what their columns say: units, order and signs of joints, markers, repeated postures."""
+"""Data that are not what their columns say: units, joints' order and signs, markers, repeated postures, torques."""
 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Iterator
 
 import numpy as np
 
+from vjm.io.findings import Finding, Grade, refuse, worst_first
+from vjm.io.model_plausibility import model_findings
 from vjm.rotations import Array
 from vjm.tree.equilibria import unloaded_frames
-from vjm_updating.experiment.readings import DataError
 from vjm_updating.poses.alignment import align
 from vjm_updating.poses.measurement import PoseMeasurement
 from vjm_updating.poses.study import Study
@@ -24,46 +25,73 @@ MANY_PAIRS = 400
 MOST_TRIED = 120
 """Postures on which changes of the data are tried."""
 FEWEST = 8
+FEWEST_TORQUES = 12
+LEAST_FOLLOWED = 0.5
+"""Share of a measured torque's variance that the model's must explain for its factor to mean anything."""
+ALIKE = (0.5, 2.0)
+"""Factors between measured and modelled torques that unknown masses can make."""
 
 
-@dataclass(frozen=True)
-class DataProblem:
-    """What is thought wrong with the data.
+def considered(measurement: PoseMeasurement, study: Study, *, strict: bool = False) -> list[Finding]:
+    """What is implausible about a test and its model, refusals first, unless it is refused for that.
 
-    Attributes:
-        name: such as ``joint_sign.elbow``.
-        words: what to do.
-        before: mean error of the rigid robot, mm, and
-        after: with the data mended.
+    Args:
+        measurement: the test.
+        study: the same, aligned.
+        strict: whether what is doubtful is refused, too.
+
+    Raises:
+        ImplausibleError: naming the first reason.
     """
-
-    name: str
-    words: str
-    before: float
-    after: float
+    rules = (joints_and_markers, repeated, few, torques)
+    found = [finding for rule in rules for finding in rule(study)]
+    name = f"{measurement.sheet.file}, model {measurement.sheet.test.model}"
+    result = worst_first(
+        [*found, *(model_findings(measurement.document, name) if measurement.model_sha256 else [])]
+    )
+    refuse(result, strict=strict)
+    return result
 
 
 def check_units(measurement: PoseMeasurement) -> None:
     """Refuse angles in degrees and lengths in metres, with the factor.
 
     Raises:
-        DataError: they are; one line.
+        ImplausibleError: they are; one line.
     """
-    data, machine, file = measurement.data, measurement.machine, measurement.data.file
+    refuse(units(measurement))
+
+
+def units(measurement: PoseMeasurement) -> Iterator[Finding]:
+    """Angles in degrees and lengths in metres, with the factor; they are seen before anything is computed."""
+    data, machine = measurement.data, measurement.machine
     for i, (name, slides) in enumerate(zip(data.joints, machine.slides, strict=True)):
         largest = float(np.abs(data.q[:, i]).max())
         if not slides and largest > LARGEST_TURN:
-            raise DataError(
-                f"{file}: column {name}.q_rad reaches {largest:.4g} rad, {largest / (2 * np.pi):.3g} "
-                f"turns: it is in "
-                "degrees; multiply it by 0.0174533"
+            yield Finding(
+                Grade.REFUSED,
+                data.file,
+                f"column {name}.q_rad reaches {largest:.4g} rad, {largest / (2 * np.pi):.3g} turns: it is in "
+                "degrees; multiply it by 0.0174533",
             )
-    reach = machine.tree.reach
-    spread = _spread(data.position)
-    if 0.0 < spread < 1e-2 * reach and _spread(_ends(measurement)) > 1e-1 * reach:
-        raise DataError(
-            f"{file}: the markers' positions spread over {spread:.3g} mm, the robot's over "
-            f"{_spread(_ends(measurement)):.3g} mm: they are in metres; multiply them by 1000"
+    for name, beam in machine.chain.pushing.items():
+        q = data.q[:, data.joints.index(name)]
+        if q.min() <= 0.0 or q.max() > beam.length:
+            row = int(data.row[int(np.argmax((q <= 0.0) | (q > beam.length)))])
+            yield Finding(
+                Grade.REFUSED,
+                f"{data.file}, row {row}, column {name}.q_mm",
+                f"= {q[data.row == row][0]:.4g} is outside 0 to {beam.length:.4g} mm, the whole of '{beam.name}': "
+                "give mm of it that are out",
+            )
+    ends = unloaded_frames(machine.tree, machine.rows(data.q))[1]
+    spread, expected = _spread(data.position), _spread(np.where(np.isfinite(data.position), ends, np.nan))
+    if 0.0 < spread < 1e-2 * machine.tree.reach and expected > 1e-1 * machine.tree.reach:
+        yield Finding(
+            Grade.REFUSED,
+            data.file,
+            f"the markers' positions spread over {spread:.3g} mm, the robot's over {expected:.3g} mm: they are in "
+            "metres; multiply them by 1000",
         )
 
 
@@ -71,14 +99,64 @@ def check_count(study: Study) -> None:
     """Refuse a test with fewer readings than its frames have unknowns.
 
     Raises:
-        DataError: it is.
+        ImplausibleError: it is.
     """
     count, frames = int(study.present.sum()), study.forward().nuisances
     different = int(study.folds.posture.max()) + 1
     if study.sheet.base is None and (different < FEWEST or count <= frames):
-        raise DataError(
-            f"{study.data.file}: {different} different postures with {count} readings; the frames of tracker and "
-            f"markers alone are {frames} unknowns: measure at least {FEWEST} different postures, 30 are better"
+        words = (
+            f"{different} different postures with {count} readings; the frames of tracker and markers alone are "
+            f"{frames} unknowns: measure at least {FEWEST} different postures, 30 are better"
+        )
+        refuse([Finding(Grade.REFUSED, study.data.file, words)])
+
+
+def repeated(study: Study) -> Iterator[Finding]:
+    """Postures that were measured more than once: they tell noise, and no more of the robot."""
+    different = int(study.folds.posture.max()) + 1
+    if different < len(study.data):
+        yield Finding(
+            Grade.NOTED,
+            study.data.file,
+            f"{len(study.data)} rows are {different} different postures; the same ones are held out together",
+        )
+
+
+def few(study: Study) -> Iterator[Finding]:
+    """Families of more members than there are readings beyond the frames."""
+    count = int(study.present.sum()) - study.forward().nuisances
+    sizes = {family: sum(m.family == family for m in study.members) for family in study.families}
+    large = [f"{family} ({size})" for family, size in sizes.items() if size > count]
+    if large:
+        yield Finding(
+            Grade.NOTED,
+            study.data.file,
+            f"{count} readings beyond the frames are fewer than the members of {', '.join(large)}: what they do "
+            "not tell stays at its prior",
+        )
+
+
+def torques(study: Study) -> Iterator[Finding]:
+    """Measured torques that are those of the model by a factor: another sign, unit or gear ratio."""
+    data = study.data
+    if not np.isfinite(data.torque).any():
+        return
+    expected = study.holding_torques()
+    for i, name in enumerate(data.joints):
+        own = np.isfinite(data.torque[:, i])
+        x, y = expected[own, i], data.torque[own, i]
+        if own.sum() < FEWEST_TORQUES or not np.ptp(x) > 0.0 or not np.ptp(y) > 0.0:
+            continue
+        followed = float(np.corrcoef(x, y)[0, 1] ** 2)
+        factor = float(np.cov(x, y)[0, 1] / np.var(x, ddof=1))
+        if followed < LEAST_FOLLOWED or ALIKE[0] <= factor <= ALIKE[1]:
+            continue
+        unit = "N" if study.machine.slides[i] else "N mm"
+        sign = "the sign is the other one" if -ALIKE[1] <= factor <= -ALIKE[0] else f"give {unit} at the joint"
+        yield Finding(
+            Grade.DOUBTFUL,
+            f"{data.file}, column {name}.tau_{unit.replace(' ', '')}",
+            f"is {factor:.3g} times what holds the model's weight: {sign}",
         )
 
 
@@ -88,19 +166,14 @@ def _spread(position: Array) -> float:
     return float(np.linalg.norm(points.std(axis=0))) if len(points) > 1 else 0.0
 
 
-def _ends(measurement: PoseMeasurement) -> Array:
-    tree = measurement.machine.tree
-    return unloaded_frames(tree, measurement.machine.rows(measurement.data.q))[1]
-
-
-def data_problems(study: Study) -> list[DataProblem]:
+def joints_and_markers(study: Study) -> Iterator[Finding]:
     """What would explain a rigid robot's large error: a joint's sign, two joints or two markers swapped.
 
-    Empty where the error is that of a robot.
+    None where the error is that of a robot.
     """
     before = float(np.nanmean(study.aligned))
     if study.sheet.base is not None or before < IMPLAUSIBLE * study.machine.tree.reach:
-        return []
+        return
     keep = np.linspace(0, len(study.data) - 1, min(len(study.data), MOST_TRIED)).astype(int)
     data = study.data.only(keep)
     base = _error(study, data.q, data.position)
@@ -129,10 +202,10 @@ def data_problems(study: Study) -> list[DataProblem]:
         found.append((_error(study, data.q, y), f"markers_swapped.{a}.{b}", f"exchange the markers {a} and {b}"))
     best = min(found, default=(np.inf, "", ""))
     if best[0] > MUCH_BETTER * base:
-        return []
+        return
     error, name, remedy = best
-    words = f"the rigid robot misses the markers by {base:.4g} mm; {remedy} and it is {error:.4g} mm"
-    return [DataProblem(name, words, base, error)]
+    words = f"{name}: the rigid robot misses the markers by {base:.4g} mm; {remedy} and it is {error:.4g} mm"
+    yield Finding(Grade.DOUBTFUL, study.data.file, words)
 
 
 def _error(study: Study, q: Array, position: Array) -> float:

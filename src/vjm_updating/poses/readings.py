@@ -17,11 +17,13 @@ from vjm_updating.poses.sheet import PoseSheet
 POSITION, NOISE = ("x_mm", "y_mm", "z_mm"), ("x_std_mm", "y_std_mm", "z_std_mm")
 ANGLES, ANGLES_DEG = ("rx_rad", "ry_rad", "rz_rad"), ("rx_deg", "ry_deg", "rz_deg")
 QUATERNION = ("qw", "qx", "qy", "qz")
+TILT, TILT_DEG = ("tilt_x_rad", "tilt_y_rad"), ("tilt_x_deg", "tilt_y_deg")
+"""By how much the instrument's own axis x or y points above the horizontal plane."""
 WRENCH = ("fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm")
 COORDINATE = {"q_rad": False, "q_mm": True}
 TORQUE = ("tau_Nmm", "tau_N")
 READING, TIME, TEMPERATURE = "reading", "time_s", "temperature_C"
-OF_MARKERS = (*POSITION, *NOISE, *ANGLES, *ANGLES_DEG, *QUATERNION, *WRENCH)
+OF_MARKERS = (*POSITION, *NOISE, *ANGLES, *ANGLES_DEG, *QUATERNION, *TILT, *TILT_DEG, *WRENCH)
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,7 @@ class PoseData:
         markers: names of the k markers.
         position: ``(g, k, 3)`` mm in the tracker's frame, nan where a coordinate of a marker was not seen.
         orientation: ``(g, k, 3, 3)`` in the tracker's frame, nan where it was not tracked.
+        tilt: ``(g, k, 2)`` rad, nan where it was not read.
         sigma: ``(g, k, 3)`` mm, 1 sigma of the positions.
         wrench: ``(g, k, 6)`` applied at the markers, the base's axes, N and N mm.
         torque: ``(g, n)`` measured, nan where not.
@@ -53,6 +56,7 @@ class PoseData:
     markers: tuple[str, ...]
     position: Array
     orientation: Array
+    tilt: Array
     sigma: Array
     wrench: Array
     torque: Array
@@ -67,7 +71,7 @@ class PoseData:
         """The postures of a mask or of indices."""
         rows = {
             name: getattr(self, name)[keep]
-            for name in ("row", "q", "position", "orientation", "sigma", "wrench", "torque")
+            for name in ("row", "q", "position", "orientation", "tilt", "sigma", "wrench", "torque")
         }
         time = None if self.time is None else self.time[keep]
         temperature = None if self.temperature is None else self.temperature[keep]
@@ -168,16 +172,22 @@ def _read(
         )
 
     for marker in markers:
-        if not any(f"{marker}.{key}" in by_name for key in POSITION):
+        if sheet.markers[marker].orientation != "tilt" and not any(
+            f"{marker}.{key}" in by_name for key in POSITION
+        ):
             raise ValueError(f"column '{marker}.x_mm' is missing: add it, or take [markers.{marker}] away")
     position = of_markers(POSITION, np.nan)
     sigma = of_markers(NOISE, sheet.tracker.noise_mm)
     sigma = np.where(np.isnan(sigma) | (sigma <= 0.0), sheet.tracker.noise_mm, sigma)
     wrench = np.nan_to_num(of_markers(WRENCH, 0.0))
     orientation = np.stack([_orientation(m, sheet, by_name, g) for m in markers], axis=1)
-    keep = np.asarray(np.isfinite(q).all(axis=1) & np.isfinite(position).any(axis=(1, 2)))
+    tilt = np.stack([_tilt(m, sheet, by_name, g) for m in markers], axis=1)
+    if not np.isfinite(position).any():
+        raise ValueError("no marker's position was read: tilts alone place nothing; add MARKER.x_mm, y_mm, z_mm")
+    read = np.isfinite(position).any(axis=(1, 2)) | np.isfinite(tilt).any(axis=(1, 2))
+    keep = np.asarray(np.isfinite(q).all(axis=1) & read)
     data = PoseData(
-        file, sha256, rows, joints, q, markers, position, orientation, sigma, wrench, torque,
+        file, sha256, rows, joints, q, markers, position, orientation, tilt, sigma, wrench, torque,
         by_name.get(TIME), by_name.get(TEMPERATURE), int((~keep).sum()),
     )  # fmt: skip
     for name in (TIME, TEMPERATURE):
@@ -213,7 +223,7 @@ def _check_column(column: str, name: str, sheet: PoseSheet, joints: tuple[str, .
 def _orientation(marker: str, sheet: PoseSheet, columns: dict[str, Array], g: int) -> Array:
     """Rotations ``(g, 3, 3)`` of a marker as its table says they are to be read."""
     result, how = np.full((g, 3, 3), np.nan), sheet.markers[marker].orientation
-    if how == "none":
+    if how in ("none", "tilt"):
         return result
     if how == "quaternion":
         keys: tuple[str, ...] = QUATERNION
@@ -228,6 +238,25 @@ def _orientation(marker: str, sheet: PoseSheet, columns: dict[str, Array], g: in
     values = factor * np.column_stack([columns[f"{marker}.{key}"] for key in keys])
     for i in np.flatnonzero(np.isfinite(values).all(axis=1)):
         result[i] = rotation_by(how, values[i])
+    return result
+
+
+def _tilt(marker: str, sheet: PoseSheet, columns: dict[str, Array], g: int) -> Array:
+    """Tilts ``(g, 2)`` of a marker that is an inclinometer, one axis of which may be missing."""
+    result = np.full((g, 2), np.nan)
+    if sheet.markers[marker].orientation != "tilt":
+        return result
+    given = [(k, key, f) for names, f in ((TILT, 1.0), (TILT_DEG, np.pi / 180.0)) for k, key in enumerate(names)]
+    for k, key, factor in given:
+        if f"{marker}.{key}" in columns:
+            result[:, k] = factor * columns[f"{marker}.{key}"]
+    if not np.isfinite(result).any():
+        raise ValueError(f"column '{marker}.tilt_x_rad' is missing: add it, or write orientation = 'none'")
+    if np.nanmax(np.abs(result)) > 0.5 * np.pi + 1e-6:
+        raise ValueError(
+            f"column '{marker}.{TILT[int(np.nanargmax(np.nanmax(np.abs(result), axis=0)))]}' reaches "
+            f"{np.nanmax(np.abs(result)):.4g} rad, more than upright: is it in degrees? Name it tilt_x_deg"
+        )
     return result
 
 

@@ -27,19 +27,25 @@ class PoseTest(Table):
     model: str = Field(min_length=1, description="a model of the library, a model file, or a URDF")
     tip: str | None = Field(None, description="of a URDF: the last link")
     rigid: bool = Field(False, description="whether the compliances of the model's joints are set aside")
-    joints: Literal["commanded", "measured"] = "commanded"
+    joints: Literal["commanded", "measured"] = Field(
+        "commanded",
+        description="what the columns of the joints are: what the controller was told, or what was read",
+    )
+    encoders: Literal["motor", "output"] | None = Field(
+        None, description="of measured joints: behind the motor (the usual), or behind the gear"
+    )
     order: Literal["as taken", "unknown"] = "unknown"
     gravity: Three = Field([0.0, 0.0, -9.81], description="m/s², in the axes of the robot's base")
     source: str = ""
 
 
 class MarkerTable(Table):
-    """A marker, a reflector or a frame that the tracker sees."""
+    """A marker, a reflector or a frame that the tracker sees, or an inclinometer."""
 
     on: Label | Literal[""] = Field("", description="part behind which it rides; empty: the last one")
     position_mm: VectorMM = Field([0.0, 0.0, 0.0], description="first guess, in the frame behind that part")
     sigma_mm: Sigma = Field(300.0, description="how well the guess is known")
-    orientation: Literal["none", "quaternion", "fixed xyz", "moving xyz", "rotation vector"] = Field(
+    orientation: Literal["none", "quaternion", "fixed xyz", "moving xyz", "rotation vector", "tilt"] = Field(
         "none", description="how the columns of its orientation are to be read"
     )
     source: str = ""
@@ -49,7 +55,7 @@ class TrackerTable(Table):
     """What sees the markers. Its frame is found with the rest: only its errors need be known."""
 
     noise_mm: Sigma = Field(description="1 sigma of a coordinate of a position, where the reading has none")
-    noise_rad: Sigma = Field(1e-3, description="1 sigma about an axis of an orientation")
+    noise_rad: Sigma = Field(1e-3, description="1 sigma about an axis of an orientation, or of a tilt")
     source: str = ""
 
 
@@ -73,6 +79,17 @@ class PoseSheet(Table):
     base: BaseGuess | None = None
     file: str = Field("", exclude=True)
     folder: Path = Field(Path(), exclude=True)
+
+    @property
+    def at_output(self) -> bool:
+        """Whether the joints were measured behind what bends about their own axes."""
+        return self.test.encoders == "output"
+
+    @model_validator(mode="after")
+    def _encoders(self) -> PoseSheet:
+        if self.test.encoders is not None and self.test.joints == "commanded":
+            raise ValueError("[test] encoders is for joints = 'measured': write that, or leave encoders away")
+        return self
 
     @model_validator(mode="after")
     def _gravity(self) -> PoseSheet:

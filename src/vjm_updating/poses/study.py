@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.poses.alignment import align
+from vjm_updating.poses.alignment import align, with_tilts
 from vjm_updating.poses.families import LARGEST, members_of
 from vjm_updating.poses.fit import Blocks, Solution, blocks_of, held_out, solve
 from vjm_updating.poses.folds import Folds, folds_of
@@ -31,6 +31,8 @@ MEDIAN_TO_SIGMA = 1.4826
 OUTLIER = 0.15
 """Weight below which a reading is counted as an outlier."""
 RANDOM, REGION = 0, 1
+BEHIND_ENCODERS = ("joint_compliance", "approach")
+"""Families that are not seen where the joints are measured at the output: their coordinates have them already."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +118,8 @@ class Study:
         self.sheet, self.data, self.machine = sheet, data, machine
         forward = PoseForward(machine, data, sheet.test.gravity)
         self._forward: dict[tuple[str, ...], PoseForward] = {(): forward}
-        self.members = members_of(machine, data, forward.torques(), ordered=self.ordered)
+        all_members = members_of(machine, data, forward.torques(), ordered=self.ordered)
+        self.members = [m for m in all_members if not (sheet.at_output and m.family in BEHIND_ENCODERS)]
         forward.members = self.members
         self.families = tuple(dict.fromkeys(member.family for member in self.members))
         self.folds: Folds = folds_of(data.q)
@@ -132,7 +135,8 @@ class Study:
         )
         R, p = forward.unloaded()
         sigma = np.array([table.sigma_mm for table in sheet.markers.values()])
-        self.frames, self.aligned = align(R, p, data.position, data.orientation, sigma, guess)
+        frames, self.aligned = align(R, p, data.position, data.orientation, sigma, guess)
+        self.frames = with_tilts(frames, R, data.tilt, forward.gravity)
 
     @property
     def ordered(self) -> bool:
@@ -150,9 +154,13 @@ class Study:
                 name: (table.on, np.array(table.position_mm, dtype=float))
                 for name, table in self.sheet.markers.items()
             }
-            machine = PoseMachine(chain, ends, rigid=self.sheet.test.rigid)
+            machine = PoseMachine(chain, ends, rigid=self.sheet.test.rigid, at_output=self.sheet.at_output)
             self._forward[key] = self._forward[()].with_machine(machine)
         return self._forward[key]
+
+    def holding_torques(self) -> Array:
+        """What holds each joint ``(g, n)`` by the model, N mm or N."""
+        return self._forward[()].holding()
 
     def number(self, family: str) -> int:
         """Of a family."""
@@ -252,7 +260,9 @@ class Study:
     def present(self) -> np.ndarray:
         """Which numbers ``(g, k, 6)`` were read."""
         turned = np.asarray(np.isfinite(self.data.orientation).all(axis=(2, 3)))
-        return np.concatenate([np.isfinite(self.data.position), np.repeat(turned[..., None], 3, axis=2)], axis=2)
+        result = np.concatenate([np.isfinite(self.data.position), np.repeat(turned[..., None], 3, axis=2)], axis=2)
+        result[..., 3:5] |= np.isfinite(self.data.tilt)
+        return result
 
     @staticmethod
     def distance(residual: Array) -> Array:
@@ -272,5 +282,10 @@ class Study:
 
 
 def couplings(study: Study) -> Sequence[str]:
-    """Names of the couplings that may be the other way than the model has them."""
+    """Names of the couplings that may be the other way than the model has them.
+
+    None of joints that are measured at the output, where what bends is in the coordinates.
+    """
+    if study.sheet.at_output:
+        return []
     return [f"{COUPLING}.{joint}" for joint in study.machine.coupled]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from vjm.io.findings import Grade
 from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 
 SHOWN = 30
@@ -26,7 +27,9 @@ def lines(found: PoseCalibration) -> list[str]:
                 f"{name}: {row.fitted_mm:.4g} mm fitted, {row.random_mm:.4g} held out at random, "
                 f"{row.region_mm:.4g} held out by region"
             )
-    result += [f"data: {row.name}: {row.words}" for row in found.problems]
+    result += [f"data: {row.where}: {row.found}" for row in found.doubts if row.grade == Grade.DOUBTFUL]
+    if found.not_asked:
+        result.append(f"not asked, for the joints were {found.joints}: {', '.join(found.not_asked)}")
     members = [m for family in found.families for m in family.members if m.identifiable and "compliance" in m.name]
     result += [f"  {m.name} = {m.value:.4g} ± {m.std:.2g} {m.unit}" for m in members[:SHOWN]]
     blind = [m.name for family in found.families for m in family.members if not m.identifiable]

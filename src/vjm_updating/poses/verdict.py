@@ -2,8 +2,8 @@
 
 ``none``: the rigid model of the sheet explains the readings, nothing pays. ``named``: what was added explains
 them to their noise. ``class``: it does, but other families in its place save as much. ``partly``: it saves at
-least half of the error held out, and what remains is more than noise. ``unknown``: it saves less, or the data are
-not what they seem.
+least seven tenths of the error held out, and what remains is more than noise. ``unknown``: it saves less, or the
+data are not what they seem.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vjm.io.findings import Finding, Grade
 from vjm_updating.poses.contrasts import LEAST_SHARED, NOTED, Contrast, contrasts, jump
 from vjm_updating.poses.ladder import ALIKE, Step
-from vjm_updating.poses.plausibility import DataProblem
 from vjm_updating.poses.study import MEDIAN_TO_SIGMA, State, Study
 
 MORE_THAN_NOISE = 1.3
@@ -24,8 +24,9 @@ MORE_THAN_NOISE = 1.3
 AS_GOOD = 1.005
 """Error held out of another set over that of the set named up to which it explains the data alike: the paired
 differences of a hundred postures have standard errors of half a percent."""
-EXPLAINS = 0.5
+EXPLAINS = 0.7
 """Share of the error held out beyond the noise that named families save at least."""
+JUMP = "tracker_jump"
 JUMPS = 8.0
 """Significance of a jump of the tracker's frame: the largest of a thousand places stays below 5 without one."""
 SMALLEST_JUMP = 2.0
@@ -82,7 +83,7 @@ class PoseVerdict:
         alternatives: for a class, sets that save about as much.
         explained: share of the error held out beyond the noise that they save.
         remainder: what is left.
-        problems: what is thought wrong with the data.
+        findings: what is implausible about the data, a jump of the tracker's frame among it.
         next: what to do.
     """
 
@@ -91,14 +92,15 @@ class PoseVerdict:
     alternatives: tuple[tuple[str, ...], ...]
     explained: float
     remainder: Remainder
-    problems: tuple[DataProblem, ...]
+    findings: tuple[Finding, ...]
     next: str
 
 
-def judge(study: Study, steps: Sequence[Step], problems: Sequence[DataProblem]) -> PoseVerdict:
-    """The verdict of a ladder."""
+def judge(study: Study, steps: Sequence[Step], findings: Sequence[Finding]) -> PoseVerdict:
+    """The verdict of a ladder, the data being what their findings say."""
     first, last = steps[0].state, steps[-1].state
-    found = list(problems)
+    doubtful = any(one.grade is Grade.DOUBTFUL for one in findings)
+    jumped = None
     where, size, significance = jump(study, last)
     if (
         significance > JUMPS
@@ -107,21 +109,18 @@ def judge(study: Study, steps: Sequence[Step], problems: Sequence[DataProblem]) 
     ):
         row = int(study.data.row[where])
         text = ", ".join(f"{v:.3g}" for v in size)
-        found.append(
-            DataProblem(
-                "tracker_jump",
-                f"from row {row} on all markers stand ({text}) mm off: the tracker's frame jumped",
-                first.errors.means[0],
-                last.errors.means[0],
-            )
+        jumped = Finding(
+            Grade.DOUBTFUL,
+            f"{study.data.file}, row {row}",
+            f"{JUMP}: from here on all markers stand ({text}) mm off: the tracker's frame jumped",
         )
-    rest = _remainder(study, last, contrasts(study, last), found)
+    rest = _remainder(study, last, contrasts(study, last), jumped)
     floor = noise_distance(study)
     before, after = (float(np.hypot(*state.errors.means[1:]) / np.sqrt(2.0)) for state in (first, last))
     explained = 1.0 - max(after - floor, 0.0) / max(before - floor, 1e-12) if before > floor else 1.0
     causes = last.hypothesis.names
     alternatives = _alternatives(study, steps, causes)
-    if found:
+    if doubtful or jumped is not None:
         kind = "unknown"
     elif not causes:
         kind = "unknown" if rest.significant else "none"
@@ -129,8 +128,9 @@ def judge(study: Study, steps: Sequence[Step], problems: Sequence[DataProblem]) 
         kind = "partly" if explained >= EXPLAINS else "unknown"
     else:
         kind = "class" if alternatives else "named"
-    doing = NEXT["data"] if problems else NEXT[rest.kind]
-    return PoseVerdict(kind, causes, alternatives, explained, rest, tuple(found), doing)
+    doing = NEXT["data"] if doubtful else NEXT[rest.kind]
+    said = (*findings, jumped) if jumped is not None else tuple(findings)
+    return PoseVerdict(kind, causes, alternatives, explained, rest, said, doing)
 
 
 def _abrupt(study: Study, state: State, where: int) -> bool:
@@ -156,7 +156,7 @@ def noise_distance(study: Study) -> float:
     )  # of a normal vector the mean over the root square
 
 
-def _remainder(study: Study, state: State, asked: Sequence[Contrast], problems: Sequence[DataProblem]) -> Remainder:
+def _remainder(study: Study, state: State, asked: Sequence[Contrast], jumped: Finding | None) -> Remainder:
     seen = np.isfinite(study.data.position)
     noise = float(np.median(study.data.sigma[seen]))
     used = state.blocks.nuisances + sum(state.solution.effective.values())
@@ -164,8 +164,8 @@ def _remainder(study: Study, state: State, asked: Sequence[Contrast], problems: 
     ratio = scatter(state) / noise / np.sqrt(freedom)
     rms = float(np.sqrt(np.nanmean((state.at.residual[..., :3] / study.data.sigma) ** 2) / freedom))
     over = max(ratio, min(rms, 1.5 * ratio))
-    if any(problem.name == "tracker_jump" for problem in problems):
-        return Remainder(over, True, "jump", problems[-1].words)
+    if jumped is not None:
+        return Remainder(over, True, "jump", str(jumped))
     if over < MORE_THAN_NOISE:
         return Remainder(
             over, False, "none", f"what is left scatters by {over:.2f} times the noise that the sheet says"

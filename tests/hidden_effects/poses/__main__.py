@@ -46,7 +46,7 @@ def run(plan: Planned, folder: Path) -> Scored:
     allowed = set().union(wanted, *(STANDS_FOR.get(c, set()) for c in wanted))
     gain = 1.0 - found.after.random_mm / found.before.random_mm
     if plan.group == "stranger":
-        right = found.verdict in ("unknown", "partly")
+        right = found.verdict == "unknown"
     elif plan.group == "none":
         right = found.verdict == "none"
     else:

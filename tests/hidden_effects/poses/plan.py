@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -106,8 +107,9 @@ def write(plan: Planned, folder: Path) -> tuple[Path, Path]:
     return folder / "readings.csv", folder / "sheet.toml"
 
 
-def save(path: Path, q: Array, y: Array) -> None:
-    """Write postures ``(g, n)`` rad and positions ``(g, 3)`` mm of the target as readings."""
-    header = [*(f"joint-{i}.q_rad" for i in range(1, q.shape[1] + 1)), *(f"target.{a}_mm" for a in "xyz")]
+def save(path: Path, q: Array, y: Array, markers: Sequence[str] = ("target",)) -> None:
+    """Write postures ``(g, n)`` rad and positions ``(g, 3 k)`` mm of k markers as readings."""
+    header = [f"joint-{i}.q_rad" for i in range(1, q.shape[1] + 1)]
+    header += [f"{name}.{axis}_mm" for name in markers for axis in "xyz"]
     rows = (",".join(f"{v:.9g}" for v in row) for row in np.column_stack([q, y]))
     path.write_text("\n".join([",".join(header), *rows]) + "\n", encoding="utf-8")

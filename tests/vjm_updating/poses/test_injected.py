@@ -1,12 +1,10 @@
 """Robots that rest where their energy is smallest, diagnosed: causes, bad data, calibration. Independent truth."""
 
-import time
-
 import jsonschema
 import numpy as np
 import pytest
 from hidden_effects.poses.injector import Hidden, measure, rest
-from hidden_effects.poses.plan import NOISE, Planned, hidden_of, save, write
+from hidden_effects.poses.plan import NOISE, Planned, save, write
 from hidden_effects.poses.robots import SEVEN, UR10, document, sheet_text
 
 from vjm.io.model_file import build_chain, load_chain
@@ -163,12 +161,14 @@ def test_bad_data_are_named(spoil, name, postures, compliant, tmp_path):
         *files(tmp_path, UR10, *spoil(postures, compliant[1])), tmp_path / "out", only=("joint_compliance",)
     )
     assert found.verdict == "unknown"
-    assert [problem.name for problem in found.problems] == [name]
+    assert [row.found.partition(":")[0] for row in found.doubts if row.grade == "doubtful"] == [name]
 
 
 def test_strict_refuses_a_flipped_joint(postures, compliant, tmp_path):
     flipped = postures * [1.0, 1.0, -1.0, 1.0, 1.0, 1.0]
-    with pytest.raises(ValueError, match=r"readings\.csv: joint_sign\.joint-3: .* multiply joint-3 by −1"):
+    with pytest.raises(
+        ValueError, match=r"readings\.csv: joint_sign\.joint-3: .* multiply joint-3 by −1.*--strict"
+    ):
         calibrate_poses(*files(tmp_path, UR10, flipped, compliant[1]), tmp_path / "out", strict=True)
     assert not (tmp_path / "out").exists()
 
@@ -180,16 +180,3 @@ def test_repeated_postures_are_held_out_together(postures, compliant, tmp_path):
         assert np.array_equal(fold[::3], fold[1::3])
         assert np.array_equal(fold[::3], fold[2::3])
     assert study.settle(Hypothesis()).errors.means[1] > 0.0
-
-
-@pytest.mark.slow
-def test_1500_postures_of_a_six_joint_arm_take_less_than_a_minute(tmp_path):
-    rng = np.random.default_rng(4)
-    q = rng.uniform(-2.0, 2.0, (1500, 6))
-    plan = Planned(0, "pair", UR10, ("frame_error", "joint_compliance", "lateral_compliance", "gear_error"), 6)
-    y = measure(UR10, hidden_of(plan, rng), q, NOISE, rng)
-    begun = time.process_time()
-    found = diagnose_poses(*files(tmp_path, UR10, q, y), tmp_path / "out")
-    # of one core, whatever else the machine does
-    assert time.process_time() - begun < 60.0
-    assert "joint_compliance" in found.causes

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.justin import SHEET, document
+from helpers.measured import needed
 
 from vjm.io.toml_text import toml_text
 from vjm_updating.poses.command import diagnose_poses, prepared
@@ -13,7 +14,6 @@ from vjm_validation.cli.main import main
 
 ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "validation/vjm_validation/examples/ur10-poses"
-MEASURED = ROOT.parent / "shared/measured"
 
 
 @pytest.fixture(scope="module")
@@ -56,12 +56,6 @@ def test_the_command_writes_four_files(tmp_path, capsys):
     assert {path.name for path in tmp_path.iterdir()} == names
     assert status("calibrate", *arguments, "--fit", "frame_eror") == 2
     assert "frame_error" in capsys.readouterr().err
-
-
-def needed(name):
-    if not (MEASURED / name).exists():
-        pytest.skip(f"{name} is not redistributed: put it into ../shared/measured beside the checkout")
-    return MEASURED / name
 
 
 @pytest.mark.slow

@@ -107,7 +107,7 @@ def _by_poses(
 
         candidates = Path(next_[0]) if next_ else None
         document = calibrate_poses(
-            data, sheet, out, families=fit, candidates=candidates, strict=strict, progress=tell
+            data, sheet, out, families=fit, candidates=candidates, strict=strict, warn=warn, progress=tell
         )
     if json:
         sys.stdout.write(as_json(document))

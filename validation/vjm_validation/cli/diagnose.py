@@ -59,7 +59,7 @@ def diagnose_(
             if effects or beside:
                 raise ValueError(f"{sheet.name}: --effects and --beside are for ramps, and this is a test of poses")
             document: Diagnosis | PoseDiagnosis = diagnose_poses(
-                data, sheet, out, only=only, without=without, strict=strict, progress=tell
+                data, sheet, out, only=only, without=without, strict=strict, warn=warn, progress=tell
             )
         else:
             document = diagnose(
