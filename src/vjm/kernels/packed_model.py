@@ -86,8 +86,8 @@ class Workspace(NamedTuple):
             world; written by the caller.
         point: ``(l, 3)`` where they are and acting: ``(l, 6)`` the wrenches, in the world.
         hung: ``(m, 4)`` what the loads behind a joint do to it, see `vjm.kernels.recursion.apply_loads`.
-        W: ``(3k, n)``, S: ``(3k, n)``, reaction: ``(3k, 6)``, M: ``(3k, 3k)``, determinant: ``(1,)`` of M's inverse,
-            turns: ``(3k,)`` and unit: ``(l, 6)``, both scratch: see `vjm.kernels.unsymmetric`.
+        W: ``(3k, n)``, S: ``(3k, n)``, reaction: ``(3k, 6)``, M: ``(3k, 3k)``, determinant: ``(1,)`` of its
+            inverse, turns: ``(3k,)`` and unit: ``(l, 6)``, both scratch: see `vjm.kernels.unsymmetric`.
     """
 
     w: Floats
@@ -155,8 +155,9 @@ def buffers(model: PackedModel) -> Buffers:
     m, b, n = len(model.rotary), len(model.kind), int(model.first[-1])
     q = int(np.count_nonzero(model.kind == PASSIVE))
     t, points, turns = 6 + q, len(model.point_joint), 3 * len(model.turning)
-    integers = [np.array([m, b, n, q, points, len(model.turning)]), model.rotary, model.along, model.moved, model.coordinate,
-                model.kind, model.first, model.joints, model.point_joint, model.follows, model.turning]  # fmt: skip
+    integers = [np.array([m, b, n, q, points, len(model.turning)]), model.rotary, model.along, model.moved,
+                model.coordinate, model.kind, model.first, model.joints, model.point_joint, model.follows,
+                model.turning]  # fmt: skip
     numbers = [model.axis, model.R0, model.p0, model.factor, model.K, model.beam, model.R_tail, model.p_tail,
                model.natural, model.point_offset]  # fmt: skip
     # in the order of `work_of`

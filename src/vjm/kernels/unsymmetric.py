@@ -1,10 +1,10 @@
-"""Compiled kernels: the part of a tangent that is not symmetric, which loads that turn and moments that do not bring.
+"""Compiled kernels: the part of a tangent that is not symmetric, of loads that turn and moments that do not.
 
-The blocks of `vjm.kernels.condensation` have the symmetric part. With the turns ``y = W δx`` of the k bodies that such
-loads act on, and the loads ``C`` (3k, n) that a unit of each turn brings, the rest is ``−Cᵀ W``: a follower's force
-gains ``Ω × f``, its moment ``½ Ω × m``, and a moment that keeps its direction ``½ m × Ω``. By Woodbury's formula 3k
-substitutions more are all that a factorisation takes, and a product with two thin matrices all that a solution does:
-the cost stays linear in the number of springs.
+The blocks of `vjm.kernels.condensation` have the symmetric part. With the turns ``y = W δx`` of the k bodies that
+such loads act on, and the loads ``C`` (3k, n) that a unit of each turn brings, the rest is ``−Cᵀ W``: a
+follower's force gains ``Ω × f``, its moment ``½ Ω × m``, and a moment that keeps its direction ``½ m × Ω``. By
+Woodbury's formula 3k substitutions more are all that a factorisation takes, and a product with two thin matrices
+all that a solution does: the cost stays linear in the number of springs.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 """Frames of straight bars: turning points of their load paths in their plane, and their buckling out of it.
 
-In the plane every bar is the rod of `vjm_validation.exact.rod`, joined to the next at a rigid corner, and integrated
-from one support to the other. A limit point is where the supports' reactions can change at a constant load, a turning
-point of a displacement where they can change with it held: roots of a determinant, by Newton's method from a guess
-that says which turning point is meant.
+In the plane every bar is the rod of `vjm_validation.exact.rod`, joined to the next at a rigid corner, and
+integrated from one support to the other. A limit point is where the supports' reactions can change at a constant
+load, a turning point of a displacement where they can change with it held: roots of a determinant, by Newton's
+method from a guess that says which turning point is meant.
 
-Out of the plane a frame that does not bend in it before it buckles is a linear problem. With the tangent t of a bar,
-its normal b across the plane, the internal force n and moment M b that the loads bring, a displacement u along b and
-a rotation φ in the plane, Kirchhoff's rod gives (Simo and Vu-Quoc 1986, linearised)
+Out of the plane a frame that does not bend in it before it buckles is a linear problem. With the tangent t of a
+bar, its normal b across the plane, the internal force n and moment M b that the loads bring, a displacement u
+along b and a rotation φ in the plane, Kirchhoff's rod gives (Simo and Vu-Quoc 1986, linearised)
 
     u' = (φ × t)·b,   φ' = C (m − φ × M b),   m' = −(u b)' × n,   C = t tᵀ/GJ + s sᵀ/EI,   s = b × t,
 
@@ -218,8 +218,8 @@ def pure_bending(length: float, EI: float, GJ: float) -> float:
 def sprung_links(lengths: Sequence[float], springs: Sequence[float]) -> float:
     """Force in N along a straight arm of rigid links with turning springs at their roots, where it buckles.
 
-    ``½ Σ c_i (φ_i − φ_{i−1})² − P Σ l_i (1 − cos φ_i)`` in the links' directions φ_i: the smallest eigenvalue of the
-    springs' matrix over the lengths.
+    ``½ Σ c_i (φ_i − φ_{i−1})² − P Σ l_i (1 − cos φ_i)`` in the links' directions φ_i: the smallest eigenvalue
+    of the springs' matrix over the lengths.
 
     Args:
         lengths: mm.

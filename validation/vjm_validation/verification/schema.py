@@ -245,8 +245,9 @@ def _deflects(part: AnyPart) -> bool:
 
 
 _TABLES: dict[str, type[Table]] = {
-    "": CaseFile, "chain": ChainTable, "arc": ArcTable, "rod": RodTable, "runs": RunTable, "load_case": LoadCaseTable,
-    "loads": LoadTable, "control": PointTable, "asked": Asked, "reference": Reference, "engines": EngineTable,
+    "": CaseFile, "chain": ChainTable, "arc": ArcTable, "rod": RodTable, "runs": RunTable,
+    "load_case": LoadCaseTable, "loads": LoadTable, "control": PointTable, "asked": Asked,
+    "reference": Reference, "engines": EngineTable,
 }  # fmt: skip
 
 
