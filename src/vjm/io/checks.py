@@ -135,11 +135,6 @@ def check_section_units(section: Section, length: float) -> None:
     for axis, EI in (("y", section.EIy), ("z", section.EIz)):
         gyration = float(np.sqrt(EI / section.EA))
         what = f"section has a radius of gyration √(EI{axis}/EA) of {printed(gyration, 3)} mm"
-        if gyration > length:
-            raise ValueError(
-                f"{what}, above length_mm = {printed(length)}: is the length in metres, or EI or EA in "
-                "another unit? Give mm, N and N mm²"
-            )
         if gyration * SLENDEREST < length:
             raise ValueError(
                 f"{what}, less than 1/{SLENDEREST:.0f} of length_mm = {printed(length)}: is EI in N m²? "

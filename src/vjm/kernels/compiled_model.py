@@ -19,6 +19,7 @@ from vjm.kernels.entry_points import (
     respond,
 )
 from vjm.kernels.march import March
+from vjm.kernels.near_zero import near_zero
 from vjm.kernels.packed_model import PackedModel, buffers, work_of
 from vjm.kernels.recursion import positions
 from vjm.kernels.state_solver import StateSolver
@@ -32,6 +33,7 @@ BASIS = 16
 """Vectors of Lanczos's method: from a neighbour's mode it takes five."""
 SHARE = 0.01
 """Of all modes in the vector that it starts from."""
+_NOTHING = np.empty(0)
 
 
 class CompiledModel(StateSolver):
@@ -42,7 +44,6 @@ class CompiledModel(StateSolver):
         arrays: PackedModel,
         constant: Array,
         ramped: Array,
-        turning: np.ndarray,
         scales: tuple[Array, Array],
         length: float,
         stations: tuple[np.ndarray, Array],
@@ -53,7 +54,6 @@ class CompiledModel(StateSolver):
             arrays: the model, packed.
             constant: wrenches ``(l, 6)`` on the loaded points, N, N mm.
             ramped: the same per unit of the load factor.
-            turning: indices of the points whose wrench is not conservative.
             scales: units of the coordinates ``(n,)`` and of the wrench ``(6,)``.
             length: unit of the translations, mm.
             stations: of the points that show the shape, the joint before each ``(k,)`` and the position ``(k, 3)``
@@ -64,9 +64,8 @@ class CompiledModel(StateSolver):
         self._gap_unit = np.repeat([length, 1.0], 3)
         self.arrays = arrays
         self.buffers = buffers(arrays)
-        self._work = work_of(self.buffers.integers[:5], self.buffers.work_integers, self.buffers.work_numbers)
+        self._work = work_of(self.buffers.integers[:6], self.buffers.work_integers, self.buffers.work_numbers)
         self._constant, self._ramped = constant / self.wrench_unit, ramped / self.wrench_unit
-        self._turning = turning
         self._zero_gap = np.zeros(6)
         self._anywhere = self._packed(np.eye(4))
         self._station_joint, self._station_position = stations[0], stations[1] / length
@@ -83,9 +82,6 @@ class CompiledModel(StateSolver):
         Returns:
             Coordinates ``(n,)``, wrench ``(6,)``, scaled residual, iterations, and why it failed or nothing.
         """
-        if len(self._turning):
-            # the compiled one has the symmetric part of the loads' tangent only
-            return self._newton(target, x, wrench, load, tolerance, max_iterations)
         x, force = x / self.coordinate_unit, wrench / self.wrench_unit
         to = self._packed(target)
         self._apply_loads(load)
@@ -115,7 +111,7 @@ class CompiledModel(StateSolver):
             ValueError: loads of the model grow with the ramp, turn with its bodies, or are moments.
             numpy.linalg.LinAlgError: the first point is a critical one.
         """
-        if len(self._turning) or self._ramped.any():
+        if len(self.arrays.turning) or self._ramped.any():
             raise ValueError("a grid is marched under constant forces that keep their direction")
         self._apply_loads(0.0)
         g, n = len(s), len(x)
@@ -142,7 +138,6 @@ class CompiledModel(StateSolver):
     def _remember(self, x: Array, wrench: Array, load: float) -> None:
         super()._remember(x, wrench, load)
         self._force = wrench / self.wrench_unit
-        self._border: tuple[Array, Array] | None = None
 
     def _apply_loads(self, load: float) -> None:
         if len(self._constant):
@@ -216,9 +211,6 @@ class CompiledModel(StateSolver):
             numpy.linalg.LinAlgError: the state is a critical point.
         """
         self._must_visit(x, wrench, load)
-        if len(self._turning):
-            zero = np.zeros(len(x))
-            return np.array([self.response(x, wrench, zero, gap, load)[1] for gap in np.eye(6)]).T
         K = np.empty((6, 6))
         end_stiffness(*self.buffers, self._force, K)
         return K * self.wrench_unit[:, None] * self.wrench_unit / self.energy
@@ -239,6 +231,35 @@ class CompiledModel(StateSolver):
             raise np.linalg.LinAlgError("the equilibrium is singular to the last digit")
         return value
 
+    def near_zero(
+        self, x: Array, wrench: Array, load: float, device: Array | None
+    ) -> tuple[Array, int | None, bool] | None:
+        """See `vjm.kernels.state_solver.StateSolver.near_zero`."""
+        self._must_visit(x, wrench, load)
+        negative, forces, held = self._negative, _NOTHING, _NOTHING
+        if device is not None:
+            forces = device * self.coordinate_unit / self.energy
+            respond(*self.buffers, forces, self._zero_gap)
+            held = self._work.step.copy()
+            work = float(forces @ held)
+            if work == 0.0:
+                return None
+            # a constraint takes a negative eigenvalue away where the motion that it stops had brought it
+            negative -= work < 0.0
+            forces = forces / work
+        odd = negative % 2 == 1
+        symmetric = not len(self.arrays.turning)
+        if not symmetric:
+            odd ^= bool(self._work.determinant[0] < 0.0)
+        if not np.all(np.isfinite(self._mode)):
+            self._mode[:] = self._start
+        start = self._mode / np.linalg.norm(self._mode) + SHARE * self._start
+        found = near_zero(self.buffers, start, forces, held)
+        if found is None:
+            return None
+        self._mode[:] = found.motion
+        return found.values, negative if symmetric else None, odd
+
     def response(
         self, x: Array, wrench: Array, statics: Array, gap: Array, load: float = 0.0
     ) -> tuple[Array, Array]:
@@ -252,51 +273,14 @@ class CompiledModel(StateSolver):
         """
         self._must_visit(x, wrench, load)
         gap = gap / self._gap_unit
-        step, force = self._respond(statics * self.coordinate_unit / self.energy, gap)
+        respond(*self.buffers, np.ascontiguousarray(statics * self.coordinate_unit / self.energy), gap)
+        step, force = self._work.step.copy(), self._work.right[:6].copy()
         m, r = self._force[3:], gap[3:]
         # the moment turns with nothing, see `vjm.kernels.entry_points`; np.cross would take as long as the solution
         force[3] -= 0.5 * (m[1] * r[2] - m[2] * r[1])
         force[4] -= 0.5 * (m[2] * r[0] - m[0] * r[2])
         force[5] -= 0.5 * (m[0] * r[1] - m[1] * r[0])
         return step * self.coordinate_unit, force * self.wrench_unit
-
-    def _respond(self, statics: Array, gap: Array) -> tuple[Array, Array]:
-        """`response`, scaled and before the end moment's correction."""
-        respond(*self.buffers, np.ascontiguousarray(statics), gap)
-        step, force = self._work.step.copy(), self._work.right[:6].copy()
-        if not len(self._turning):
-            return step, force
-        # by Woodbury's formula: the turns of the loaded bodies y = W δx load the chain by Cᵀ y
-        turns, loads = self._bordering()
-        columns = [self._plain(column) for column in loads]
-        S = np.array([column for column, _ in columns])
-        y = np.linalg.solve(np.eye(len(turns)) - turns @ S.T, turns @ step)
-        return step + y @ S, force + y @ np.array([reaction for _, reaction in columns])
-
-    def _plain(self, statics: Array) -> tuple[Array, Array]:
-        respond(*self.buffers, statics, self._zero_gap)
-        return self._work.step.copy(), self._work.right[:6].copy()
-
-    def _bordering(self) -> tuple[Array, Array]:
-        """Turns ``(3k, n)`` of k bodies by the coordinates, and the loads ``(3k, n)`` that a unit of each brings.
-
-        It is the part of the loads' tangent that is not in ``H``, which has the symmetric half of a moment's. A
-        follower's force gains ``Ω × f``, its moment ``½ Ω × m``; a moment that keeps its direction ``½ m × Ω``.
-        """
-        if self._border is None:
-            turns, loads = [], []
-            for k in self._turning:
-                f, m = self._work.acting[k, :3], self._work.acting[k, 3:]
-                follows = bool(self.arrays.follows[k])
-                for axis in np.eye(3):
-                    one = np.zeros_like(self._constant)
-                    one[k, 3:] = axis
-                    turns.append(self._load_forces(one))
-                    one[k, :3] = np.cross(axis, f) if follows else 0.0
-                    one[k, 3:] = 0.5 * np.cross(axis, m) * (1.0 if follows else -1.0)
-                    loads.append(self._load_forces(one))
-            self._border = np.array(turns), np.array(loads)
-        return self._border
 
     def modes(
         self, x: Array, wrench: Array, count: int, load: float = 0.0, tolerance: float = EIGENVALUE_TOLERANCE

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.kernels.compilation import entry, kernel
-from vjm.kernels.condensation import factor, substitute
 from vjm.kernels.factorization import bunch_parlett_solve, jacobi
 from vjm.kernels.packed_model import Floats, Ints, PackedModel, Workspace, model_of, work_of
 from vjm.kernels.recursion import apply_loads, forward_kinematics, pose_error, turn_about
+from vjm.kernels.unsymmetric import linearise, solve
 
 CONVERGED, DIVERGED, SINGULAR, UNSTABLE = 0, 1, 2, 3
 """How an iteration or a march ends."""
@@ -19,7 +19,7 @@ WELL_BELOW = 0.01
 @kernel
 def _newton_step(model: PackedModel, work: Workspace, x: Floats, force: Floats) -> None:
     """Move a state by the solution of its factored system."""
-    substitute(model, work, work.residual, work.gap)
+    solve(model, work, work.residual, work.gap)
     for i in range(len(x)):
         x[i] += work.step[i]
     m0, m1, m2, r0, r1, r2 = force[3], force[4], force[5], work.gap[3], work.gap[4], work.gap[5]
@@ -48,7 +48,7 @@ def _newton(
         forward_kinematics(model, x, work)
         if not pose_error(work, R_to, p_to) and tolerance < np.inf:
             return DIVERGED, iteration, error, -1
-        negative = factor(model, x, force, work)
+        negative = linearise(model, x, force, work)
         error, heavy = 0.0, 1.0
         for i in range(len(work.residual)):
             error = max(error, abs(work.residual[i]))
@@ -108,9 +108,9 @@ def newton(
 def respond(
     integers: Ints, numbers: Floats, work_integers: Ints, work_numbers: Floats, load: Floats, gap: Floats
 ) -> None:
-    """`vjm.kernels.condensation.substitute` with the present factors."""
+    """`vjm.kernels.unsymmetric.solve` with the present factors."""
     model = model_of(integers, numbers)
-    substitute(model, work_of(integers, work_integers, work_numbers), load, gap)
+    solve(model, work_of(integers, work_integers, work_numbers), load, gap)
 
 
 @entry
@@ -133,16 +133,25 @@ def load_forces(
 
 
 @kernel
-def _end_stiffness(work: Workspace, force: Floats, K: Floats) -> None:
-    # the workspace that held T is free behind its factorisation
-    B = work.T[:, :6]
-    B[:, :] = 0.0
-    for i in range(6):
-        B[i, i] = 1.0
-    bunch_parlett_solve(work.F, work.swaps, work.pivots, B)
-    for i in range(6):
+def _end_stiffness(model: PackedModel, work: Workspace, force: Floats, K: Floats) -> None:
+    if len(model.turning):
+        load, gap = np.zeros(len(work.step)), np.zeros(6)
         for j in range(6):
-            K[i, j] = B[i, j]
+            gap[:] = 0.0
+            gap[j] = 1.0
+            solve(model, work, load, gap)
+            for i in range(6):
+                K[i, j] = work.right[i]
+    else:
+        # the workspace that held T is free behind its factorisation
+        B = work.T[:, :6]
+        B[:, :] = 0.0
+        for i in range(6):
+            B[i, i] = 1.0
+        bunch_parlett_solve(work.F, work.swaps, work.pivots, B)
+        for i in range(6):
+            for j in range(6):
+                K[i, j] = B[i, j]
     m0, m1, m2 = 0.5 * force[3], 0.5 * force[4], 0.5 * force[5]
     K[3, 4] += m2
     K[3, 5] -= m1
@@ -157,7 +166,8 @@ def end_stiffness(
     integers: Ints, numbers: Floats, work_integers: Ints, work_numbers: Floats, force: Floats, K: Floats
 ) -> None:
     """``K^F`` (6, 6) of (18) with the present factors."""
-    _end_stiffness(work_of(integers, work_integers, work_numbers), force, K)
+    model = model_of(integers, numbers)
+    _end_stiffness(model, work_of(integers, work_integers, work_numbers), force, K)
 
 
 @entry
@@ -199,7 +209,7 @@ def nearest(
         T[:, :] = 0.0
         _copy_unit(vector, basis[0])
         for j in range(k):
-            substitute(model, work, basis[j], gap)
+            solve(model, work, basis[j], gap)
             image = work.step
             # twice, as Kahan says, against rounding
             for _turn in range(2):
@@ -319,7 +329,7 @@ def march(
     how, _, _, _ = _newton(model, work, to, x[0], force[0], np.inf, 0)
     if how != CONVERGED:
         return how, 0
-    _end_stiffness(work, force[0], K[0])
+    _end_stiffness(model, work, force[0], K[0])
     for i in range(known, len(s)):
         order = min(i, 4)
         for c in range(n):
@@ -341,7 +351,7 @@ def march(
         )
         if how != CONVERGED:
             return how, i
-        _end_stiffness(work, force[i], K[i])
+        _end_stiffness(model, work, force[i], K[i])
         if negative[i] > 0:
             return UNSTABLE, i
         # once more with the factors at hand: extrapolation multiplies what is left of the error by 15 a point

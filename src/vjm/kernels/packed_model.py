@@ -41,6 +41,7 @@ class PackedModel(NamedTuple):
         point_joint: ``(l,)`` last joint before each loaded point, increasing; and
         point_offset: ``(l, 3)`` where it lies in the frame behind that joint.
         follows: ``(l,)`` whether its load turns with that frame.
+        turning: ``(k,)`` the points whose loads' tangent is not symmetric, see `vjm.kernels.unsymmetric`.
     """
 
     rotary: Ints
@@ -62,6 +63,7 @@ class PackedModel(NamedTuple):
     point_joint: Ints
     point_offset: Floats
     follows: Ints
+    turning: Ints
 
 
 class Workspace(NamedTuple):
@@ -84,6 +86,8 @@ class Workspace(NamedTuple):
             world; written by the caller.
         point: ``(l, 3)`` where they are and acting: ``(l, 6)`` the wrenches, in the world.
         hung: ``(m, 4)`` what the loads behind a joint do to it, see `vjm.kernels.recursion.apply_loads`.
+        W: ``(3k, n)``, S: ``(3k, n)``, reaction: ``(3k, 6)``, M: ``(3k, 3k)``, determinant: ``(1,)`` of its
+            inverse, turns: ``(3k,)`` and unit: ``(l, 6)``, both scratch: see `vjm.kernels.unsymmetric`.
     """
 
     w: Floats
@@ -121,13 +125,20 @@ class Workspace(NamedTuple):
     point: Floats
     acting: Floats
     hung: Floats
+    W: Floats
+    S: Floats
+    reaction: Floats
+    M: Floats
+    determinant: Floats
+    turns: Floats
+    unit: Floats
 
 
 class Buffers(NamedTuple):
     """A model and its workspace as four flat arrays: what crosses from Python to compiled code in a microsecond.
 
     Attributes:
-        integers: sizes m, b, n, n_q, l, then the model's integer arrays.
+        integers: sizes m, b, n, n_q, l, k, then the model's integer arrays.
         numbers: the model's other arrays.
         work_integers: the workspace's integer arrays.
         work_numbers: its other arrays.
@@ -143,14 +154,16 @@ def buffers(model: PackedModel) -> Buffers:
     """Pack a model, and allocate what the kernels write."""
     m, b, n = len(model.rotary), len(model.kind), int(model.first[-1])
     q = int(np.count_nonzero(model.kind == PASSIVE))
-    t, points = 6 + q, len(model.point_joint)
-    integers = [np.array([m, b, n, q, points]), model.rotary, model.along, model.moved, model.coordinate,
-                model.kind, model.first, model.joints, model.point_joint, model.follows]  # fmt: skip
+    t, points, turns = 6 + q, len(model.point_joint), 3 * len(model.turning)
+    integers = [np.array([m, b, n, q, points, len(model.turning)]), model.rotary, model.along, model.moved,
+                model.coordinate, model.kind, model.first, model.joints, model.point_joint, model.follows,
+                model.turning]  # fmt: skip
     numbers = [model.axis, model.R0, model.p0, model.factor, model.K, model.beam, model.R_tail, model.p_tail,
                model.natural, model.point_offset]  # fmt: skip
     # in the order of `work_of`
     size = 9 * m + 12 + 10 * n + 6 + b * (36 + 6 + 36 + 6 * q + 6) + 2 * t * t + t + 36 + 6 * q + q * q + q
-    size += n + 36 + 6 * t + 36 + 6 + 6 + 6 + 15 * points + 4 * m
+    size += n + 36 + 6 * t + 36 + 6 + 6 + 6 + 21 * points + 4 * m
+    size += turns * (2 * n + 6 + turns + 1) + 1
     return Buffers(
         np.concatenate([np.asarray(v, dtype=np.int64).ravel() for v in integers]),
         np.concatenate([np.asarray(v, dtype=np.float64).ravel() for v in numbers]),
@@ -172,8 +185,8 @@ def _floats(flat: Floats, at: int, count: int) -> tuple[Floats, int]:
 @kernel
 def model_of(integers: Ints, numbers: Floats) -> PackedModel:
     """The model's arrays as views of its buffers."""
-    m, b, n, points = integers[0], integers[1], integers[2], integers[4]
-    at = 5
+    m, b, n, points, turns = integers[0], integers[1], integers[2], integers[4], integers[5]
+    at = 6
     rotary, at = _ints(integers, at, m)
     along, at = _ints(integers, at, m)
     moved, at = _ints(integers, at, m)
@@ -183,6 +196,7 @@ def model_of(integers: Ints, numbers: Floats) -> PackedModel:
     joints, at = _ints(integers, at, b + 1)
     point_joint, at = _ints(integers, at, points)
     follows, at = _ints(integers, at, points)
+    turning, at = _ints(integers, at, turns)
     at = 0
     axis, at = _floats(numbers, at, 3 * m)
     R0, at = _floats(numbers, at, 9 * m)
@@ -197,15 +211,15 @@ def model_of(integers: Ints, numbers: Floats) -> PackedModel:
     return PackedModel(
         rotary, axis.reshape((m, 3)), along, moved, R0.reshape((m, 3, 3)), p0.reshape((m, 3)), coordinate, factor,
         kind, first, joints, K.reshape((b, 6, 6)), beam.reshape((b, 7)), R_tail.reshape((3, 3)), p_tail,
-        natural, point_joint, point_offset.reshape((points, 3)), follows,
+        natural, point_joint, point_offset.reshape((points, 3)), follows, turning,
     )  # fmt: skip
 
 
 @entry
 def work_of(sizes: Ints, integers: Ints, numbers: Floats) -> Workspace:
-    """The workspace as views of its buffers; ``sizes`` are the first five integers of the model."""
+    """The workspace as views of its buffers; ``sizes`` are the first six integers of the model."""
     m, b, n, q, points = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
-    t = 6 + q
+    t, k = 6 + q, 3 * sizes[5]
     at = 0
     order, at = _ints(integers, at, 6 * b)
     swaps, at = _ints(integers, at, t)
@@ -243,6 +257,13 @@ def work_of(sizes: Ints, integers: Ints, numbers: Floats) -> Workspace:
     point, at = _floats(numbers, at, 3 * points)
     acting, at = _floats(numbers, at, 6 * points)
     hung, at = _floats(numbers, at, 4 * m)
+    W, at = _floats(numbers, at, k * n)
+    S, at = _floats(numbers, at, k * n)
+    reaction, at = _floats(numbers, at, 6 * k)
+    M, at = _floats(numbers, at, k * k)
+    determinant, at = _floats(numbers, at, 1)
+    turns, at = _floats(numbers, at, k)
+    unit, at = _floats(numbers, at, 6 * points)
     return Workspace(
         w.reshape((m, 3)), v.reshape((m, 3)), o.reshape((m, 3)), R.reshape((3, 3)), p, J.reshape((n, 6)),
         G.reshape((n, 3)), residual, gap, L.reshape((b, 6, 6)), D.reshape((b, 6)), order.reshape((b, 6)),
@@ -250,4 +271,6 @@ def work_of(sizes: Ints, integers: Ints, numbers: Floats) -> Workspace:
         swaps, pivots, right, Q.reshape((6, 6)), Y_end.reshape((6, q)), Z.reshape((q, q)), z, step,
         A.reshape((6, 6)), X.reshape((6, t)), K.reshape((6, 6)), s1, s2, s3,
         load.reshape((points, 6)), point.reshape((points, 3)), acting.reshape((points, 6)), hung.reshape((m, 4)),
+        W.reshape((k, n)), S.reshape((k, n)), reaction.reshape((k, 6)), M.reshape((k, k)), determinant, turns,
+        unit.reshape((points, 6)),
     )  # fmt: skip

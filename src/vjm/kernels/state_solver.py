@@ -75,6 +75,23 @@ class StateSolver(ABC):
             numpy.linalg.LinAlgError: the state is a critical point to the last digit.
         """
 
+    def near_zero(
+        self, x: Array, wrench: Array, load: float, device: Array | None
+    ) -> tuple[Array, int | None, bool] | None:
+        """Eigenvalues nearest zero where the tangent is not symmetric, or a device holds one motion more.
+
+        Args:
+            x: coordinates ``(n,)``.
+            wrench: ``(6,)``.
+            load: factor on the ramped loads.
+            device: generalised forces ``(n,)`` of the device.
+
+        Returns:
+            Complex eigenvalues ``(k,)``, nearest zero first; how many of all are negative, where that is counted;
+            and whether their number is odd. None where the solver does not tell: then the whole spectrum does.
+        """
+        return None
+
     @abstractmethod
     def modes(
         self, x: Array, wrench: Array, count: int, load: float = 0.0, tolerance: float = ...

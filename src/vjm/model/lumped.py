@@ -204,7 +204,7 @@ class LumpedModel:
         """The model in compiled form."""
         loads = self.applied_loads
         return CompiledModel(
-            self.arrays, loads.constant, loads.ramped, loads.turning, (self.coordinate_scale, self.wrench_scale),
+            self.arrays, loads.constant, loads.ramped, (self.coordinate_scale, self.wrench_scale),
             self.characteristic_length, (self._station_joint, self._station_position),
         )  # fmt: skip
 

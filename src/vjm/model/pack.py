@@ -113,4 +113,5 @@ def loaded_points(applied_loads: AppliedLoads, length: float) -> dict[str, Any]:
         "point_joint": applied_loads.joint.astype(np.int64),
         "point_offset": applied_loads.offset / length,
         "follows": applied_loads.follows.astype(np.int64),
+        "turning": applied_loads.turning.astype(np.int64),
     }

@@ -104,7 +104,7 @@ def balance(
                 left = max(left, abs(gap[i]))
                 heavy = max(heavy, abs(F[i]))
             lacking = max(lacking, left)
-            _end_stiffness(work, F, K)
+            _end_stiffness(model, work, F, K)
             if left < NEGLIGIBLE:
                 dF[:] = 0.0
             else:

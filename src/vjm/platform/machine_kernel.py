@@ -60,7 +60,7 @@ def legs_of(machine: Machine) -> tuple[list[PackedModel], list[Workspace]]:
         models.append(model_of(integers, machine.numbers[machine.numbers_at[leg] : machine.numbers_at[leg + 1]]))
         works.append(
             work_of(
-                integers[:5],
+                integers[:6],
                 machine.work_integers[machine.work_integers_at[leg] : machine.work_integers_at[leg + 1]],
                 machine.work_numbers[machine.work_numbers_at[leg] : machine.work_numbers_at[leg + 1]],
             )

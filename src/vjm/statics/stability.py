@@ -65,16 +65,9 @@ def stability(at: Configuration[LoadedModel], device: Array | None = None) -> St
     compiled = model.compiled
     if device is not None or len(model.applied_loads.turning):
         try:
-            values, _ = _spectrum(at, device)
+            return _verdict(at, device)
         except np.linalg.LinAlgError:
             return Stability(0.0, 0)
-        real = values[np.abs(values.imag) <= REAL * np.abs(values)].real
-        negative = int(np.count_nonzero(real < 0.0))
-        if len(model.applied_loads.turning):
-            nearest = values[np.argmin(np.abs(values))]
-            is_negative = nearest.real < 0.0 and abs(nearest.imag) <= REAL * abs(nearest)
-            return Stability(float(-abs(nearest) if is_negative else abs(nearest)), negative)
-        return Stability(float(real[np.lexsort((np.abs(real), real > 0.0))][0]), negative)
     unstable = compiled.visit(at.x, at.wrench, at.load)
     try:
         eigenvalue = compiled.smallest(at.x, at.wrench, at.load)
@@ -86,6 +79,38 @@ def stability(at: Configuration[LoadedModel], device: Array | None = None) -> St
         count *= 2
         eigenvalue = float(compiled.modes(at.x, at.wrench, count, at.load)[0].min())
     return Stability(eigenvalue, unstable)
+
+
+def _verdict(at: Configuration[LoadedModel], device: Array | None) -> Stability:
+    """The verdict of a constrained or unsymmetric tangent: by what is near zero, or by the whole spectrum.
+
+    Raises:
+        numpy.linalg.LinAlgError: the equilibrium is critical to the last digit.
+    """
+    near = at.model.compiled.near_zero(at.x, at.wrench, at.load, device)
+    if near is not None:
+        values, counted, odd = near
+        negative = int(np.count_nonzero(_is_real(values) & (values.real < 0.0)))
+        if negative == counted if counted is not None else negative % 2 == odd:
+            return _of_values(values, negative, len(at.model.applied_loads.turning) > 0)
+    values, _ = _spectrum(at, device)
+    negative = int(np.count_nonzero(_is_real(values) & (values.real < 0.0)))
+    return _of_values(values, negative, len(at.model.applied_loads.turning) > 0)
+
+
+def _is_real(values: Array) -> np.ndarray:
+    result: np.ndarray = np.abs(values.imag) <= REAL * np.abs(values)
+    return result
+
+
+def _of_values(values: Array, negative: int, turning: bool) -> Stability:
+    """The verdict on eigenvalues ``(k,)``, so many of which are real and negative."""
+    if turning:
+        nearest = values[np.argmin(np.abs(values))]
+        is_negative = nearest.real < 0.0 and abs(nearest.imag) <= REAL * abs(nearest)
+        return Stability(float(-abs(nearest) if is_negative else abs(nearest)), negative)
+    real = values[_is_real(values)].real
+    return Stability(float(real[np.lexsort((np.abs(real), real > 0.0))][0]), negative)
 
 
 def _spectrum(at: Configuration[LoadedModel], device: Array | None) -> tuple[Array, Array]:

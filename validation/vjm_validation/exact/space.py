@@ -48,6 +48,7 @@ def dead_force(
     axial: float = float("inf"),
     shear: tuple[float, float] = (float("inf"), float("inf")),
     curvature: float = 0.0,
+    twist: float = 0.0,
 ) -> SpaceTip:
     """Tip of a cantilever that is clamped at the origin along x.
 
@@ -59,6 +60,7 @@ def dead_force(
         axial: EA, N.
         shear: GA_y and GA_z, N.
         curvature: of the unloaded rod about z, 1/mm: a positive one turns its tangent from x towards y.
+        twist: of the unloaded rod about its axis, 1/mm; with a curvature it is a helix about (twist, 0, curvature).
 
     Raises:
         RuntimeError: Newton's method or the integration failed.
@@ -66,7 +68,7 @@ def dead_force(
     scale = max(bending) / length
     stiffness = np.array([torsion, *bending])
     soft = np.array([1.0 / axial, 1.0 / shear[0], 1.0 / shear[1]])
-    natural = np.array([0.0, 0.0, curvature])
+    natural = np.array([twist, 0.0, curvature])
     whole = np.array(force, dtype=float)
     moments = [np.zeros(3)]
     for step in range(1, LOAD_STEPS + 1):

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,27 @@ class TwoBarTruss:
             LimitPoint(self.driven(point.apex, spring), point.load, point.apex) for point in self._turns(spring)
         )
         return first, second
+
+    def sideways_load(self) -> float:
+        """Least P in N, downwards, at which the apex is free to leave the axis of symmetry, l = √(b² + y²).
+
+        With the spring b²/l² EA/l₀ of a bar's stretch and the pull N y²/l³ of its force the stiffness sideways is
+        zero: b²/l₀ + (1/l₀ − 1/l) y² = 0.
+
+        Raises:
+            ValueError: the truss is too flat, and snaps through without.
+        """
+
+        def stiffness(y: float) -> float:
+            length = np.hypot(self.half_span, y)
+            return float(self.half_span**2 / self.bar_length + (1.0 / self.bar_length - 1.0 / length) * y**2)
+
+        heights = np.linspace(self.height, 0.0, 1001)
+        lost = [i for i, y in enumerate(heights) if stiffness(float(y)) < 0.0]
+        if not lost:
+            raise ValueError(f"{self}: the apex of so flat a truss is stiff sideways all the way down")
+        y = brentq(stiffness, heights[lost[0]], heights[lost[0] - 1], xtol=1e-13)
+        return self.load(self.height - float(y))
 
     def _turns(self, spring: float) -> tuple[LimitPoint, LimitPoint]:
         """Where the path's slope dP/dv is minus the spring's stiffness."""

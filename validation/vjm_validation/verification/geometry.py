@@ -5,16 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import expm
 
 from vjm.io.load_cases import from_plain
 from vjm.io.schema import rotation
 from vjm.model.chain import Chain
+from vjm.model.joints import HeldJoint
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.model.parts import Beam, Part, PassiveJoint, RigidOffset, Section
 from vjm.rotations import AXES, Array, frame, translation, turn
 from vjm_validation.verification.library import Case
-from vjm_validation.verification.schema import ArcTable, RunTable
+from vjm_validation.verification.schema import ArcTable, RodTable, RunTable
 
 ARC = "arc"
 """Name of the whole arc as a place for loads and points."""
@@ -23,17 +25,21 @@ POSTURE = "straight"
 
 
 def chain_of(case: Case, mesh: int) -> Chain:
-    """The chain of a case; an arc has ``mesh`` sides, any other chain is the same on every mesh."""
+    """The chain of a case; an arc or a rod has ``mesh`` sides, any other chain is the same on every mesh."""
     file = case.file
     if file.arc is not None:
         return arc_chain(file.name, file.arc, mesh, case.sha256)
+    if file.rod is not None:
+        return rod_chain(file.name, file.rod, mesh, case.sha256)
     assert file.chain is not None
     table = file.chain
+    parts = tuple(part.part() for part in table.parts)
     return Chain(
         file.name,
-        tuple(part.part() for part in table.parts),
+        parts,
         base=frame(rotation(table.turns)),
         postures={POSTURE: np.array(table.posture, dtype=float)},
+        held={POSTURE: {part.name: 0.0 for part in parts if isinstance(part, HeldJoint)}},
         title=file.title,
         sha256=case.sha256,
     )
@@ -64,6 +70,32 @@ def arc_chain(name: str, arc: ArcTable, sides: int, sha256: str = "") -> Chain:
     base = turn(AXES["z"], np.deg2rad(arc.start_deg))
     posture = np.zeros(1 if arc.hinged_end else 0)
     return Chain(name, tuple(parts), base=base, postures={POSTURE: posture}, sha256=sha256)
+
+
+def rod_chain(name: str, rod: RodTable, sides: int, sha256: str = "") -> Chain:
+    """A rod of constant curvature as straight beams, each along the tangent at the middle of its piece.
+
+    Rigid arms join the beams' ends to the rod's own points, so that the unloaded shape is exact on any mesh. A beam
+    of the piece's length stands for the piece with an error of the second order in the angle that it turns by.
+    """
+    length = rod.length_mm / sides
+    half = _along(np.array(rod.curvature_per_mm), 0.5 * length)
+    back = translation([-0.5 * length, 0.0, 0.0])
+    parts: list[Part] = [RigidOffset(corner_name(0), half @ back)]
+    for i in range(1, sides + 1):
+        parts.append(Beam(f"side-{i}", length, section=rod.section.stiffness()))
+        parts.append(RigidOffset(corner_name(i), back @ half if i == sides else back @ half @ half @ back))
+    base = frame(rotation(rod.turns))
+    return Chain(name, tuple(parts), base=base, postures={POSTURE: np.zeros(0)}, sha256=sha256)
+
+
+def _along(curvature: Array, length: float) -> Array:
+    """Frame ``(4, 4)`` of a curve's section after a length of it, from its own frame before."""
+    twist = np.zeros((4, 4))
+    twist[:3, :3] = np.cross(curvature, np.eye(3)).T
+    twist[0, 3] = 1.0
+    moved: Array = expm(twist * length)
+    return moved
 
 
 def _softened(section: Section, factor: float) -> Section:

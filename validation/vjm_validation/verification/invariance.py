@@ -114,7 +114,7 @@ def _of_case(case: Case, family: Family) -> list[Turned]:
     table = case.file.engines.get(family)
     if table is None or family in BASELINES:
         return []
-    mesh = SIDES if case.file.arc is not None else MESH
+    mesh = SIDES if case.file.sided else MESH
     found = []
     for run in case.file.runs:
         load_case = load_case_of(run, mesh)
@@ -123,7 +123,7 @@ def _of_case(case: Case, family: Family) -> list[Turned]:
             load_case = replace(load_case, to=float(np.copysign(LINEAR_MM, load_case.to)))
         if turnable(load_case):
             name = " ".join(filter(None, [case.name, run.name]))
-            elements = 1 if case.file.arc is not None else MESH
+            elements = 1 if case.file.sided else MESH
             found.append(Turned(name, family, chain_of(case, mesh), load_case, elements))
     return found
 

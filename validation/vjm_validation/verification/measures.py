@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
 from vjm.engine import Engine
@@ -20,6 +21,7 @@ SAME_RAMP = 1e-9
 EVENT_KINDS = {
     "critical force": (EventKind.BIFURCATION, 0),
     "limit force": (EventKind.LIMIT, 0),
+    "second limit force": (EventKind.LIMIT, 1),
     "fold force": (EventKind.FOLD, 0),
     "second fold force": (EventKind.FOLD, 1),
 }
@@ -52,6 +54,8 @@ def _raw(asked: Asked, engine: Engine, chain: Chain, load_case: LoadCase, path: 
         K = _unloaded_stiffness(engine, chain, load_case, path)
         matrix = K if asked.measure == "stiffness" else np.linalg.inv(K)
         return float(matrix[_index(asked.component), _index(asked.by)])
+    if asked.measure == "turning load":
+        return _turning_load(path, _index(asked.component), *place(asked.part, asked.at, mesh))
     point = _at(path, asked.ramp)
     if asked.measure == "force":
         return driven_force(load_case, point)
@@ -87,6 +91,16 @@ def _at(path: Path, ramp: float | None) -> Equilibrium:
 
 def _ending(path: Path) -> str:
     return f": it ends at {path.points[-1].s:.6g}, {path.stopped}" if path.stopped else ""
+
+
+def _turning_load(path: Path, axis: int, part: str, fraction: float) -> float:
+    """Load where a point first turns back, by splines through the points of the path's arc."""
+    s = [point.s for point in path.points]
+    moved = CubicSpline(s, [_moved(path, point, part, fraction)[axis] for point in path.points])
+    turns = moved.derivative().roots(extrapolate=False)
+    if not len(turns):
+        raise NoConvergenceError(f"no turning point of the displacement on the path{_ending(path)}")
+    return float(CubicSpline(s, path.ramp)(turns[0]))
 
 
 def _moved(path: Path, point: Equilibrium, part: str, fraction: float) -> list[float]:

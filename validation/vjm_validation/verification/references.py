@@ -10,8 +10,8 @@ from typing import Any
 from vjm.batch import map_all
 from vjm_validation.verification.schema import Reference
 
-MODULES = ("arches", "beam_column", "columns", "elastica", "linear", "postbuckling", "reissner", "space",
-           "torsion", "trusses")  # fmt: skip
+MODULES = ("arches", "beam_column", "columns", "elastica", "frames", "linear", "postbuckling", "reissner",
+           "space", "torsion", "trusses")  # fmt: skip
 """Of `vjm_validation.exact`."""
 
 

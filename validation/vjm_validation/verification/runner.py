@@ -185,7 +185,7 @@ def _on_mesh(case: Case, family: Family, mesh: int) -> list[tuple[float | None, 
         ImportError: it is not installed.
     """
     table = case.file.engines[family]
-    elements = 1 if case.file.arc is not None else mesh
+    elements = 1 if case.file.sided else mesh
     solver = engine(family, elements, shear=table.shear, foot=False if table.foot_spring else None)
     chain = chain_of(case, mesh)
     found: list[tuple[float | None, str]] = []

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from vjm.io.joint_tables import ActuatedTable
 from vjm.io.schema import AnyPart, BeamTable, Label, Turns, VectorMM
 from vjm.io.sections import AnySection, LengthMM, Table
 from vjm.model.load_case import ARC, COMPONENTS, RAMP
@@ -21,8 +22,10 @@ Measure = Literal[
     "position",
     "point",
     "force",
+    "turning load",
     "critical force",
     "limit force",
+    "second limit force",
     "fold force",
     "second fold force",
     "stiffness",
@@ -42,7 +45,7 @@ GROUPS = {
 """Groups of cases, in the order of the report."""
 BASELINES = ("vjm-linear", "msa")
 """Linear families, which have no mesh and answer for small displacements only."""
-EVENTS = ("critical force", "limit force", "fold force", "second fold force")
+EVENTS = ("critical force", "limit force", "second limit force", "fold force", "second fold force")
 """What is asked of an event, and not of a point of the path."""
 
 
@@ -64,6 +67,18 @@ class ArcTable(Table):
     angle_deg: float = Field(gt=0.0, lt=360.0, description="that it subtends")
     start_deg: float = Field(0.0, ge=-360.0, le=360.0, description="of its tangent at the root from x towards y")
     hinged_end: bool = Field(False, description="a hinge about z between its end and the end-effector")
+    section: AnySection
+
+
+class RodTable(Table):
+    """A rod of constant natural curvature and twist, a twisted bar or a helix, as straight beams.
+
+    See `geometry.rod_chain`. It begins along x at the world's origin. The mesh is the number of its beams.
+    """
+
+    length_mm: LengthMM = Field(description="along the rod")
+    curvature_per_mm: VectorMM = Field(description="twist about the rod's axis, curvatures about y and z; 1/mm")
+    turns: Turns = Field([], description="of its root, in the world")
     section: AnySection
 
 
@@ -201,15 +216,16 @@ class CaseFile(Table):
     quick: bool = Field(True, description="also run by --quick")
     chain: ChainTable | None = None
     arc: ArcTable | None = None
+    rod: RodTable | None = None
     runs: list[RunTable] = Field(min_length=1)
     engines: dict[Family, EngineTable] = Field(min_length=1)
 
     @model_validator(mode="after")
     def _sane(self) -> CaseFile:
-        if (self.chain is None) == (self.arc is None):
-            raise ValueError("needs either [chain] or [arc], and not both")
-        if self.chain is not None and not any(isinstance(part, BeamTable) for part in self.chain.parts):
-            raise ValueError("no part has kind = 'beam': nothing deflects")
+        if sum(table is not None for table in (self.chain, self.arc, self.rod)) != 1:
+            raise ValueError("needs one of [chain], [arc] and [rod]")
+        if self.chain is not None and not any(_deflects(part) for part in self.chain.parts):
+            raise ValueError("no part has kind = 'beam', nor a compliance: nothing deflects")
         for family, table in self.engines.items():
             if (family in BASELINES) != (not table.meshes):
                 said = "has no meshes" if family in BASELINES else "needs at least three meshes"
@@ -218,10 +234,20 @@ class CaseFile(Table):
                 raise ValueError(f"engine '{family}' needs at least three meshes, got {table.meshes}")
         return self
 
+    @property
+    def sided(self) -> bool:
+        """Whether the mesh is a number of straight sides, each of them one element."""
+        return self.chain is None
+
+
+def _deflects(part: AnyPart) -> bool:
+    return isinstance(part, BeamTable) or (isinstance(part, ActuatedTable) and part.own > 0.0)
+
 
 _TABLES: dict[str, type[Table]] = {
-    "": CaseFile, "chain": ChainTable, "arc": ArcTable, "runs": RunTable, "load_case": LoadCaseTable,
-    "loads": LoadTable, "control": PointTable, "asked": Asked, "reference": Reference, "engines": EngineTable,
+    "": CaseFile, "chain": ChainTable, "arc": ArcTable, "rod": RodTable, "runs": RunTable,
+    "load_case": LoadCaseTable, "loads": LoadTable, "control": PointTable, "asked": Asked,
+    "reference": Reference, "engines": EngineTable,
 }  # fmt: skip
 
 
