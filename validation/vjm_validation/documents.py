@@ -6,6 +6,7 @@ from pydantic import BaseModel, ConfigDict
 
 from vjm_output.documents import DoubtRow, Matrix
 from vjm_validation.metrics import PathMetrics
+from vjm_validation.yielding import YieldRow
 
 
 class BucklingDocument(BaseModel):
@@ -18,6 +19,8 @@ class BucklingDocument(BaseModel):
     version: str
     chain: dict[str, dict[str, dict[str, PathMetrics]]]
     """By posture, ``tension`` or ``compression``, and engine label, as in ``summary.json``."""
+    yields: list[YieldRow] = []
+    """Where the material yields first, path by path, where the model file says a yield stress; ``vjm`` only."""
     doubts: list[DoubtRow] = []
     """What is implausible about the model."""
 

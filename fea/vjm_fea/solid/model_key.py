@@ -8,6 +8,7 @@ from vjm.io.solid_compliance import SolidResult, SolidTable
 from vjm_fea.solid.compliance import Base, Tip
 from vjm_fea.solid.elasticity import Material
 from vjm_fea.solid.identify import SolidTask, identify
+from vjm_fea.solid.stress_forms import UPPER, away_from_ends, stress_forms
 
 
 def computed(path: Path, table: SolidTable, key: str) -> SolidResult:
@@ -35,12 +36,19 @@ def computed(path: Path, table: SolidTable, key: str) -> SolidResult:
             f"{path.name}: {100.0 * limit.relative:.2g} % is as near as {found.unknowns[-1]} unknowns come: ask "
             "for less by accuracy_percent"
         )
+    away = away_from_ends(found.solid, [*found.ends.base, *found.ends.tip], found.thickness)
+    points, forms = stress_forms(found.solid, found.answers[tip].displacements, away)
     return SolidResult(
         key=key,
         drawing=path.name,
         compliance=limit.compliance.tolist(),
         interval=limit.interval.tolist(),
         reach_mm=(found.at - found.base_centre).tolist(),
+        volume_mm3=found.volume,
+        centre_of_mass_mm=(found.centre - found.base_centre).tolist(),
+        thickness_mm=found.thickness,
+        stress_at_mm=(points - found.base_centre).tolist(),
+        stress_forms=forms[:, UPPER[0], UPPER[1]].tolist(),
         unknowns=found.unknowns[-1],
     )
 

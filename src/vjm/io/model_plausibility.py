@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from vjm.io.checks import EXCHANGED, SWAPPED, bending_apart, fits_exchanged
+from vjm.io.drawn_plausibility import drawings
 from vjm.io.errors import printed
 from vjm.io.fields import Turns
 from vjm.io.findings import Finding, Grade, worst_first
@@ -264,7 +265,7 @@ def masses(model: ModelFile) -> Iterator[Found]:
     size = sum(_length(one) for _, one in made)
     for part, one in made:
         where, mass = f"part '{part.name}', mass_kg", _mass(one)
-        if isinstance(part, BeamTable) and part.mass_kg and isinstance(one, Beam):
+        if isinstance(part, BeamTable) and part.mass_kg and isinstance(one, Beam) and one.section is not None:
             volume = one.count * one.length * _area(part, one)
             density = 1e9 * mass / volume
             if not LIGHTEST <= density <= DENSEST:
@@ -350,6 +351,6 @@ def postures(model: ModelFile) -> Iterator[Found]:
 
 
 RULES: tuple[Rule, ...] = (
-    materials, sections, matrices, offsets, drives, masses, angles, limits, postures,
+    materials, sections, matrices, drawings, offsets, drives, masses, angles, limits, postures,
 )  # fmt: skip
 """All rules of a chain's file."""

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from vjm.io import checks
+from vjm.io.drawn import DrawnTable
 from vjm.io.errors import printed
 from vjm.io.fields import Axis, Label, Matrix6, Turn, Turns, VectorMM, rotation
 from vjm.io.joint_tables import (
@@ -69,6 +70,10 @@ class BeamTable(PartTable):
         [0.0, 0.0], description="mid-span, along the section's y and z, of the half sine wave that it is unloaded"
     )
     mass_kg: float | None = Field(None, ge=0.0, le=1e4, description="of all members, in place of a density")
+    centre_of_mass_mm: VectorMM | None = Field(
+        None, description="of a part without a section, own axes, from where it begins"
+    )
+    drawing: DrawnTable | None = Field(None, description="what its drawing says beyond the compliance")
     segments: int | None = Field(
         None, ge=1, le=1000, description="springs that it is always computed with; 1: one spring at its far end"
     )
@@ -97,13 +102,20 @@ class BeamTable(PartTable):
         return self
 
     def _check_extras(self) -> None:
-        for key, given in (("bow_mm", any(self.bow_mm)), ("mass_kg", self.mass_kg is not None)):
-            if given and self.section is None:
-                raise ValueError(f"has {key} but no [parts.section]: it is spread along a section")
         if self.free_length is not None and (
             self.section is None or any(self.bow_mm) or self.compliance is not None
         ):
             raise ValueError("has free_length: it takes a [parts.section], and neither bow_mm nor a compliance")
+        if any(self.bow_mm) and self.section is None:
+            raise ValueError("has bow_mm but no [parts.section]: it is spread along a section")
+        if self.mass_kg is not None and self.section is None and self.centre_of_mass_mm is None:
+            raise ValueError(
+                "has mass_kg but no [parts.section]: it is spread along a section; without one give "
+                "centre_of_mass_mm"
+            )
+        if self.centre_of_mass_mm is not None and (self.section is not None or self.mass_kg is None):
+            other = "no mass_kg" if self.mass_kg is None else "a [parts.section], along which the mass is spread"
+            raise ValueError(f"has centre_of_mass_mm and {other}: it goes with mass_kg and a compliance alone")
         if math.hypot(*self.bow_mm) > 0.2 * self.length_mm:
             raise ValueError(
                 f"has bow_mm = {self.bow_mm}, above a fifth of length_mm = {printed(self.length_mm)}: give mm"
@@ -128,6 +140,8 @@ class BeamTable(PartTable):
             bow=(self.bow_mm[0], self.bow_mm[1]),
             own_segments=self.segments,
             free_length=self.free_length or "",
+            own_mass=(self.mass_kg or 0.0) if section is None else 0.0,
+            centre=None if self.centre_of_mass_mm is None else np.array(self.centre_of_mass_mm, dtype=float),
         )
 
 

@@ -47,6 +47,10 @@ def _plausible_density(density: float) -> float:
     return density
 
 
+Density = Annotated[float, AfterValidator(_plausible_density)]
+"""kg/m³."""
+
+
 LengthMM = Annotated[float, AfterValidator(_plausible_length), Field(description="mm, 0.1 to 1e5")]
 """A length in mm that a robot's part can have."""
 
@@ -94,7 +98,7 @@ class Shape(Table):
         None, gt=0.0, le=1.0, description="shear area over area (5/6 for a rectangle)"
     )
     yield_stress_MPa: float | None = Field(None, gt=0.0)  # noqa: N815
-    density_kg_per_m3: Annotated[float, AfterValidator(_plausible_density)] | None = None
+    density_kg_per_m3: Density | None = None
 
     @model_validator(mode="after")
     def _material(self) -> Shape:

@@ -14,18 +14,23 @@ from typing import Any, Literal
 
 import numpy as np
 import pydantic
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from vjm.io.drawn import Form, nearest_beam
 from vjm.io.errors import ModelFileError, one_line, printed
 from vjm.io.fields import Matrix6, VectorMM
 from vjm.io.files import write_whole
 from vjm.io.schema import BeamTable
-from vjm.io.sections import Table
+from vjm.io.sections import Density, Table
 from vjm.io.solid_provider import provided
 from vjm.rotations import Array
 
 PLACE = 1e-3
 """Distance of the drawing's tip from the table's over their distance from the base, up to which they agree."""
+
+
+NOT_COMPUTED = {"from_", "density_kg_per_m3", "yield_stress_MPa", "as_beam", "root_mm"}
+"""Keys on which the computation does not depend."""
 
 
 class SolidTable(Table):
@@ -40,17 +45,37 @@ class SolidTable(Table):
     base_held: Literal["clamped", "mean"] = "clamped"
     unit_mm: float = Field(1.0, gt=0.0, description="mm of one unit of the drawing")
     accuracy_percent: float = Field(0.5, ge=0.01, le=20.0)
+    density_kg_per_m3: Density | None = Field(None, description="gives the part its weight")
+    yield_stress_MPa: float | None = Field(  # noqa: N815
+        None, gt=0.0, description="lets commands say where the part would yield"
+    )
+    as_beam: bool = Field(
+        False, description="a uniform beam of the table's geometry in its place, which can buckle by itself"
+    )
+    root_mm: VectorMM = Field(
+        [0.0, 0.0, 0.0], description="where the part begins, own axes from the base: what is before is rigid"
+    )
+
+    @model_validator(mode="after")
+    def _plausible_yield(self) -> SolidTable:
+        E, limit = self.youngs_modulus_MPa, self.yield_stress_MPa
+        if limit is not None and limit > 0.1 * E:
+            raise ValueError(
+                f"has yield_stress_MPa = {printed(limit)}, above a tenth of youngs_modulus_MPa = {printed(E)}: is "
+                "one of them in another unit? Write both in MPa"
+            )
+        return self
 
     def key(self, drawing: bytes) -> str:
-        """What tells this matrix from others: the drawing's content and all settings but the file's name."""
-        settings = json.dumps(self.model_dump(exclude={"from_"}), sort_keys=True)
+        """What tells this result from others: the drawing's content and all settings that the computation needs."""
+        settings = json.dumps(self.model_dump(exclude=NOT_COMPUTED), sort_keys=True)
         return hashlib.sha256(hashlib.sha256(drawing).digest() + settings.encode()).hexdigest()
 
 
 class SolidResult(pydantic.BaseModel):
     """What is kept beside a drawing."""
 
-    format: Literal[1] = 1
+    format: Literal[2] = 2
     key: str
     drawing: str
     compliance: Matrix6
@@ -60,6 +85,14 @@ class SolidResult(pydantic.BaseModel):
     """From the base's centre of area to the tip's."""
     unknowns: int
     """Of the finest mesh."""
+    volume_mm3: float
+    centre_of_mass_mm: VectorMM
+    """From the base's centre of area."""
+    thickness_mm: float
+    stress_at_mm: list[VectorMM]
+    """From the base's centre of area."""
+    stress_forms: list[Form]
+    """See `vjm.io.drawn.DrawnTable`."""
 
 
 def solid_key_schema() -> dict[str, Any]:
@@ -98,9 +131,46 @@ def _part(part: Any, content: Mapping[str, Any], folder: Path, file: str, place:
         raise ModelFileError(f"{where}: {one_line(error, table, lambda _: known)}") from error
     result = _result(folder / solid.from_, solid, where)
     source = part.get("compliance_source") or f"{solid.from_} by solid finite elements, {result.unknowns} unknowns"
-    numbers = {**part, "compliance": result.compliance, "compliance_source": source}
-    _check_tip(numbers, np.array(result.reach_mm), where)
-    return numbers
+    drawn = {
+        "file": solid.from_,
+        "thickness_mm": result.thickness_mm,
+        "stress_at_mm": (np.array(result.stress_at_mm).reshape(-1, 3) - np.array(solid.root_mm)).tolist(),
+        "stress_forms": result.stress_forms,
+    }
+    if solid.yield_stress_MPa is not None:
+        drawn["yield_stress_MPa"] = solid.yield_stress_MPa
+    numbers = {**part, "compliance": result.compliance, "compliance_source": source, "drawing": drawn}
+    _check_tip(numbers, np.array(result.reach_mm), np.array(solid.root_mm), where)
+    if solid.as_beam:
+        numbers["section"] = _as_beam(numbers, where)
+    return _with_weight(numbers, solid, result, where)
+
+
+def _as_beam(part: Mapping[str, Any], where: str) -> dict[str, float]:
+    """The table of the nearest beam's section; empty where the part itself is wrong, which is said elsewhere."""
+    for key in ("section", "segments"):
+        if key in part:
+            raise ModelFileError(f"{where}: as_beam = true: the part has {key} already: leave one of them out")
+    try:
+        section = nearest_beam(BeamTable.model_validate(part).part()).section
+    except pydantic.ValidationError:
+        return {}
+    table = {"EA_N": section.EA, "GJ_Nmm2": section.GJ, "EIy_Nmm2": section.EIy, "EIz_Nmm2": section.EIz}
+    shear = {"GAy_N": section.GAy, "GAz_N": section.GAz}
+    return table | {key: value for key, value in shear.items() if np.isfinite(value)}
+
+
+def _with_weight(part: dict[str, Any], solid: SolidTable, result: SolidResult, where: str) -> dict[str, Any]:
+    """The part with its mass: spread along a section where it has one, else at its centre."""
+    if solid.density_kg_per_m3 is None:
+        return part
+    if "mass_kg" in part or (isinstance(part.get("section"), dict) and "density_kg_per_m3" in part["section"]):
+        raise ModelFileError(f"{where}: density_kg_per_m3: the part has a mass already: leave one of them out")
+    # of one member, as the drawing is
+    part["mass_kg"] = 1e-9 * solid.density_kg_per_m3 * result.volume_mm3 * int(part.get("count", 1))
+    if "section" not in part:
+        part["centre_of_mass_mm"] = (np.array(result.centre_of_mass_mm) - np.array(solid.root_mm)).tolist()
+    return part
 
 
 def _result(drawing: Path, solid: SolidTable, where: str) -> SolidResult:
@@ -132,17 +202,18 @@ def _result(drawing: Path, solid: SolidTable, where: str) -> SolidResult:
     return result
 
 
-def _check_tip(part: Mapping[str, Any], reach: Array, where: str) -> None:
+def _check_tip(part: Mapping[str, Any], reach: Array, root: Array, where: str) -> None:
     """Refuse a table whose tip is elsewhere than the drawing's."""
     try:
         beam = BeamTable.model_validate(part).part()
     except pydantic.ValidationError:
         return  # said where the whole file is checked
-    own = beam.own_frame.T @ beam.tip
+    own = root + beam.own_frame.T @ beam.tip
     if float(np.linalg.norm(own - reach)) > PLACE * float(np.linalg.norm(reach)):
+        keys = "section_axes, end_offset_mm and root_mm" if root.any() else "section_axes and end_offset_mm"
         raise ModelFileError(
-            f"{where}: the drawing's tip lies at {_listed(reach)} mm from its base, and length_mm, section_axes "
-            f"and end_offset_mm put it at {_listed(own)} in the part's own axes: make them equal"
+            f"{where}: the drawing's tip lies at {_listed(reach)} mm from its base, and length_mm, {keys} put it "
+            f"at {_listed(own)} in the part's own axes: make them equal"
         )
 
 

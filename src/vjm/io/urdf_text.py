@@ -108,10 +108,8 @@ def _type(part: object) -> str:
 def _link(robot: ET.Element, name: str, part: object) -> None:
     link = ET.SubElement(robot, "link", name=name)
     mass, centre = 0.0, None
-    if isinstance(part, RigidOffset):
+    if isinstance(part, RigidOffset | Beam):
         mass, centre = part.mass, part.centre_of_mass
-    elif isinstance(part, Beam):
-        mass, centre = part.mass, (-0.5 if part.free_length else 0.5) * part.tip
     if mass > 0.0 and centre is not None:
         inertial = ET.SubElement(link, "inertial")
         ET.SubElement(inertial, "origin", xyz=_numbers(centre / METRE), rpy="0 0 0")

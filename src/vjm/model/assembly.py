@@ -225,7 +225,7 @@ class Assembly:
         if beam.segments is None:
             self._mark(beam.name, 0.0)
             along = beam.section_in_chain[:3, 0] * beam.length
-            self._piece(beam.name, 0.0, 1.0, along, beam.mass)
+            self._piece(beam.name, 0.0, 1.0, along, beam.mass, centre=beam.centre_of_mass)
             self._move(translation(beam.tip) @ own)
             self._spring_of_22(beam.tip_compliance(), beam.name)
             self._piece(beam.name, 1.0, 1.0, np.zeros(3))

@@ -185,6 +185,9 @@ class Beam:
             it bears nothing. Its two ends keep the directions that they have without it.
         free_length: name of the sliding joint whose coordinate is how much of the beam is free, as of a boom that
             comes out of its root; ``length`` is then the whole. Empty where all of it always is.
+        own_segments: springs that the model file asks for, None where it leaves that to the engine.
+        own_mass: kg, of all members, of a part without a section.
+        centre: of that mass ``(3,)`` mm, own axes, from the root.
     """
 
     name: str
@@ -200,6 +203,8 @@ class Beam:
     bow: tuple[float, float] = (0.0, 0.0)
     own_segments: int | None = None
     free_length: str = ""
+    own_mass: float = 0.0
+    centre: Array | None = None
 
     @property
     def tip(self) -> Array:
@@ -228,8 +233,17 @@ class Beam:
 
     @property
     def mass(self) -> float:
-        """Of all members, kg; zero where the section is not known."""
-        return 0.0 if self.section is None else self.section.mass * self.count * self.length
+        """Of all members, kg; zero where it is not known."""
+        return self.own_mass if self.section is None else self.section.mass * self.count * self.length
+
+    @property
+    def centre_of_mass(self) -> Array:
+        """``(3,)`` mm from the root, chain frame; half-way along the section where nothing else is said."""
+        # of a boom that comes out of its root, all of it lies behind
+        half = -0.5 if self.free_length else 0.5
+        own = self.section_frame @ np.array([half * self.length, 0.0, 0.0]) if self.centre is None else self.centre
+        result: Array = self.own_frame @ own
+        return result
 
     @property
     def end_slope(self) -> Array:

@@ -1,4 +1,4 @@
-"""Where a chain's material would yield: stresses of beam theory along a path."""
+"""Where a chain's material would yield: stresses of beam theory, or of a part's solid, along a path."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import EventKind, Path, driven_force
+from vjm.io.drawn import DrawnTable
 from vjm.model.parts import Beam
 from vjm.rotations import Array
 from vjm_updating.mechanisms.modified_chain import springs_of
@@ -17,15 +18,17 @@ from vjm_updating.mechanisms.modified_chain import springs_of
 
 @dataclass(frozen=True)
 class First:
-    """Where the first fibre yields.
+    """Where the material yields first.
 
     Attributes:
         force: driven force there, N; None where none does, or it cannot be said.
         words: where, or why not.
+        known: whether any part's yield stress is known.
     """
 
     force: float | None
     words: str
+    known: bool = True
 
 
 @dataclass(frozen=True)
@@ -37,67 +40,123 @@ class Fibre:
         modulus_y: section modulus of bending about y, mm³.
         modulus_z: and about z.
         limit: yield stress, MPa.
+        round: whether the two bendings meet in no corner.
     """
 
     area: float
     modulus_y: float
     modulus_z: float
     limit: float
+    round: bool = False
+
+    def share(self, beam: Beam, reactions: list[Array]) -> float:
+        """Largest stress in MPa over the yield stress, under the reactions ``(6,)`` at the springs of a member."""
+        assert beam.segments
+        return max(self.stress(one, beam.length / beam.segments) for one in reactions) / self.limit
 
     def stress(self, reaction: Array, length: float) -> float:
         """Largest stress in MPa in a segment of ``length`` mm under the reactions ``(6,)`` at its middle."""
         N, Qy, Qz, _, My, Mz = np.abs(reaction)
         # towards its ends the moments change by the shear forces
-        bending = (Mz + 0.5 * length * Qy) / self.modulus_z + (My + 0.5 * length * Qz) / self.modulus_y
-        return float(N / self.area + bending)
+        y, z = (My + 0.5 * length * Qz) / self.modulus_y, (Mz + 0.5 * length * Qy) / self.modulus_z
+        return float(N / self.area + (np.hypot(y, z) if self.round else y + z))
+
+
+@dataclass(frozen=True)
+class Solid:
+    """Von Mises stress of a part from its drawing.
+
+    Attributes:
+        at: points ``(k, 3)``, own axes, mm from the root.
+        forms: ``(k, 6, 6)`` of them, see `vjm.io.drawn.DrawnTable.stress_forms`.
+        limit: yield stress, MPa.
+    """
+
+    at: Array
+    forms: Array
+    limit: float
+
+    def share(self, beam: Beam, reactions: list[Array]) -> float:
+        """Largest stress in MPa over the yield stress, under the reactions ``(6,)`` at the springs of a member."""
+        wrenches = np.array([self._at_tip(beam, i, one) for i, one in enumerate(reactions)])
+        # a point bears what the spring of its own segment bears
+        along = (self.at @ beam.section_frame)[:, 0] / beam.length
+        here = wrenches[np.clip((along * len(reactions)).astype(int), 0, len(reactions) - 1)]
+        squares = np.einsum("ki,kij,kj->k", here, self.forms, here)
+        return float(np.sqrt(max(0.0, squares.max()))) / self.limit
+
+    def _at_tip(self, beam: Beam, i: int, reaction: Array) -> Array:
+        """The wrench ``(6,)`` at the tip, own axes, that loads this spring of a straight part as it is loaded."""
+        if not beam.segments:
+            return reaction
+        S, h = beam.section_frame, beam.length / beam.segments
+        force, moment = S @ reaction[:3], S @ reaction[3:]
+        back = S @ np.array([(i + beam.placement.fraction) * h - beam.length, 0.0, 0.0]) - beam.end_offset
+        return np.concatenate([force, moment + np.cross(back, force)])
 
 
 def fibre_of(table: Mapping[str, Any]) -> Fibre | str:
     """The outermost fibres of a beam's table in a model document; else why they are not known."""
     section, name = table.get("section") or {}, table["name"]
-    if section.get("shape") == "rectangle":
+    shape, rounded = section.get("shape"), False
+    if shape == "rectangle":
         w, t = float(section["width_mm"]), float(section["thickness_mm"])
         area, by_y, by_z = w * t, t * w**2 / 6.0, w * t**2 / 6.0
-    elif section.get("shape") == "square_tube":
+    elif shape == "square_tube":
         w = float(section["width_mm"])
         core = w - 2.0 * float(section["wall_mm"])
         area = w**2 - core**2
         by_y = by_z = (w**4 - core**4) / (6.0 * w)
+    elif shape in ("round_bar", "round_tube"):
+        d, rounded = float(section["diameter_mm"]), True
+        bore = d - 2.0 * float(section["wall_mm"]) if shape == "round_tube" else 0.0
+        area = np.pi * (d**2 - bore**2) / 4.0
+        by_y = by_z = np.pi * (d**4 - bore**4) / (32.0 * d)
     else:
         return f"not known: the model says no shape of the section of {name}"
     limit = section.get("yield_stress_MPa")
     if limit is None:
         return f"not known: the model says no yield stress of {name}"
-    return Fibre(area, by_y, by_z, float(limit))
+    return Fibre(area, by_y, by_z, float(limit), rounded)
+
+
+def material_of(table: Mapping[str, Any]) -> Fibre | Solid | str:
+    """What a beam's table says of its stress, its drawing's where it has one; else why that is not known."""
+    if "drawing" not in table:
+        return fibre_of(table)
+    drawn = DrawnTable.model_validate(table["drawing"])
+    if drawn.yield_stress_MPa is None:
+        return f"not known: the model says no yield stress of {table['name']}"
+    return Solid(np.array(drawn.stress_at_mm), drawn.forms(), drawn.yield_stress_MPa)
 
 
 def first_yield(problem: LumpedProblem, path: Path, document: Mapping[str, Any]) -> First:
-    """Where the first beam's first fibre yields along a path as far as its critical point, or its end.
+    """Where the first part yields along a path as far as its critical point, or its end.
 
     Args:
         problem: of the path.
         path: traced.
-        document: of the model, with shapes and yield stresses.
+        document: of the model, with shapes or drawings, and yield stresses.
     """
     model = problem.model
-    fibres: dict[str, Fibre] = {}
+    beams = {part.name: part for part in model.chain.parts if isinstance(part, Beam)}
+    materials: dict[str, Fibre | Solid] = {}
     unknown = []
     for table in document["parts"]:
         if table.get("kind") == "beam":
-            fibre = fibre_of(table)
-            if isinstance(fibre, Fibre):
-                fibres[table["name"]] = fibre
-            else:
-                unknown.append(fibre)
-    split = {part.name: part for part in model.chain.parts if isinstance(part, Beam) and part.segments}
-    known = {name: fibre for name, fibre in fibres.items() if name in split}
-    if not known:
-        return First(None, unknown[-1] if unknown else "not known: one spring has no stresses")
+            material = material_of(table)
+            if isinstance(material, str):
+                unknown.append(material)
+            elif isinstance(material, Solid) or beams[table["name"]].segments:
+                materials[table["name"]] = material
+    if not materials:
+        return First(None, unknown[-1] if unknown else "not known: one spring has no stresses", known=False)
     # a bend-over ends nothing
     event = next((e for e in path.events if e.kind is not EventKind.BEND_OVER), None)
     points = [p for p in path.points if event is None or p.s < event.s]
     if event is not None and event.point is not None:
         points.append(event.point)
+    springs = {name: springs_of(model, name) for name in materials}
     last, force = 0.0, 0.0
     for point in points:
         at = problem.configuration(point)
@@ -105,18 +164,16 @@ def first_yield(problem: LumpedProblem, path: Path, document: Mapping[str, Any])
         if len(model.applied_loads):
             acting = model.compiled.acting(at.x, at.wrench, at.load)
             reactions = reactions + model.compiled.load_forces(at.x, at.wrench, at.load, acting)
-        share = max(_share(reactions, problem, split[name], fibre) for name, fibre in known.items())
+        shares = {
+            name: one.share(beams[name], [reactions[where] / beams[name].count for where in springs[name]])
+            for name, one in materials.items()
+        }
+        share = max(shares.values())
         here = driven_force(path.load_case, point)
         if share >= 1.0:
             part = (1.0 - last) / (share - last)
-            return First(force + part * (here - force), "on the way")
+            first = max(shares, key=lambda name: shares[name])
+            return First(force + part * (here - force), f"on the way, in {first}")
         last, force = share, here
     there = f"at the {event.kind}" if event is not None else f"at {force:.4g} N"
     return First(None, f"not before: {100.0 * last:.0f} % of the yield stress is reached {there}")
-
-
-def _share(reactions: Array, problem: LumpedProblem, beam: Beam, fibre: Fibre) -> float:
-    """Largest stress over the yield stress in one of a beam's members."""
-    assert beam.segments
-    own = [reactions[where] / beam.count for where in springs_of(problem.model, beam.name)]
-    return max(fibre.stress(one, beam.length / beam.segments) for one in own) / fibre.limit

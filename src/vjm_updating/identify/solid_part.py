@@ -7,6 +7,7 @@ import hashlib
 import numpy as np
 
 from vjm import __version__
+from vjm.io.drawn_plausibility import STUBBY, THIN
 from vjm.rotations import Array
 from vjm_fea.solid.compliance import Base, Tip
 from vjm_fea.solid.identify import Bound, SolidCompliance
@@ -25,12 +26,8 @@ from vjm_updating.identify.taper import tapered
 
 LIKE_A_BEAM = 5e-3
 """Scaled half-interval within which a beam counts as the part's, where the bounds are closer."""
-STUBBY = 20.0
-"""Length over the larger radius of gyration below which plane sections do not stay plane: a depth of L/6."""
 TAPERS = 0.05
 """Scaled difference up to which a tapered beam is named."""
-THIN = 15.0
-"""Radius of gyration over the walls' thickness from which on a wall may buckle before the part does."""
 
 
 def solid_document(found: SolidCompliance, stress: StressDocument | None = None) -> SolidDocument:

@@ -8,10 +8,8 @@ from vjm.rotations import Array
 from vjm_fea.solid.compliance import Tip
 from vjm_fea.solid.elasticity import von_mises
 from vjm_fea.solid.identify import SolidCompliance
+from vjm_fea.solid.stress_forms import away_from_ends
 from vjm_updating.identify.solid_documents import StressDocument
-
-AWAY = 0.5
-"""Distance from base and tip, in thicknesses of the part, from which on Saint-Venant's principle is relied upon."""
 
 
 def stress_document(found: SolidCompliance, wrench: Array, yield_stress: float | None) -> StressDocument:
@@ -25,10 +23,9 @@ def stress_document(found: SolidCompliance, wrench: Array, yield_stress: float |
     tip = Tip.SPREAD if Tip.SPREAD in found.answers else next(iter(found.answers))
     stress = von_mises(found.solid.stress(found.answers[tip].displacements @ wrench))
     points = found.solid.mesh.points
-    ends = points[found.solid.mesh.face_nodes([*found.ends.base, *found.ends.tip])]
-    away = _distance(points, ends) > AWAY * found.thickness
+    away = away_from_ends(found.solid, [*found.ends.base, *found.ends.tip], found.thickness)
     where = int(np.argmax(stress))
-    inner = int(np.argmax(np.where(away, stress, -1.0))) if np.any(away) else where
+    inner = int(np.argmax(np.where(away, stress, -1.0)))
     return StressDocument(
         wrench=wrench.tolist(),
         tip=tip.value,
@@ -39,10 +36,3 @@ def stress_document(found: SolidCompliance, wrench: Array, yield_stress: float |
         yield_MPa=yield_stress,
         factor_to_yield=None if yield_stress is None else yield_stress / float(stress[inner]),
     )
-
-
-def _distance(points: Array, others: Array) -> Array:
-    from scipy.spatial import cKDTree
-
-    result: Array = np.asarray(cKDTree(others).query(points)[0], dtype=np.float64)
-    return result

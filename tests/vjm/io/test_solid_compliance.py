@@ -12,6 +12,7 @@ from vjm.io.model_file import ModelFileError, load_chain
 from vjm.io.solid_compliance import SolidResult
 
 EXAMPLES = Path(__file__).parents[3] / "validation/vjm_validation/examples/parts"
+FORM = np.diag([1e-4, 1e-2, 1e-2, 1e-5, 1e-5, 1e-5])[np.triu_indices(6)].tolist()
 C = np.diag([1e-5, 4e-5, 4e-5, 1e-9, 1e-9, 1e-9])
 
 
@@ -31,7 +32,8 @@ def calls(monkeypatch):
         made.append((path.name, table.tip_moves))
         return SolidResult(
             key=key, drawing=path.name, compliance=C.tolist(), interval=np.zeros((6, 6)).tolist(),
-            reach_mm=[-95.0, 0.0, 65.0], unknowns=1,
+            reach_mm=[-95.0, 0.0, 65.0], unknowns=1, volume_mm3=34000.0, centre_of_mass_mm=[-60.0, 0.0, 15.0],
+            thickness_mm=9.0, stress_at_mm=[[-50.0, 0.0, 0.0]], stress_forms=[FORM],
         )  # fmt: skip
 
     monkeypatch.setattr(solid_provider, "_computers", [compute])

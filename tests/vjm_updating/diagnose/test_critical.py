@@ -53,7 +53,7 @@ def test_a_pulled_bar_yields_all_through():
     problem, path = traced(COLUMN, LoadCase("straight", 1.5))
     found = first_yield(problem, path, COLUMN)
     assert found.force == pytest.approx(241.3 * 25.4 * 3.175, rel=1e-3)
-    assert found.words == "on the way"
+    assert found.words == "on the way, in link"
 
 
 def test_a_column_buckles_long_before_it_yields():

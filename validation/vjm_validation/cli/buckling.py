@@ -13,6 +13,7 @@ from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Path
 from vjm.engines import engine_by_name
 from vjm.errors import NoConvergenceError
+from vjm.io.model_file import read_document
 from vjm.model.load_case import RAMP, TO_LIMIT
 from vjm.model.parts import Placement
 from vjm_output import terminal
@@ -40,6 +41,7 @@ from vjm_validation.cli.status import UsageError
 from vjm_validation.documents import BucklingDocument
 from vjm_validation.load_any_model import loaded, postures
 from vjm_validation.metrics import PathMetrics, path_metrics
+from vjm_validation.yielding import yield_rows
 
 
 def buckling_(
@@ -103,14 +105,16 @@ def buckling_(
             raise NoConvergenceError(path.message) if no_solution else UsageError(path.message)
         paths.append(path)
         found.setdefault(label, {}).setdefault(str(way), {})[solver.label] = path_metrics(path)
+    yields = yield_rows(chain, read_document(model).content, [(a, str(b), c) for a, b, c in cases], paths)
     document = BucklingDocument(
-        model=chain.name, model_sha256=chain.sha256, version=__version__, chain=found, doubts=doubt_rows(doubts)
-    )
+        model=chain.name, model_sha256=chain.sha256, version=__version__, chain=found, yields=yields,
+        doubts=doubt_rows(doubts),
+    )  # fmt: skip
     if json:
         sys.stdout.write(as_json(document))
     else:
         terminal.console().print(tables.metrics_table(document))
-        for line in flutter_words(paths):
+        for line in (*flutter_words(paths), *(row.words for row in yields)):
             terminal.console().print(line, soft_wrap=True)
     pages.draw(plot, report, lambda: _content(paths, document), None if json else terminal.console())
     return gave_up(paths)
@@ -135,4 +139,10 @@ def _content(paths: list[Path], document: BucklingDocument) -> pages.Content:
     )  # fmt: skip
     sharp = sum(row[3] != "none" for row in rows)
     verdict = f"{sharp} of {len(rows)} paths have a critical point."
-    return pages.Content(f"{document.model}: buckling", verdict, path_pictures(paths), [table])
+    return pages.Content(
+        f"{document.model}: buckling",
+        verdict,
+        path_pictures(paths),
+        [table],
+        [row.words + "." for row in document.yields],
+    )

@@ -1,0 +1,57 @@
+"""What to know of a part from a drawing: whether a beam is like it, and whether it may buckle by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from vjm.io.drawn import Likeness, nearest_beam
+from vjm.io.errors import printed
+from vjm.io.findings import Grade
+from vjm.io.schema import BeamTable, ModelFile
+
+LIKE = 0.05
+"""Scaled difference of the nearest beam's compliance up to which it stands for the part."""
+STUBBY = 20.0
+"""Length over the larger radius of gyration below which plane sections do not stay plane: a depth of L/6."""
+THIN = 15.0
+"""Radius of gyration over the walls' thickness from which on a wall may buckle before the part does."""
+
+
+def drawings(model: ModelFile) -> Iterator[tuple[Grade, str, str]]:
+    """Parts from drawings."""
+    for table in model.parts:
+        if not isinstance(table, BeamTable) or table.drawing is None or table.compliance is None:
+            continue
+        where, near = f"part '{table.name}', compliance", nearest_beam(table.part())
+        miss = f"the nearest beam misses {near.entry} by {printed(100.0 * near.worst, 2)} % of √(c_ii c_jj)"
+        alike = near.worst <= LIKE
+        if table.section is None:
+            yield Grade.NOTED, where, _one_spring(near, miss) if alike else (
+                f"one spring does not buckle by itself, and no beam in this geometry is like the part ({miss}): "
+                "judge from its drawing whether it may"
+            )  # fmt: skip
+        elif not alike:
+            yield (
+                Grade.DOUBTFUL,
+                f"{where}.as_beam",
+                f"{miss}: leave as_beam out, or give root_mm and end_offset_mm",
+            )
+        if table.section is not None and near.length < STUBBY * near.gyration:
+            yield (
+                Grade.DOUBTFUL, f"{where}.as_beam",
+                f"too stubby for a beam: {printed(near.length, 3)} mm long with a radius of gyration of "
+                f"{printed(near.gyration, 3)} mm: leave as_beam out",
+            )  # fmt: skip
+        if alike and near.gyration > THIN * table.drawing.thickness_mm:
+            yield (
+                Grade.DOUBTFUL, where,
+                f"walls of about {printed(table.drawing.thickness_mm, 3)} mm at a radius of gyration of "
+                f"{printed(near.gyration, 3)} mm may buckle by themselves, which no spring or beam knows",
+            )  # fmt: skip
+
+
+def _one_spring(near: Likeness, miss: str) -> str:
+    return (
+        f"one spring does not buckle by itself; the part as a beam, free at its tip, does at "
+        f"{printed(near.euler, 3)} N of compression ({miss}): as_beam = true lets it"
+    )
