@@ -23,7 +23,8 @@ def drawings(model: ModelFile) -> Iterator[tuple[Grade, str, str]]:
         if not isinstance(table, BeamTable) or table.drawing is None or table.compliance is None:
             continue
         where, near = f"part '{table.name}', compliance", nearest_beam(table.part())
-        miss = f"the nearest beam misses {near.entry} by {printed(100.0 * near.worst, 2)} % of √(c_ii c_jj)"
+        i, j = near.entry
+        miss = f"the nearest beam misses ({i},{j}) by {printed(100.0 * near.worst, 2)} % of √(c_ii c_jj)"
         alike = near.worst <= LIKE
         if table.section is None:
             yield Grade.NOTED, where, _one_spring(near, miss) if alike else (
