@@ -18,8 +18,10 @@ from vjm.rotations import Array
 
 SAFE, UNSEEN = 1.25, 3.0
 LOWEST, HIGHEST = 0.7, 4.0
-"""Orders that are believed: a re-entrant corner makes twice its exponent (1.09 at 90°, a clamped edge about
+"""Orders that meshes have: a re-entrant corner makes twice its exponent (1.09 at 90°, a clamped edge about
 1.4), smooth solutions of quadratic elements 4."""
+CHANCE = 4.5
+"""Order from which on two meshes agree by chance: irregular meshes come and go by some change."""
 FLOOR = 1e-7
 """Scaled difference of meshes below which they agree."""
 
@@ -73,8 +75,8 @@ def _entry(near: float, far: float, h: NDArray[np.float64]) -> tuple[float, floa
     if size < FLOOR:
         return 0.0, FLOOR, np.nan
     p = _order(near, far, h)
-    if not p >= LOWEST:
-        # rising and falling by turns, or slower than anything known: the meshes only say how far apart they are
+    if not LOWEST <= p <= CHANCE:
+        # rising and falling by turns, slower or faster than anything known: the meshes only say how far apart
         return 0.0, UNSEEN * size, np.nan
     p = min(p, HIGHEST)
     change = near / ((h[1] / h[2]) ** p - 1.0)

@@ -16,7 +16,7 @@ import numpy as np
 from vjm.io.errors import printed
 from vjm_fea.solid.corners import re_entrant_edges
 from vjm_fea.solid.faces import KINDS, Face, is_drawing
-from vjm_fea.solid.libraries import interruptible, load
+from vjm_fea.solid.libraries import interruptible, kept_signals, left_running, load
 from vjm_fea.solid.mesh import Indices, SolidMesh, from_gmsh
 
 TRIANGLE6, TRIANGLE3, TETRAHEDRON10, TETRAHEDRON4, LINE3 = 9, 2, 11, 4, 8
@@ -190,8 +190,8 @@ def drawing(path: str | Path, scale: float = 1.0) -> Iterator[Drawing]:
         if not file.read(1):
             raise ValueError(f"{path.name}: the file is empty")
     gmsh = load("gmsh")
-    # Python keeps the answer to Ctrl-C
-    gmsh.initialize(["", "-nopopup"], readConfigFiles=False, interruptible=False)
+    with kept_signals():
+        gmsh.initialize(["", "-nopopup"], readConfigFiles=False, interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("General.NumThreads", 1)
@@ -202,7 +202,8 @@ def drawing(path: str | Path, scale: float = 1.0) -> Iterator[Drawing]:
         gmsh.model.add("part")
         yield _opened(gmsh, path, scale)
     finally:
-        gmsh.finalize()
+        if not left_running():
+            gmsh.finalize()
 
 
 def _opened(gmsh: Any, path: Path, scale: float) -> Drawing:  # noqa: ANN401

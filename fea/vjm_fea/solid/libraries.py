@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import importlib
 import logging
+import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 EXTRA = "pip install 'vjm-stiffness[solid]'"
@@ -34,10 +36,30 @@ def load(name: str) -> Any:  # noqa: ANN401
     return library
 
 
+@contextmanager
+def kept_signals() -> Iterator[None]:
+    """Put Python's answers to Ctrl-C and to a polite end back, which gmsh replaces by its own at its start."""
+    yield
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            handler = signal.getsignal(number)
+            if handler is not None:
+                signal.signal(number, handler)
+
+
+_left: list[threading.Event] = []
+
+
+def left_running() -> bool:
+    """Whether a call that was interrupted still runs: its library cannot be freed, nor the process end softly."""
+    return not all(done.is_set() for done in _left)
+
+
 def interruptible(call: Callable[[], Result]) -> Result:
     """Run a long call of a foreign library in a thread, so that Ctrl-C is answered at once.
 
-    The library itself cannot be stopped: its thread ends with the process, or when the call returns.
+    The library itself cannot be stopped: its thread ends with the process, or when the call returns. Until then
+    nothing may be asked of it, see `left_running`.
     """
     results: list[Result] = []
     failures: list[BaseException] = []
@@ -47,10 +69,18 @@ def interruptible(call: Callable[[], Result]) -> Result:
             results.append(call())
         except BaseException as error:  # handed to the caller below
             failures.append(error)
+        finally:
+            done.set()
 
+    done = threading.Event()
     thread = threading.Thread(target=work, daemon=True)
     thread.start()
-    thread.join()
+    try:
+        done.wait()
+    except BaseException:
+        # (a thread whose join was interrupted counts as dead, which it is not)
+        _left.append(done)
+        raise
     if failures:
         raise failures[0]
     return results[0]

@@ -11,7 +11,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from vjm.rotations import Array
-from vjm_fea.solid.libraries import interruptible, load
+from vjm_fea.solid.libraries import interruptible, left_running, load
 
 SYMMETRIC_DEFINITE = 2
 """PARDISO's name of the kind of matrix, of which it takes the upper triangle."""
@@ -49,11 +49,14 @@ def factorized(upper: scipy.sparse.csr_matrix) -> Factorization:
     if solver_name() == "pardiso":
         return _pardiso(upper)
     full = (upper + scipy.sparse.triu(upper, 1).T).tocsc()
-    lu = interruptible(
-        lambda: scipy.sparse.linalg.splu(
-            full, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    try:
+        lu = interruptible(
+            lambda: scipy.sparse.linalg.splu(
+                full, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+            )
         )
-    )
+    except RuntimeError as error:
+        raise ValueError(f"the stiffness matrix cannot be factorized (SuperLU: {error})") from error
     return Factorization(lu.solve, lambda: None)
 
 
@@ -71,4 +74,8 @@ def _pardiso(upper: scipy.sparse.csr_matrix) -> Factorization:
         result: Array = np.asarray(interruptible(lambda: solver.solve(upper, right)))
         return result
 
-    return Factorization(solve, lambda: solver.free_memory(everything=True))
+    def free() -> None:
+        if not left_running():
+            solver.free_memory(everything=True)
+
+    return Factorization(solve, free)

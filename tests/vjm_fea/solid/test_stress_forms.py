@@ -11,7 +11,7 @@ from vjm_fea.solid.drawing import drawing
 from vjm_fea.solid.elasticity import ElasticSolid, Material, von_mises
 from vjm_fea.solid.stress_forms import BELOW, away_from_ends, stress_forms
 
-FOOT = Path(__file__).parents[3] / "examples/parts/slotted-foot.step"
+FOOT = Path(__file__).parents[3] / "validation/vjm_validation/examples/parts/slotted-foot.step"
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -1,8 +1,12 @@
 """`validate identify --solid` as a user types it, and what it says to bad input."""
 
 import json
+import shutil
+import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +15,7 @@ from helpers.solids import drawn, gmsh_or_skip, prism
 
 from vjm_validation.cli import main
 
+PARTS = Path(__file__).parents[3] / "validation/vjm_validation/examples/parts"
 TIMOSHENKO = 4 * 100.0**3 / (70000 * 10 * 20**3) + 1.2 * 2.6 * 100.0 / (70000 * 10 * 20)
 """Deflection of the prism under a force, mm/N."""
 MATERIAL = ("--youngs", "70000", "--poisson", "0.3")
@@ -37,7 +42,7 @@ def run(folder, name, *options, base="0,0,0", tip="100,0,0"):
 
 
 def test_a_prism_as_json(folder):
-    done = run(folder, "prism.step", "--json", "--density", "2700", "--accuracy", "1")
+    done = run(folder, "prism.step", "--json", "--density", "2700", "--accuracy", "2")
     assert done.status == 0, done.err
     document = json.loads(done.out)
     assert document["mass_kg"] == pytest.approx(2.7e-6 * 100 * 20 * 10)
@@ -103,25 +108,46 @@ def test_bad_drawings_and_faces(folder, capfd, name, options, words):
         (("--part", "foot"), "--solid: takes a drawing alone"),
     ],
 )
-def test_bad_numbers(folder, options, words):
-    done = validate(
-        "identify",
-        "--solid",
-        str(folder / "prism.step"),
-        *_without(options[0]),
-        *options,
-        "--base",
-        "1",
-        "--tip",
-        "2",
-    )
-    assert done.status == 2
-    assert words in done.err
+def test_bad_numbers(folder, capsys, options, words):
+    given = [*_without(options[0]), *options, "--base", "1", "--tip", "2"]
+    assert main.run(["identify", "--solid", str(folder / "prism.step"), *given]) == 2
+    out, err = capsys.readouterr()
+    assert words in err
+    assert out == ""
+    assert len(err.strip().splitlines()) == 1
 
 
 def _without(name):
     pairs = list(zip(MATERIAL[::2], MATERIAL[1::2], strict=True))
     return [word for pair in pairs if pair[0] != name for word in pair]
+
+
+@pytest.mark.parametrize("command", ["identify", "check"])
+def test_an_interrupt_leaves_nothing_behind(tmp_path, command):
+    """Whatever a library is doing: status 130, one line, no file."""
+    gmsh_or_skip()
+    for name in ("l-bracket.step", "bracket-arm.toml"):
+        shutil.copy(PARTS / name, tmp_path)
+    file = tmp_path / "bracket-arm.toml"
+    file.write_text(file.read_text().replace("accuracy_percent = 2.0", "accuracy_percent = 0.01"))
+    ends = ["--base", "base", "--tip", "tip", "--accuracy", "0.01", "--pictures", ".", "--json"]
+    words = ["identify", "--solid", "l-bracket.step", *MATERIAL, *ends]
+    code = "from vjm_validation.cli.main import main; main()"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *(words if command == "identify" else ["check", file.name])],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    deadline = time.monotonic() + 120
+    while "libgmsh" not in Path(f"/proc/{process.pid}/maps").read_text():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    time.sleep(4.0 if command == "identify" else 2.0)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 130, err
+    assert (out, err) == ("", "validate: interrupted\n")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bracket-arm.toml", "l-bracket.step"]
 
 
 def test_the_command_starts_without_the_extra():

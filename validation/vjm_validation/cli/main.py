@@ -27,6 +27,8 @@ app = App(
     help="Stiffness of robot manipulators under load: the virtual joint method against finite elements.",
     version=__version__,
     result_action="return_value",
+    # said and answered in `run`
+    suppress_keyboard_interrupt=False,
     # what stands in brackets, such as vjm-<n>f<m>, is meant as it is written
     help_format="plaintext",
     help_epilogue="`validate COMMAND --help` shows a command's options with examples; docs/ has a page on each. "
@@ -111,6 +113,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except BrokenPipeError:
         # whoever read the output has gone; what the interpreter flushes at its end goes nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    libraries = sys.modules.get("vjm_fea.solid.libraries")
+    if libraries is not None and libraries.left_running():
+        # what an interrupted library still does must not meet what the interpreter takes down at its end
+        sys.stderr.flush()
+        os._exit(status)
     sys.exit(status)
 
 
@@ -133,6 +140,9 @@ def run(arguments: Sequence[str]) -> int:
         return OK
     except (ValueError, OSError, ImportError) as error:
         terminal.error(lacking(error) or terminal.one_line(error))
+        return BAD_INPUT
+    except MemoryError as error:
+        terminal.error(str(error) or "not enough memory")
         return BAD_INPUT
     except KeyboardInterrupt:
         terminal.error("interrupted")

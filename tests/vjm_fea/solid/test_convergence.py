@@ -1,0 +1,77 @@
+"""Intervals of extrapolated compliances: they hold what much finer meshes say, entry by entry."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.solids import gmsh_or_skip
+
+from vjm_fea.solid.compliance import Tip
+from vjm_fea.solid.convergence import HIGHEST, limit
+from vjm_fea.solid.elasticity import Material
+from vjm_fea.solid.identify import SolidTask, identify
+
+FOLDER = Path(__file__).parents[3] / "validation/vjm_validation/examples/parts"
+
+
+def outside(name, largest, first=8000, tips=(Tip.RIGID, Tip.SPREAD)):
+    """Entries whose interval from the first three meshes, or more, does not meet that of all meshes."""
+    gmsh_or_skip()
+    task = SolidTask(
+        FOLDER / f"{name}.step", Material(70000.0, 0.33), ("base",), ("tip",), accuracy=1e-9, largest=largest,
+        first=first, tips=tips,
+    )  # fmt: skip
+    found = identify(task)
+    assert len(found.sizes) >= 4
+    assert found.unknowns[-1] > 2 * found.unknowns[2]
+    missed = []
+    for tip, bound in found.bounds.items():
+        truth = bound.limit
+        for n in range(3, len(found.sizes)):
+            early = limit(found.sizes[:n], bound.meshes[:n])
+            far = np.abs(early.compliance - truth.compliance) > early.interval + truth.interval
+            missed += [(tip.value, n, i + 1, j + 1) for i, j in zip(*np.nonzero(np.triu(far)), strict=True)]
+            # the finest mesh itself, too: what is beyond it is smaller than what is before
+            far = np.abs(early.compliance - bound.meshes[-1]) > early.interval + truth.interval
+            missed += [(tip.value, n, i + 1, j + 1) for i, j in zip(*np.nonzero(np.triu(far)), strict=True)]
+    return missed
+
+
+def test_intervals_of_a_bracket_hold():
+    assert outside("l-bracket", 36_000, first=2000, tips=(Tip.SPREAD,)) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["slotted-foot", "l-bracket", "flanged-tube"])
+def test_intervals_of_the_shipped_parts_hold(name):
+    assert outside(name, 250_000) == []
+
+
+@pytest.mark.parametrize("order", [1.09, 2.0, 3.7])
+def test_a_known_order_is_extrapolated_exactly(order):
+    """c(h) = c + a hᵖ in every entry: the limit is c, the order p."""
+    exact = np.diag([3.0, 2.0, 1.0, 0.3, 0.2, 0.1])
+    exact[1, 5] = exact[5, 1] = 0.2
+    change = np.abs(exact) * 0.05
+    sizes = [9.0, 6.0, 4.0]
+    found = limit(sizes, [exact + change * (h / 9.0) ** order for h in sizes])
+    assert order < HIGHEST
+    assert found.order[1, 5] == pytest.approx(order, rel=1e-6)
+    assert found.compliance == pytest.approx(exact, abs=1e-9)
+    # and 1.25 times what the extrapolation changed is the half-interval
+    assert found.interval[1, 1] == pytest.approx(1.25 * change[1, 1] * (4.0 / 9.0) ** order, rel=1e-6)
+
+
+def test_meshes_that_agree_by_chance_are_not_believed():
+    """Of the slotted foot's entry (2,6): 0.6505, 0.65098, 0.65104 on three meshes, and 0.6514 in the limit."""
+    own = np.diag([3.0, 2.0, 1.0, 0.3, 0.2, 0.1])
+    found = limit([11.3, 7.55, 5.04], [c / 0.651037 * own for c in (0.650514, 0.650975, 0.651037)])
+    assert found.compliance[0, 0] - 3.0 * 0.65144 / 0.651037 == pytest.approx(0.0, abs=found.interval[0, 0])
+
+
+def test_changes_of_two_signs_are_no_order():
+    exact = np.diag([3.0, 2.0, 1.0, 0.3, 0.2, 0.1])
+    found = limit([9.0, 6.0, 4.0], [exact, 1.02 * exact, 1.01 * exact])
+    assert np.isnan(found.order[0, 0])
+    assert found.interval[0, 0] == pytest.approx(3.0 * 0.02 * 3.0, rel=1e-9)
+    assert found.compliance == pytest.approx(1.01 * exact)
