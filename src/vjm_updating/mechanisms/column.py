@@ -30,6 +30,8 @@ ROUNDS = 90
 """Of the search for the force."""
 TURNS = 40
 """Of the search for the moments of the pins."""
+SHUT = 1e-8
+"""Error of the pins' turns over the column's own at which it ends."""
 
 
 @dataclass(frozen=True)
@@ -114,32 +116,32 @@ def column_force(
     start = np.asarray(deflection, dtype=float) + bow
     force, turn = np.empty(len(start)), np.empty(len(start))
 
-    def held(moment: Array) -> Array:
-        """Moment of the pins' springs over that which was assumed ``(n,)``, where it acts."""
+    def missed(moment: Array) -> Array:
+        """By how much the pins turn further than their springs let them under such moments ``(n,)``, rad."""
         _forces(start, length, stiffness, bow, scale, moments, curvatures, moment, force, turn)
         # the bow's own slope does not load the spring
-        return restraint * (turn - bow * np.pi / length) - moment
+        return turn - bow * np.pi / length - moment / restraint
 
     low = np.zeros(len(start))
-    at_low = held(low)
-    if restraint == 0.0:
+    if restraint <= 0.0:
+        _forces(start, length, stiffness, bow, scale, moments, curvatures, low, force, turn)
         return force
-    # between free and clamped pins; those bear a moment of 2 π² EI w / L² at a small deflection w
+    at_low = missed(low)
     way = np.where(at_low >= 0.0, 1.0, -1.0)
-    high = way * np.minimum(np.abs(at_low), 3.0 * np.pi**2 * stiffness / length**2 * np.abs(start) + 1e-9)
-    at_high = held(high)
+    # clamped pins bear a moment of 2 π² EI w / L² at a small deflection w, and no spring much more
+    clamped = 2.0 * np.pi**2 * stiffness / length**2 * np.abs(start)
+    high = way * np.minimum(restraint * np.abs(at_low), clamped)
+    at_high = missed(high)
     for _ in range(TURNS):
-        span = high - low
-        middle = np.where(at_high != at_low, high - at_high * span / (at_high - at_low), 0.5 * (low + high))
-        at = held(middle)
-        if np.abs(at).max(initial=0.0) < 1e-9 * (1.0 + restraint):
+        middle = high - np.divide(
+            at_high * (high - low), at_high - at_low, out=np.zeros(len(low)), where=at_high != at_low
+        )
+        at = missed(middle)
+        if (np.abs(at) <= SHUT * np.abs(start) / length).all():
             break
         beyond = way * at < 0.0
         # Illinois: the end that stays counts half
-        at_low, at_high = (
-            np.where(beyond, 0.5 * at_low, at),
-            np.where(beyond, at, 0.5 * at_high),
-        )
+        at_low, at_high = np.where(beyond, 0.5 * at_low, at), np.where(beyond, at, 0.5 * at_high)
         low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
     return force
 
