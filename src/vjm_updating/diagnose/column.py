@@ -22,16 +22,19 @@ from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero
 from vjm_updating.diagnose.parameters import Coordinate, Hypothesis
 from vjm_updating.diagnose.stress import fibre_of
 from vjm_updating.diagnose.test_data import Observed
-from vjm_updating.experiment import Measurement
+from vjm_updating.experiment import Measurement, Readings
 from vjm_updating.experiment.channels import WRENCH, split_point
 from vjm_updating.mechanisms.column import Fibres, column_force
 from vjm_updating.mechanisms.effect import Effect, Quantity, part_table
+from vjm_updating.mechanisms.end_restraint import EndRestraint
 from vjm_updating.mechanisms.link_bow import LinkBow
 from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
 from vjm_updating.mechanisms.part_compliance import LinkCompliance
 from vjm_updating.mechanisms.series_elements import History
 
+BEFORE = 5
+"""Rows at the first mark before loading begins: of the files of marks known the shortest has six."""
 LEAST = 5
 """Half of the marks from which noise is estimated."""
 SET = 0.002
@@ -116,6 +119,7 @@ def observe_column(measurement: Measurement) -> Observed:
             "by its middle; give the displacement of the end-effector instead"
         )
     readings = measurement.readings
+    raw = readings
     if WRENCH[0] not in readings.values:
         raise ValueError(f"{readings.file}: column {WRENCH[0]} is missing: the load along the column is needed")
     if sheet.sigma(control).held:
@@ -151,7 +155,25 @@ def observe_column(measurement: Measurement) -> Observed:
         None,
         None,
         {control: 0},
+        zeros={WRENCH[0]: zero_before_loading(raw, control, sheet.sigma(WRENCH[0]).zero)},
     )
+
+
+def zero_before_loading(readings: Readings, control: str, sigma: float) -> tuple[float, float]:
+    """Bounds of the load cell's zero, N, by the rows before loading.
+
+    What the cell reads before the first mark is left is its zero, or a load that the fixtures make already. So the
+    zero lies between nothing and that, give or take three of the sheet's sigmas.
+
+    Args:
+        readings: all rows.
+        control: the channel of the marks.
+        sigma: of the zero by the sheet, N.
+    """
+    marks, force = readings.values[control], readings.values[WRENCH[0]]
+    first = force[marks == marks[0]][:BEFORE]
+    level = float(np.nanmedian(first)) if np.isfinite(first).any() else 0.0
+    return min(level, 0.0) - 3.0 * sigma, max(level, 0.0) + 3.0 * sigma
 
 
 def with_noise_found(observed: Observed, fit: Fit) -> Observed:
@@ -182,7 +204,14 @@ def with_noise_found(observed: Observed, fit: Fit) -> Observed:
 def column_effects(observed: Observed) -> list[Effect]:
     """The catalogue of such a test."""
     link = link_of(observed.measurement.chain)
-    found: list[Effect] = [ColumnBow(), LinkCompliance(beam=link), LinkLength(beam=link)]
+    beam = beam_of(observed.measurement.chain, link)
+    flexural = beam.effective_section().EIz / beam.length
+    found: list[Effect] = [
+        ColumnBow(),
+        LinkCompliance(beam=link),
+        LinkLength(beam=link),
+        EndRestraint(flexural=flexural),
+    ]
     section = _section(observed.measurement)
     if section is not None:
         stress = _table(observed.measurement).get("yield_stress_MPa")
@@ -330,7 +359,9 @@ class ColumnForward:
         beam = beam_of(machine.chain(), link_of(machine.nominal))
         section = beam.effective_section()
         fibres = _section(self.observed.measurement)
-        for effect, values in zip(hypothesis, values_of(found, z, hypothesis), strict=True):
+        known = list(zip(hypothesis, values_of(found, z, hypothesis), strict=True))
+        held = sum(values[0] for effect, values in known if isinstance(effect, EndRestraint))
+        for effect, values in known:
             if isinstance(effect, ColumnYield) and fibres is not None and not elastic:
                 modulus = section.EA / fibres.area
                 euler = np.pi**2 * section.EIz / beam.length**2
@@ -338,9 +369,9 @@ class ColumnForward:
                 left = max(values[0] - euler / fibres.area, 1.0)
                 proof = left * section.EIz / modulus / (0.5 * fibres.depth)
                 return column_force(
-                    w, beam.length, section.EIz, _bow(machine), proof, fibres, values[1], SET * modulus / left
+                    w, beam.length, section.EIz, _bow(machine), proof, fibres, values[1], SET * modulus / left, held
                 )
-        return column_force(w, beam.length, section.EIz, _bow(machine))
+        return column_force(w, beam.length, section.EIz, _bow(machine), restraint=held)
 
 
 def _bow(machine: ModifiedChain) -> float:

@@ -41,11 +41,11 @@ MANY = 6.0
 class ColumnTest:
     """Marks of deflection with a load each; see `vjm_updating.diagnose.kind_of_test.KindOfTest`.
 
-    Every column is bowed, however little, and yields in the end: a third cause is the first surprise and costs no
-    more than a second, and a cause whose own parameter may as well be nothing costs nothing more.
+    Every column is bowed, however little, and yields in the end: a cause whose own parameter may as well be nothing
+    costs nothing more.
     """
 
-    costs = Costs(third=0.0, disguised=0.0)
+    costs = Costs(disguised=0.0)
 
     def applies(self, measurement: Measurement) -> bool:
         """Where a point of a body controls the test and the end's displacement was not read."""

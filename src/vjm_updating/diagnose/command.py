@@ -111,7 +111,7 @@ def diagnose(
         if again is None:
             break
         prepared = again
-        before, search = best, replace(_search(prepared, kind, progress), hints=search.tried)
+        before, search = best, replace(_search(prepared, kind, progress), known=search.tried)
         best = search.run()
         prepared = replace(prepared, null=search.null)
         if best.labels == before.labels:

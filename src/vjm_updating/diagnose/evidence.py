@@ -17,12 +17,8 @@ from vjm_updating.mechanisms.effect import Effect
 
 DISTINCT, DISGUISED = 2.0, 12.0
 """Standard deviations by which a cause's own parameter must differ from nothing, and what it costs if not."""
-TWICE = 6.0
-"""What it costs that a cause acts in two places at once."""
-RARER, RAREST = 2.8, 8.0
-"""What a further cause costs: machines that lack two are a quarter as frequent as those that lack one; and what a
-third costs besides: something that no catalogue has is far likelier than three causes at once, whose laws, each
-with shapes of its own, explain nearly any smooth residual (docs/hidden-effects.md)."""
+RARER = 2.8
+"""What a further cause costs: machines that lack two are a quarter as frequent as those that lack one."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +26,9 @@ class Costs:
     """What a choice of causes costs that depends on the kind of test, in units of the objective.
 
     Attributes:
-        third: of each cause beyond the second.
         disguised: of a cause whose own parameter may as well be nothing.
     """
 
-    third: float = RAREST
     disguised: float = DISGUISED
 
 
@@ -58,10 +52,8 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     # what frees a nuisance has one parameter; what either is or is not has none
     free = sum(1 if release_key(e) else len(e.quantities()) for e in fit.hypothesis) - len(own)
     choice = 2.0 * sum(np.log(causes * places[e.cause]) for e in fit.hypothesis)
-    again = len(fit.hypothesis) - len({e.cause for e in fit.hypothesis})
-    cost = free * float(np.log(samples)) + float(choice) + TWICE * again
+    cost = free * float(np.log(samples)) + float(choice)
     cost += RARER * max(len(fit.hypothesis) - 1, 0)
-    cost += costs.third * max(len(fit.hypothesis) - 2, 0)
     A = fitter.normal(fit)
     covariance = inverse(A, np.ones(len(A), dtype=bool))
     spread = np.maximum(np.diag(covariance), 1e-300)

@@ -15,7 +15,7 @@ from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.holdout import Gain, Split, refitted_without, unsure
 from vjm_updating.diagnose.holdout_folds import Fold
 from vjm_updating.diagnose.scored_hypothesis import Ranked
-from vjm_updating.diagnose.search import MOST_CAUSES, Search
+from vjm_updating.diagnose.search import Search
 
 THIRD = 3
 """Every so many marks one is held out; in turn each but the first and the last."""
@@ -27,7 +27,7 @@ def with_one_more(search: Search, best: Ranked) -> Ranked:
 
     Those that were tried join the search's, so that a verdict knows of rivals.
     """
-    if not best.labels or len(best.labels) >= MOST_CAUSES:
+    if not best.labels:
         return best
     fitter, base = search.fitter, best.fit
     m = len(fitter.nuisances)
@@ -44,7 +44,7 @@ def with_one_more(search: Search, best: Ranked) -> Ranked:
         if fits:
             fit = min(fits, key=lambda one: one.objective)
             labels = frozenset(e.label for e in hypothesis)
-            search.tried[labels] = Ranked(fit, search._criterion(fit))
+            search.tried[labels] = search.ranked(fit)
     more = [r for labels, r in search.tried.items() if labels > best.labels and len(labels) == len(best.labels) + 1]
     top = min(more, key=lambda r: r.criterion, default=best)
     explained = base.objective - top.fit.objective

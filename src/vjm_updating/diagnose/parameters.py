@@ -6,7 +6,7 @@ A nuisance whose cause is tried loses its prior: it is then the whole deviation 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -129,7 +129,11 @@ def nuisance_coordinates(observed: Observed) -> list[Coordinate]:
             ("zero", known.zero if known else 0.0, size_of(channel)),
             ("scale", known.scale if known else 0.0, 0.01),
         ):
-            found.append(_nuisance(kind, channel, sigma, usual))
+            known_of = _nuisance(kind, channel, sigma, usual)
+            if kind == "zero" and channel in observed.zeros:
+                low, high = (bound / known_of.scale for bound in observed.zeros[channel])
+                known_of = replace(known_of, low=low, high=high)
+            found.append(known_of)
     found += [_nuisance("modulus", beam.name, sheet.tolerance.modulus_rel, 0.02) for beam in chain.beams]
     for link in links_of(chain):
         far = SHARE * beam_of(chain, link).length

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -36,6 +36,7 @@ class Observed:
         slots: index of the displacement that each of its channels is.
         wild: number of samples left out as wild.
         steady: how the displacement was steered; None where it is what was read.
+        zeros: bounds of a channel's zero, in its own unit, where readings without load show it.
     """
 
     measurement: Measurement
@@ -51,6 +52,7 @@ class Observed:
     slots: Mapping[str, int]
     wild: int = 0
     steady: Steady | None = None
+    zeros: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def present(self) -> np.ndarray:

@@ -6,23 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import expit
-from scipy.stats import chi2
 
 from vjm_updating.diagnose.equivalence_classes import best_verdict
 from vjm_updating.diagnose.evidence import size_covariance, would_not_show
 from vjm_updating.diagnose.fitting import Fitter
 from vjm_updating.diagnose.model_adequacy import Misfit
 from vjm_updating.diagnose.scored_hypothesis import Ranked
-from vjm_updating.diagnose.search import Search
-from vjm_updating.diagnose.stopping import WRONG_LAW
+from vjm_updating.diagnose.search import RIVAL, Search
 
 MISFIT, DOUBTFUL = 0.001, 0.01
 """Chance of calling a right model wrong: the sheet's, and one with causes, since what no catalogue has may be as
 likely as they are and is often half explained by one, or explained by a law of a shape that it never has."""
 STRAINED = 1e-6
 """Chance of nuisances so far from the sheet's below which the model is wrong, however well it then fits."""
-RIVAL = 16.0
-"""Criterion within which of the best a hypothesis may belong to its class."""
 PAYS = 6.6
 """Fall of the objective for which a law with a parameter more is preferred: one in a hundred does so by chance."""
 RIVALS = 12
@@ -77,13 +73,11 @@ def judge(search: Search, best: Ranked) -> Verdict:
     fitter = search.fitter
     best = search.settled(best)
     rest = search.rest(best.fit)
-    explained = search.null.objective - best.fit.objective
-    doubt = left_by_laws(rest, explained) if best.labels else rest.p
+    doubt = rest.p
     ended = best.fit.converged or not best.labels
     wrong = doubt < (DOUBTFUL if best.labels else MISFIT) or rest.strained < STRAINED or not ended
     wrong = wrong or rest.unusual < DOUBTFUL
     if best.labels and not wrong:
-        search.alike(best)
         for near in [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]:
             search.settled(near)
     weights = _weights(search, best)
@@ -127,21 +121,6 @@ def judge(search: Search, best: Ranked) -> Verdict:
         rest,
         tuple(places),
     )
-
-
-def left_by_laws(rest: Misfit, explained: float) -> float:
-    """Chance of what a fit leaves where its causes are right and their laws are so to some per cent.
-
-    What is left is noise, or a zero-mean Gaussian discrepancy in proportion to what the causes explain, whichever
-    makes it more likely. `WRONG_LAW` is two standard deviations of that, so one is 7 % of the effect's size.
-
-    Args:
-        rest: what the fit leaves.
-        explained: squares that its causes explain.
-    """
-    if rest.left <= 0.0 or explained <= 0.0:
-        return rest.p
-    return max(rest.p, float(chi2.sf(4.0 * rest.left / (WRONG_LAW * explained), 1)))
 
 
 def proved(verdict: Verdict, before: float, after: float, expected: float) -> Verdict:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
@@ -27,6 +27,9 @@ from vjm_updating.experiment.sheet import Sheet
 
 DEADBAND = 4.0
 """Change over a reading's noise below which a displacement is held; of both its ends, so about 3 sigma."""
+
+SETTLED = 5
+"""Rows at a mark whose median is taken: two of them may be stale."""
 
 
 class DataError(ValueError):
@@ -121,15 +124,33 @@ class Readings:
         return result
 
     def settled(self, held: str) -> Readings:
-        """For a channel that was steered to marks: the last row of each group that carries one mark."""
+        """For a channel that was steered to marks: one row for each group that carries one mark.
+
+        It is the last one, with the medians of the last rows in its channels: half of the group's, at most
+        `SETTLED`. A single row may be a stale one, and the first ones were read on the way.
+        """
         marks = self.values[held]
         last = np.ones(len(self), dtype=bool)
         last[:-1] = (marks[1:] != marks[:-1]) | (self.sequence[1:] != self.sequence[:-1])
-        return self.only(last)
+        ends = np.flatnonzero(last) + 1
+        begins = np.concatenate([[0], ends[:-1]])
+        rows = [slice(b - min(SETTLED, max((b - a) // 2, 1)), b) for a, b in zip(begins, ends, strict=True)]
+        found = self.only(last)
+        values = {
+            name: column if name == TIME else np.array([_median(self.values[name][own]) for own in rows])
+            for name, column in found.values.items()
+        }
+        return replace(found, values=values)
 
     def _columns(self, names: tuple[str, ...], absent: float) -> Array:
         missing = np.full(len(self), absent)
         return np.column_stack([self.values.get(name, missing) for name in names])
+
+
+def _median(values: Array) -> float:
+    """Of those that were read; nan where none was."""
+    known = values[~np.isnan(values)]
+    return float(np.median(known)) if len(known) else float("nan")
 
 
 def read_readings(path: Path, sheet: Sheet) -> Readings:

@@ -3,7 +3,9 @@
 The line of action passes through both pins, so that the bending moment is the force times the distance from it.
 From the middle outwards ``dy/ds = sin θ``, ``dθ/ds = −(κ(P y) + κ₀(s))`` with κ the curvature that a moment makes
 and κ₀ that of the bow. P is such that y vanishes at the pin: the elastica where κ = M/EI, and the limit of many
-virtual springs. Loading must be monotone: what has yielded is taken to follow the same curve (deformation theory).
+virtual springs. Where the pins turn against a rotational spring k, its moment acts all along the column and
+M = P y − k θ with θ the turn of the pin. Loading must be monotone: what has yielded is taken to follow the same
+curve (deformation theory).
 """
 
 from __future__ import annotations
@@ -26,6 +28,10 @@ CURVATURES = 160
 """At which moments are tabulated."""
 ROUNDS = 90
 """Of the search for the force."""
+TURNS = 40
+"""Of the search for the moments of the pins."""
+SHUT = 1e-8
+"""Error of the pins' turns over the column's own at which it ends."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +90,7 @@ def column_force(
     fibres: Fibres | None = None,
     exponent: float = 40.0,
     offset: float = 0.5,
+    restraint: float = 0.0,
 ) -> Array:
     """Compressive forces ``(n,)`` at deflections of the middle from the unloaded shape.
 
@@ -97,6 +104,7 @@ def column_force(
         fibres: of the section, where it yields.
         exponent: see `yield_curve`.
         offset: see `yield_curve`.
+        restraint: stiffness of a rotational spring at each pin, N mm per rad; 0 for free pins.
 
     Returns:
         N; Euler's load where a straight column is not deflected.
@@ -106,8 +114,35 @@ def column_force(
         moments, curvatures = yield_curve(fibres, exponent, offset)
     scale = proof if len(moments) > 2 else stiffness / length
     start = np.asarray(deflection, dtype=float) + bow
-    force = np.empty(len(start))
-    _forces(start, length, stiffness, bow, scale, moments, curvatures, force)
+    force, turn = np.empty(len(start)), np.empty(len(start))
+
+    def missed(moment: Array) -> Array:
+        """By how much the pins turn further than their springs let them under such moments ``(n,)``, rad."""
+        _forces(start, length, stiffness, bow, scale, moments, curvatures, moment, force, turn)
+        # the bow's own slope does not load the spring
+        return turn - bow * np.pi / length - moment / restraint
+
+    low = np.zeros(len(start))
+    if restraint <= 0.0:
+        _forces(start, length, stiffness, bow, scale, moments, curvatures, low, force, turn)
+        return force
+    at_low = missed(low)
+    way = np.where(at_low >= 0.0, 1.0, -1.0)
+    # clamped pins bear a moment of 2 π² EI w / L² at a small deflection w, and no spring much more
+    clamped = 2.0 * np.pi**2 * stiffness / length**2 * np.abs(start)
+    high = way * np.minimum(restraint * np.abs(at_low), clamped)
+    at_high = missed(high)
+    for _ in range(TURNS):
+        middle = high - np.divide(
+            at_high * (high - low), at_high - at_low, out=np.zeros(len(low)), where=at_high != at_low
+        )
+        at = missed(middle)
+        if (np.abs(at) <= SHUT * np.abs(start) / length).all():
+            break
+        beyond = way * at < 0.0
+        # Illinois: the end that stays counts half
+        at_low, at_high = np.where(beyond, 0.5 * at_low, at), np.where(beyond, at, 0.5 * at_high)
+        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
     return force
 
 
@@ -120,15 +155,21 @@ def _forces(
     scale: float,
     moments: Array,
     curvatures: Array,
+    held: Array,
     force: Array,
+    turned: Array,
 ) -> None:
-    """Write the forces ``(n,)`` by bisection and false position; the moment ``scale`` has the curve's unit."""
+    """Write the forces ``(n,)`` by bisection and false position, and how far the pins turn.
+
+    The moment ``scale`` has the curve's unit; ``held`` are the moments of the pins.
+    """
     euler = np.pi**2 * stiffness / length**2
     for i in range(len(start)):
         y0 = start[i] if abs(start[i]) > 1e-6 else 1e-6
-        low, high = -4.0 * euler, 2.0 * euler
-        at_low = _end(low, y0, length, bow, stiffness, scale, moments, curvatures)
-        at_high = _end(high, y0, length, bow, stiffness, scale, moments, curvatures)
+        # clamped pins bear four times Euler's load
+        low, high = -4.0 * euler, (2.0 if held[i] == 0.0 else 6.0) * euler
+        at_low = _end(low, y0, length, bow, stiffness, scale, moments, curvatures, held[i])[0]
+        at_high = _end(high, y0, length, bow, stiffness, scale, moments, curvatures, held[i])[0]
         P = low
         side = 0
         for k in range(ROUNDS):
@@ -136,7 +177,7 @@ def _forces(
             if k % 4 != 3 and at_high != at_low:
                 P = high - at_high * (high - low) / (at_high - at_low)
                 P = min(max(P, low + 1e-3 * (high - low)), high - 1e-3 * (high - low))
-            value = _end(P, y0, length, bow, stiffness, scale, moments, curvatures)
+            value = _end(P, y0, length, bow, stiffness, scale, moments, curvatures, held[i])[0]
             if abs(value) < 1e-12 or high - low < 1e-11 * euler:
                 break
             # Illinois: the end that stays twice counts half
@@ -149,6 +190,7 @@ def _forces(
                 at_low *= 0.5 if side == -1 else 1.0
                 side = -1
         force[i] = P
+        turned[i] = -_end(P, y0, length, bow, stiffness, scale, moments, curvatures, held[i])[1]
 
 
 @kernel
@@ -178,8 +220,9 @@ def _end(
     scale: float,
     moments: Array,
     curvatures: Array,
-) -> float:
-    """Distance of the pin from the line of action over that of the middle, between −1 and 1."""
+    held: float,
+) -> tuple[float, float]:
+    """Distance of the pin from the line of action over that of the middle, from −1 to 1, and the slope there."""
     h = 0.5 * length / STEPS
     own = bow * (np.pi / length) ** 2
     y, turn = y0, 0.0
@@ -187,22 +230,23 @@ def _end(
     for k in range(STEPS):
         s = k * h
         a = np.sin(turn)
-        b = -_curvature(P * y, stiffness, scale, moments, curvatures) - own * np.cos(np.pi * s / length)
+        b = -_curvature(P * y - held, stiffness, scale, moments, curvatures) - own * np.cos(np.pi * s / length)
         middle = own * np.cos(np.pi * (s + 0.5 * h) / length)
         y1, t1 = y + 0.5 * h * a, turn + 0.5 * h * b
-        c, d = np.sin(t1), -_curvature(P * y1, stiffness, scale, moments, curvatures) - middle
+        c, d = np.sin(t1), -_curvature(P * y1 - held, stiffness, scale, moments, curvatures) - middle
         y2, t2 = y + 0.5 * h * c, turn + 0.5 * h * d
-        e, f = np.sin(t2), -_curvature(P * y2, stiffness, scale, moments, curvatures) - middle
+        e, f = np.sin(t2), -_curvature(P * y2 - held, stiffness, scale, moments, curvatures) - middle
         y3, t3 = y + h * e, turn + h * f
         g = np.sin(t3)
-        i = -_curvature(P * y3, stiffness, scale, moments, curvatures) - own * np.cos(np.pi * (s + h) / length)
+        end = own * np.cos(np.pi * (s + h) / length)
+        i = -_curvature(P * y3 - held, stiffness, scale, moments, curvatures) - end
         y += h / 6.0 * (a + 2.0 * c + 2.0 * e + g)
         turn += h / 6.0 * (b + 2.0 * d + 2.0 * f + i)
         # beyond a right angle, or across the line of action, the force is too large, wherever the curl ends
         if turn * sign < -0.5 * np.pi:
-            return -1.0
+            return -1.0, turn
         if turn * sign > 0.5 * np.pi:
-            return 1.0
+            return 1.0, turn
         if y * sign < 0.0 and k < STEPS - 1:
-            return max(y * sign / abs(y0), -1.0) if y * sign / abs(y0) < -1e-3 else -1e-3
-    return min(max(y * sign / abs(y0), -1.0), 1.0)
+            return (max(y * sign / abs(y0), -1.0) if y * sign / abs(y0) < -1e-3 else -1e-3), turn
+    return min(max(y * sign / abs(y0), -1.0), 1.0), turn

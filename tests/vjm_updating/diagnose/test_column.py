@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from vjm_updating.diagnose.column import observe_column
 from vjm_updating.diagnose.column_experiment import direct
@@ -62,6 +63,16 @@ def test_the_elastica_rises_with_the_square():
     # P/P_E = 1 + (π w/L)²/8 (Timoshenko and Gere, eq. 2-23 to second order)
     rise = column_force(w, L, EI) / euler - 1.0
     np.testing.assert_allclose(rise, (np.pi * w / L) ** 2 / 8.0, rtol=0.02)
+
+
+@pytest.mark.parametrize("held", [0.0, 0.4, 4.0, 4000.0])
+def test_pins_that_resist_turning(held):
+    """Between free and clamped ends: tan μ = −2μ/κ, P = 4μ² EI/L², κ the springs' stiffness over EI/L."""
+    L, EI = 300.0, 4.7e6
+    mu = brentq(lambda m: held * np.sin(m) + 2.0 * m * np.cos(m), 0.5 * np.pi, np.pi)
+    # the rule's own error for a clamped column; a deflection of a hundredth of a millimetre adds 1e-9
+    found = column_force(np.array([0.01]), L, EI, restraint=held * EI / L)
+    assert found[0] == pytest.approx(4.0 * mu**2 * EI / L**2, rel=2e-5)
 
 
 def test_a_rectangle_yields_to_one_and_a_half():

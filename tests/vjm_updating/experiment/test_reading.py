@@ -130,16 +130,18 @@ def test_noise_makes_no_branches(draft: Draft):
 MARKS = GAUGE_SHEET + 'held = "target"\n'
 
 
-def test_a_mark_that_was_steered_to_keeps_its_last_row(draft: Draft):
+def test_a_mark_that_was_steered_to_keeps_what_settled(draft: Draft):
     draft.sheet = MARKS
     draft.header = ["posture", "fx_N", "mid.uy_mm"]
     groups = [(0.0, (-3.0, -5.0)), (1.5, (-300.0, -400.0, -420.0)), (3.0, (-460.0, -470.0))]
+    # on the way, then at the mark, and at last a stale row
+    groups.append((4.5, (-470.0, -476.0, -481.0, -480.0, -482.0, -336.0)))
     draft.rows = [["straight", str(f), str(mark)] for mark, forces in groups for f in forces]
     found = draft.read()
     assert not found.imposed
     settled = found.readings.settled("mid.uy_mm")
-    assert list(settled.values["mid.uy_mm"]) == [0.0, 1.5, 3.0]
-    assert list(settled.values["fx_N"]) == [-5.0, -420.0, -470.0]
+    assert list(settled.values["mid.uy_mm"]) == [0.0, 1.5, 3.0, 4.5]
+    assert list(settled.values["fx_N"]) == [-5.0, -420.0, -470.0, -480.0]
 
 
 def test_force_control_takes_measured_displacements(draft: Draft):
