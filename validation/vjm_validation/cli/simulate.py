@@ -26,6 +26,13 @@ def simulate_(
             "link_bow=1.0; may be repeated. docs/effects.md lists them."
         ),
     ] = (),
+    engine: Annotated[
+        Literal["lumped", "exudyn"],
+        Parameter(
+            help="What the machine is made of: the sheet's lumped model, or geometrically exact beams, which share "
+            "nothing with the model that a diagnosis fits and carry some of the effects."
+        ),
+    ] = "lumped",
     noise: Annotated[
         Literal["sheet", "none"], Parameter(help="The sheet's noise and tolerances, or none.")
     ] = "sheet",
@@ -42,7 +49,9 @@ def simulate_(
     json: Annotated[bool, Parameter(negative="", help="Print truth.json and nothing else.")] = False,
 ) -> int:
     """Make the readings of a machine with a hidden effect, and say how strong it is in that test."""
-    truth = simulate(model, test, out, hide=hide, noise=noise, seed=seed, ramps=ramp)
+    truth = simulate(
+        model, test, out, hide=hide, noise=noise, seed=seed, ramps=ramp, engine=engine.replace("lumped", "")
+    )
     if json:
         sys.stdout.write(as_json(truth))
         return OK
