@@ -27,6 +27,13 @@
     if (link && link.hash === location.hash) reveal();
   });
   addEventListener("beforeprint", () => document.querySelectorAll("details.print").forEach((one) => { one.open = true; }));
+  // where the contents stand above the page and not beside it they take one line until they are asked for
+  const contents = document.querySelector(".contents"), narrow = matchMedia("(max-width: 56rem)");
+  if (contents) {
+    const fold = () => { contents.open = !narrow.matches; };
+    fold(); narrow.addEventListener("change", fold);
+    contents.addEventListener("click", (event) => { if (narrow.matches && event.target.closest("a")) contents.open = false; });
+  }
   const all = document.querySelector(".open-all");
   if (all) {
     all.hidden = false;
@@ -52,6 +59,7 @@
     if (plain.length === body.rows.length) {
       [...head.rows[0].cells].forEach((cell, column) => {
         const text = [...cell.childNodes];
+        if (!cell.textContent.trim()) return;
         const own = button("", () => {
           const down = cell.getAttribute("aria-sort") === "ascending";
           for (const other of head.rows[0].cells) other.removeAttribute("aria-sort");

@@ -19,7 +19,14 @@ from vjm_validation.report.discovery_chapter import discovery_picture, discovery
 from vjm_validation.report.end_condition_figures import end_condition_picture
 from vjm_validation.report.figures import posture_pictures, postures
 from vjm_validation.report.findings import findings
-from vjm_validation.report.first_screen import TOLERANCES, matrix, verdict, wrong_in_the_paper
+from vjm_validation.report.first_screen import (
+    TOLERANCES,
+    failing,
+    matrix,
+    not_run_because,
+    verdict,
+    wrong_in_the_paper,
+)
 from vjm_validation.report.first_screen import counts as counts_of
 from vjm_validation.report.iteration_figures import iteration_picture
 from vjm_validation.report.ladder_figures import digits_table, ladder_picture
@@ -111,6 +118,8 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         verdict_tone=tone,
         verdict_words=words,
         checked=checked,
+        failing=failing(run.summary),
+        not_run=not_run_because(run.summary),
         wrong=wrong_in_the_paper(run),
         matrix=matrix(run),
         tolerances=TOLERANCES,
