@@ -224,6 +224,8 @@ class Drawing:
 def drawing_of(fig: Figure) -> Drawing:
     """The figure as PNG and, with its values, as SVG."""
     image = png(fig)
+    # laid out once; measuring the labels again takes as long as to draw
+    fig.set_layout_engine("none")
     return Drawing(image, vector(fig, RC, f"plot{hashlib.sha256(image).hexdigest()[:8]}"))
 
 

@@ -49,11 +49,10 @@ def vector(fig: Figure, rc: dict[Any, Any], name: str) -> Vector | None:
     """The figure as SVG with the values behind it; None where no line of it has a name.
 
     Args:
-        fig: drawn in the report's style.
+        fig: drawn in the report's style, its panels where they stay.
         rc: matplotlib's settings of that style.
         name: of the figure, unique on its page.
     """
-    fig.canvas.draw()
     lines: list[_Line] = []
     marked: list[str] = []
     for panel, ax in enumerate(fig.axes):

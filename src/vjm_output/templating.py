@@ -68,7 +68,7 @@ def _csv_uri(vector: Vector) -> str:
 def page_script() -> str:
     """The script of every page, as it stands in its element."""
     folder = resources.files("vjm_output") / "templates"
-    return "".join((folder / name).read_text(encoding="utf-8") for name in ("page.js", "scene.js"))
+    return "".join((folder / name).read_text(encoding="utf-8") for name in ("page.js", "plots.js", "scene.js"))
 
 
 def _hash(script: str) -> str:

@@ -28,6 +28,7 @@ from vjm_updating.experiment.measurement import planned_measurement
 from vjm_updating.experiment.sheet import Sheet
 from vjm_updating.mechanisms.catalogue import plug_in
 from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.simulate.beams import BeamMachine, refuse_what_beams_cannot_carry
 from vjm_updating.simulate.hidden import Hidden, parsed_effects, sizes
 from vjm_updating.simulate.plan import Ramp, parsed_ramp, planned_readings, usual_ramps
 
@@ -64,15 +65,23 @@ class Truth(BaseModel):
 
 @dataclass(frozen=True)
 class _Machine:
-    """The machine with what is hidden in it, at the planned readings."""
+    """The machine with what is hidden in it, at the planned readings; beams where it has the name of an engine."""
 
     observed: Observed
     nuisances: tuple[Coordinate, ...]
     effects: tuple[Effect, ...]
     values: list[list[float]]
+    engine: str = ""
 
     def wrench(self, drawn: Array) -> Array:
         """Readings ``(n, 6)`` without noise, with nuisances ``(m,)`` in their sigmas."""
+        if self.engine:
+            released = self._released(drawn)
+            off = {(c.kind, c.subject): c.value(float(z)) for c, z in zip(self.nuisances, released, strict=True)}
+            readings, hidden = self.observed.readings, tuple(zip(self.effects, self.values, strict=True))
+            chain = self.observed.measurement.chain
+            beams = BeamMachine(chain, readings.posture, readings.run, self.observed.pose, hidden, self.engine)
+            return beams.wrench(off)
         found = coordinates(self.nuisances, self.effects)
         z = start(found, self.effects, self._released(drawn), self.values)
         at = Forward(self.observed).evaluate(found, z, self.effects)
@@ -91,7 +100,7 @@ class _Machine:
 
 def simulate(
     model: str, sheet: Path, out: Path, *, hide: Sequence[str], noise: str = "sheet", seed: int = 0,
-    ramps: Sequence[str] = (), plug_ins: Sequence[Path] = (),
+    ramps: Sequence[str] = (), plug_ins: Sequence[Path] = (), engine: str = "",
 ) -> Truth:  # fmt: skip
     """Write a test's two files and the truth behind them.
 
@@ -104,6 +113,8 @@ def simulate(
         seed: of noise and tolerances.
         ramps: ``POSTURE:END`` or ``POSTURE:AXIS:END``; every posture pulled and pushed where none is given.
         plug_ins: files with effects of one's own, see docs/effects.md.
+        engine: of the finite elements that the machine is made of; empty for the sheet's lumped model. Whatever
+            these differ in counts as hidden, such as one spring a link of the sheet's model.
 
     Raises:
         ValueError: an input cannot be used; one line.
@@ -119,7 +130,9 @@ def simulate(
     # effects know the test by its forces
     scene = replace(observed, wrench=np.where(observed.present, nominal.wrench(rest), np.nan))
     hidden = parsed_effects(hide, ramp_effects(scene, more))
-    machine = replace(nominal, effects=tuple(e for e, _ in hidden), values=[v for _, v in hidden])
+    if engine:
+        refuse_what_beams_cannot_carry(hidden, engine)
+    machine = replace(nominal, effects=tuple(e for e, _ in hidden), values=[v for _, v in hidden], engine=engine)
     strength, largest, left, channel = _strength(nominal, machine)
     rng = np.random.default_rng(seed)
     allowed = np.array([c.sigma > 0.0 for c in nominal.nuisances])
@@ -134,7 +147,7 @@ def simulate(
     truth = Truth(
         version=__version__,
         model=observed.measurement.chain.name,
-        engine=observed.measurement.engine.label,
+        engine=engine or observed.measurement.engine.label,
         hidden=_named(hidden),
         seed=seed,
         noise=noise,

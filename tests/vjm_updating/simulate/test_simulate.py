@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment import read_measurement
+from vjm_updating.simulate import beams
 from vjm_updating.simulate.command import DATA, SHEET, TRUTH, simulate, words
 
 MODEL = "orthoglide-chain"
@@ -83,6 +85,51 @@ def test_an_effect_of_one_s_own_is_hidden_like_the_catalogue_s(sheet, tmp_path):
     simulate(MODEL, sheet, tmp_path, hide=["soft=2e-5"], noise="none", ramps=["A:2"], plug_ins=[law])
     # files have six decimals
     np.testing.assert_allclose(column(tmp_path, "fx_N"), known, atol=2e-6)
+
+
+@pytest.fixture
+def coarse(monkeypatch):
+    """Fewer points of a path of beams: cubics err by 1e-6 of the force between these."""
+    pytest.importorskip("exudyn")
+    monkeypatch.setattr(beams, "STEPS", 8)
+
+
+def test_readings_of_beams_are_the_path_of_a_bowed_and_soft_machine(sheet, tmp_path, coarse):
+    """Chords of finite elements against the lumped machine that has bow and drive by its model file's keys."""
+    hide = ["link_bow=1.0", "actuator_compliance=2e-5"]
+    truth = simulate(MODEL, sheet, tmp_path, hide=hide, noise="none", ramps=["A:-2"], engine="exudyn")
+    assert truth.engine == "exudyn"
+    chain = load_chain(MODEL).with_actuator_compliance(2e-5)
+    parts = tuple(replace(p, bow=(1.0, 0.0)) if p.name == "link" else p for p in chain.parts)
+    engine, straight = VjmEngine.of(16, 16), LoadCase("A", -2.0, steps=100)
+    path = engine.trace(replace(chain, parts=parts), straight)
+    u, force = column(tmp_path, "ux_mm"), column(tmp_path, "fx_N")
+    expected = np.interp(-u, path.s, -path.force)
+    plain = engine.trace(chain, straight)
+    change = np.abs(np.interp(-u, plain.s, -plain.force) - expected).max()
+    assert change > 100.0
+    # 16 chords: the second order of their length, 0.3 % of what the bow does
+    np.testing.assert_allclose(force, expected, atol=0.01 * change)
+
+
+def test_beams_turn_lengthen_weigh_and_misread(sheet, tmp_path, coarse):
+    """Against the machine of the sheet with as many springs, whose way to its readings is another one."""
+    sheet.write_text(BARE.replace("link_segments = 4", "link_segments = 16\nfoot_segments = 16"))
+    hide = [
+        *("load_misalignment=0.05", "link_length=0.5", "gravity=30", "base_compliance=1e-5"),
+        *("foot_compliance=1.1", "instrument_zero.fx_N=20", "instrument_scale.fx_N=0.01"),
+    ]
+    for engine in ("", "exudyn"):
+        simulate(MODEL, sheet, tmp_path / engine, hide=hide, noise="none", ramps=["A:1"], engine=engine)
+    ours, beams_ = column(tmp_path, "fx_N"), column(tmp_path / "exudyn", "fx_N")
+    np.testing.assert_allclose(beams_, ours, atol=2e-5 * np.abs(ours).max())
+
+
+def test_what_beams_cannot_carry_is_refused_with_what_they_can(sheet, tmp_path):
+    with pytest.raises(ValueError, match=r"--hide joint_friction: .* they carry actuator_compliance, ") as refusal:
+        simulate(MODEL, sheet, tmp_path / "out", hide=["joint_friction"], ramps=["A:1"], engine="exudyn")
+    assert "\n" not in str(refusal.value)
+    assert not (tmp_path / "out").exists()
 
 
 def test_strength_of_a_zero_error_is_that_of_a_mean(sheet, tmp_path):

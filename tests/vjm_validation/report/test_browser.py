@@ -57,9 +57,16 @@ def open_page(browser):
         page.close()
 
 
+def open_all(page):
+    """Everything unfolded; on a narrow page the button is in the contents, which are folded."""
+    if not page.get_by_role("button", name="Open all").is_visible():
+        page.locator(".contents > summary").click()
+    page.get_by_role("button", name="Open all").click()
+
+
 def test_the_page_asks_for_nothing_and_says_no_error(open_page, folder):
     page = open_page(folder / "index.html")
-    page.get_by_role("button", name="Open all").click()
+    open_all(page)
     page.wait_for_timeout(300)
     assert page.errors == []
     assert page.requests == [(folder / "index.html").as_uri()]
@@ -68,7 +75,7 @@ def test_the_page_asks_for_nothing_and_says_no_error(open_page, folder):
 @pytest.mark.parametrize("width", WIDTHS)
 def test_nothing_overflows(open_page, folder, width):
     page = open_page(folder / "index.html", width)
-    page.get_by_role("button", name="Open all").click()
+    open_all(page)
     page.wait_for_timeout(200)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     inside = page.evaluate(
@@ -131,11 +138,47 @@ def test_a_plot_says_its_values_and_zooms(open_page, folder, computed):
     k = int(np.argmin(np.abs(shown.s - shift)))
     assert (shift, force) == pytest.approx((shown.s[k], shown.force[k] / 1e3), rel=1e-4)
     assert shift == pytest.approx(point.s, abs=0.1)
-    whole = figure.locator("svg").get_attribute("viewBox")
-    figure.get_by_role("button", name="zoom in").click()
-    assert figure.locator("svg").get_attribute("viewBox") != whole
+
+
+def test_a_zoomed_panel_has_axes_of_its_own_and_its_values(open_page, folder, computed):
+    page = open_page(folder / "index.html")
+    figure = page.locator("#figure-force_A")
+    figure.scroll_into_view_if_needed()
+    (left, top, right, bottom), x, y = (
+        json.loads(figure.get_attribute("data-axes"))[1][key] for key in ("box", "x", "y")
+    )
+    plot = figure.locator("svg").bounding_box()
+    scale = plot["width"] / float(figure.locator("svg").get_attribute("viewBox").split()[2])
+
+    def screen(share_x, share_y):
+        return plot["x"] + scale * (left + share_x * (right - left)), plot["y"] + scale * (
+            bottom - share_y * (bottom - top)
+        )
+
+    # the part of the panel around the critical point
+    path = computed.paths[Key("A", Direction.COMPRESSION, "vjm-16f16")]
+    at = (path.critical.s - x[0]) / (x[1] - x[0]), (path.critical.force / 1e3 - y[0]) / (y[1] - y[0])
+    page.mouse.move(*screen(at[0] - 0.1, at[1] + 0.1))
+    page.mouse.down()
+    page.mouse.move(*screen(at[0] + 0.1, at[1] - 0.1))
+    page.mouse.up()
+    words = [text.replace("\u2212", "-") for text in figure.locator(".own-axes text").all_inner_texts()]
+    half_x, half_y = 0.1 * (x[1] - x[0]), 0.1 * (y[1] - y[0])
+    found = [float(word) for word in words]
+    on_x = [v for v in found if abs(v - path.critical.s) <= 1.01 * half_x]
+    on_y = [v for v in found if abs(v - path.critical.force / 1e3) <= 1.01 * half_y]
+    assert len(on_x) >= 3
+    assert len(on_y) >= 3
+    assert len(on_x) + len(on_y) == len(found)
+    # the critical point now lies in the middle
+    page.mouse.move(*screen(0.5, 0.5))
+    values = figure.locator(".tip").inner_text().partition(": ")[2].split(", ")
+    assert float(values[0]) == pytest.approx(path.critical.s, abs=0.2 * half_x)
     figure.get_by_role("button", name="whole figure").click()
-    assert figure.locator("svg").get_attribute("viewBox") == whole
+    assert figure.locator(".own-axes text").count() == 0
+    assert figure.get_by_role("button", name="whole figure").is_disabled()
+    figure.get_by_role("button", name="zoom in").click()
+    assert figure.locator(".own-axes text").count() > 6
 
 
 def test_a_table_is_sorted_and_filtered(open_page, run, bare, tmp_path):
@@ -143,7 +186,7 @@ def test_a_table_is_sorted_and_filtered(open_page, run, bare, tmp_path):
     values = [3.0, 1e-7, 20.0, 0.5, 7.0, 1e9, 2.0, 4.0, 6.0, 8.0, 9.0, 10.0, 11.0]
     run.summary["verification"] = [{**known, "name": f"case {k}", "value": v} for k, v in enumerate(values)]
     page = open_page(write_report(run, tmp_path))
-    page.get_by_role("button", name="Open all").click()
+    open_all(page)
     table = page.locator("#checks details table")
     head = table.get_by_role("button", name="Value")
 

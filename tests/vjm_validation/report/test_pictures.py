@@ -1,6 +1,7 @@
 """What the figures and renders draw."""
 
 import io
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,11 @@ import pytest
 from PIL import Image
 
 from vjm.continuation.direction import Direction
+from vjm.io.manipulator_file import load_manipulator
+from vjm.model.load_case import LoadCase
 from vjm.model.parts import Placement
+from vjm.platform.problem import ManipulatorEngine
+from vjm.vjm_engine import VjmEngine
 from vjm_output import off_screen
 from vjm_output.plot_style import PAGE_WIDTH, Margins, figure, number
 from vjm_validation.report.figures import (
@@ -20,7 +25,10 @@ from vjm_validation.report.figures import (
 )
 from vjm_validation.report.iteration_figures import iteration_picture
 from vjm_validation.report.lumping_figures import MARKS, PLACES, converged, lumping_pictures
+from vjm_validation.report.robot_scenes import robot_renders, robot_skeleton
+from vjm_validation.report.scenes import radii_of
 from vjm_validation.report.skeleton import Camera, Skeleton, magnification, picture_axes, skeleton
+from vjm_validation.studies.robots import Robots, RobotStudy
 from vjm_validation.studies.study_results import Key
 
 PULLED, PUSHED = Direction.TENSION, Direction.COMPRESSION
@@ -185,3 +193,44 @@ def test_margins_hold_what_stands_around_the_axes(rows, columns):
         assert -0.01 <= box.x0 <= box.x1 <= PAGE_WIDTH + 0.01
         assert -0.01 <= box.y0 <= box.y1 <= height + 0.01
     assert not any(a.overlaps(b) for k, a in enumerate(inches) for b in inches[:k])
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """The Orthoglide, coarsely, and a stand-in under the finite elements' label."""
+    machine, case = load_manipulator("orthoglide"), LoadCase("isotropic", -1.0, "x", steps=2)
+    engines = {"vjm-16f16": VjmEngine(2, 2), "exudyn": VjmEngine(3, 3)}
+    return {
+        ("isotropic", -1, label): replace(ManipulatorEngine(engine).trace(machine, case), engine=label)
+        for label, engine in engines.items()
+    }
+
+
+def test_a_robot_is_drawn_leg_by_leg_to_one_platform(pressed):
+    path = pressed["isotropic", -1, "vjm-16f16"]
+    drawn = robot_skeleton(path, path.points[-1])
+    rows = len(path.stations)
+    np.testing.assert_array_equal(drawn.moved[:rows], path.points[-1].shape - path.points[0].shape)
+    legs = [part.partition("/")[0] for part in drawn.parts]
+    for first, last, _ in drawn.pieces:
+        assert len(set(legs[first:last])) == 1
+    # every row of a leg is on a line, and three arms meet at the platform, which has moved by the displacement
+    on_lines = {row for first, last, _ in drawn.pieces for row in range(first, last)}
+    assert on_lines == set(range(len(drawn.parts)))
+    arms = [i for i, leg in enumerate(legs) if leg == "platform"][1::2]
+    assert len(arms) == 3
+    np.testing.assert_allclose(drawn.moved[arms], 3 * [[-1.0, 0.0, 0.0]], atol=1e-9)
+
+
+def test_a_robot_turns_with_the_radii_of_its_parts(pressed):
+    if reason := off_screen.why_not_rendered():
+        pytest.skip(reason)
+    study = RobotStudy(Robots(stiffness=[], critical=[], misfit=[], mobility=[]), pressed)
+    (picture,) = robot_renders(study)
+    shown = json.loads(picture.scene)
+    assert [model["name"] for model in shown["models"]] == ["exudyn", "vjm-16f16"]
+    assert shown["s"][-1] == 1.0
+    radii = {round(radius, 3) for _, _, radius in shown["models"][0]["pieces"]}
+    leg = load_manipulator("orthoglide").legs[0].chain
+    assert {round(radius, 3) for radius in radii_of(leg).values()} <= radii
+    assert np.asarray(Image.open(io.BytesIO(picture.content))).min() < 100

@@ -39,7 +39,7 @@ EXAMPLES = {
         "docs/diagnosis.md",
     ),
     "simulate": (
-        "validate simulate orthoglide-chain --test SHEET.toml --hide link_bow=1.0 --seed 7",
+        "validate simulate orthoglide-chain --test SHEET.toml --hide link_bow=1.0 --engine exudyn",
         "validate diagnose",
         "docs/diagnosis.md, docs/effects.md",
     ),

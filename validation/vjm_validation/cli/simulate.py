@@ -28,6 +28,13 @@ def simulate_(
         ),
     ] = (),
     effects: EffectFiles = (),
+    engine: Annotated[
+        Literal["lumped", "exudyn"],
+        Parameter(
+            help="What the machine is made of: the sheet's lumped model, or geometrically exact beams, which share "
+            "nothing with the model that a diagnosis fits and carry some of the effects."
+        ),
+    ] = "lumped",
     noise: Annotated[
         Literal["sheet", "none"], Parameter(help="The sheet's noise and tolerances, or none.")
     ] = "sheet",
@@ -45,7 +52,10 @@ def simulate_(
 ) -> int:
     """Make the readings of a machine with a hidden effect, and say how strong it is in that test."""
     tell_what_runs(effects)
-    truth = simulate(model, test, out, hide=hide, noise=noise, seed=seed, ramps=ramp, plug_ins=effects)
+    truth = simulate(
+        model, test, out, hide=hide, noise=noise, seed=seed, ramps=ramp, plug_ins=effects,
+        engine=engine.replace("lumped", ""),
+    )  # fmt: skip
     if json:
         sys.stdout.write(as_json(truth))
         return OK

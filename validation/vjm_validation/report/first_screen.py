@@ -13,6 +13,9 @@ from vjm_validation.report.figures import posture_paths, postures, worst_differe
 from vjm_validation.report.words import SHARP, engine_metrics
 from vjm_validation.studies.study_results import Run
 
+SHOWN = 4
+"""Reasons and failed checks that the first screen names."""
+
 
 @dataclass(frozen=True)
 class Count:
@@ -24,7 +27,6 @@ class Count:
         passed: how many.
         failed: how many.
         not_run: how many.
-        why: they were not run; the commonest reason first.
     """
 
     name: str
@@ -32,7 +34,21 @@ class Count:
     passed: int
     failed: int
     not_run: int
-    why: str = ""
+
+
+@dataclass(frozen=True)
+class Failing:
+    """One check that does not hold.
+
+    Attributes:
+        name: of the check.
+        chapter: where it stands.
+        words: what was asked for and what was found.
+    """
+
+    name: str
+    chapter: str
+    words: str
 
 
 @dataclass(frozen=True)
@@ -65,34 +81,56 @@ class Matrix:
 
 def counts(summary: Mapping[str, Any]) -> list[Count]:
     """Checks by kind; what was not run is neither passed nor failed."""
-    acceptance = summary.get("acceptance", ())
-    verification = summary.get("verification", ())
-    triangulation = summary.get("triangulation", ())
-    found = [
-        _count("requirements of acceptance", "checks", ((row["passed"], "") for row in acceptance)),
-        _count(
-            "known answers", "verification", ((row["passed"], row.get("not_run") or "") for row in verification)
-        ),
-        _count(
-            "pairs of engines on the paper's chain",
-            "verification",
-            ((row["passed"], row.get("not_run") or "") for row in triangulation),
-        ),
-    ]
-    return [row for row in found if row.passed + row.failed + row.not_run]
+    names = (
+        ("requirements of acceptance", "checks", "acceptance"),
+        ("known answers", "verification", "verification"),
+        ("pairs of engines on the paper's chain", "verification", "triangulation"),
+    )
+    found = []
+    for name, chapter, key in names:
+        passed = [row["passed"] for row in summary.get(key, ())]
+        if passed:
+            found.append(Count(name, chapter, *(sum(one is v for one in passed) for v in (True, False, None))))
+    return found
 
 
-def _count(name: str, chapter: str, checks: Iterable[tuple[bool | None, str]]) -> Count:
-    rows = list(checks)
+def not_run_because(summary: Mapping[str, Any]) -> list[str]:
+    """Why checks were not run and how many by that reason, the commonest first."""
     reasons: dict[str, int] = {}
-    for passed, why in rows:
-        if passed is None and why:
-            reasons[why] = reasons.get(why, 0) + 1
-    commonest = sorted(reasons, key=lambda why: -reasons[why])[:3]
-    return Count(
-        name, chapter, sum(p is True for p, _ in rows), sum(p is False for p, _ in rows),
-        sum(p is None for p, _ in rows), "; ".join(commonest),
-    )  # fmt: skip
+    for key in ("acceptance", "verification", "triangulation"):
+        for row in summary.get(key, ()):
+            if row["passed"] is None:
+                why = str(row.get("not_run") or row.get("value") or "no reason given")
+                # the same reason is told with what was refused in front of it
+                for begin in ("not run: ", "refused: ", "opensees: "):
+                    why = why.removeprefix(begin)
+                reasons[why] = reasons.get(why, 0) + 1
+    ordered = sorted(reasons.items(), key=lambda item: -item[1])
+    return [f"{why} ({count} {'check' if count == 1 else 'checks'})" for why, count in ordered[:SHOWN]]
+
+
+def failing(summary: Mapping[str, Any]) -> list[Failing]:
+    """The first checks that do not hold, and how many more there are."""
+    found = [
+        Failing(row["name"], "checks", f"{number(row['value'])}, where {row['requirement']}")
+        for row in summary.get("acceptance", ()) if row["passed"] is False
+    ] + [
+        Failing(
+            row["name"], "checks",
+            f"{row['quantity']} is {number(row['value'])} and should be {number(row['reference'])}; "
+            f"error {number(row['error'], 2)}, tolerance {number(row['tolerance'], 2)}",
+        )
+        for row in summary.get("verification", ()) if row["passed"] is False
+    ] + [
+        Failing(
+            f"{row['posture']}, {row['direction']}", "verification",
+            f"{row['quantity']} of {' and '.join(row['engines'])} differs by {number(row['difference'], 2)}; "
+            f"tolerance {number(row['tolerance'], 2)}",
+        )
+        for row in summary.get("triangulation", ()) if row["passed"] is False
+    ]  # fmt: skip
+    more = len(found) - SHOWN
+    return found[:SHOWN] + ([Failing("More", "checks", f"{more} others do not hold")] if more > 0 else [])
 
 
 def verdict(rows: list[Count], notes: Iterable[str] = ()) -> tuple[str, str]:
@@ -135,7 +173,7 @@ def _cell(paths: Mapping[str, Any], engine: str) -> Cell:
     within = apart <= CURVE_AGREEMENT and same
     if both:
         within = within and abs(path.critical.force / reference.critical.force - 1.0) <= LOAD_AGREEMENT
-    return Cell(critical, percent(apart), "yes" if within else "no")
+    return Cell(critical, percent(apart).replace("less than ", "<\u2009"), "yes" if within else "no")
 
 
 TOLERANCES = f"{percent(LOAD_AGREEMENT)} of the critical force and {percent(CURVE_AGREEMENT)} of the curve"
@@ -154,17 +192,15 @@ def wrong_in_the_paper(run: Run) -> tuple[str, ...]:
     if artefact:
         where = listed([f"{number(pulled[p]['F_cr'])} N in {p}" for p in artefact])
         sentences.append(
-            f"The paper's chain buckles when it is pulled ({where}); the same parts as beams do not: the one "
-            "translational spring at the end of each rigid link makes it."
+            f"The paper's chain buckles when it is pulled ({where}); the same parts as beams do not. The cause is "
+            "the one translational spring at the end of each rigid link."
         )
     missed = [
         p for p, m in real_pushed.items()
         if m["critical"] in SHARP and p in pushed and pushed[p]["critical"] is None
     ]  # fmt: skip
     if missed:
-        where = listed(
-            [f"{number(real_pushed[p]['F_cr'])} N in {p}, where the paper's chain goes on to "
-             f"{number(pushed[p]['F_end'])} N" for p in missed]
-        )  # fmt: skip
-        sentences.append(f"Pushed, the beams buckle at {where}.")
+        where = listed([f"{number(real_pushed[p]['F_cr'])} N in {p}" for p in missed])
+        on = listed([f"{number(pushed[p]['F_end'])} N" for p in missed])
+        sentences.append(f"Pushed, the beams buckle at {where}; the paper's chain does not, and goes on to {on}.")
     return tuple(sentences)

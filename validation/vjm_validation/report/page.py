@@ -19,7 +19,14 @@ from vjm_validation.report.discovery_chapter import discovery_picture, discovery
 from vjm_validation.report.end_condition_figures import end_condition_picture
 from vjm_validation.report.figures import posture_pictures, postures
 from vjm_validation.report.findings import findings
-from vjm_validation.report.first_screen import TOLERANCES, matrix, verdict, wrong_in_the_paper
+from vjm_validation.report.first_screen import (
+    TOLERANCES,
+    failing,
+    matrix,
+    not_run_because,
+    verdict,
+    wrong_in_the_paper,
+)
 from vjm_validation.report.first_screen import counts as counts_of
 from vjm_validation.report.iteration_figures import iteration_picture
 from vjm_validation.report.ladder_figures import digits_table, ladder_picture
@@ -28,6 +35,7 @@ from vjm_validation.report.markdown import findings_markdown
 from vjm_validation.report.parallelogram_chapter import distance_picture, parallelogram_tables
 from vjm_validation.report.proofs import foot_picture, published_picture
 from vjm_validation.report.renders import render_pictures
+from vjm_validation.report.robot_scenes import robot_renders
 from vjm_validation.report.robots_chapter import robot_pictures, robot_tables
 from vjm_validation.studies.study_results import Run
 from vjm_validation.verification.families import TITLES
@@ -84,8 +92,10 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     for folder, pictures in (("figures", figures), ("renders", renders)):
         for picture in pictures:
             write_whole(out / folder / f"{picture.name}.png", picture.content)
+    machines += [picture for picture in renders if picture.name.startswith("robot_")]
+    chains = [picture for picture in renders if picture not in machines]
     key_render = next(
-        (p for ending in ("_tension", "_compression") for p in renders if p.name.endswith(ending)), None
+        (p for ending in ("_tension", "_compression") for p in chains if p.name.endswith(ending)), None
     )
     key_figure = next(iter(next(iter(curves.values()), [])), None)
     sections = [
@@ -111,6 +121,8 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         verdict_tone=tone,
         verdict_words=words,
         checked=checked,
+        failing=failing(run.summary),
+        not_run=not_run_because(run.summary),
         wrong=wrong_in_the_paper(run),
         matrix=matrix(run),
         tolerances=TOLERANCES,
@@ -167,7 +179,8 @@ def _renders(run: Run) -> tuple[list[Picture], str]:
     if reason:
         return [], reason
     try:
-        return render_pictures(run), ""
+        robots = robot_renders(run.robots) if run.robots is not None else []
+        return [*render_pictures(run), *robots], ""
     except (RuntimeError, OSError, ImportError) as failure:
         return [], f"{type(failure).__name__}: {failure}"
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from vjm_output.plot_style import (
     png,
 )
 from vjm_validation.report.figures import postures
-from vjm_validation.report.scenes import turnable
+from vjm_validation.report.scenes import Draw, turnable
 from vjm_validation.report.skeleton import (
     Camera,
     Skeleton,
@@ -38,8 +38,8 @@ from vjm_validation.report.skeleton import (
 from vjm_validation.studies.study_results import Key, Run
 
 GHOST, BASE, JOINT, TOOL = "#a8a8a8", "#222222", "#CC79A7", "#009E73"
-WIDTH = 1000
-"""Of one rendered panel, pixels; drawn smaller, so that edges come out smooth."""
+WIDTH = 660
+"""Of one rendered panel, pixels: as many as it has in the picture, so that nothing has to be interpolated."""
 
 
 def render_pictures(run: Run) -> list[Picture]:
@@ -59,12 +59,46 @@ def render_pictures(run: Run) -> list[Picture]:
 
 
 def _picture(chain: Chain, posture: str, direction: Direction, paths: Mapping[str, Path]) -> Picture:
+    what = (
+        "The rigid link of the paper's model leans to one side and the spring at its end (thin) bridges "
+        "the gap to the tool: leaning moves the pins apart, so that pulling makes it lean. The beam does not."
+        if PAPER in paths
+        else "The tube is the finite elements' line; the beads bound the lumped model's segments."
+    )
+    return rendered_states(
+        f"{posture}_{direction}",
+        f"Posture {posture}, {direction}",
+        what,
+        paths,
+        lambda path, point: skeleton(chain, path, point),
+        picture_axes,
+        turnable(chain, paths),
+    )
+
+
+def rendered_states(
+    name: str,
+    title: str,
+    what: str,
+    paths: Mapping[str, Path],
+    draw: Draw,
+    axes_of: Callable[[Sequence[Skeleton]], tuple[Array, Array]],
+    scene: str,
+) -> Picture:
+    """Models over each other at the critical point, where there is one, and at the end of their paths.
+
+    Args:
+        name: of the picture.
+        title: what is loaded and how.
+        what: to see in it.
+        paths: by engine label.
+        draw: the lines of a path's machine at one of its points.
+        axes_of: right and up ``(3,)`` of the view.
+        scene: JSON of the same for the page's script.
+    """
     states = _states(paths)
-    drawn = [
-        {label: skeleton(chain, paths[label], point) for label, point in points.items()}
-        for points in states.values()
-    ]
-    right, up = picture_axes(list(drawn[-1].values()))
+    drawn = [{label: draw(paths[label], point) for label, point in points.items()} for points in states.values()]
+    right, up = axes_of(list(drawn[-1].values()))
     ruler = ruler_length(list(drawn[-1].values()))
     factors = [magnification(list(group.values())) for group in drawn]
     scenes = _cropped(
@@ -74,29 +108,22 @@ def _picture(chain: Chain, posture: str, direction: Direction, paths: Mapping[st
         ]
     )
     height, width = scenes[0].shape[:2]
-    artefact = PAPER in paths
     with figure(PAGE_WIDTH / len(drawn) * height / width + 1.6, len(drawn)) as (fig, axes):
-        for ax, title, times, scene in zip(axes, states, factors, scenes, strict=True):
-            ax.imshow(scene, interpolation="lanczos")
+        for ax, heading, times, shown in zip(axes, states, factors, scenes, strict=True):
+            ax.imshow(shown, interpolation="nearest")
             ax.set(xticks=[], yticks=[])
             ax.spines[:].set_visible(False)
-            ax.set_title(f"{title}\ndisplacements drawn {times} × their size", fontsize=8.5)
-        fig.suptitle(f"Posture {posture}, {direction}", fontsize=10, fontweight="bold")
+            ax.set_title(f"{heading}\ndisplacements drawn {times} × their size", fontsize=8.5)
+        fig.suptitle(title, fontsize=10, fontweight="bold")
         fig.legend(handles=_legend(paths, ruler), loc="outside lower center", ncols=3, fontsize=7.5)
         content = Drawing(png(fig))
-    what = (
-        "The rigid link of the paper's model leans to one side and the spring at its end (thin) bridges "
-        "the gap to the tool: leaning moves the pins apart, so that pulling makes it lean. The beam does not."
-        if artefact
-        else "The tube is the finite elements' line; the beads bound the lumped model's segments."
-    )
     return Picture(
-        f"{posture}_{direction}",
+        name,
         content,
-        f"Posture {posture}, {direction}: {' and '.join(paths)}",
+        f"{title}: {' and '.join(paths)}",
         f"Displacements are drawn {listed([str(times) for times in factors])} times their size, as the "
         f"panels say; the machine itself is to scale. {what}",
-        turnable(chain, paths),
+        scene,
     )
 
 
@@ -145,6 +172,7 @@ def _scene(group: Mapping[str, Skeleton], times: float, camera: Camera, ruler: f
     plotter = pv.Plotter(off_screen=True, window_size=(WIDTH, WIDTH))
     try:
         plotter.set_background("white")
+        plotter.enable_anti_aliasing("ssaa")
         rest = next(iter(group.values()))
         _tubes(plotter, rest, 0.0, GHOST, 1.3 * unit)
         for label, one in group.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,28 +17,48 @@ from vjm_validation.report.skeleton import Camera, Skeleton, magnification, pict
 
 STATES = 24
 """Along the path."""
+ASPECT = 1.6
+"""Width over height of what the script draws on."""
 THIN = 0.012
 """Radius of what has no section, such as a rigid arm, over the chain's extent."""
 
 
-def turnable(chain: Chain, paths: Mapping[str, Path]) -> str:
-    """JSON of a scene, see ``vjm_output/templates/scene.js``; mm and N.
+Draw = Callable[[Path, Equilibrium], Skeleton]
+"""The lines of a path's machine at one of its points."""
 
-    Tubes have the radius of the full circle whose two radii of gyration have the product of the section's, so that
-    a flat bar shows by its mean thickness.
+
+def turnable(chain: Chain, paths: Mapping[str, Path]) -> str:
+    """JSON of a chain's scene, see `scene`.
 
     Args:
         chain: whose parts are drawn.
         paths: by engine label; the first one's unloaded shape is shown too.
     """
+    return scene(paths, lambda path, point: skeleton(chain, path, point), radii_of(chain), picture_axes)
+
+
+def scene(
+    paths: Mapping[str, Path],
+    draw: Draw,
+    radii: Mapping[str, float],
+    axes: Callable[[Sequence[Skeleton]], tuple[Array, Array]],
+) -> str:
+    """JSON of a scene, see ``vjm_output/templates/scene.js``; mm and N.
+
+    Args:
+        paths: by engine label; the first one's unloaded shape is shown too.
+        draw: what is drawn.
+        radii: of the tubes, mm, by part; what has none is thin.
+        axes: right and up ``(3,)`` of the first view by what is seen at the paths' ends.
+    """
     critical = [path.critical.s for path in paths.values() if path.critical and path.critical.point]
     end = min(path.s[-1] for path in paths.values())
     s = np.unique(np.concatenate([np.linspace(0.0, end, STATES), [v for v in critical if v <= end]]))
-    shapes = {label: _along(chain, path, s) for label, path in paths.items()}
+    shapes = {label: _along(draw, path, s) for label, path in paths.items()}
     ends = [moved[-1] for moved in shapes.values()]
     times = [magnification([moved[k] for moved in shapes.values()]) for k in range(len(s))]
     start = int(np.argmin(np.abs(s - min(critical)))) if critical and min(critical) <= end else len(s) - 1
-    right, up = picture_axes(ends)
+    right, up = axes(ends)
     camera = Camera.framing(right, up, [moved[start] for moved in shapes.values()], times[start])
     extent = float(np.max(np.ptp(ends[0].points, axis=0)))
     gap = _gaps(shapes) if FE in shapes and len(shapes) == 2 else None
@@ -50,7 +70,7 @@ def turnable(chain: Chain, paths: Mapping[str, Path]) -> str:
         "right": _rounded(right, 5),
         "up": _rounded(up, 5),
         "focus": _rounded(camera.focus),
-        "size": round(1.2 * max(camera.half_width, camera.half_height), 3),
+        "size": round(1.2 * max(camera.half_width, ASPECT * camera.half_height), 3),
         "joint": round(THIN * extent, 3),
         "largest": 0.0 if gap is None else round(float(gap.max()), 6),
         "models": [
@@ -58,7 +78,7 @@ def turnable(chain: Chain, paths: Mapping[str, Path]) -> str:
                 "name": label,
                 "colour": engine_style(label).colour,
                 "rest": _rounded(along[0].points),
-                "pieces": _pieces(chain, along[0], THIN * extent),
+                "pieces": _pieces(radii, along[0], THIN * extent),
                 "joints": list(along[0].joints),
                 "moved": [_rounded(one.moved, 4) for one in along],
                 "force": _rounded(force_at(paths[label], s), 2),
@@ -70,12 +90,26 @@ def turnable(chain: Chain, paths: Mapping[str, Path]) -> str:
     return json.dumps(document, separators=(",", ":"))
 
 
+def radii_of(chain: Chain) -> dict[str, float]:
+    """Radius of the tube that stands for each beam whose section is known, mm.
+
+    That of the full circle whose two radii of gyration have the product of the section's, so that a flat bar shows
+    by its mean thickness.
+    """
+    radii = {}
+    for beam in chain.beams:
+        if beam.section is not None:
+            gyration = np.sqrt(np.sqrt(beam.section.EIy * beam.section.EIz) / beam.section.EA)
+            radii[beam.name] = 2.0 * float(gyration)
+    return radii
+
+
 def _rounded(values: Array, digits: int = 3) -> Any:  # noqa: ANN401
     return np.round(values, digits).tolist()
 
 
-def _along(chain: Chain, path: Path, s: Array) -> list[Skeleton]:
-    """The chain's lines at displacements ``(k,)``, linear between the points of the path."""
+def _along(draw: Draw, path: Path, s: Array) -> list[Skeleton]:
+    """The machine's lines at displacements ``(k,)``, linear between the points of the path."""
     points: list[Equilibrium] = [*path.points, *(e.point for e in path.events if e.point is not None)]
     points.sort(key=lambda point: point.s)
     at = np.array([point.s for point in points])
@@ -84,7 +118,7 @@ def _along(chain: Chain, path: Path, s: Array) -> list[Skeleton]:
         high = int(np.clip(np.searchsorted(at, value), 1, len(at) - 1))
         low = high - 1
         share = (value - at[low]) / (at[high] - at[low]) if at[high] > at[low] else 1.0
-        a, b = (skeleton(chain, path, points[k]) for k in (low, high))
+        a, b = (draw(path, points[k]) for k in (low, high))
         moved = a.moved + np.clip(share, 0.0, 1.0) * (b.moved - a.moved)
         result.append(Skeleton(b.points, moved, b.pieces, b.joints, b.beads, b.parts))
     return result
@@ -108,13 +142,8 @@ def _gaps(shapes: Mapping[str, list[Skeleton]]) -> Array:
     return np.array(result)
 
 
-def _pieces(chain: Chain, one: Skeleton, thin: float) -> list[list[float]]:
+def _pieces(radii: Mapping[str, float], one: Skeleton, thin: float) -> list[list[float]]:
     """(first row, last row + 1, radius) of each line; lines of one radius end where the part does."""
-    radii = {}
-    for beam in chain.beams:
-        if beam.section is not None:
-            gyration = np.sqrt(np.sqrt(beam.section.EIy * beam.section.EIz) / beam.section.EA)
-            radii[beam.name] = 2.0 * float(gyration)
     found: list[list[float]] = []
     for first, last, fine in one.pieces:
         begin = first
