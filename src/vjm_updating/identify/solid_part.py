@@ -24,7 +24,7 @@ from vjm_updating.identify.solid_documents import (
 from vjm_updating.identify.taper import tapered
 
 LIKE_A_BEAM = 5e-3
-"""Scaled half-interval within which a beam counts as the part's, where the bounds are closer."""
+"""Scaled rounding half-width within which a beam counts as the part's, where the bounds are closer."""
 STUBBY = 20.0
 """Length over the larger radius of gyration below which plane sections do not stay plane: a depth of L/6."""
 TAPERS = 0.05
@@ -135,7 +135,7 @@ def _warnings(found: SolidCompliance, beams: list[BeamDocument]) -> list[str]:
     if not beam.met:
         texts.append(
             f"no uniform beam is like this part: the best misses {beam.worst_entry} by "
-            f"{number(beam.worst_misfit, 3)} half-intervals, {percent(beam.worst_scaled)} of √(c_ii c_jj)"
+            f"{number(beam.worst_misfit, 3)} rounding half-widths, {percent(beam.worst_scaled)} of √(c_ii c_jj)"
         )
     return texts
 
@@ -169,5 +169,5 @@ def _findings(found: SolidCompliance, beams: list[BeamDocument], taper: TaperDoc
         "which this matrix does not know"
     )
     if found.task.held is Base.CLAMPED:
-        lines.append("the base is held at every point; a real joint gives way more")
+        lines.append("the base is held at every point; a real joint deflects more")
     return lines
