@@ -267,7 +267,7 @@ def buckling(
         engine: as for `trace`.
         options: likewise.
         to: how far, mm, or N with ``force``; 4 mm by default.
-        free: components in which the end-effector is let go, such as ``("rx", "ry", "rz")``.
+        free: components in which the end-effector is free, such as ``("rx", "ry", "rz")``.
         force: a dead force along x is driven, up to its first maximum, instead of the displacement.
 
     Raises:

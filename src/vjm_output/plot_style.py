@@ -94,7 +94,7 @@ def engine_style(label: str) -> EngineStyle:
 
 
 def engine_order(label: str) -> tuple[int, str]:
-    """Sorting key: the order of `ENGINES`, strangers last by name."""
+    """Sorting key: the order of `ENGINES`, engines that it does not know last, by name."""
     known = list(ENGINES)
     return (known.index(label) if label in ENGINES else len(known), label)
 

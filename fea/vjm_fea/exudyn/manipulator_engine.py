@@ -82,7 +82,7 @@ class ManipulatorExudynProblem(BeamProblem):
         return self.statics.section_force(point.state, nodes[0], nodes[1])
 
     def giving_way(self, critical: Equilibrium) -> dict[str, float]:
-        """Which legs give way at a critical point: each one's share of the mode, their squares adding up to one.
+        """Which legs deflect at a critical point: each one's share of the mode, their squares adding up to one.
 
         What counts is how far a leg's beams bow out of their chords.
         """

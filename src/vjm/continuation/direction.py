@@ -9,7 +9,7 @@ from vjm.model.chain import Chain
 DEFAULT_REACH_MM = 4.0
 """How far paths go: the paper's own range of displacements."""
 LATE_BEND_OVER = ("orthoglide-chain", ("B", "D"), 14.0)
-"""The paper's slanted postures bend over only at 7 to 9 mm of compression: their paths go to 14 mm."""
+"""The paper's slanted postures have their knee only at 7 to 9 mm of compression: their paths go to 14 mm."""
 
 
 class Direction(StrEnum):

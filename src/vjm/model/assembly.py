@@ -285,7 +285,7 @@ class Assembly:
         self.rigid = NOWHERE
 
     def _spring_of_22(self, compliance: Array, part: str) -> None:
-        """Shifts, then turns, as (22) has them; those that do not give way are left out.
+        """Translations, then rotations, as (22) has them; those that do not deflect are left out.
 
         Raises:
             ValueError: the compliance is not that of a spring.
@@ -296,7 +296,7 @@ class Assembly:
         definite = bool(np.all(size > 0.0)) and np.linalg.eigvalsh(felt / np.outer(size, size)).min() > DEFINITE
         if not definite:
             raise ValueError(
-                f"part '{part}': its compliance is not positive definite in the directions in which it gives way; "
+                f"part '{part}': its compliance is not positive definite in the directions in which it deflects; "
                 f"a direction that is rigid has zeros in its row and column"
             )
         for k in np.flatnonzero(gives):

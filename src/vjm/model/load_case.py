@@ -82,7 +82,7 @@ class LoadCase:
         branch: +1 or −1: which of two mirrored branches to take at a bifurcation. On +1 the largest component
             of the buckling mode's deflection is positive. 0 stays on the path that loses its stability, which
             needs an arc as its parameter.
-        free: components of the pose in which the end-effector is let go: hinges at its reference point and
+        free: components of the pose in which the end-effector is free: hinges at its reference point and
             slides in the world's axes lie between it and the support of the end-effector. A support that turns
             takes its slides with it.
         loads: wrenches on bodies of the chain.

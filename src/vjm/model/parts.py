@@ -127,7 +127,7 @@ class RigidOffset:
 
 @dataclass(frozen=True)
 class Actuator:
-    """A drive, held at its coordinate, that gives way along its axis.
+    """A drive, held at its coordinate, that deflects along its axis.
 
     Attributes:
         axis: unit vector ``(3,)`` in the chain frame.
@@ -141,7 +141,7 @@ class Actuator:
 
 @dataclass(frozen=True)
 class Mount:
-    """What carries the chain and gives way along one axis: a frame, a guide.
+    """What carries the chain and deflects along one axis: a frame, a guide.
 
     Attributes:
         axis: unit vector ``(3,)`` in the chain frame.

@@ -137,7 +137,7 @@ class NetworkSolver(StateSolver):
         return np.concatenate([wrench[:3], self._joint.borne(self._axes, wrench[3:])])
 
     def _in_joint_axes(self, M: Array, wrench: Array) -> Array:
-        """The bodies' matrix with the platform's turns along the axes of the joint in which it hangs."""
+        """The bodies' matrix with the platform's turns along the axes of the joint that carries it."""
         if self._joint is None:
             return M
         result = M.copy()

@@ -103,7 +103,7 @@ def pose_error(there: Array, target: Array, held: Array) -> Array:
     Args:
         there: its frame ``(4, 4)``.
         target: where it is to be.
-        held: ``(6,)`` which components count. Where one turn is free the body hangs in a hinge along that axis.
+        held: ``(6,)`` which components count. Where one turn is free a hinge carries the body along that axis.
     """
     d = displacement_between(there, target)
     free = np.flatnonzero(np.logical_not(held[3:]))
@@ -118,7 +118,7 @@ def pose_error(there: Array, target: Array, held: Array) -> Array:
 
 
 class Universal:
-    """A universal joint in which a platform hangs, two of its turns free: one axis turns with it, one is fixed.
+    """A universal joint that carries a platform, two of its turns free: one axis turns with it, one is fixed.
 
     The order is that of `vjm.model.end_condition`: of the two the first of ry, rx, rz is the platform's own.
 

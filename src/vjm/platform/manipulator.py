@@ -88,7 +88,7 @@ class Leg:
         """Frame ``(4, 4)`` in the starting body where the drive acts.
 
         Raises:
-            ValueError: there is no such part, or something gives way before it.
+            ValueError: there is no such part, or something deflects before it.
         """
         assert self.drive is not None
         T = self.root @ self.chain.base
@@ -198,7 +198,8 @@ class Manipulator:
                 raise ValueError(f"leg '{leg.name}' ends on the base: turn it round")
             if leg.start not in known:
                 raise ValueError(
-                    f"leg '{leg.name}' begins on '{leg.start}', where no leg before it ends: it hangs in the air"
+                    f"leg '{leg.name}' begins on '{leg.start}', where no leg before it ends: "
+                    "it is not connected to the base"
                 )
             known.add(leg.end)
         if PLATFORM not in known:

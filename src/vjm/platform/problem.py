@@ -98,9 +98,9 @@ class ManipulatorProblem(LoadedProblem[LoadedManipulator]):
         return self.model.network.leg_wrenches(at.x, at.wrench, at.load)
 
     def giving_way(self, critical: Equilibrium) -> dict[str, float]:
-        """Which legs give way at a critical point: each one's share of the mode, their squares adding up to one.
+        """Which legs deflect at a critical point: each one's share of the mode, their squares adding up to one.
 
-        What counts is how far a leg's springs give way; a leg that only turns in its joints follows the others.
+        What counts is how far a leg's springs deflect; a leg that only turns in its joints follows the others.
         """
         mode = critical_modes(self.configuration(critical))[0] / self.model.coordinate_scale
         sizes = np.array(

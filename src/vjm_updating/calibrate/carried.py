@@ -132,7 +132,7 @@ def after_calibration(fit: Fit) -> tuple[list[Predicted], Array, list[str]]:
 
 
 def within_tolerances(measurement: Measurement) -> tuple[list[Predicted], Array, list[str]]:
-    """Figures of the nominal machine within what its maker promises."""
+    """Figures of the nominal machine within what its manufacturer promises."""
     machine = Nuisances(tuple(n for n in measurement.nuisances if n.of_machine))
     found = unknowns(measurement.chain, measurement.engine, (), machine)
     z = np.zeros(len(found))

@@ -45,7 +45,7 @@ GONE = 0.01
 
 @dataclass(frozen=True)
 class ColumnBow(LinkBow):
-    """A bow in the plane in which the column gives way."""
+    """A bow in the plane in which the column buckles."""
 
     sizes: tuple[float, ...] = (0.5, 1.5, 4.0)
 

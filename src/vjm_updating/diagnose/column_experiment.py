@@ -77,7 +77,7 @@ def _scale(measurement: Measurement, channel: str, e: Estimate, load: float) -> 
         )  # fmt: skip
     size = abs(e.value) * load
     return Direct(
-        f"hang a known weight of some {load:.3g} N on the load cell",
+        f"load the cell with a known weight of some {load:.3g} N",
         f"an error of its scale would show as {size:.3g} N; a column that is stiffer or longer would not",
         size,
         channel,

@@ -104,8 +104,8 @@ def _strained(fit: Fit) -> tuple[float, str]:
 def _unusual(fit: Fit) -> tuple[float, str]:
     """Chance of a shape as far from the usual as the farthest of a fit's laws, and that one in words.
 
-    A size may be anything. Usual values are those of one maker's machines; others' differ from them by three times
-    their spread.
+    A size may be anything. Usual values are those of one manufacturer's machines; others' differ from them by three
+    times their spread.
     """
     off, _ = prior(fit.found, fit.at.z)
     shapes: list[int] = []

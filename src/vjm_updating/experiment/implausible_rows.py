@@ -179,7 +179,7 @@ def nothing_read(c: Comparison) -> Iterator[Finding]:
 
 
 def sheet_values(c: Comparison) -> Iterator[Finding]:
-    """Instruments and tolerances that no maker promises."""
+    """Instruments and tolerances that no manufacturer promises."""
     sheet, r = c.measurement.sheet, c.readings
     for name in (name for name in r.channels if name in sheet.instrument):
         known, where = sheet.instrument[name], f"{sheet.file}: [instrument.{name}]"

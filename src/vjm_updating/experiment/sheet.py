@@ -68,7 +68,7 @@ class PointTable(Table):
 
 
 class Tolerance(Table):
-    """What the maker promises of the machine, 1-sigma."""
+    """What the manufacturer promises of the machine, 1-sigma."""
 
     link_length_mm: Sigma = 0.0
     modulus_rel: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0

@@ -27,7 +27,7 @@ UPPER = np.triu_indices(6)
 """The 21 entries of a symmetric matrix, row by row."""
 COMPLEX_STEP = 1e-30
 UNSEEN = 1e-3
-"""Share of the smallest half-interval below which a compliance counts as none: no entry shows it."""
+"""Share of the smallest rounding half-width below which a compliance counts as none: no entry shows it."""
 AT_THE_BOUND = 0.7
 """Logarithm over its lower bound up to which an optimiser has left a coordinate there."""
 
@@ -143,7 +143,7 @@ class Space:
         return (G * D[:, None, :]) @ np.swapaxes(G, 1, 2)
 
     def residuals(self, x: Array) -> Array:
-        """Misfit ``(21,)`` of the entries `UPPER` in half-intervals."""
+        """Misfit ``(21,)`` of the entries `UPPER` in rounding half-widths."""
         C = self._compliances(x[None])[0]
         result: Array = ((C - self.target.matrix) / self.target.half)[UPPER]
         return result

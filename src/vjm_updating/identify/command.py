@@ -30,8 +30,8 @@ from vjm_updating.identify.sanity import asymmetric_pairs, mirrored, target
 from vjm_updating.identify.specimens import Specimen, part_specimen
 
 FIT_RESOLUTION = 1e-6
-"""Scaled half-interval in which a measured compliance is met, where its uncertainty is smaller: closer beams are
-the same beam to whoever builds them."""
+"""Scaled rounding half-width in which a measured compliance is met, where its uncertainty is smaller: closer beams
+are the same beam to whoever builds them."""
 PATH_MESHES = (8, 16, 32)
 """Refinements of a beam path, whose tapers are steps."""
 

@@ -64,7 +64,7 @@ class BeamDocument(Frozen):
     met: bool
     """Whether it meets every entry within its interval."""
     smallest_worst_misfit: float
-    """Of all beams of this form that were tried, the smallest largest misfit, in half-intervals."""
+    """Of all beams of this form that were tried, the smallest largest misfit, in rounding half-widths."""
     length_mm: float
     direction: list[float]
     """Unit vector from root to end, in the matrix's axes."""
@@ -81,10 +81,10 @@ class BeamDocument(Frozen):
     GAz_N: float | None
     compliance: Matrix
     misfit: Matrix
-    """Of every entry, the beam's minus the matrix's, in half-intervals."""
+    """Of every entry, the beam's minus the matrix's, in rounding half-widths."""
     worst_entry: str
     worst_misfit: float
-    """In half-intervals."""
+    """In rounding half-widths."""
     worst_scaled: float
     """The largest misfit over √(c_ii c_jj), of all entries."""
     ranges: dict[str, RangeDocument]
@@ -100,7 +100,7 @@ class RepairDocument(Frozen):
     """As the file has it."""
     proposed: float
     worst_misfit: float | None
-    """Of the beam that suits the changed matrix best, half-intervals; null where that is no elastic body's."""
+    """Of the beam that suits the changed matrix best, in half-widths; null where that is no elastic body's."""
     form: str
     makes_a_beam: bool
     others_low: float | None

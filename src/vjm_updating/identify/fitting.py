@@ -1,7 +1,7 @@
 """The beam nearest to a compliance, and whether one meets every entry.
 
-Two measures, both of the misfit in half-intervals: the sum of squares, which names the nearest beam, and the worst
-entry, of which the smallest possible value decides whether any beam meets the matrix: at most one, or none does.
+Two measures, both of the misfit in rounding half-widths: the sum of squares, which names the nearest beam, and the
+worst entry, of which the smallest possible value decides whether a beam meets the matrix: one at most, or none does.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ RANDOM_STARTS = 12
 KEPT = 4
 """Local minima of the sum of squares from which the worst entry is minimised."""
 MET = 1.0 + 1e-6
-"""Worst misfit in half-intervals up to which every entry counts as met."""
+"""Worst misfit in rounding half-widths up to which every entry counts as met."""
 
 
 @dataclass(frozen=True)
@@ -43,14 +43,14 @@ class Fit:
 
     @property
     def misfit(self) -> Array:
-        """Of every entry ``(6, 6)`` in half-intervals, the beam's minus the target's; zero where left out."""
+        """Of every entry ``(6, 6)`` in rounding half-widths, the beam's minus the target's; zero where left out."""
         result = np.zeros((6, 6))
         result[UPPER] = self.space.residuals(self.x)
         return result + np.triu(result, 1).T
 
     @property
     def worst(self) -> float:
-        """Largest misfit, in half-intervals."""
+        """Largest misfit, in rounding half-widths."""
         return float(np.max(np.abs(self.space.residuals(self.x))))
 
     @property
@@ -79,7 +79,7 @@ class Search:
 
     @property
     def worst(self) -> float:
-        """The smallest possible misfit of the worst entry, in half-intervals: above one, no beam meets all."""
+        """The smallest possible misfit of the worst entry, in half-widths: above one, no beam meets all."""
         return self.levelled[0].worst
 
     @property

@@ -22,7 +22,7 @@ class Repair:
     Attributes:
         entry: zero-based indices of the entry that changes.
         value: what it becomes, N, mm, rad.
-        worst: smallest possible misfit of the worst entry by a beam of the form below, half-intervals; infinite
+        worst: smallest possible misfit of the worst entry by a beam of the form below, half-widths; infinite
             where the changed matrix is none of an elastic body.
         form: of the beam.
     """

@@ -132,7 +132,7 @@ def _warnings(found: SolidCompliance, beams: list[BeamDocument]) -> list[str]:
     if not beam.met:
         texts.append(
             f"no uniform beam is like this part: the best misses {beam.worst_entry} by "
-            f"{number(beam.worst_misfit, 3)} half-intervals, {percent(beam.worst_scaled)} of √(c_ii c_jj)"
+            f"{number(beam.worst_misfit, 3)} rounding half-widths, {percent(beam.worst_scaled)} of √(c_ii c_jj)"
         )
     return texts
 
@@ -166,5 +166,5 @@ def _findings(found: SolidCompliance, beams: list[BeamDocument], taper: TaperDoc
         "which this matrix does not know"
     )
     if found.task.held is Base.CLAMPED:
-        lines.append("the base is held at every point; a real joint gives way more")
+        lines.append("the base is held at every point; a real joint deflects more")
     return lines

@@ -96,7 +96,7 @@ def of_matrix(
                 if one.makes_a_beam
                 else "no elastic body has that matrix"
                 if one.worst_misfit is None
-                else f"no uniform beam comes nearer than {one.worst_misfit:.1f} half-intervals to every entry"
+                else f"no uniform beam comes nearer than {one.worst_misfit:.1f} rounding half-widths to every entry"
             )
             if one is tried[0] and one.others_low is not None and one.others_high is not None:
                 span = f"{printed(one.others_low, 4)} to {printed(one.others_high, 4)}"
@@ -126,7 +126,7 @@ def of_beams(beams: Sequence[BeamDocument]) -> list[str]:
         if beam.met:
             lines.append(
                 f"a uniform beam, {beam.form}, meets every entry: {_shape(beam)}; worst {beam.worst_entry} by "
-                f"{beam.worst_misfit:.2f} half-intervals"
+                f"{beam.worst_misfit:.2f} rounding half-widths"
             )
             if beam.not_identifiable:
                 names = ", ".join(name.split("_")[0] if "_" in name else name for name in beam.not_identifiable)
@@ -136,9 +136,9 @@ def of_beams(beams: Sequence[BeamDocument]) -> list[str]:
         else:
             lines.append(
                 f"no uniform beam, {beam.form}, meets every entry: the worst is at least "
-                f"{printed(beam.smallest_worst_misfit, 2)} half-intervals off; the nearest by least squares has "
-                f"{_shape(beam)}, and misses {beam.worst_entry} by {printed(beam.worst_misfit, 2)}; no entry by "
-                f"more than {printed(100.0 * beam.worst_scaled, 2)} % of √(c_ii c_jj)"
+                f"{printed(beam.smallest_worst_misfit, 2)} rounding half-widths off; the nearest by least squares "
+                f"has {_shape(beam)}, and misses {beam.worst_entry} by {printed(beam.worst_misfit, 2)}; no entry "
+                f"by more than {printed(100.0 * beam.worst_scaled, 2)} % of √(c_ii c_jj)"
             )
     if beams and not beams[-1].met:
         lines.append("so it is no uniform beam: keep the matrix, or describe the part in several pieces")

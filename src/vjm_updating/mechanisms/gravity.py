@@ -31,7 +31,7 @@ class Gravity(Effect):
     title = "the chain's own weight"
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """All that hangs, and the foot's share of it."""
+        """The whole mass, and the foot's share of it."""
         mass = Quantity("mass_kg", 0.0, 500.0, 1.0, neutral=0.0)
         if self.foot is None:
             return (mass,)
@@ -51,7 +51,7 @@ class Gravity(Effect):
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """Where the bar has a section to hang it on; down is −z where the sheet does not say."""
+    """Where the bar has a section that its weight acts on; down is −z where the sheet does not say."""
     name = link_of(scene.chain)
     if beam_of(scene.chain, name).section is None or (scene.engine.segments or 1) == 1:
         return []

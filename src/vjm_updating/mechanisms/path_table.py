@@ -114,7 +114,7 @@ class Table:
 
     @cached_property
     def yielding(self) -> tuple[Array, Array, Array]:
-        """How the passive joints give way under torques of their own, the end-effector held, at the nodes.
+        """Rotations of the passive joints under torques of their own, the end-effector held, at the nodes.
 
         Returns:
             Joint coordinates ``(m, n_q)``; their change by a torque on each ``(m, n_q, n_q)``, rad/(N mm); the
@@ -218,7 +218,7 @@ def _trace(problem: LumpedProblem, grid: Array, *, loaded: bool) -> Table:
 
 
 def _trace_loaded(problem: LumpedProblem, grid: Array) -> tuple[Array, Array, Array, Array, str]:
-    """The equilibria of a chain that carries weights: it has no bifurcation, but may bend over steeply.
+    """The equilibria of a chain that carries weights: it has no bifurcation, but may have a stiffness knee.
 
     Where the compiled march stumbles, each point is gone to from the last, by steps that become shorter.
     """

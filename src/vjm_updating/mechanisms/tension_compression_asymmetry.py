@@ -76,7 +76,7 @@ class DriveAsymmetry(TwoWays):
         return [(1.3, 0.0), (1.3, 1.0), (1.3, -1.0), (0.75, 0.0)]
 
     def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
-        """What both springs give way beyond the model's own one."""
+        """Deflection of both springs beyond the model's own one."""
         mean = _mean(values)
         pull, push = (self.compliance * (mean * values[0] ** power - 1.0) for power in (-0.5, 0.5))
 

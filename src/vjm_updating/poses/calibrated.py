@@ -111,7 +111,7 @@ def _of_base(found: dict[str, float]) -> list[tuple[str, float]]:
 def _base(axis: str, compliance: float) -> dict[str, Any]:
     return {
         "kind": "actuated", "name": f"base-turn-{axis}", "axis": axis, "compliance_rad_per_Nmm": compliance,
-        "source": "calibrated: the base gives way; its coordinate is always zero",
+        "source": "calibrated: the base deflects; its coordinate is always zero",
     }  # fmt: skip
 
 

@@ -44,7 +44,7 @@ NEXT = {
     "part its own file.",
     "angle": "What is left follows a joint's angle: turn that joint alone through its range in "
     "steps, the others held.",
-    "torque": "What is left follows a joint's torque beyond a spring's law: hang a known mass on the "
+    "torque": "What is left follows a joint's torque beyond a spring's law: put a known mass on the "
     "hand, in a few "
     "postures, and take it off.",
     "approach": "What is left follows the way of approach: repeat postures from both sides.",

@@ -9,7 +9,7 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
-from helpers.command import validate
+from helpers.command import in_a_process, validate
 
 from vjm.io.path_files import read_curve
 from vjm_validation.schemas import schemas
@@ -23,7 +23,7 @@ def test_the_published_schemas_are_the_present_ones(name):
 
 
 def test_list_names_models_and_engines():
-    finished = validate("list")
+    finished = in_a_process("list")
     assert finished.status == 0
     for name in (
         "orthoglide-chain",
@@ -168,7 +168,7 @@ def test_an_interrupted_run_keeps_what_is_done_and_goes_on(tmp_path):
     assert len(kept) >= 5
     assert not list(folder.rglob(".*.csv.*")), "a half-written file was left behind"
     assert not (folder / "summary.json").exists()
-    again = validate(*arguments)
+    again = in_a_process(*arguments)
     assert again.status == 0, again.err
     assert (folder / "summary.json").exists()
     assert all(file.stat().st_mtime_ns == stamp for file, stamp in kept.items())

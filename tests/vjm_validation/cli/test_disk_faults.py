@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from helpers.command import validate
+from helpers.command import in_a_process
 
 from vjm.io.files import UNFINISHED, locked, write_together, write_whole
 from vjm_validation.cli.main import run
@@ -70,7 +70,7 @@ def small_disk(tmp_path):
 
 @pytest.mark.slow
 def test_a_disk_that_fills_up_during_a_map(small_disk):
-    finished = validate(*MAP, "--out", str(small_disk / "map"))
+    finished = in_a_process(*MAP, "--out", str(small_disk / "map"))
     assert finished.status == 2
     assert "Traceback" not in finished.err
     assert "no space left" in finished.err
@@ -84,7 +84,7 @@ def test_a_disk_that_fills_up_during_a_map(small_disk):
 def test_a_read_only_folder_is_one_line_before_anything_is_computed(small_disk):
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     for command in (MAP, ["all", "--quick"]):
-        finished = validate(*command, "--out", str(small_disk / "out"))
+        finished = in_a_process(*command, "--out", str(small_disk / "out"))
         assert finished.status == 2
         assert "read-only file system" in finished.err
         assert finished.err.count("\n") == 1
@@ -92,7 +92,7 @@ def test_a_read_only_folder_is_one_line_before_anything_is_computed(small_disk):
 
 def test_a_file_in_the_place_of_the_folder_is_one_line(tmp_path):
     (tmp_path / "out").write_text("mine")
-    finished = validate(*MAP, "--out", str(tmp_path / "out"))
+    finished = in_a_process(*MAP, "--out", str(tmp_path / "out"))
     assert finished.status == 2
     assert finished.err.count("\n") == 1
     assert (tmp_path / "out").read_text() == "mine"
@@ -122,7 +122,7 @@ def test_a_map_that_was_killed_goes_on(tmp_path):
     killed([*MAP, "--out", str(folder)], folder, "tasks/*.json")
     kept = {file: file.stat().st_mtime_ns for file in (folder / "tasks").glob("*.json")}
     assert kept
-    assert validate(*MAP, "--out", str(folder)).status == 0
+    assert in_a_process(*MAP, "--out", str(folder)).status == 0
     # what was finished was not done again, and every pose is there
     assert all(file.stat().st_mtime_ns == at for file, at in kept.items())
     rows = (folder / "map.csv").read_text().splitlines()[2:]
@@ -136,7 +136,7 @@ def test_a_run_of_all_that_was_killed_goes_on(tmp_path):
     killed(arguments, tmp_path / "run", "paths/*.npz")
     kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "run" / "paths").glob("*.npz")}
     assert kept
-    finished = validate(*arguments)
+    finished = in_a_process(*arguments)
     assert finished.status == 0, finished.err
     assert all(file.stat().st_mtime_ns == at for file, at in kept.items())
     assert (tmp_path / "run" / "index.html").exists()

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from helpers.command import validate as in_a_process
+from helpers.command import in_a_process
 
 from vjm.continuation.path import EventKind
 from vjm.io.model_file import load_chain

@@ -41,7 +41,7 @@ Shear = Annotated[
         help="Leave out the shear that the model states; by default every engine has it.",
     ),
 ]
-Free = Annotated[str, Parameter(help="Components of the pose that are let go, such as rx,ry,rz.")]
+Free = Annotated[str, Parameter(help="Components of the pose that are free, such as rx,ry,rz.")]
 Force = Annotated[
     bool, Parameter(negative="", help="Drive a dead force or moment along --axis, N or N mm, instead of the pose.")
 ]

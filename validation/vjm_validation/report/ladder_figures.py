@@ -1,4 +1,4 @@
-"""The chapter on verification: matching digits, convergence, and three engines on the paper's chain."""
+"""The chapter on verification: relative errors, convergence, and three engines on the paper's chain."""
 
 from __future__ import annotations
 
