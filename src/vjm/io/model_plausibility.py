@@ -168,7 +168,7 @@ def sections(model: ModelFile) -> Iterator[Found]:
 
 
 def stubby(model: ModelFile) -> Iterator[Found]:
-    """Beams shorter than their radius of gyration: springs of joints beside longer parts, else lengths in metres."""
+    """Beams shorter than their radius of gyration: springs of joints in a longer machine, else in metres."""
     made = [(table, beam) for table, beam in _beams(model) if beam.section is not None]
     size = sum(_length(part.part()) for part in model.parts)
     for table, beam in made:

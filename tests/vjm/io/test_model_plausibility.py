@@ -95,10 +95,12 @@ def test_the_sound_arm_is_not_doubted(tmp_path):
 def test_a_length_in_metres_is_doubted_and_a_joint_spring_noted(tmp_path):
     (said,) = said_of(BEAM.replace("length_mm = 400.0\nmass_kg = 1.5\nend_offset_mm = [20.0, -10.0, 0.0]",
                                    "length_mm = 0.4"), tmp_path)  # fmt: skip
-    assert said.startswith("noted") and "it is a spring" in said
+    assert said.startswith("noted")
+    assert "it is a spring" in said
     (said,) = said_of(BEAM.replace("length_mm = 400.0\nmass_kg = 1.5\nend_offset_mm = [20.0, -10.0, 0.0]",
                                    "length_mm = 20.0"), tmp_path)  # fmt: skip
-    assert said.startswith("doubtful") and "is it in metres" in said
+    assert said.startswith("doubtful")
+    assert "is it in metres" in said
 
 
 def test_a_part_may_be_rigid_in_directions(tmp_path):
