@@ -199,7 +199,12 @@ class ExudynSystem:
         self._frame = self._frame @ translation(beam.tip)
         at = self._frame @ frame(beam.own_frame)
         before = self._marker(self._at(), at)
-        stiffness = np.linalg.inv(beam.tip_compliance())
+        compliance = beam.tip_compliance()
+        if not np.diag(compliance).all():
+            raise ValueError(
+                f"part '{beam.name}' is rigid in a direction, which exudyn's spring cannot be: take vjm for it"
+            )
+        stiffness = np.linalg.inv(compliance)
 
         def connect(behind: Item) -> None:
             self.mbs.AddObject(

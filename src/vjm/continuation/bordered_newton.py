@@ -17,6 +17,8 @@ from vjm.statics.equilibrium import TOLERANCE, Configuration
 MAX_ITERATIONS = 30
 NUDGE = 1e-9
 """Change of the ramp, over its end, that leaves a state which is singular to the last digit."""
+STILL = 1e-13
+"""Motion that steers a path, over the sum of its terms' sizes: rounding."""
 
 
 class Border(NamedTuple):
@@ -84,6 +86,9 @@ def solve_bordered(
         except np.linalg.LinAlgError:
             ramp += NUDGE * problem.load_case.length
             continue
-        change = float((missing - row @ dx) / (row @ dx_by + at_ramp))
+        moves = float(row @ dx_by + at_ramp)
+        if abs(moves) <= STILL * float(np.abs(row) @ np.abs(dx_by) + abs(at_ramp)):
+            raise NoConvergenceError("what steers the path does not move along it: another point or direction does")
+        change = float(missing - row @ dx) / moves
         x, wrench, ramp = x + dx + change * dx_by, wrench + dF + change * dF_by, ramp + change
     raise NoConvergenceError(f"Newton did not meet the path's condition (scaled residual {error:.1e})")

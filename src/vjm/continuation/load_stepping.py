@@ -17,7 +17,7 @@ from vjm.continuation.critical_points import WithoutPairs, bifurcation, locate, 
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
 from vjm.continuation.problem import Problem
 from vjm.errors import NoConvergenceError
-from vjm.model.load_case import LoadCase
+from vjm.model.load_case import LoadCase, PointControl
 from vjm.rotations import Array
 
 EVENT_TOLERANCE = 1e-9
@@ -36,6 +36,11 @@ SMALL = 1e3
 """Steps of so many times the smallest may bend as they like, short of a jump."""
 JUMPED = 0.9
 """Distance from the prolongation, over that from the last point, of a state that is no neighbour."""
+SHRINKS = 0.6
+"""Way to a refused state over that of a step twice as long: of a smooth path it is a half, beside a fold or a
+bifurcation the root of that, of a jump one."""
+SHRUNK = 4
+"""So many in a row tell that the path is smooth, and that the last chord was no prolongation of it."""
 JUMP = 1.0
 """Of a fixed step only one that ends further from the prolongation than it is long is not believed."""
 
@@ -141,6 +146,7 @@ class _Trace:
         if self.load_case.steps is not None:
             grid = np.linspace(0.0, self.length, self.load_case.steps + 1)[1:]
         step = self.length if grid is not None else self.control.first * self.length
+        refused, shrunk = 0.0, 0
         while self.points[-1].s < self.length * (1.0 - 1e-12):
             here = self.points[-1]
             if grid is not None:
@@ -157,11 +163,14 @@ class _Trace:
                 if step < self.control.smallest * self.length:
                     return f"no equilibrium found beyond {here.s:.6g}: {failure}{self._ahead(here)}"
                 continue
-            bend = self._bend(there)
+            way = float(np.linalg.norm(there.shape - here.shape))
+            shrunk = shrunk + 1 if way < SHRINKS * refused else 0
+            bend = 0.0 if shrunk >= SHRUNK else self._bend(there)
             allowed = self.control.bend if grid is None else JUMP
             small = target - here.s <= SMALL * self.control.smallest * self.length
             if bend > (max(allowed, JUMPED) if small else allowed):
                 step = 0.5 * (target - here.s)
+                refused = way
                 if step < self.control.smallest * self.length:
                     return f"no equilibrium beyond {here.s:.6g} but one that is a jump away{self._ahead(here)}"
                 continue
@@ -180,6 +189,13 @@ class _Trace:
                 if critical is not None:
                     # the stiffness at the critical point itself is singular: look across it on the primary path
                     self._find_smooth_events(here, there, before=critical.s)
+                    if self._turns(here, critical, there):
+                        force = self._force(critical)
+                        self.events.append(Event(EventKind.LIMIT, critical.s, force, point=critical))
+                        return (
+                            f"the load is greatest at {critical.s:.6g}, and what steers only watches: stability is "
+                            "lost there; steer by the loaded point along its load, or by the 'arc'"
+                        )
                     reason = self._leave_at(critical, self._multiplicity(here, critical, there))
                     if reason:
                         return reason
@@ -189,6 +205,7 @@ class _Trace:
                 there = self.problem.counted(there)
             self._find_smooth_events(here, there)
             self.points.append(there)
+            refused, shrunk = 0.0, 0
             if self.progress is not None:
                 self.progress(there.s / self.length)
             done = target - here.s
@@ -281,6 +298,19 @@ class _Trace:
             except NoConvergenceError:
                 return 1
         return max(behind.unstable - max(before.unstable, 0), 1)
+
+    def _turns(self, here: Equilibrium, critical: Equilibrium, there: Equilibrium) -> bool:
+        """Whether stability is lost because the ramp of loads, which a gauge steers, turns back."""
+        if not (isinstance(self.load_case.control, PointControl) and self.load_case.load_driven):
+            return False
+        if self.load_case.held_by_device or not here.tangent > 0.0:
+            return False
+        slope = (there.state - critical.state) / (there.s - critical.s)
+        try:
+            near = self.problem.solve(critical.s + TOGETHER * (there.s - critical.s), critical, slope)
+        except NoConvergenceError:
+            return False
+        return near.tangent < 0.0
 
     def _leave_at(self, critical: Equilibrium, multiplicity: int) -> str:
         """Record a bifurcation and go on along the branch that crosses there; returns why not, if not."""

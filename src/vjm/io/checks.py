@@ -80,15 +80,15 @@ def checked_compliance(matrix: Array) -> Array:
     return result
 
 
-def checked_joint_compliance(matrix: Array) -> Array:
-    """A joint's compliance ``(6, 6)``, whose rigid directions have zeros in their row and column.
+def checked_part_compliance(matrix: Array) -> Array:
+    """A part's or a joint's compliance ``(6, 6)``, whose rigid directions have zeros in their row and column.
 
     Raises:
         ValueError: as `checked_compliance`, of what is not zero.
     """
     gives = matrix.any(axis=0) | matrix.any(axis=1)
     if not gives.any():
-        raise ValueError("is zero: leave it out for a rigid joint")
+        raise ValueError("is zero: leave it out, or write a rigid part as an offset")
     filled = matrix.copy()
     # rigid directions are made regular and uncoupled, to be judged with the others
     filled[~gives, ~gives] = np.abs(np.diag(matrix)).max()
@@ -117,6 +117,8 @@ def check_compliance_units(beam: Beam) -> None:
     """
     assert beam.compliance is not None
     diagonal = np.diag(beam.compliance)
+    if not diagonal.all():
+        return  # some directions are rigid: the others need not be a beam's
     reach = max(beam.length, float(np.linalg.norm(beam.tip)))
     translation, rotation = float(np.sum(diagonal[:3])), float(np.sum(diagonal[3:])) * reach**2
     if translation < METRES * rotation:

@@ -145,7 +145,7 @@ class ActuatedTable(MovingTable):
     @field_validator("compliance")
     @classmethod
     def _definite(cls, rows: list[list[float]] | None) -> list[list[float]] | None:
-        return None if rows is None else checks.checked_joint_compliance(np.array(rows, dtype=float)).tolist()
+        return None if rows is None else checks.checked_part_compliance(np.array(rows, dtype=float)).tolist()
 
     @model_validator(mode="after")
     def _sane(self) -> ActuatedTable:

@@ -40,6 +40,8 @@ over their outline; solid steel in kN has 210. Diamond has 1.2e6."""
 TORSION = (0.003, 0.6)
 """GJ over the smaller EI, and over their sum: an I-beam with flanges of a twentieth of their width has 0.004; an
 isotropic section that narrows when pulled has at most 0.5."""
+SPRING = 0.02
+"""Length of a beam over that of the machine up to which it may stand for the spring of a joint."""
 TINY_MM = 0.5
 """Length of a vector below which it is taken for metres."""
 ODD_DRIVES = {"mm/N": (1e-8, 0.1), "rad/(N mm)": (1e-14, 1e-3)}
@@ -163,6 +165,28 @@ def sections(model: ModelFile) -> Iterator[Found]:
                 f"{printed(s.GJ)} is {printed(high, 2)} of EIy + EIz; an isotropic section has at most 0.5: "
                 "is it in another unit?",
             )
+
+
+def stubby(model: ModelFile) -> Iterator[Found]:
+    """Beams shorter than their radius of gyration: springs of joints in a longer machine, else in metres."""
+    made = [(table, beam) for table, beam in _beams(model) if beam.section is not None]
+    size = sum(_length(part.part()) for part in model.parts)
+    for table, beam in made:
+        s = beam.section
+        assert s is not None
+        gyration = float(np.sqrt(max(s.EIy, s.EIz) / s.EA))
+        if gyration <= beam.length:
+            continue
+        spring = beam.length < SPRING * size
+        yield (
+            Grade.NOTED if spring else Grade.DOUBTFUL,
+            f"part '{table.name}', length_mm",
+            f"{printed(beam.length)} is less than the section's radius of gyration √(EI/EA) of "
+            f"{printed(gyration, 3)} mm: "
+            + (
+                "it is a spring, and no beam" if spring else "is it in metres, or EI or EA in another unit? Give mm"
+            ),
+        )
 
 
 def matrices(model: ModelFile) -> Iterator[Found]:
@@ -351,6 +375,6 @@ def postures(model: ModelFile) -> Iterator[Found]:
 
 
 RULES: tuple[Rule, ...] = (
-    materials, sections, matrices, drawings, offsets, drives, masses, angles, limits, postures,
+    materials, sections, stubby, matrices, drawings, offsets, drives, masses, angles, limits, postures,
 )  # fmt: skip
 """All rules of a chain's file."""

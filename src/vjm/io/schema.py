@@ -85,7 +85,7 @@ class BeamTable(PartTable):
     @field_validator("compliance")
     @classmethod
     def _compliance(cls, rows: list[list[float]] | None) -> list[list[float]] | None:
-        return None if rows is None else checks.checked_compliance(np.array(rows, dtype=float)).tolist()
+        return None if rows is None else checks.checked_part_compliance(np.array(rows, dtype=float)).tolist()
 
     @model_validator(mode="after")
     def _sane(self) -> BeamTable:

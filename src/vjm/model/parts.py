@@ -225,10 +225,10 @@ class Beam:
             ValueError: the part is known by its compliance matrix only.
         """
         if self.section is None:
-            raise ValueError(
-                f"part '{self.name}' has no section: it cannot be split or meshed; "
-                "give it segments = 1 or a section, or take vjm-paper, for which its matrix is enough"
-            )
+            enough = "give it a section, or take vjm or vjm-paper, for which its matrix is enough"
+            if self.own_segments != 1:
+                enough = "give it segments = 1 or a section, or take vjm-paper, for which its matrix is enough"
+            raise ValueError(f"part '{self.name}' has no section: it cannot be split or meshed; {enough}")
         return self.section.times(self.count)
 
     @property

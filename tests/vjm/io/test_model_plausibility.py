@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from importlib import resources
 
+import numpy as np
 import pytest
 
 from vjm.io.findings import Grade, ImplausibleError, refuse
 from vjm.io.manipulator_file import manipulators
 from vjm.io.model_file import ModelFileError, library, load_chain
 from vjm.io.model_plausibility import findings_of
+from vjm.model.lumped import LumpedModel
 
 BEAM = """
 format = 1
@@ -88,6 +90,33 @@ def test_no_model_of_the_library_is_doubted(name):
 
 def test_the_sound_arm_is_not_doubted(tmp_path):
     assert said_of(BEAM, tmp_path) == []
+
+
+def test_a_length_in_metres_is_doubted_and_a_joint_spring_noted(tmp_path):
+    (said,) = said_of(BEAM.replace("length_mm = 400.0\nmass_kg = 1.5\nend_offset_mm = [20.0, -10.0, 0.0]",
+                                   "length_mm = 0.4"), tmp_path)  # fmt: skip
+    assert said.startswith("noted")
+    assert "it is a spring" in said
+    (said,) = said_of(BEAM.replace("length_mm = 400.0\nmass_kg = 1.5\nend_offset_mm = [20.0, -10.0, 0.0]",
+                                   "length_mm = 20.0"), tmp_path)  # fmt: skip
+    assert said.startswith("doubtful")
+    assert "is it in metres" in said
+
+
+def test_a_part_may_be_rigid_in_directions(tmp_path):
+    rows = [[0.0] * 6 for _ in range(6)]
+    rows[5][5] = 2e-8
+    beam = BEAM[BEAM.index('[[parts]]\nkind = "beam"') : BEAM.index('[[parts]]\nkind = "link"')]
+    file = tmp_path / "rigid.toml"
+    spring = f'[[parts]]\nkind = "beam"\nname = "tube"\nsegments = 1\nlength_mm = 400.0\ncompliance = {rows}\n'
+    file.write_text(BEAM.replace(beam, spring), encoding="utf-8")
+    chain = load_chain(file)
+    model = LumpedModel(chain.at("home"))
+    k = model.kinematics(model.configuration(np.zeros(0)))
+    J = k.jacobian[:, model.elastic]
+    # the shoulder's 1e-8 and the tube's 2e-8 rad/(N mm) are all that turns about z
+    assert (J @ model.compliance @ J.T)[5, 5] == pytest.approx(3e-8, rel=1e-12)
+    assert np.linalg.matrix_rank(model.compliance) == len(model.elastic) == 2
 
 
 STIFFNESSES = ("EA_N", "GJ_Nmm2", "EIy_Nmm2", "EIz_Nmm2")

@@ -134,9 +134,6 @@ REFUSALS = {
         "part 'link': length_mm = 310000 is above 100000 mm: is it in µm? Write it in mm"),
     "far base": ("base/position_mm", [2e5, 0.0, 0.0],
         "[base]: position_mm = [200000.0, 0.0, 0.0] goes beyond 100000 mm: write it in mm"),
-    "length in metres": ("parts/4/length_mm", 0.31,
-        "part 'link': section has a radius of gyration √(EIy/EA) of 5.54 mm, above length_mm = 0.31: "
-        "is the length in metres, or EI or EA in another unit? Give mm, N and N mm²"),
     "EI in N m2": ("parts/4/section/EIz_Nmm2", 43.1,
         "part 'link': section has a radius of gyration √(EIz/EA) of 2.53e-3 mm, less than 1/20000 of "
         "length_mm = 310: is EI in N m²? Give mm, N and N mm²"),
@@ -241,13 +238,6 @@ def test_tube_without_hole():
     assert refusal(COLUMN, "parts/1/section", section) == (
         "part 'link': section has wall_mm = 3.175, which leaves no hole in width_mm = 6.35: "
         "give a thinner wall, or shape = 'rectangle'"
-    )
-
-
-def test_column_in_metres():
-    assert refusal(COLUMN, "parts/1/length_mm", 0.299085) == (
-        "part 'link': section has a radius of gyration √(EIy/EA) of 7.33 mm, above length_mm = 0.299085: "
-        "is the length in metres, or EI or EA in another unit? Give mm, N and N mm²"
     )
 
 
