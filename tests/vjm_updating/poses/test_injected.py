@@ -180,3 +180,10 @@ def test_repeated_postures_are_held_out_together(postures, compliant, tmp_path):
         assert np.array_equal(fold[::3], fold[1::3])
         assert np.array_equal(fold[::3], fold[2::3])
     assert study.settle(Hypothesis()).errors.means[1] > 0.0
+
+
+def test_joints_in_the_reversed_order_are_named_though_no_fit_of_them_stands(postures, compliant, tmp_path):
+    # steps towards such data leave the robot without an equilibrium: they are cut
+    found = diagnose_poses(*files(tmp_path, UR10, postures[:, ::-1], compliant[1]), tmp_path / "out")
+    assert found.verdict == "unknown"
+    assert [row.found.partition(":")[0] for row in found.doubts] == ["joints_reversed"]
