@@ -25,7 +25,7 @@ from vjm_updating.poses.ladder import Step, climb
 from vjm_updating.poses.measurement import PoseMeasurement, read_pose_measurement
 from vjm_updating.poses.next_postures import next_postures
 from vjm_updating.poses.page import page
-from vjm_updating.poses.plausibility import check_count, check_units, considered
+from vjm_updating.poses.plausibility import check_count, check_units, considered, mistaken
 from vjm_updating.poses.readings import read_candidates
 from vjm_updating.poses.sheet import PoseSheet
 from vjm_updating.poses.study import BEHIND_ENCODERS, COUPLING, OUTLIER, Hypothesis, State, Study, couplings
@@ -104,7 +104,8 @@ def diagnose_poses(
     findings = considered(measurement, study, strict=strict)
     check_writable(out)
     warn(findings)
-    steps = climb(study, names, progress)
+    # what is fitted to columns that are not what they say means nothing
+    steps = climb(study, [] if mistaken(findings) else names, progress)
     progress("verdict")
     verdict = judge(study, steps, findings)
     first, last = steps[0].state, steps[-1].state

@@ -59,7 +59,8 @@ def contrasts(study: Study, state: State) -> list[Contrast]:
     columns: dict[tuple[str, str], list[int]] = {}
     for i, member in enumerate(study.members):
         if member.family in ("gear_error", "joint_offset", "encoder_scale"):
-            columns.setdefault((f"angle of {member.part}", "angle"), []).append(n + i)
+            what = "angle" if member.part in study.machine.turning else "coordinate"
+            columns.setdefault((f"{what} of {member.part}", "angle"), []).append(n + i)
         elif member.family == "joint_compliance":
             columns.setdefault((f"torque of {member.part}", "torque"), []).append(n + i)
         elif member.family == "approach":

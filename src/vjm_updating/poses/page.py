@@ -60,10 +60,12 @@ def _residuals(steps: Sequence[Step]) -> Picture:
     first, last = steps[0].state.errors.random, steps[-1].state.errors.random
     with figure(2.4, columns=2) as (fig, axes):
         order = np.arange(len(first))
+        largest = max(float(np.nanmax(np.nanmean(one, axis=1))) for one in (first, last))
+        bins = np.linspace(0.0, largest, int(np.clip(len(first) // 8, 8, 40)) + 1).tolist()
         for distance, label, colour in ((first, "frames only", BEFORE), (last, "at the end", AFTER)):
             mean = np.nanmean(distance, axis=1)
             axes[0].plot(order, mean, ".", ms=2, color=colour, label=label)
-            axes[1].hist(mean, bins=40, color=colour, alpha=0.6, label=label)
+            axes[1].hist(mean, bins=bins, color=colour, alpha=0.6, label=label)
         axes[0].set_xlabel("posture, in the order of the file")
         axes[0].set_ylabel("distance held out, mm")
         axes[0].set_yscale("log")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -17,14 +17,18 @@ from vjm_updating.poses.study import Study
 
 LARGEST_TURN = 4.0 * np.pi
 """rad: no joint of a robot turns further."""
-IMPLAUSIBLE = 0.03
-"""Mean error of the rigid robot over its reach from which on the data are looked at twice."""
+LOOKED_AT, IMPLAUSIBLE = 0.008, 0.03
+"""Mean error of the rigid robot over its reach from which on changes of the data are tried, and from which on it
+is doubted though none of them explains it. A wrist's sign may cost no more than a hundredth."""
 MUCH_BETTER = 0.5
 """Share of that error that a change of the data must leave at most to be named."""
 MANY_PAIRS = 400
 MOST_TRIED = 120
 """Postures on which changes of the data are tried."""
 FEWEST = 8
+MISSES = "rigid_robot: misses"
+MISTAKES = ("joint_sign", "joints_swapped", "joints_reversed", "joints_shifted", "markers_swapped")
+"""What findings begin with whose readings cannot be diagnosed before they are mended."""
 FEWEST_TORQUES = 12
 LEAST_FOLLOWED = 0.5
 """Share of a measured torque's variance that the model's must explain for its factor to mean anything."""
@@ -51,6 +55,16 @@ def considered(measurement: PoseMeasurement, study: Study, *, strict: bool = Fal
     )
     refuse(result, strict=strict)
     return result
+
+
+def mistaken(findings: Iterable[Finding]) -> bool:
+    """Whether columns are not what they say, so that whatever is fitted to them means nothing."""
+    return any(one.found.startswith(MISTAKES) for one in findings)
+
+
+def missed(findings: Iterable[Finding]) -> bool:
+    """Whether the rigid robot misses by so much that what is fitted must explain it wholly to be believed."""
+    return any(one.found.startswith(MISSES) for one in findings)
 
 
 def check_units(measurement: PoseMeasurement) -> None:
@@ -172,7 +186,7 @@ def joints_and_markers(study: Study) -> Iterator[Finding]:
     None where the error is that of a robot.
     """
     before = float(np.nanmean(study.aligned))
-    if study.sheet.base is not None or before < IMPLAUSIBLE * study.machine.tree.reach:
+    if study.sheet.base is not None or before < LOOKED_AT * study.machine.tree.reach:
         return
     keep = np.linspace(0, len(study.data) - 1, min(len(study.data), MOST_TRIED)).astype(int)
     data = study.data.only(keep)
@@ -191,10 +205,14 @@ def joints_and_markers(study: Study) -> Iterator[Finding]:
                 (_error(study, q, data.position), f"joints_swapped.{names[i]}.{names[j]}",
                  f"exchange the columns of {names[i]} and {names[j]}")
             )  # fmt: skip
-    if len(names) > 1:
+    if len(names) > 1 and len(set(study.machine.slides)) == 1:
         found.append(
             (_error(study, data.q[:, ::-1], data.position), "joints_reversed", "reverse the joints' order")
         )
+        for by in range(1, len(names)):
+            q = np.roll(data.q, -by, axis=1)
+            words = f"the column of {names[by]} is that of {names[0]}, and so on around"
+            found.append((_error(study, q, data.position), f"joints_shifted.{by}", words))
     for i, j in itertools.combinations(range(len(data.markers)), 2):
         y = data.position.copy()
         y[:, [i, j]] = y[:, [j, i]]
@@ -202,6 +220,14 @@ def joints_and_markers(study: Study) -> Iterator[Finding]:
         found.append((_error(study, data.q, y), f"markers_swapped.{a}.{b}", f"exchange the markers {a} and {b}"))
     best = min(found, default=(np.inf, "", ""))
     if best[0] > MUCH_BETTER * base:
+        if before < IMPLAUSIBLE * study.machine.tree.reach:
+            return
+        words = (
+            f"{MISSES} the markers by {before:.4g} mm, {before / study.machine.tree.reach:.0%} of its reach, and "
+            "no joint's sign, no two joints or markers exchanged and no other order explain it: look at the model, "
+            "the joints' names and units, the part behind which each marker rides"
+        )
+        yield Finding(Grade.DOUBTFUL, study.data.file, words)
         return
     error, name, remedy = best
     words = f"{name}: the rigid robot misses the markers by {base:.4g} mm; {remedy} and it is {error:.4g} mm"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.poses.alignment import align, with_tilts
 from vjm_updating.poses.families import LARGEST, members_of
@@ -182,19 +183,21 @@ class Study:
         forward, last, cut = self.forward(hypothesis.bent), np.inf, 1.0
         before, step, turn, origin = z, np.zeros_like(z), np.zeros(forward.nuisances), frames
         for round_ in range(rounds + 1):
-            at = forward.evaluate(z, frames)
-            mean = float(np.nanmean(self.distance(at.residual)))
-            while mean > WORSE * last and cut > SMALLEST_CUT:
-                # the step went beyond what is linear
+            found, mean = self._evaluated(forward, z, frames)
+            while (found is None or mean > WORSE * last) and cut > SMALLEST_CUT and round_:
+                # the step went beyond what is linear, or beyond what the robot can bear
                 cut *= 0.5
                 z, frames = before + cut * step, forward.moved(origin, cut * turn)
-                at = forward.evaluate(z, frames)
-                mean = float(np.nanmean(self.distance(at.residual)))
+                found, mean = self._evaluated(forward, z, frames)
+            stuck = found is None
+            if stuck:
+                z, frames, mean = before, origin, last
+            at = forward.evaluate(z, frames) if found is None else found
             sigma, weight = self.noise(at)
             blocks = self.blocks(at, z, sigma)
             solution = solve(blocks, self.numbers(hypothesis), sizes)
             sizes = solution.sizes
-            if round_ == rounds or (round_ > 1 and abs(mean - last) < SETTLED * mean):
+            if stuck or round_ == rounds or (round_ > 1 and abs(mean - last) < SETTLED * mean):
                 break
             last, cut, origin, before = mean, 1.0, frames, z
             step, turn = solution.z[blocks.nuisances :] - z, solution.z[: blocks.nuisances]
@@ -202,6 +205,14 @@ class Study:
         return State(
             hypothesis, z, frames, at, blocks, solution, self.errors(blocks, solution, sigma), sigma, weight
         )
+
+    def _evaluated(self, forward: PoseForward, z: Array, frames: Frames) -> tuple[Linearised | None, float]:
+        """The model at a state and its mean error; none and infinity where a posture has no equilibrium there."""
+        try:
+            at = forward.evaluate(z, frames)
+        except NoConvergenceError:
+            return None, np.inf
+        return at, float(np.nanmean(self.distance(at.residual)))
 
     def _kept(self, z: Array, hypothesis: Hypothesis) -> Array:
         keep = np.array([member.family in hypothesis.families for member in self.members])

@@ -17,6 +17,7 @@ import numpy as np
 from vjm.io.findings import Finding, Grade
 from vjm_updating.poses.contrasts import LEAST_SHARED, NOTED, Contrast, contrasts, jump
 from vjm_updating.poses.ladder import ALIKE, Step
+from vjm_updating.poses.plausibility import missed, mistaken
 from vjm_updating.poses.study import MEDIAN_TO_SIGMA, State, Study
 
 MORE_THAN_NOISE = 1.3
@@ -99,7 +100,7 @@ class PoseVerdict:
 def judge(study: Study, steps: Sequence[Step], findings: Sequence[Finding]) -> PoseVerdict:
     """The verdict of a ladder, the data being what their findings say."""
     first, last = steps[0].state, steps[-1].state
-    doubtful = any(one.grade is Grade.DOUBTFUL for one in findings)
+    doubtful = mistaken(findings)
     jumped = None
     where, size, significance = jump(study, last)
     if (
@@ -120,7 +121,7 @@ def judge(study: Study, steps: Sequence[Step], findings: Sequence[Finding]) -> P
     explained = 1.0 - max(after - floor, 0.0) / max(before - floor, 1e-12) if before > floor else 1.0
     causes = last.hypothesis.names
     alternatives = _alternatives(study, steps, causes)
-    if doubtful or jumped is not None:
+    if doubtful or jumped is not None or (rest.significant and missed(findings)):
         kind = "unknown"
     elif not causes:
         kind = "unknown" if rest.significant else "none"

@@ -9,7 +9,7 @@ from collections import defaultdict
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from hidden_effects.poses.plan import Planned, plans, write
+from hidden_effects.poses.plan import GROUPS, Planned, plans, write
 from vjm_updating.poses.command import diagnose_poses
 
 PUBLISHED = 57
@@ -76,11 +76,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m hidden_effects.poses", description=__doc__)
     parser.add_argument("--sets", type=int, default=200)
     parser.add_argument("--seed", type=int, default=PUBLISHED)
+    parser.add_argument("--group", choices=sorted(GROUPS), default=None, help="only the sets of one group")
     parser.add_argument("--out", type=Path, default=None, help="JSON file of all rows")
     options = parser.parse_args()
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for plan in plans(options.sets, options.seed):
+            if options.group not in (None, plan.group):
+                continue
             row = run(plan, Path(folder) / str(plan.number))
             rows.append(row)
             mark = "" if row.right else "  <-"

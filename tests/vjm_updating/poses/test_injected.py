@@ -180,3 +180,23 @@ def test_repeated_postures_are_held_out_together(postures, compliant, tmp_path):
         assert np.array_equal(fold[::3], fold[1::3])
         assert np.array_equal(fold[::3], fold[2::3])
     assert study.settle(Hypothesis()).errors.means[1] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("order", "name"), [([5, 4, 3, 2, 1, 0], "joints_reversed"), ([1, 2, 3, 4, 5, 0], "joints_shifted.5")]
+)
+def test_joints_in_another_order_are_named(order, name, postures, compliant, tmp_path):
+    found = diagnose_poses(*files(tmp_path, UR10, postures[:, order], compliant[1]), tmp_path / "out")
+    assert (found.verdict, found.causes) == ("unknown", [])
+    assert [row.found.partition(":")[0] for row in found.doubts] == [name]
+
+
+def test_another_robots_readings_are_doubted(postures, compliant, tmp_path):
+    # joints 1, 2 and 3 turned about among each other: neither two exchanged nor all shifted
+    found = diagnose_poses(
+        *files(tmp_path, UR10, postures[:, [1, 2, 0, 3, 4, 5]], compliant[1]),
+        tmp_path / "out",
+        only=("frame_error",),
+    )
+    assert found.verdict == "unknown"
+    assert [row.found.partition(":")[0] for row in found.doubts] == ["rigid_robot"]
