@@ -53,6 +53,8 @@ class LoadedStiffness:
         iterations: of the solver.
         residual: largest scaled component of the equilibrium equations.
         events: critical points that were passed on the way, in words.
+        eigenvalue_relative: the same eigenvalue over that of the unloaded machine, as a path has it: 1 unloaded, 0
+            at a critical point; nan if not computed.
     """
 
     model: str
@@ -68,6 +70,7 @@ class LoadedStiffness:
     iterations: int
     residual: float
     events: tuple[str, ...] = ()
+    eigenvalue_relative: float = float("nan")
 
     def __repr__(self) -> str:
         from vjm.notebook import rounded
@@ -332,6 +335,7 @@ def _traced(
         iterations=last.iterations,
         residual=last.residual,
         events=events,
+        eigenvalue_relative=last.eigenvalue / first.eigenvalue,
     )
 
 
@@ -350,6 +354,7 @@ def _under_wrench(chain: Chain, engine: VjmEngine, posture: str, wrench: tuple[f
     model = engine.model(chain)
     x = model.configuration(chain.posture(posture))
     at = solve_under_wrench(model, np.array(wrench, dtype=float), x)
+    rest = solve_under_wrench(model, np.zeros(6), x)
     moved = displacement_between(model.kinematics(x).end, at.kinematics.end)
     verdict = free_stability(at)
     if verdict.unstable:
@@ -370,4 +375,5 @@ def _under_wrench(chain: Chain, engine: VjmEngine, posture: str, wrench: tuple[f
         eigenvalue=verdict.eigenvalue,
         iterations=at.iterations,
         residual=at.residual,
+        eigenvalue_relative=verdict.eigenvalue / free_stability(rest).eigenvalue,
     )

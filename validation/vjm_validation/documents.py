@@ -63,6 +63,8 @@ class StiffnessDocument(BaseModel):
     eigenvalue: float | None
     """Smallest eigenvalue of the second variation, in units of the model's energy scale; null where the engine
     computes none."""
+    eigenvalue_relative: float | None = None
+    """The same over that of the unloaded machine, as ``validate curve`` has it: 0 at a critical point."""
     iterations: int | None
     """Null where postures are solved as a batch, which does not count them."""
     residual: float

@@ -36,6 +36,7 @@ def stiffness_document(found: LoadedStiffness) -> StiffnessDocument:
         stiffness_unloaded=found.unloaded.tolist(),
         stable=True,
         eigenvalue=None if np.isnan(found.eigenvalue) else found.eigenvalue,
+        eigenvalue_relative=None if np.isnan(found.eigenvalue_relative) else found.eigenvalue_relative,
         iterations=found.iterations,
         residual=found.residual,
         events=list(found.events),

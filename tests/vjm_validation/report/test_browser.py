@@ -162,7 +162,7 @@ def test_a_zoomed_panel_has_axes_of_its_own_and_its_values(open_page, folder, co
     page.mouse.down()
     page.mouse.move(*screen(at[0] + 0.1, at[1] - 0.1))
     page.mouse.up()
-    words = [text.replace("\u2212", "-") for text in figure.locator(".own-axes text").all_inner_texts()]
+    words = [text.replace("\u2212", "-") for text in figure.locator(".own-axes text").all_text_contents()]
     half_x, half_y = 0.1 * (x[1] - x[0]), 0.1 * (y[1] - y[0])
     found = [float(word) for word in words]
     on_x = [v for v in found if abs(v - path.critical.s) <= 1.01 * half_x]

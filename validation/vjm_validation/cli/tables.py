@@ -62,8 +62,11 @@ def event_lines(path: Path) -> list[str]:
     lines = []
     for event in path.events:
         at = travel(path, event.point) if event.point else event.s
-        what = "load factor" if path.load_case.load_driven else "force"
-        lines.append(f"{event.kind} at {at:.6g}, {what} {event.force:.6g}")
+        if path.load_case.load_driven:
+            lines.append(f"{event.kind} at {at:.6g}, load factor {event.force:.6g}")
+        else:
+            unit, force = ("mm", "N") if path.load_case.direction[:3].any() else ("rad", "N mm")
+            lines.append(f"{event.kind} at {at:.6g} {unit}, force {event.force:.6g} {force}")
     if path.stopped:
         lines.append(f"the path ends at {path.points[-1].ramp:.6g}: {path.stopped}")
     return lines or ["no critical point on this path"]
@@ -137,12 +140,8 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
     for event in document.events:
         console.print(event)
     after = "" if document.iterations is None else f" after {document.iterations} iterations"
-    eigenvalue = (
-        ""
-        if document.eigenvalue is None
-        else f", smallest eigenvalue {_number(document.eigenvalue, 4)} of the second variation, in the model's "
-        "energy scale"
-    )
+    relative = document.eigenvalue_relative
+    eigenvalue = "" if relative is None else f", smallest eigenvalue {_number(relative, 4)} of that unloaded"
     state = "stable" if document.stable else "unstable"
     console.print(f"{state}{eigenvalue}, residual {document.residual:.1e}{after}", soft_wrap=True)
 

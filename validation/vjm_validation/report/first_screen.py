@@ -112,7 +112,7 @@ def not_run_because(summary: Mapping[str, Any]) -> list[str]:
 def failing(summary: Mapping[str, Any]) -> list[Failing]:
     """The first checks that do not hold, and how many more there are."""
     found = [
-        Failing(row["name"], "checks", f"{number(row['value'])}, where {row['requirement']}")
+        Failing(row["name"], "checks", f"{number(row['value'])}; required: {row['requirement']}")
         for row in summary.get("acceptance", ()) if row["passed"] is False
     ] + [
         Failing(
@@ -130,7 +130,8 @@ def failing(summary: Mapping[str, Any]) -> list[Failing]:
         for row in summary.get("triangulation", ()) if row["passed"] is False
     ]  # fmt: skip
     more = len(found) - SHOWN
-    return found[:SHOWN] + ([Failing("More", "checks", f"{more} others do not hold")] if more > 0 else [])
+    others = f"{more} other check{'s do' if more > 1 else ' does'} not hold"
+    return found[:SHOWN] + ([Failing("More", "checks", others)] if more > 0 else [])
 
 
 def verdict(rows: list[Count], notes: Iterable[str] = ()) -> tuple[str, str]:
