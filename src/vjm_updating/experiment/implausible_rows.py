@@ -196,7 +196,7 @@ def sheet_values(c: Comparison) -> Iterator[Finding]:
                 where,
                 f"noise = {known.noise:g} under a span of {span:g} of all: little can be seen; another unit?",
             )
-        elif name in WRENCH and known.noise and (rough := _roughness(r, name)) > 100.0 * known.noise:
+        elif name in WRENCH and known.noise and (rough := roughness(r, name)) > 100.0 * known.noise:
             yield Finding(
                 Grade.DOUBTFUL,
                 where,
@@ -241,7 +241,7 @@ def _main(r: Readings) -> set[str]:
     return {max(names, key=lambda name: spans[name]) for names in kinds if names}
 
 
-def _roughness(r: Readings, name: str) -> float:
+def roughness(r: Readings, name: str) -> float:
     """Standard deviation of the noise as second differences of neighbouring readings show it, by their median."""
     parts = [np.diff(r.values[name][r.sequence == s], 2) for s in np.unique(r.sequence)]
     second = np.concatenate(parts) if parts else np.zeros(0)
