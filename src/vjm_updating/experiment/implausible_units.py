@@ -9,15 +9,13 @@ import numpy as np
 from vjm.io.findings import Finding, Grade
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.comparison import Comparison
-from vjm_updating.experiment.implausible_rows import roughness
 from vjm_updating.experiment.mistaken_as import MistakenAs
+from vjm_updating.experiment.mistaken_columns import factors_of
 from vjm_updating.experiment.mistaken_rows import Mistaken, mistaken_rows
 from vjm_updating.experiment.mistakes import SIGN, UNIT, Mistake, MistakeFound
 
 ALIKE = 0.95
 """Correlation of a channel with its prediction from which on, turned round, it is the prediction."""
-SAME_NOISE, OTHER_NOISE = 0.5, 1.0
-"""Logarithm of a quotient of two noises up to which they are one instrument's, and from which on they are not."""
 
 
 def mistaken(c: Comparison) -> Iterator[Finding]:
@@ -31,7 +29,7 @@ def mistaken(c: Comparison) -> Iterator[Finding]:
         if not found.way.cause:
             yield Finding(Grade.DOUBTFUL, where, f"{what}: {words}: are the labels swapped?")
             continue
-        factors = {name: value for name, value in _candidates(c, found.way).items() if _concerned(c, found, name)}
+        factors = factors_of(c, found)
         cause = found.way.cause
         parameters = {f"{cause}.{name}": value for name, value in factors.items()}
         if found.rows.sum() < len(c.readings):
@@ -87,43 +85,6 @@ def _place(c: Comparison, rows: np.ndarray) -> str:
         )
         parts.append(f"posture {label}, {spans}")
     return "; ".join(parts)
-
-
-def _candidates(c: Comparison, way: MistakenAs) -> dict[str, float]:
-    """Columns that may share a mistake, by what makes them right: moments are often written with forces."""
-    if way.cause == UNIT and any(name in WRENCH[:3] for name in way.factors):
-        return dict.fromkeys([name for name in WRENCH if name in c.readings.values], max(way.factors.values()))
-    return dict(way.factors)
-
-
-def _concerned(c: Comparison, found: Mistaken, name: str) -> bool:
-    """Whether a column shares the mistake of others: by its own size, sign and roughness; as a rule it does."""
-    if name not in WRENCH:
-        return True
-    factor, k, as_a_rule = next(iter(found.way.factors.values())), WRENCH.index(name), name in found.way.factors
-    f = c.readings.wrench[found.rows]
-    spans = {n: float(np.ptp(v[~np.isnan(v)])) for n in WRENCH[:3] if n in c.readings.values
-             and len((v := c.readings.values[n][found.rows])[~np.isnan(v)])}  # fmt: skip
-    if name == max(spans, key=lambda n: spans[n], default=name):
-        return True
-    g = c.curves.wrench(postures=found.way.postures)[found.rows, k]
-    known = ~np.isnan(f[:, k]) & ~np.isnan(g)
-    a, b = f[known, k], g[known]
-    size = float(np.linalg.norm(a) * np.linalg.norm(b))
-    known_noise = c.measurement.sheet.instrument.get(name)
-    noise = known_noise.noise if known_noise else 0.0
-    if found.way.cause == SIGN:
-        alike = float(a @ b) / size if size > 0.0 else 0.0
-        return alike < ALIKE
-    # as rough as where nothing is wrong, or as the sheet says, and not so once converted
-    rough, usual = (roughness(c.readings.only(rows), name) for rows in (found.rows, ~found.rows))
-    usual = usual or noise
-    if rough <= 0.0 or usual <= 0.0:
-        return as_a_rule
-    as_is, converted = (abs(float(np.log(v / usual))) for v in (rough, rough * factor))
-    if min(as_is, converted) > SAME_NOISE or max(as_is, converted) < OTHER_NOISE:
-        return as_a_rule
-    return converted < as_is
 
 
 def signs(c: Comparison) -> Iterator[Finding]:

@@ -64,6 +64,10 @@ class MistakenAs:
         i, j = (names.index(name) for name in self.exchanged)
         return tuple({i: j, j: i}.get(k, k) for k in range(6))
 
+    def within(self, other: MistakenAs) -> bool:
+        """Whether another way does the same to these columns, and to more."""
+        return bool(self.factors) and self.cause == other.cause and self.factors.items() < other.factors.items()
+
 
 RIGHT = MistakenAs("right", "")
 
@@ -74,6 +78,9 @@ def ways(readings: Readings, postures: tuple[str, ...]) -> list[MistakenAs]:
     Args:
         readings: of the test.
         postures: labels of those in which the machine may have stood.
+
+    Returns:
+        Those that concern more columns first.
     """
     there = readings.values
 
@@ -82,6 +89,7 @@ def ways(readings: Readings, postures: tuple[str, ...]) -> list[MistakenAs]:
 
     found = [MistakenAs(words, UNIT, only(names, factor)) for words, factor, names in UNITS]
     found += [MistakenAs(words, SIGN, only(names, -1.0)) for words, names in SIGNS]
+    found += [MistakenAs(f"the sign of {name}", SIGN, {name: -1.0}) for name in (*WRENCH, *POSE) if name in there]
     found = [way for k, way in enumerate(found) if way.factors and way not in found[:k]]
     found += [
         MistakenAs(f"the columns {a} and {b} exchanged", EXCHANGE, exchanged=(a, b))

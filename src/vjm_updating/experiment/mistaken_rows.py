@@ -241,9 +241,13 @@ def _breaks(c: Comparison, stretch: Stretch, name: str, factor: float) -> float:
     if not len(edges):
         return 0.0
     right = np.where(inside, factor * values, values)
-    usual = LEAP * float(np.percentile(np.abs(np.diff(right)), 90.0))
-    as_read, after = (float(np.abs(v[edges] - v[edges - 1]).max()) for v in (values, right))
-    return float(after > max(usual, as_read)) - float(as_read > max(usual, after))
+    return float(_leaps(right, edges)) - float(_leaps(values, edges))
+
+
+def _leaps(values: Array, edges: np.ndarray) -> bool:
+    """Whether a column leaps at one of its steps, which its other steps do not."""
+    steps = np.abs(np.diff(values))
+    return bool(steps[edges - 1].max() > LEAP * float(np.percentile(steps, 90.0)))
 
 
 def _by_way(c: Comparison, stretches: Sequence[Stretch], known: Sequence[MistakenAs]) -> list[Mistaken]:
@@ -253,6 +257,9 @@ def _by_way(c: Comparison, stretches: Sequence[Stretch], known: Sequence[Mistake
     while left:
         counted = {k: [s.fits[k] for s in left if k in s.fits] for s in left for k in s.fits}
         k = min(counted, key=lambda k: (-len(counted[k]), sum(counted[k])))
+        # of ways that differ by what else they concern, the wider one
+        wider = [j for j in counted if known[k].within(known[j]) and len(counted[j]) == len(counted[k])]
+        k = min([j for j in wider if sum(counted[j]) < sum(counted[k]) + TIE * len(counted[k])], default=k)
         mine = [s for s in left if k in s.fits]
         others = [j for j in counted if j != k and all(s.fits.get(j, 2.0) <= s.fits[k] + TIE for s in mine)]
         labels = tuple(dict.fromkeys(s.label for s in mine))
