@@ -6,7 +6,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.experiment.channels import WRENCH
-from vjm_updating.experiment.comparison import Comparison
+from vjm_updating.experiment.comparison import CLEAR, Comparison
 from vjm_updating.experiment.implausible_rows import roughness
 from vjm_updating.experiment.mistaken_rows import Mistaken
 from vjm_updating.experiment.mistakes import SIGN, UNIT
@@ -37,10 +37,15 @@ def factors_of(c: Comparison, found: Mistaken) -> dict[str, float]:
 
 
 def _turned(c: Comparison, found: Mistaken, name: str) -> bool:
-    """Whether a column is turned, too: it goes against its prediction; as a rule it is where forces are."""
+    """Whether a column is turned, too: it goes against a clear prediction; as a rule it is where forces are."""
     predicted = c.curves.wrench()[found.rows, WRENCH.index(name)]
-    alike = _correlation(c.readings.values[name][found.rows], predicted)
-    return alike < 0.0 if abs(alike) > RELATED else name in found.way.factors
+    known = c.measurement.sheet.instrument.get(name)
+    size = float(np.sqrt(np.mean(_known(predicted) ** 2))) if len(_known(predicted)) else 0.0
+    if size > CLEAR * (known.noise + known.zero if known else 0.0):
+        alike = _correlation(c.readings.values[name][found.rows], predicted)
+        if abs(alike) > RELATED:
+            return alike < 0.0
+    return name in found.way.factors
 
 
 def _converted(c: Comparison, found: Mistaken, name: str) -> bool:

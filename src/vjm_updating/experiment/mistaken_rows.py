@@ -29,10 +29,14 @@ LEAST_ROWS = 3
 """Of a stretch that say something."""
 STRETCHES = 4
 """At most, of one posture."""
+CLOSE = 0.03
+"""Difference of mean distances that means nothing: what a sheet's own tolerances change."""
 TIE = 0.1
 """Difference of mean distances below which two ways fit alike."""
 ONE_FACTOR = 0.1
 """Mean distance up to which rows are the nominal machine's but for one factor."""
+SEEN_RAMP = 20.0
+"""Times the noise of its instrument, that a ramp is long."""
 LEAP = 3.0
 """Of the larger steps of a column, from which on one is a leap."""
 STRANGE = 3.0
@@ -226,7 +230,11 @@ def _strange(c: Comparison, stretch: Stretch, way: MistakenAs) -> float:
     for name, factor in way.factors.items():
         known, rough = c.measurement.sheet.instrument.get(name), roughness(readings, name)
         noise = known.noise if known else 0.0
-        if noise > 0.0 and rough > 0.0:
+        if name in POSE:
+            # a ramp's steps are no noise; but it has to be seen
+            span = float(np.nanmax(np.abs(readings.values[name]), initial=0.0)) * abs(factor)
+            noises.append(float(span < SEEN_RAMP * noise))
+        elif noise > 0.0 and rough > 0.0:
             noises.append(min(abs(float(np.log(rough * abs(factor) / noise))) / STRANGE, 1.0))
         breaks.append(_breaks(c, stretch, name, factor))
     return TIE * (max(noises) + max(breaks, key=abs))
@@ -257,6 +265,9 @@ def _by_way(c: Comparison, stretches: Sequence[Stretch], known: Sequence[Mistake
     while left:
         counted = {k: [s.fits[k] for s in left if k in s.fits] for s in left for k in s.fits}
         k = min(counted, key=lambda k: (-len(counted[k]), sum(counted[k])))
+        # of ways that nothing tells apart, the one that is named first
+        alike = [j for j in counted if known[j].cause == known[k].cause and len(counted[j]) == len(counted[k])]
+        k = min(j for j in alike if sum(counted[j]) <= sum(counted[k]) + CLOSE * len(counted[k]))
         # of ways that differ by what else they concern, the wider one
         wider = [j for j in counted if known[k].within(known[j]) and len(counted[j]) == len(counted[k])]
         k = min([j for j in wider if sum(counted[j]) < sum(counted[k]) + TIE * len(counted[k])], default=k)
