@@ -231,9 +231,11 @@ def _strange(c: Comparison, stretch: Stretch, way: MistakenAs) -> float:
         known, rough = c.measurement.sheet.instrument.get(name), roughness(readings, name)
         noise = known.noise if known else 0.0
         if name in POSE:
-            # a ramp's steps are no noise; but it has to be seen
+            # a ramp's steps are no noise; but it has to be seen, and is as long as others
             span = float(np.nanmax(np.abs(readings.values[name]), initial=0.0)) * abs(factor)
-            noises.append(float(span < SEEN_RAMP * noise))
+            elsewhere = float(np.nanmax(np.abs(c.readings.values[name][~stretch.rows]), initial=0.0))
+            unlike = abs(float(np.log(span / elsewhere))) / STRANGE if span > 0.0 and elsewhere > 0.0 else 0.0
+            noises.append(1.0 if span < SEEN_RAMP * noise else min(unlike, 1.0))
         elif noise > 0.0 and rough > 0.0:
             noises.append(min(abs(float(np.log(rough * abs(factor) / noise))) / STRANGE, 1.0))
         breaks.append(_breaks(c, stretch, name, factor))
