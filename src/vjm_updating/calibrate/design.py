@@ -24,7 +24,7 @@ from vjm_updating.calibrate.carried import QUANTITIES, Predicted
 from vjm_updating.calibrate.fit import Fit
 from vjm_updating.calibrate.noise import memory_of
 from vjm_updating.calibrate.prediction import Branches
-from vjm_updating.calibrate.rays import Ray
+from vjm_updating.experiment.rays import Ray
 
 READINGS = 20
 """Of a candidate, evenly along its ramp."""

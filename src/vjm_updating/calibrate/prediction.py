@@ -23,7 +23,7 @@ from vjm.rotations import Array
 from vjm.sensitivity.gradients import Sensitivity
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibrate.parameters import Unknowns
-from vjm_updating.calibrate.rays import Ray
+from vjm_updating.experiment.rays import Ray
 
 SUPPORT = 30
 """Steps into which a half-ray is divided beside its readings, so that each is one that Newton's method can take."""

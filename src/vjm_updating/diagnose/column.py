@@ -15,7 +15,6 @@ from vjm.model.chain import Chain
 from vjm.model.parts import Beam, PassiveJoint
 from vjm.rotations import Array
 from vjm_updating.calibrate.noise import memory_of, noise_of
-from vjm_updating.calibrate.rays import Ray
 from vjm_updating.diagnose.fitting import Fit
 from vjm_updating.diagnose.forward import Evaluation, channel_errors, machine_of, values_of
 from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero
@@ -24,6 +23,7 @@ from vjm_updating.diagnose.stress import fibre_of
 from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.experiment import Measurement, Readings
 from vjm_updating.experiment.channels import WRENCH, split_point
+from vjm_updating.experiment.rays import Ray
 from vjm_updating.mechanisms.column import Fibres, column_force
 from vjm_updating.mechanisms.effect import Effect, Quantity, part_table
 from vjm_updating.mechanisms.end_restraint import EndRestraint

@@ -10,11 +10,11 @@ from typing import Protocol
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.calibrate.rays import Ray
 from vjm_updating.diagnose.instrument import ThermalDrift
 from vjm_updating.diagnose.parameters import Coordinate, Hypothesis, of_effect, release_key
 from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.experiment.channels import POSE, WRENCH
+from vjm_updating.experiment.rays import Ray
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.friction_loop import friction_torques
 from vjm_updating.mechanisms.modified_chain import ModifiedChain

@@ -9,10 +9,10 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.calibrate.noise import Memory, Noise, memory_of, noise_of
-from vjm_updating.calibrate.rays import Ray, rays
 from vjm_updating.diagnose.ramp_regression import Steady, steady
 from vjm_updating.experiment import Measurement, Readings
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH
+from vjm_updating.experiment.rays import Ray, rays
 from vjm_updating.experiment.thermometer import smoothed
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.series_elements import History

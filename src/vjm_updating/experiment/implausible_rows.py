@@ -19,6 +19,8 @@ LEAST = 3
 
 SEEN = 0.1
 """Noise, or a zero's tolerance, over the span of a test's readings above which little can be seen in them."""
+CHANCE = 0.01
+"""That a row of a test repeats the one before it, below which it was written twice."""
 GAP, PAUSE_S = 1000.0, 60.0
 """Of the usual step of a clock, and s, from which on a step is a jump."""
 
@@ -44,6 +46,8 @@ def rows(c: Comparison) -> Iterator[Finding]:
             f"{'every row stands twice' if pairs > halves else 'the second half repeats the first'}: "
             "was the file written twice?",
         )
+    else:
+        yield from _repeated(c, table)
     for name in r.channels:
         blank = int(np.isnan(r.values[name]).sum())
         if blank > 0.4 * len(r):
@@ -52,6 +56,36 @@ def rows(c: Comparison) -> Iterator[Finding]:
                 f"{r.file}: column {name}",
                 f"{blank} of {len(r)} readings are blank: was the right column exported?",
             )
+
+
+def _repeated(c: Comparison, table: Array) -> Iterator[Finding]:
+    """Single rows that repeat the row before them, which their noise or their clock makes no chance."""
+    r = c.readings
+    same = (table[1:] == table[:-1]).all(axis=1) & (r.sequence[1:] == r.sequence[:-1])
+    if TIME in r.values:
+        same &= r.values[TIME][1:] == r.values[TIME][:-1]
+        chance = 0.0
+    else:
+        chance = float(len(r))
+        for name in [n for n in r.channels if n in c.measurement.sheet.instrument]:
+            noise = c.measurement.sheet.instrument[name].noise
+            # two readings of one value differ by less than the last digit so often
+            chance *= min(_last_digit(r.values[name]) / max(2.0 * np.sqrt(np.pi) * noise, 1e-300), 1.0)
+    if same.any() and chance < CHANCE:
+        k = int(np.flatnonzero(same)[0]) + 1
+        more = f", and {int(same.sum()) - 1} more rows do so" if same.sum() > 1 else ""
+        yield Finding(
+            Grade.DOUBTFUL, f"{r.file}: row {r.row[k]}",
+            f"repeats row {r.row[k - 1]} in every column{more}: was it pasted twice?",
+        )  # fmt: skip
+
+
+def _last_digit(values: Array) -> float:
+    """What readings are rounded to: a power of ten from 1e3 down to 1e-12."""
+    known = values[~np.isnan(values)]
+    least = 1e-12 * float(np.abs(known).max(initial=0.0))
+    exact = (10.0**-d for d in range(-3, 12) if np.all(np.abs(np.round(known, d) - known) <= least))
+    return next(exact, 1e-12)
 
 
 def _moving(table: Array) -> np.ndarray:
@@ -196,7 +230,7 @@ def sheet_values(c: Comparison) -> Iterator[Finding]:
                 where,
                 f"noise = {known.noise:g} under a span of {span:g} of all: little can be seen; another unit?",
             )
-        elif name in WRENCH and known.noise and (rough := _roughness(r, name)) > 100.0 * known.noise:
+        elif name in WRENCH and known.noise and (rough := roughness(r, name)) > 100.0 * known.noise:
             yield Finding(
                 Grade.DOUBTFUL,
                 where,
@@ -241,7 +275,7 @@ def _main(r: Readings) -> set[str]:
     return {max(names, key=lambda name: spans[name]) for names in kinds if names}
 
 
-def _roughness(r: Readings, name: str) -> float:
+def roughness(r: Readings, name: str) -> float:
     """Standard deviation of the noise as second differences of neighbouring readings show it, by their median."""
     parts = [np.diff(r.values[name][r.sequence == s], 2) for s in np.unique(r.sequence)]
     second = np.concatenate(parts) if parts else np.zeros(0)

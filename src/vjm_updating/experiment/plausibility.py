@@ -13,15 +13,22 @@ from vjm.io.findings import Finding, Grade, refuse, worst_first
 from vjm.io.model_plausibility import model_findings
 from vjm_updating.experiment.comparison import Comparison
 from vjm_updating.experiment.implausible_rows import clock, nothing_read, rows, sheet_values, temperature
-from vjm_updating.experiment.implausible_units import signs, swapped_columns, swapped_postures, units
+from vjm_updating.experiment.implausible_units import mistaken, signs
 from vjm_updating.experiment.measurement import Measurement
 
 __all__ = ["Finding", "Grade", "considered", "plausibility"]
 
-RULES: tuple[Callable[[Comparison], Iterator[Finding]], ...] = (
-    nothing_read, temperature, units, signs, swapped_columns, swapped_postures, rows, clock, sheet_values,
-)  # fmt: skip
-"""All rules of readings and sheets; those of models are `vjm.io.model_plausibility`'s."""
+Rule = Callable[[Comparison], Iterator[Finding]]
+RULES: tuple[Rule, ...] = (
+    nothing_read,
+    temperature,
+    rows,
+    clock,
+    sheet_values,
+)
+"""Rules of readings and sheets; those of models are `vjm.io.model_plausibility`'s."""
+BESIDE_THE_MODEL: tuple[Rule, ...] = (mistaken, signs)
+"""Rules that compare readings with what the nominal machine does."""
 
 
 def considered(measurement: Measurement, *, strict: bool = False) -> list[Finding]:
@@ -47,6 +54,9 @@ def plausibility(measurement: Measurement) -> list[Finding]:
         NoConvergenceError: the nominal machine has no equilibrium in a posture.
     """
     compared = Comparison(measurement)
-    found = [finding for rule in RULES for finding in rule(compared)]
     name = f"{measurement.sheet.file}, model {measurement.sheet.test.model}"
-    return worst_first([*found, *model_findings(measurement.document, name)])
+    of_model = list(model_findings(measurement.document, name))
+    # what a mistaken model predicts says nothing of the readings
+    believed = all(finding.grade is Grade.NOTED for finding in of_model)
+    rules = [*RULES, *(BESIDE_THE_MODEL if believed else ())]
+    return worst_first([*(finding for rule in rules for finding in rule(compared)), *of_model])

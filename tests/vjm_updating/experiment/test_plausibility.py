@@ -81,6 +81,27 @@ def test_every_row_twice(draft):
     assert any("written twice" in line for line in doubts(draft))
 
 
+@pytest.mark.parametrize("clock", [True, False])
+def test_one_row_twice(draft, clock):
+    if not clock:
+        draft.header = draft.header[1:]
+        draft.rows = [row[1:] for row in draft.rows]
+    draft.rows.insert(5, list(draft.rows[5]))
+    assert doubts(draft) == ["data.csv: row 8: repeats row 7 in every column: was it pasted twice?"]
+
+
+def test_rows_that_repeat_because_they_are_rounded_are_not_doubted(draft):
+    """Held readings of a display with one digit for its noise."""
+    draft.header = draft.header[1:]
+    rounded = [
+        [row[1], f"{float(row[2]):.2f}", f"{float(row[3]):.0f}", f"{float(row[4]):.0f}"] for row in draft.rows
+    ]
+    draft.rows = [row for row in rounded for _ in range(1 + (row is rounded[6]))]
+    draft.sheet = draft.sheet.replace("noise = 0.001", "noise = 0.01")
+    draft.sheet = draft.sheet.replace("noise = 2.0", "noise = 0.5").replace("noise = 50.0", "noise = 0.5")
+    assert not any("twice" in line for line in doubts(draft))
+
+
 def test_the_file_twice(draft):
     draft.header = draft.header[1:]
     draft.rows = [row[1:] for row in draft.rows] * 2

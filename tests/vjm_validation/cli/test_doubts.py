@@ -26,6 +26,7 @@ COMMANDS = {
     "curve": ["--posture", "bent", "--to", "0.1"],
     "postures": ["--tool", "500,300,0", "--json"],
     "identify": ["--part", "upper", "--json"],
+    "export": ["--urdf", "TMP/arm.urdf", "--force"],
     "show": ["--posture", "bent", "--out", "TMP/view.html"],
 }
 
@@ -36,7 +37,7 @@ def test_a_doubt_is_said_and_refused_under_strict(command, arm, capsys, tmp_path
     assert run([command, arm, *options]) == 0
     said = capsys.readouterr()
     assert "warning: arm.toml: part 'tool', mass_kg: 10000 kg" in said.err
-    if command in ("stiffness", "buckling", "identify"):
+    if command in ("stiffness", "buckling", "identify", "postures"):
         doubts = json.loads(said.out)["doubts"]
         assert {"doubtful"} == {doubt["grade"] for doubt in doubts}
         assert any("mass_kg" in doubt["where"] for doubt in doubts)

@@ -12,6 +12,7 @@ from vjm.io.manipulator_file import load_model
 from vjm.io.urdf_text import left_out, urdf_text
 from vjm.model.chain import Chain
 from vjm_output import terminal
+from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.status import OK, UsageError
 
 
@@ -20,6 +21,7 @@ def export_(
     *,
     urdf: Annotated[Path, Parameter(help="URDF file to write.")],
     force: Annotated[bool, Parameter(help="Write over a file that is there.", negative="")] = False,
+    strict: Strict = False,
 ) -> int:
     """Write a machine's geometry, joints, limits and masses as a URDF, and say what a URDF cannot hold."""
     chain = load_model(model)
@@ -30,6 +32,7 @@ def export_(
         )
     if urdf.exists() and not force:
         raise UsageError(f"{urdf}: exists already; give another --urdf, or --force")
+    considered(model, strict)
     write_whole(urdf, urdf_text(chain))
     console = terminal.console()
     console.print(f"{urdf}: {len(chain.parts)} parts", soft_wrap=True)

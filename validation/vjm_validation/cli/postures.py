@@ -15,6 +15,7 @@ from vjm.rotations import rotation_from_vector
 from vjm.tree.inverse_kinematics import postures_of
 from vjm.tree.model import TreeModel
 from vjm_output import terminal
+from vjm_output.documents import doubt_rows
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.options import Json, Model
 from vjm_validation.cli.status import OK, UsageError
@@ -37,12 +38,14 @@ def postures_(
     """Find the joint coordinates that put the tool where it is wanted, without load; lines for [postures]."""
     pose = _numbers(tool)
     machine = TreeModel(load_chain(model))
-    considered(model, strict)
+    doubts = considered(model, strict)
     rotation = rotation_from_vector(pose[3:]) if len(pose) == 6 else None
     found = postures_of(machine, pose[:3], rotation, end)
     rows = [dict(zip(machine.joints, (round(float(v), 12) for v in q), strict=True)) for q in found]
     if json:
-        sys.stdout.write(json_module.dumps({"model": machine.chain.name, "postures": rows}, indent=2) + "\n")
+        said = [row.model_dump() for row in doubt_rows(doubts)]
+        document = {"model": machine.chain.name, "postures": rows, "doubts": said}
+        sys.stdout.write(json_module.dumps(document, indent=2) + "\n")
         return OK
     console = terminal.console()
     for i, row in enumerate(rows, start=1):

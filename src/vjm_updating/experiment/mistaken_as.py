@@ -1,0 +1,103 @@
+"""Ways in which readings may be mistaken: what was read is what the machine did, after a known operation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.experiment.channels import POSE, WRENCH
+from vjm_updating.experiment.mistakes import EXCHANGE, SIGN, UNIT
+from vjm_updating.experiment.nominal_curve import UNCHANGED
+from vjm_updating.experiment.readings import Readings
+
+FORCES, MOMENTS, SHIFTS, TURNS = WRENCH[:3], WRENCH[3:], POSE[:3], POSE[3:]
+UNITS = (
+    ("forces in kN", 1e3, FORCES),
+    ("forces in kgf", 9.80665, FORCES),
+    ("forces in lbf", 4.4482216152605, FORCES),
+    ("forces in mN", 1e-3, FORCES),
+    ("moments in N m", 1e3, MOMENTS),
+    ("forces in kN", 1e3, WRENCH),
+    ("forces in kgf", 9.80665, WRENCH),
+    ("forces in lbf", 4.4482216152605, WRENCH),
+    ("forces in mN", 1e-3, WRENCH),
+    ("displacements in cm", 10.0, SHIFTS),
+    ("displacements in inches", 25.4, SHIFTS),
+    ("displacements in m", 1e3, SHIFTS),
+    ("displacements in µm", 1e-3, SHIFTS),
+    ("rotations in degrees", float(np.pi / 180.0), TURNS),
+)
+"""What is mistaken, what makes it right by multiplication, and what columns that concerns."""
+SIGNS = (("the sign of the forces", WRENCH), ("the sign of the displacements", POSE))
+
+
+@dataclass(frozen=True)
+class MistakenAs:
+    """One way; what is done here makes readings right.
+
+    Attributes:
+        words: what was mistaken.
+        cause: one of `vjm_updating.experiment.mistakes.TITLES`; empty for labels of postures.
+        factors: by column, what readings are multiplied by.
+        exchanged: two columns that change places.
+        postures: by label, the posture in which the readings were taken.
+    """
+
+    words: str
+    cause: str
+    factors: Mapping[str, float] = field(default_factory=dict)
+    exchanged: tuple[str, ...] = ()
+    postures: Mapping[str, str] = field(default_factory=dict)
+
+    def scaled(self, names: tuple[str, ...]) -> Array:
+        """The factors of six columns ``(6,)``."""
+        return np.array([self.factors.get(name, 1.0) for name in names])
+
+    def order(self, names: tuple[str, ...]) -> tuple[int, ...]:
+        """The order of six columns."""
+        if not self.exchanged or self.exchanged[0] not in names:
+            return UNCHANGED
+        i, j = (names.index(name) for name in self.exchanged)
+        return tuple({i: j, j: i}.get(k, k) for k in range(6))
+
+    def within(self, other: MistakenAs) -> bool:
+        """Whether another way does the same to these columns, and to more."""
+        return bool(self.factors) and self.cause == other.cause and self.factors.items() < other.factors.items()
+
+
+RIGHT = MistakenAs("right", "")
+
+
+def ways(readings: Readings, postures: tuple[str, ...]) -> list[MistakenAs]:
+    """All ways that concern columns that are there.
+
+    Args:
+        readings: of the test.
+        postures: labels of those in which the machine may have stood.
+
+    Returns:
+        Those that concern more columns first.
+    """
+    there = readings.values
+
+    def only(names: tuple[str, ...], factor: float) -> dict[str, float]:
+        return {name: factor for name in names if name in there}
+
+    found = [MistakenAs(words, UNIT, only(names, factor)) for words, factor, names in UNITS]
+    found += [MistakenAs(words, SIGN, only(names, -1.0)) for words, names in SIGNS]
+    found += [MistakenAs(f"the sign of {name}", SIGN, {name: -1.0}) for name in (*WRENCH, *POSE) if name in there]
+    found = [way for k, way in enumerate(found) if way.factors and way not in found[:k]]
+    found += [
+        MistakenAs(f"the columns {a} and {b} exchanged", EXCHANGE, exchanged=(a, b))
+        for names in (POSE, WRENCH)
+        for a, b in combinations([name for name in names if name in there], 2)
+    ]
+    labels = dict.fromkeys(readings.posture.tolist())
+    found += [
+        MistakenAs(f"{a} labelled instead of {b}", "", postures={a: b}) for a in labels for b in postures if a != b
+    ]
+    return found

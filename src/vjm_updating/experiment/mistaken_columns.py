@@ -1,0 +1,72 @@
+"""Which columns share a mistake: forces and moments are often, but not always, written by one instrument."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.comparison import CLEAR, Comparison
+from vjm_updating.experiment.implausible_rows import roughness
+from vjm_updating.experiment.mistaken_rows import Mistaken
+from vjm_updating.experiment.mistakes import SIGN, UNIT
+
+RELATED = 0.5
+"""Correlation about zero of two columns from which on its sign means something."""
+SAME_NOISE, OTHER_NOISE = 0.5, 1.0
+"""Logarithm of a quotient of two noises up to which they are one instrument's, and from which on they are not."""
+
+
+def factors_of(c: Comparison, found: Mistaken) -> dict[str, float]:
+    """What makes each mistaken column right.
+
+    Args:
+        c: readings beside the nominal machine.
+        found: rows that are mistaken, in another unit or with the other sign.
+    """
+    way = found.way
+    if way.cause not in (UNIT, SIGN) or not any(name in WRENCH[:3] for name in way.factors):
+        return dict(way.factors)
+    factor = next(iter(way.factors.values()))
+    there = [name for name in WRENCH if name in c.readings.values]
+    spans = {name: float(np.ptp(v)) for name in there if name in WRENCH[:3]
+             and len(v := _known(c.readings.values[name][found.rows]))}  # fmt: skip
+    main = max(spans, key=lambda name: spans[name], default=there[0])
+    rule = _turned if way.cause == SIGN else _converted
+    return {name: factor for name in there if name == main or rule(c, found, name)}
+
+
+def _turned(c: Comparison, found: Mistaken, name: str) -> bool:
+    """Whether a column is turned, too: it goes against a clear prediction; as a rule it is where forces are."""
+    predicted = c.curves.wrench()[found.rows, WRENCH.index(name)]
+    known = c.measurement.sheet.instrument.get(name)
+    size = float(np.sqrt(np.mean(_known(predicted) ** 2))) if len(_known(predicted)) else 0.0
+    if size > CLEAR * (known.noise + known.zero if known else 0.0):
+        alike = _correlation(c.readings.values[name][found.rows], predicted)
+        if abs(alike) > RELATED:
+            return alike < 0.0
+    return name in found.way.factors
+
+
+def _converted(c: Comparison, found: Mistaken, name: str) -> bool:
+    """Whether a column is in another unit, too: only converted is it as rough as elsewhere."""
+    factor, known = next(iter(found.way.factors.values())), c.measurement.sheet.instrument.get(name)
+    rough, usual = (roughness(c.readings.only(rows), name) for rows in (found.rows, ~found.rows))
+    usual = usual or (known.noise if known else 0.0)
+    if rough > 0.0 and usual > 0.0:
+        as_is, converted = (abs(float(np.log(v / usual))) for v in (rough, rough * factor))
+        if min(as_is, converted) < SAME_NOISE and max(as_is, converted) > OTHER_NOISE:
+            return converted < as_is
+    return name in found.way.factors
+
+
+def _known(values: Array) -> Array:
+    result: Array = values[~np.isnan(values)]
+    return result
+
+
+def _correlation(a: Array, b: Array) -> float:
+    """About zero; 0 where there is none."""
+    known = ~np.isnan(a) & ~np.isnan(b)
+    size = float(np.linalg.norm(a[known]) * np.linalg.norm(b[known]))
+    return float(a[known] @ b[known]) / size if size > 0.0 else 0.0

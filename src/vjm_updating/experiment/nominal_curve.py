@@ -1,0 +1,105 @@
+"""Wrenches of the nominal machine at displaced poses, off its load paths: what readings are compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+
+from vjm.errors import NoConvergenceError
+from vjm.model.load_case import LoadCase
+from vjm.rotations import Array
+from vjm_updating.experiment.channels import POSE
+from vjm_updating.experiment.measurement import Measurement
+from vjm_updating.experiment.rays import Ray, rays
+
+REACH = 0.1
+"""Of the longest part, beyond which no displacement is imposed on a machine: there its path is not sought."""
+UNCHANGED, ONE = tuple(range(6)), np.ones(6)
+
+
+class NominalCurves:
+    """Load paths of the nominal machine along the rays of the readings.
+
+    Attributes:
+        measurement: sheet, readings, machine.
+        rays: of the readings; none where they do not lie on a few.
+        stiffness: unloaded ``(6, 6)`` by posture, for readings on no ray.
+    """
+
+    def __init__(self, measurement: Measurement, stiffness: Mapping[str, Array]) -> None:
+        self.measurement, self.stiffness = measurement, stiffness
+        readings = measurement.readings
+        known = np.flatnonzero(~np.isnan(readings.pose).any(axis=1))
+        try:
+            found = rays(
+                readings.posture[known],
+                readings.pose[known],
+                self._noise(),
+                measurement.chain.characteristic_length,
+            )
+        except ValueError:
+            found = []
+        self.rays: list[Ray] = [Ray(r.posture, r.direction, r.measure, known[r.index]) for r in found]
+        self._path = lru_cache(maxsize=None)(self._traced)
+
+    def _noise(self) -> Array:
+        known = [self.measurement.sheet.instrument.get(name) for name in POSE]
+        return np.array([0.0 if one is None else np.hypot(one.noise, one.zero) for one in known])
+
+    def wrench(
+        self,
+        factors: Array = ONE,
+        order: tuple[int, ...] = UNCHANGED,
+        postures: Mapping[str, str] | None = None,
+        only: str = "",
+    ) -> Array:
+        """Wrenches ``(n, 6)`` at the readings' displacements; nan where a machine does not go, or nothing was read.
+
+        Args:
+            factors: by which displacements are multiplied ``(6,)``.
+            order: in which their columns are taken, before they are multiplied.
+            postures: in which others the machine stands instead, by label.
+            only: label of the posture that is wanted; all by default.
+        """
+        readings, length = self.measurement.readings, self.measurement.chain.characteristic_length
+        pose = readings.pose[:, list(order)] * factors
+        other = postures or {}
+        result = np.full((len(readings), 6), np.nan)
+        for label in dict.fromkeys(readings.posture.tolist()):
+            if not only or label == only:
+                at = (readings.posture == label) & ~np.isnan(pose).any(axis=1)
+                result[at] = pose[at] @ self.stiffness[other.get(label, label)].T
+        for ray in self.rays:
+            if only and ray.posture != only:
+                continue
+            direction = ray.direction[list(order)] * factors
+            size = float(np.linalg.norm(direction))
+            place = readings.pose[ray.index] @ ray.measure
+            farthest = REACH * length / float(np.linalg.norm(direction * np.repeat([1.0, length], 3)))
+            for sign in (1, -1):
+                here = place * sign > 0.0
+                if not here.any() or size == 0.0:
+                    continue
+                s = np.abs(place[here])
+                knots, wrench = self._path(
+                    other.get(ray.posture, ray.posture), tuple((sign * direction).tolist()),
+                    min(float(s.max()), farthest),
+                )  # fmt: skip
+                found = np.column_stack([np.interp(s, knots, wrench[:, i]) for i in range(6)])
+                found[s > knots[-1] * (1.0 + 1e-9)] = np.nan
+                result[ray.index[here]] = found
+        return result
+
+    def _traced(self, posture: str, direction: tuple[float, ...], reach: float) -> tuple[Array, Array]:
+        """Ramps ``(g,)`` and wrenches ``(g, 6)`` of a path from the unloaded pose."""
+        m = self.measurement
+        try:
+            path = m.engine.trace(m.chain, LoadCase(posture, reach, direction))
+        except NoConvergenceError:
+            return np.zeros(1), np.zeros((1, 6))
+        points = [point for point in path.points if np.all(np.isfinite(point.wrench))]
+        s = np.array([point.s for point in points])
+        order = np.argsort(s, kind="stable")
+        return s[order], np.array([point.wrench for point in points])[order]
