@@ -1,7 +1,7 @@
 """The beam nearest to a compliance, and whether one meets every entry.
 
 Two measures, both of the misfit in rounding half-widths: the sum of squares, which names the nearest beam, and the
-worst entry, of which the smallest possible value decides whether a beam meets the matrix: one at most, or none does.
+worst entry. Its smallest possible value decides whether a beam meets the matrix: one at most, or none does.
 """
 
 from __future__ import annotations
