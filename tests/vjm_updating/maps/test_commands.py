@@ -13,7 +13,7 @@ def test_curve_traces_the_whole_robot(capsys, tmp_path):
     arguments = ["--posture", "isotropic", "--to", "1.2", "--engine", "vjm-paper", "--csv", str(file)]
     assert run(["curve", "orthoglide", *arguments]) == 0
     out = capsys.readouterr().out
-    assert "bifurcation at 0.813131, force 2696.2" in out
+    assert "bifurcation at 0.813131 mm, force 2696.2 N" in out
     assert file.read_text(encoding="utf-8").startswith("# ")
 
 
