@@ -50,7 +50,7 @@ def re_entrant_edges(gmsh: Any, triangles: Array) -> list[int]:  # noqa: ANN401
         if one @ other < FLAT:
             continue
         bisector = (one + other) / np.linalg.norm(one + other)
-        if not _inside(0.5 * (a + b) + STEP * min(heights) * bisector, triangles):
+        if not inside(0.5 * (a + b) + STEP * min(heights) * bisector, triangles):
             found.append(int(edge))
     return found
 
@@ -66,7 +66,7 @@ def _third(gmsh: Any, face: int, pair: set[int]) -> Array | None:  # noqa: ANN40
     return np.array(gmsh.model.mesh.getNode(third)[0])
 
 
-def _inside(point: Array, triangles: Array) -> bool:
+def inside(point: Array, triangles: Array) -> bool:
     """Whether a ray from a point leaves the surface an odd number of times (Möller and Trumbore's test)."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     e1, e2 = b - a, c - a

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from vjm.io.errors import printed
+from vjm_fea.solid.bodies import check_one_mesh, one_body
 from vjm_fea.solid.corners import re_entrant_edges
 from vjm_fea.solid.faces import KINDS, Face, is_drawing
 from vjm_fea.solid.libraries import interruptible, kept_signals, left_running, load
@@ -220,7 +221,10 @@ def _opened(gmsh: Any, path: Path, scale: float) -> Drawing:  # noqa: ANN401
     if kind in (".stl", ".msh") and scale != 1.0:
         gmsh.model.mesh.affineTransform([scale, 0, 0, 0, 0, scale, 0, 0, 0, 0, scale, 0])
     volume = _closed(gmsh, path.name) if kind == ".stl" else 0.0
-    _one_body(gmsh, path.name, kind)
+    if kind in (".stl", ".msh"):
+        check_one_mesh(gmsh, path.name, kind)
+    else:
+        one_body(gmsh, path.name)
     corners = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
     size = float(np.linalg.norm(corners[1] - corners[0]))
     _check_size(path.name, size)
@@ -322,28 +326,6 @@ def _closed(gmsh: Any, name: str) -> float:  # noqa: ANN401
     place = {int(tag): i for i, tag in enumerate(tags)}
     a, b, c = np.asarray(coordinates).reshape(-1, 3)[np.vectorize(place.__getitem__)(triangles)].swapaxes(0, 1)
     return abs(float(np.sum(a * np.cross(b, c)))) / 6.0
-
-
-def _one_body(gmsh: Any, name: str, kind: str) -> None:  # noqa: ANN401
-    bodies = [tag for _, tag in gmsh.model.getEntities(3)]
-    if not bodies:
-        raise ValueError(f"{name}: holds no solid, only surfaces or lines: export the part as a solid")
-    if len(bodies) == 1 or kind in (".stl", ".msh"):
-        return
-    # bodies that touch become one with common faces
-    gmsh.model.occ.fragment([(3, bodies[0])], [(3, tag) for tag in bodies[1:]])
-    gmsh.model.occ.synchronize()
-    bodies = [tag for _, tag in gmsh.model.getEntities(3)]
-    owner = {tag: tag for tag in bodies}
-    for _, face in gmsh.model.getEntities(2):
-        above, _ = gmsh.model.getAdjacencies(2, face)
-        if len(above) == 2:
-            old, new = owner[int(above[0])], owner[int(above[1])]
-            owner = {tag: new if one == old else one for tag, one in owner.items()}
-    if len(set(owner.values())) > 1:
-        raise ValueError(
-            f"{name}: holds {len(set(owner.values()))} bodies that do not touch: export one part, or join them"
-        )
 
 
 def _face(gmsh: Any, tag: int) -> Face:  # noqa: ANN401

@@ -28,7 +28,8 @@ def folder(tmp_path_factory):
     for kind in ("step", "stl", "msh"):
         drawn(folder / f"prism.{kind}", prism)
     drawn(folder / "metres.step", lambda occ: prism(occ, 3e8, 3e7, 3e7))
-    drawn(folder / "two.step", lambda occ: (prism(occ, 20.0), occ.addBox(50, 0, 0, 10, 10, 10)))
+    for kind in ("step", "brep", "stl", "msh"):
+        drawn(folder / f"two.{kind}", lambda occ: (prism(occ, 20.0), occ.addBox(50, 0, 0, 10, 10, 10)))
     triangles = (folder / "prism.stl").read_text().split("facet normal")
     (folder / "open.stl").write_text("facet normal".join([triangles[0], *triangles[2:]]))
     (folder / "empty.step").write_text("")
@@ -73,7 +74,7 @@ def test_other_kinds_of_drawing(folder, name):
     [
         ("open.stl", {}, "the surface is not closed: 3 edges"),
         ("metres.step", {}, "km long: is the file in other units, metres taken for millimetres"),
-        ("two.step", {}, "2 bodies that do not touch"),
+        *[(f"two.{kind}", {}, "2 bodies that do not touch") for kind in ("step", "brep", "stl", "msh")],
         ("empty.step", {}, "the file is empty"),
         ("words.step", {}, "words.step: "),
         ("absent.step", {}, "no such file"),
