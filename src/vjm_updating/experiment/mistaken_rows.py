@@ -37,6 +37,8 @@ ONE_FACTOR = 0.1
 """Mean distance up to which rows are the nominal machine's but for one factor."""
 SEEN_RAMP = 20.0
 """Times the noise of its instrument, that a ramp is long."""
+UNLOADED = 2
+"""Rows at the ends of a stretch that need not belong to it in another way."""
 LEAP = 3.0
 """Of the larger steps of a column, from which on one is a leap."""
 STRANGE = 3.0
@@ -53,12 +55,12 @@ class Stretch:
 
     Attributes:
         label: of the posture.
-        rows: which of all readings ``(n,)``.
+        rows: which of all readings ``(n,)``, by the number of the way: unloaded ones at its ends may differ.
         fits: mean distance in each way that fits about as well as the best, by its number.
     """
 
     label: str
-    rows: np.ndarray
+    rows: dict[int, np.ndarray]
     fits: dict[int, float]
 
 
@@ -154,7 +156,12 @@ def mistaken_rows(c: Comparison) -> list[Mistaken]:
         return []
     known = ways(c.readings, tuple(c.measurement.chain.postures))
     found = {label: _stretches(distances, known, label, 1.0) for label in doubted}
-    left = ~np.any([s.rows for several in found.values() for s in several] or [np.zeros(len(c.readings), bool)], 0)
+    all_of_them = [rows for several in found.values() for s in several for rows in s.rows.values()]
+    left = ~np.any([np.zeros(len(c.readings), dtype=bool), *all_of_them], axis=0)
+        [one for several in found.values() for s in several for one in s.rows.values()]
+        or [np.zeros(len(c.readings), bool)],
+        0,
+    )
     own = {label: distances.own(label, left) for label in c.labels}
     usual = [ratio for ratio in own.values() if not np.isnan(ratio)]
     if usual:
@@ -182,16 +189,21 @@ def _stretches(distances: Distances, known: Sequence[MistakenAs], label: str, ow
         if best is None:
             break
         _, number, begin, end = best
-        fits = {k: fit for k, (apart, _) in enumerate(by_way)
-                if (fit := _fit(right, apart, says[k], begin, end)) is not None}  # fmt: skip
+        inside = np.zeros(len(at), dtype=bool)
+        inside[begin:end] = True
+        fits, rows = dict[int, float](), dict[int, np.ndarray]()
+        for k, (apart, _) in enumerate(by_way):
+            _, first, last = _richest(np.where(inside, right - apart - IDLE, -10.0))
+            fit = _fit(right, apart, says[k], first, last)
+            if fit is None or last - first < end - begin - UNLOADED:
+                continue
+            # unloaded rows that nothing else follows or goes before go with the stretch
+            first = first if says[k][:first].any() else 0
+            last = last if says[k][last:].any() else len(at)
+            fits[k], rows[k] = fit, _between(distances.c, label, at, first, last)
         fits = {k: fit for k, fit in fits.items() if fit <= min(fits.values()) + TIE}
-        # unloaded rows that nothing else follows or goes before go with the stretch
-        if not says[number][:begin].any():
-            begin = 0
-        if not says[number][end:].any():
-            end = len(at)
         free[begin:end] = False
-        found.append(Stretch(label, _between(distances.c, label, at, begin, end), fits))
+        found.append(Stretch(label, rows, fits))
     return found
 
 
@@ -220,32 +232,32 @@ def _between(c: Comparison, label: str, at: np.ndarray, begin: int, end: int) ->
     return (c.readings.posture == label) & (order >= first) & (order < last)
 
 
-def _strange(c: Comparison, stretch: Stretch, way: MistakenAs) -> float:
+def _strange(c: Comparison, label: str, rows: np.ndarray, way: MistakenAs) -> float:
     """What the columns that a way changes say against it, by their noise and where the stretch begins and ends.
 
     Returns:
         0 where their noise becomes the sheet's and they go on steadily, at most `TIE` for each of both.
     """
-    noises, breaks, readings = [0.0], [0.0], c.readings.only(stretch.rows)
+    noises, breaks, readings = [0.0], [0.0], c.readings.only(rows)
     for name, factor in way.factors.items():
         known, rough = c.measurement.sheet.instrument.get(name), roughness(readings, name)
         noise = known.noise if known else 0.0
         if name in POSE:
             # a ramp's steps are no noise; but it has to be seen, and is as long as others
             span = float(np.nanmax(np.abs(readings.values[name]), initial=0.0)) * abs(factor)
-            elsewhere = float(np.nanmax(np.abs(c.readings.values[name][~stretch.rows]), initial=0.0))
+            elsewhere = float(np.nanmax(np.abs(c.readings.values[name][~rows]), initial=0.0))
             unlike = abs(float(np.log(span / elsewhere))) / STRANGE if span > 0.0 and elsewhere > 0.0 else 0.0
             noises.append(1.0 if span < SEEN_RAMP * noise else min(unlike, 1.0))
         elif noise > 0.0 and rough > 0.0:
             noises.append(min(abs(float(np.log(rough * abs(factor) / noise))) / STRANGE, 1.0))
-        breaks.append(_breaks(c, stretch, name, factor))
+        breaks.append(_breaks(c, label, rows, name, factor))
     return TIE * (max(noises) + max(breaks, key=abs))
 
 
-def _breaks(c: Comparison, stretch: Stretch, name: str, factor: float) -> float:
+def _breaks(c: Comparison, label: str, rows: np.ndarray, name: str, factor: float) -> float:
     """1 where a factor makes a column leap at a stretch's begin or end, -1 where it takes a leap away."""
-    mine = np.flatnonzero((c.readings.posture == stretch.label) & ~np.isnan(c.readings.values[name]))
-    values, inside = c.readings.values[name][mine], stretch.rows[mine]
+    mine = np.flatnonzero((c.readings.posture == label) & ~np.isnan(c.readings.values[name]))
+    values, inside = c.readings.values[name][mine], rows[mine]
     edges = np.flatnonzero(inside[1:] != inside[:-1]) + 1
     edges = edges[c.readings.sequence[mine][edges] == c.readings.sequence[mine][edges - 1]]
     if not len(edges):
@@ -262,8 +274,10 @@ def _leaps(values: Array, edges: np.ndarray) -> bool:
 
 def _by_way(c: Comparison, stretches: Sequence[Stretch], known: Sequence[MistakenAs]) -> list[Mistaken]:
     """Stretches by the way in which most of them are mistaken, of such the one that fits them best."""
-    left, found = [replace(s, fits={k: fit + _strange(c, s, known[k]) for k, fit in s.fits.items()})
-                   for s in stretches], list[Mistaken]()  # fmt: skip
+    found, left = list[Mistaken](), list[Stretch]()
+    for s in stretches:
+        fits = {k: fit + _strange(c, s.label, s.rows[k], known[k]) for k, fit in s.fits.items()}
+        left.append(replace(s, fits=fits))
     while left:
         counted = {k: [s.fits[k] for s in left if k in s.fits] for s in left for k in s.fits}
         k = min(counted, key=lambda k: (-len(counted[k]), sum(counted[k])))
@@ -276,7 +290,7 @@ def _by_way(c: Comparison, stretches: Sequence[Stretch], known: Sequence[Mistake
         mine = [s for s in left if k in s.fits]
         others = [j for j in counted if j != k and all(s.fits.get(j, 2.0) <= s.fits[k] + TIE for s in mine)]
         labels = tuple(dict.fromkeys(s.label for s in mine))
-        rows = np.any([s.rows for s in mine], axis=0)
+        rows = np.any([s.rows[k] for s in mine], axis=0)
         found.append(Mistaken(known[k], tuple(known[j] for j in others), rows, labels))
         left = [s for s in left if k not in s.fits]
     return found

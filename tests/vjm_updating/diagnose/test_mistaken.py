@@ -56,6 +56,25 @@ def inches_from_a_row_on(k, row):
     times(row, "ux_mm", 1.0 / 25.4 if row["posture"] == "B" and k >= 130 else 1.0)
 
 
+def kn_to_a_row(k, row):
+    for name in FORCES:
+        times(row, name, 1e-3 if k < 50 else 1.0)
+
+
+def kn_from_the_second_row_of_the_last_posture_on(k, row):
+    for name in FORCES:
+        times(row, name, 1e-3 if k >= 89 else 1.0)
+
+
+def inches_in_all(_, row):
+    times(row, "ux_mm", 1.0 / 25.4)
+
+
+def lbf_from_the_middle_on(k, row):
+    for name in FORCES:
+        times(row, name, 1.0 / 4.4482216152605 if k >= 60 else 1.0)
+
+
 def sign_in_b(_, row):
     for name in FORCES:
         times(row, name, -1.0 if row["posture"] == "B" else 1.0)
@@ -82,6 +101,10 @@ MISTAKES = {
     "forces in kgf in B": (kgf_in_b, UNIT),
     "displacements in inches in A": (inches_in_a, UNIT),
     "inches from a row on": (inches_from_a_row_on, UNIT),
+    "kN up to a row": (kn_to_a_row, UNIT),
+    "kN from the last posture's second row on": (kn_from_the_second_row_of_the_last_posture_on, UNIT),
+    "inches everywhere": (inches_in_all, UNIT),
+    "lbf from the middle on": (lbf_from_the_middle_on, UNIT),
     "sign in B": (sign_in_b, SIGN),
     "sign from a row on": (sign_from_a_row_on, SIGN),
     "fx and my exchanged": (force_and_moment, EXCHANGE),
