@@ -19,11 +19,12 @@ export MKL_NUM_THREADS = 1
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help validate report test test-all bench bench-table blind fuzz lint schemas lock clean
+.PHONY: help validate report docs test test-all bench bench-table blind fuzz lint schemas lock clean
 
 help:
 	@echo 'make validate   every comparison (validate all $$ARGS); says where the report is'
 	@echo 'make report     the same, and the reference report in reports/reference anew'
+	@echo 'make docs       the site in docs/_build, its gallery run; -W'
 	@echo 'make test       ruff, mypy and the tests that are not slow'
 	@echo 'make test-all   ruff, mypy and all tests'
 	@echo 'make bench      the benchmarks; writes bench.json'
@@ -44,6 +45,11 @@ report: $(VENV)/.test $(VENV)/.project
 	mkdir -p reports/reference/figures
 	cp reports/runs/reference/findings.md reports/reference/README.md
 	cd reports/runs/reference/figures && cp link_lumping.png lumping_convergence.png foot_law.png end_conditions.png published.png parallelogram_distance.png robot_curves.png robot_critical.png discovery.png iterations.png ladder.png $(CURDIR)/reports/reference/figures/
+
+# A warning fails it. `VJM_DOCS_QUICK=1` leaves the gallery's programs out.
+docs: $(VENV)/.test $(VENV)/.project
+	MPLBACKEND=agg $(BIN)/sphinx-build -q -W --keep-going docs docs/_build
+	@echo 'docs/_build/index.html'
 
 test: lint $(VENV)/.project
 	$(BIN)/pytest $(SHARED) -m 'not slow' --ignore=tests/benchmarks $(ARGS)
@@ -111,4 +117,4 @@ lock:
 	rm -rf $(VENV)-lock
 
 clean:
-	rm -rf $(VENV) $(VENV)-lock constraints.txt.new build dist bench.json .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(VENV)-lock constraints.txt.new docs/_build docs/gallery_built build dist bench.json .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,0 +1,57 @@
+"""The documentation's site builds without a warning, and lists what is public."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import vjm
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The site without its gallery's figures."""
+    for module in ("sphinx", "myst_parser", "furo", "sphinx_gallery"):
+        pytest.importorskip(module)
+    folder = tmp_path_factory.mktemp("site")
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-d", str(folder / ".doctrees"), str(DOCS),
+         str(folder)],
+        capture_output=True, text=True, env={**os.environ, "VJM_DOCS_QUICK": "1"}, timeout=900, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_every_page_is_in_the_site(site):
+    pages = {
+        page.relative_to(DOCS).with_suffix(".html") for page in DOCS.rglob("*.md") if "_build" not in page.parts
+    }
+    assert {page for page in pages if not (site / page).is_file()} == set()
+
+
+def test_every_public_name_is_documented(site):
+    page = (site / "reference/python.html").read_text()
+    documented = set(re.findall(r'id="vjm\.([A-Za-z_]+)"', page))
+    assert documented == {name for name in vjm.__all__ if name != "__version__"}
+    assert "vjm.__version__" in page
+
+
+def test_the_command_line_is_the_parser_s(site):
+    page = (site / "reference/cli.html").read_text()
+    for name in ("validate example", "--imperfection", "--effects"):
+        assert name in page
+
+
+def test_formulas_ask_nobody_for_a_script(site):
+    page = (site / "theory/stiffness.html").read_text()
+    assert page.count("<math") > 20
+    assert re.findall(r"<script[^>]*https?:", page) == []
