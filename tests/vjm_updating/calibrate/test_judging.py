@@ -122,7 +122,8 @@ def test_slopes_of_figures_are_those_of_whole_paths():
     more, less = figures(parameter.value + h), figures(parameter.value - h)
     for name in more:
         slope = (more[name] - less[name]) / (2.0 * h)
-        assert found[Direction.COMPRESSION, name].gradient[0] == pytest.approx(slope, rel=1e-3, abs=1e-12)
+        # the difference's step leaves the square of 1e-3, 3.5e-6 here; K0 has no slope
+        assert found[Direction.COMPRESSION, name].gradient[0] == pytest.approx(slope, rel=1e-4, abs=1e-12)
     assert (Direction.TENSION, "F_cr") not in found
 
 
@@ -131,7 +132,8 @@ def test_tolerances_reach_the_figures(make: Make):
     figures, covariance, names = carried.within_tolerances(make())
     assert names == ["length link", "modulus foot", "modulus link"]
     force = next(f for f in figures if design.label(f) == "A:compression:F_cr")
-    assert force.std(covariance) / force.value == pytest.approx(np.hypot(0.02, 2.0 * 0.2 / 310.0), rel=0.03)
+    # but for the bar's shortening before it buckles: 9e-5
+    assert force.std(covariance) / force.value == pytest.approx(np.hypot(0.02, 2.0 * 0.2 / 310.0), rel=3e-3)
 
 
 def test_the_rounding_of_printed_matrices_reaches_the_figures(make: Make):
@@ -143,7 +145,8 @@ def test_the_rounding_of_printed_matrices_reaches_the_figures(make: Make):
     stiffness = next(f for f in figures if design.label(f) == "A:tension:K0")
     expected = stiffness.value**2 * np.hypot(0.5e-5, 0.5 * 0.5e-6) / np.sqrt(3.0)
     assert stiffness.value == pytest.approx(1.0 / (28e-5 + 23e-6), rel=1e-6)
-    assert stiffness.std(covariance) == pytest.approx(expected, rel=1e-4)
+    # the slopes are differences of the figure: 9e-9
+    assert stiffness.std(covariance) == pytest.approx(expected, rel=1e-6)
 
 
 def test_the_rounding_reaches_a_split_link_by_its_quotients(make: Make):
@@ -151,7 +154,8 @@ def test_the_rounding_reaches_a_split_link_by_its_quotients(make: Make):
     figures, covariance, names = carried.within_rounding(make())
     assert "link EIz" in names
     force = next(f for f in figures if design.label(f) == "A:compression:F_cr")
-    assert force.std(covariance) / force.value == pytest.approx(0.5 / 72.0 / np.sqrt(3.0), rel=0.03)
+    # entries beside it add a little: 6e-4
+    assert force.std(covariance) / force.value == pytest.approx(0.5 / 72.0 / np.sqrt(3.0), rel=0.01)
 
 
 def test_a_calibration_shrinks_what_tolerances_leave_open(make: Make):

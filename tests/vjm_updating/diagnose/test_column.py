@@ -100,7 +100,8 @@ def test_yield_turns_the_force_down():
     plain = column_force(w, L, EI, 2.0)
     yields = column_force(w, L, EI, 2.0, 12_000.0, Fibres(3.2, 0.0, 80.0), 400.0)
     first = int(np.argmax(plain - yields > 1e-6 * plain))
-    assert plain[first] * (w[first] + 2.0) == pytest.approx(12_000.0, rel=0.06)
+    # deflections are a millimetre apart, over which the moment grows by some 3 %
+    assert plain[first] * (w[first] + 2.0) == pytest.approx(12_000.0, rel=0.03)
     assert np.all(np.diff(yields[-20:]) < 0.0)
 
 

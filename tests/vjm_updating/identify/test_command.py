@@ -38,10 +38,11 @@ def test_the_documented_files_are_one_bar():
     text = (DOCS / "compliance-matrix-file.md").read_text()
     blocks = [block.split("```")[0] for block in text.split("```text\n")[1:]]
     rows, cases = (target(parse_matrix(block, "example.txt")) for block in blocks)
+    # the entries are printed to three or four digits
     assert rows.matrix == pytest.approx(cases.matrix, rel=1e-3)
     found = search(cases, Form.STRAIGHT)
     assert found.met
-    assert found.beam.beam.length == pytest.approx(310.0, rel=1e-3)
+    assert found.beam.beam.length == pytest.approx(310.0, rel=2e-4)
 
 
 @pytest.mark.slow

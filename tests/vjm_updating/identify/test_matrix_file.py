@@ -26,6 +26,7 @@ def test_digits_say_how_well_a_number_is_known(word, half):
 
 def test_six_rows_are_read_whatever_parts_them():
     plain = parse_matrix(GOOD, "m.txt")
+    # five digits are written
     assert plain.values == pytest.approx(BAR, rel=1e-4)
     commas = parse_matrix("# made by hand\n\n" + GOOD.replace(" ", ", ").replace("e", "D"), "m.txt")
     assert np.array_equal(commas.values, plain.values)

@@ -58,8 +58,9 @@ def test_actuator_in_series_is_the_actuator_in_the_chain(machine, posture):
     built_in, K = look_of(ModifiedChain(chain, machine.engine), posture, 2.2)(u)
     elements = ActuatorCompliance().elements(machine, (c,))
     found = balance(look_of(machine, posture, 2.2), u, elements, history_of(machine, posture, len(u)))
-    np.testing.assert_allclose(found.wrench[:, :3], built_in[:, :3], atol=0.03)
-    np.testing.assert_allclose(found.stiffness[:, 0, 0], K[:, 0, 0], rtol=1e-3)
+    # tables interpolate: 6e-5 N of some thousand, 7e-7 of the stiffness
+    np.testing.assert_allclose(found.wrench[:, :3], built_in[:, :3], atol=3e-3)
+    np.testing.assert_allclose(found.stiffness[:, 0, 0], K[:, 0, 0], rtol=3e-5)
 
 
 @pytest.mark.parametrize("posture", ["A", "B"])

@@ -43,7 +43,8 @@ def test_lookup_is_the_march_between_its_nodes(machine, posture, direction, reac
 
 def test_bifurcation_stands_where_the_path_has_it(machine):
     table = tabulate(machine, HalfRay("A", BACK, 4.0), pulls=False)
-    assert table.bifurcation == pytest.approx(2.7232, abs=2e-4)
+    # given to four digits
+    assert table.bifurcation == pytest.approx(2.7232, abs=1e-4)
     assert np.count_nonzero(np.abs(table.s / table.bifurcation - 1.0) < 0.02) >= 4
 
 
@@ -79,8 +80,8 @@ def test_bow_keeps_the_ends_in_place(machine):
 def test_weight_is_borne_by_both_ends(machine):
     heavy = replace(machine, weight=(("link", 4.0),))
     table = tabulate(heavy, HalfRay("A", X, 1.0), pulls=True)
-    # half of the link's weight hangs on the end-effector, which is held up
-    assert table.wrench[0, 2] == pytest.approx(0.5 * 4.0 * 9.80665, rel=2e-3)
+    # half of the link's weight hangs on the end-effector, which is held up; what sags shifts it by 3e-6
+    assert table.wrench[0, 2] == pytest.approx(0.5 * 4.0 * 9.80665, rel=1e-4)
 
 
 def test_weight_agrees_with_the_suites_own_path(machine):
