@@ -84,8 +84,8 @@ def offset_finding(chain: Chain) -> str:
     printed, fitted = offset_fit(chain, (0.0, 0.0, 0.0)), offset_fit(chain)
     stiffnesses = ", ".join(f"{K0:.0f}" for K0 in fitted.K0.values())
     return (
-        f"an offset of {OFFSET_MM[0]:g} mm between where (19) is read and the axes of q1 and q2 lowers the largest miss "
-        f"of K0 from {100.0 * printed.largest_miss:.1f} to {100.0 * fitted.largest_miss:.1f} % (K0 = "
+        f"an offset of {OFFSET_MM[0]:g} mm between where (19) is read and the axes of q1 and q2 lowers the "
+        f"largest miss of K0 from {100.0 * printed.largest_miss:.1f} to {100.0 * fitted.largest_miss:.1f} % (K0 = "
         f"{stiffnesses}) and brings {fitted.within} instead of {printed.within} of {fitted.compared} figures "
         "within 5 %; its length was fitted to the table, so it is no evidence of the paper's geometry"
     )
