@@ -16,6 +16,7 @@ from vjm_updating.identify.documents import Frozen
 from vjm_updating.identify.matrix_file import entry_name
 from vjm_validation.studies.table2 import QUANTITIES, TABLE_II
 from vjm_validation.studies.table2_fit import Figure, Point, TableFit
+from vjm_validation.studies.table2_offset import offset_finding
 from vjm_validation.studies.table2_reach import reach
 
 TOLERANCES = (0.01, 0.02, 0.05, 0.1)
@@ -159,7 +160,7 @@ def table2_document(table: TableFit, progress: Callable[[str, int, int], None] |
         findings=[],
     )
     done()
-    return document.model_copy(update={"findings": findings(document)})
+    return document.model_copy(update={"findings": [*findings(document), offset_finding(chain)]})
 
 
 def _name(figure: Figure) -> str:
