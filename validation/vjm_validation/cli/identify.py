@@ -54,7 +54,7 @@ def identify_(
     ] = False,
     part_of: SolidOptions = NO_SOLID,
     json: Annotated[bool, Parameter(negative="", help="Print one JSON document and nothing else.")] = False,
-    plot: pages.Plot = None,
+    plot: pages.Image = None,
     report: pages.Report = None,
     strict: Strict = False,
 ) -> int:
@@ -67,7 +67,7 @@ def identify_(
         return identify_solid(part_of, json=json)
     if part_of.others_given:
         raise ValueError("--youngs, --poisson, --base and --tip go with --solid DRAWING")
-    pages.check(plot, report)
+    pages.check(plot, report, pages.IMAGES)
     if table2:
         if model is None or part is not None or matrix is not None:
             raise ValueError("--table2: give a model, and neither --part nor --matrix")

@@ -60,7 +60,7 @@ def map_(
     jobs: Annotated[int, Parameter(help="Processes; one a core by default.")] = 0,
     scheduler: Annotated[str, Parameter(help="Address of a Dask scheduler instead, such as tcp://host:8786.")] = "",
     out: Annotated[Path | None, Parameter(help="Folder; a map that was cut off goes on there.")] = None,
-    plot: pages.Plot = None,
+    plot: pages.Image = None,
     report: pages.Report = None,
     strict: Strict = False,
 ) -> int:
@@ -73,7 +73,7 @@ def map_(
         raise ValueError(f"--jobs: must be at least 1, not {jobs}")
     if not 0.0 < most < np.inf:
         raise ValueError(f"--most: must be a positive force in N, not {most}")
-    pages.check(plot, report)
+    pages.check(plot, report, pages.IMAGES)
     folder = out or Path("reports") / "maps" / f"{target.name}-{quantity}-{time.strftime('%Y%m%d-%H%M%S')}"
     if isinstance(target, Chain):
         considered(model, strict)

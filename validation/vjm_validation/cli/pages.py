@@ -19,8 +19,11 @@ if TYPE_CHECKING:
     from vjm_validation.report.tables import Table
 
 Plot = Annotated[Path | None, Parameter(name="--plot", help="Write the figure to this file, .png or .svg.")]
+Image = Annotated[Path | None, Parameter(name="--plot", help="Write the figure to this file, .png.")]
+"""`Plot` of what is no line plot."""
 Report = Annotated[Path | None, Parameter(name="--report", help="Write a page to this file, .html.")]
 ENDINGS = (".png", ".svg")
+IMAGES = (".png",)
 
 
 @dataclass(frozen=True)
@@ -42,15 +45,21 @@ class Content:
     sentences: Sequence[str] = ()
 
 
-def check(plot: Path | None, report: Path | None) -> None:
+def check(plot: Path | None, report: Path | None, endings: Sequence[str] = ENDINGS) -> None:
     """Refuse files that cannot be written before anything is computed.
 
+    Args:
+        plot: file of the figure.
+        report: file of the page.
+        endings: that the figure can have; `IMAGES` for what is no line plot.
+
     Raises:
-        UsageError: an ending that is none of `ENDINGS`.
+        UsageError: an ending that is none of these.
         OSError: the folder cannot be written to.
     """
-    if plot is not None and plot.suffix not in ENDINGS:
-        raise UsageError(f"--plot {plot}: write a file that ends in {' or '.join(ENDINGS)}")
+    if plot is not None and plot.suffix not in endings:
+        why = "this figure is no line plot: " if plot.suffix in ENDINGS else ""
+        raise UsageError(f"--plot {plot}: {why}write a file that ends in {' or '.join(endings)}")
     for file in (plot, report):
         if file is not None:
             check_writable(file.parent)
@@ -70,8 +79,6 @@ def draw(plot: Path | None, report: Path | None, content: Callable[[], Content],
     made = content()
     if plot is not None:
         drawing = made.pictures[0].drawing
-        if plot.suffix == ".svg" and drawing.vector is None:
-            raise UsageError(f"--plot {plot}: this figure is no line plot: write it as .png")
         svg = drawing.vector.file.encode() if drawing.vector is not None else b""
         write_whole(plot, svg if plot.suffix == ".svg" else drawing.png)
     if report is not None:
