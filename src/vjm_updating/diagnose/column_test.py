@@ -42,10 +42,10 @@ class ColumnTest:
     """Marks of deflection with a load each; see `vjm_updating.diagnose.kind_of_test.KindOfTest`.
 
     Every column is bowed, however little, and yields in the end: a cause whose own parameter may as well be nothing
-    costs nothing more.
+    costs nothing more. The elastica's law is exact, and marks scatter by a noise that is found.
     """
 
-    costs = Costs(disguised=0.0)
+    costs = Costs(disguised=0.0, law_error=0.0)
 
     def applies(self, measurement: Measurement) -> bool:
         """Where a point of a body controls the test and the end's displacement was not read."""

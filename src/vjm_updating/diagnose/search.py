@@ -25,6 +25,7 @@ from vjm_updating.diagnose.screening import (
     Signature,
     Signed,
     best_pairs,
+    projection,
     scores,
     signatures,
     threshold,
@@ -92,10 +93,10 @@ class Search:
     known: Mapping[frozenset[str], Ranked] = field(default_factory=dict)
     signed: Signed | None = None
     costs: Costs = field(default_factory=Costs)
-    tried: dict[frozenset[str], Ranked] = field(default_factory=dict)
-    alarm: float = 0.0
-    first: list[Score] = field(default_factory=list)
-    _signatures: list[tuple[Fit, list[Signature]]] = field(default_factory=list)
+    tried: dict[frozenset[str], Ranked] = field(default_factory=dict, init=False)
+    alarm: float = field(default=0.0, init=False)
+    first: list[Score] = field(default_factory=list, init=False)
+    _signatures: list[tuple[Fit, list[Signature]]] = field(default_factory=list, init=False)
 
     def run(self) -> Ranked:
         """The best hypothesis; the null where nothing is significant."""
@@ -128,7 +129,7 @@ class Search:
 
     def rest(self, fit: Fit) -> Misfit:
         """What a fit leaves."""
-        return misfit(self.fitter, fit)
+        return misfit(self.fitter, fit, self.costs.law_error)
 
     def settled(self, ranked: Ranked) -> Ranked:
         """The same, its fit carried on where it had not come to an end."""
@@ -161,7 +162,7 @@ class Search:
             found = self._signed(base)
             self._signatures.append((base.fit, found))
         here = [s for s in found if s.effect.label not in base.labels]
-        return scores(self.fitter, softened(self.fitter, base.fit), here)
+        return scores(self.fitter, softened(self.fitter, base.fit, self.costs.law_error), here)
 
     def _near(self, fit: Fit, other: Fit) -> bool:
         """Whether what effects do about one fit tells what they do about another."""
@@ -198,7 +199,7 @@ class Search:
                 null.criterion - worth,
                 FIRST_ORDER * worth,
             )
-            for a, b, worth in best_pairs(softened(self.fitter, null.fit), self.first, PAIRS)
+            for a, b, worth in best_pairs(projection(self.fitter, null.fit), self.first, PAIRS)
             if chi2.sf(worth, a.cone.dimension + b.cone.dimension) < rare
         ]
 
@@ -299,7 +300,7 @@ class Search:
     def ranked(self, fit: Fit) -> Ranked:
         """A fit with what it is worth."""
         cost = criterion(self.fitter, fit, self.effects, self.samples, self.costs)
-        return Ranked(fit, cost + discrepancy(self.fitter, fit))
+        return Ranked(fit, cost + discrepancy(self.fitter, fit, self.costs.law_error))
 
 
 def _lower(*fits: Fit | None) -> Fit | None:
