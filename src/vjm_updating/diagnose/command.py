@@ -117,6 +117,7 @@ def diagnose(
         if best.labels == before.labels:
             break
     best = kind.completed(search, best)
+    prepared = replace(prepared, null=search.null)
     progress("verdict")
     verdict, candidates, points = _proved(prepared, kind, judge(search, best))
     document = _document(measurement, prepared, kind, verdict, candidates, points, begun)

@@ -97,6 +97,7 @@ class Search:
     alarm: float = field(default=0.0, init=False)
     first: list[Score] = field(default_factory=list, init=False)
     _signatures: list[tuple[Fit, list[Signature]]] = field(default_factory=list, init=False)
+    _exact_ones: set[frozenset[str]] = field(default_factory=set, init=False)
 
     def run(self) -> Ranked:
         """The best hypothesis; the null where nothing is significant."""
@@ -274,17 +275,16 @@ class Search:
 
     def _polished(self, size: int) -> list[Ranked]:
         """Hypotheses of one size, the best first; those that may be the best by exact fits."""
-        polished: set[frozenset[str]] = set()
         while True:
             level = sorted((r for r in self.tried.values() if len(r.labels) == size), key=lambda r: r.criterion)
-            open_ = [r for r in level[:BEAM] if r.labels not in polished]
+            open_ = [r for r in level[:BEAM] if r.labels not in self._exact_ones]
             if not open_:
                 return level
-            polished.add(open_[0].labels)
             self._polish(open_[0])
 
     def _polish(self, ranked: Ranked) -> None:
         """The exact fit, by how the machine's own nuisances act beside the hypothesis' causes."""
+        self._exact_ones.add(ranked.labels)
         m = len(self.fitter.nuisances)
         fit = self._exact(ranked.fit.hypothesis, ranked.fit.at.z[:m], ranked.fit.values)
         if fit is not None and fit.objective < ranked.fit.objective + RIVAL:
