@@ -158,10 +158,6 @@ def mistaken_rows(c: Comparison) -> list[Mistaken]:
     found = {label: _stretches(distances, known, label, 1.0) for label in doubted}
     all_of_them = [rows for several in found.values() for s in several for rows in s.rows.values()]
     left = ~np.any([np.zeros(len(c.readings), dtype=bool), *all_of_them], axis=0)
-        [one for several in found.values() for s in several for one in s.rows.values()]
-        or [np.zeros(len(c.readings), bool)],
-        0,
-    )
     own = {label: distances.own(label, left) for label in c.labels}
     usual = [ratio for ratio in own.values() if not np.isnan(ratio)]
     if usual:
