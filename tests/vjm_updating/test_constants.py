@@ -70,7 +70,6 @@ NUMERICS = {
     "calibrate/noise": "STATIONARY LEAST_SAMPLES",
     "calibrate/prediction": "SUPPORT REFINED FINER KNOTS",
     "calibrate/profile": "CHI2_95 REACHED MOST_TRIALS NORMAL_95",
-    "calibrate/rays": "NEAR MOST_RAYS",
     "calibrate/results": "STEP AT_BOUND",
     "diagnose/experiment": "PER_RAMP FURTHER FARTHEST HELD WANTED MOST HELPS CONTENDERS BETTER SMALL SHORT_OF "
     "UNKNOWN",
