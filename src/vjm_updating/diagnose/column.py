@@ -156,12 +156,12 @@ def observe_column(measurement: Measurement) -> Observed:
         None,
         None,
         {control: 0},
-        zeros={WRENCH[0]: zero_before_loading(raw, control, sheet.sigma(WRENCH[0]).zero)},
+        zeros=zero_before_loading(raw, control, sheet.sigma(WRENCH[0]).zero),
     )
 
 
-def zero_before_loading(readings: Readings, control: str, sigma: float) -> tuple[float, float]:
-    """Bounds of the load cell's zero, N, by the rows before loading.
+def zero_before_loading(readings: Readings, control: str, sigma: float) -> dict[str, tuple[float, float]]:
+    """Bounds of the load cell's zero, N, by the rows before loading; nothing where there are none.
 
     What the cell reads before the first mark is left is its zero, or a load that the fixtures make already. So the
     zero lies between nothing and that, give or take three of the sheet's sigmas.
@@ -172,9 +172,11 @@ def zero_before_loading(readings: Readings, control: str, sigma: float) -> tuple
         sigma: of the zero by the sheet, N.
     """
     marks, force = readings.values[control], readings.values[WRENCH[0]]
-    first = force[marks == marks[0]][:BEFORE]
-    level = float(np.nanmedian(first)) if np.isfinite(first).any() else 0.0
-    return min(level, 0.0) - 3.0 * sigma, max(level, 0.0) + 3.0 * sigma
+    first = force[marks == marks[0]]
+    if marks[0] != 0.0 or len(first) <= BEFORE or not np.isfinite(first[:BEFORE]).any():
+        return {}
+    level = float(np.nanmedian(first[:BEFORE]))
+    return {WRENCH[0]: (min(level, 0.0) - 3.0 * sigma, max(level, 0.0) + 3.0 * sigma)}
 
 
 def with_noise_found(observed: Observed, fit: Fit) -> Observed:
