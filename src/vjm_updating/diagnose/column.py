@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from vjm.model.chain import Chain
 from vjm.model.parts import Beam, PassiveJoint
 from vjm.rotations import Array
-from vjm_updating.calibrate.noise import memory_of, noise_of
+from vjm_updating.calibrate.noise import Noise, memory_of, noise_of
 from vjm_updating.diagnose.fitting import Fit
 from vjm_updating.diagnose.forward import Evaluation, channel_errors, machine_of, values_of
 from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero
@@ -155,12 +156,12 @@ def observe_column(measurement: Measurement) -> Observed:
         None,
         None,
         {control: 0},
-        zeros={WRENCH[0]: zero_before_loading(raw, control, sheet.sigma(WRENCH[0]).zero)},
+        zeros=zero_before_loading(raw, control, sheet.sigma(WRENCH[0]).zero),
     )
 
 
-def zero_before_loading(readings: Readings, control: str, sigma: float) -> tuple[float, float]:
-    """Bounds of the load cell's zero, N, by the rows before loading.
+def zero_before_loading(readings: Readings, control: str, sigma: float) -> dict[str, tuple[float, float]]:
+    """Bounds of the load cell's zero, N, by the rows before loading; nothing where there are none.
 
     What the cell reads before the first mark is left is its zero, or a load that the fixtures make already. So the
     zero lies between nothing and that, give or take three of the sheet's sigmas.
@@ -171,34 +172,43 @@ def zero_before_loading(readings: Readings, control: str, sigma: float) -> tuple
         sigma: of the zero by the sheet, N.
     """
     marks, force = readings.values[control], readings.values[WRENCH[0]]
-    first = force[marks == marks[0]][:BEFORE]
-    level = float(np.nanmedian(first)) if np.isfinite(first).any() else 0.0
-    return min(level, 0.0) - 3.0 * sigma, max(level, 0.0) + 3.0 * sigma
+    first = force[marks == marks[0]]
+    if marks[0] != 0.0 or len(first) <= BEFORE or not np.isfinite(first[:BEFORE]).any():
+        return {}
+    level = float(np.nanmedian(first[:BEFORE]))
+    return {WRENCH[0]: (min(level, 0.0) - 3.0 * sigma, max(level, 0.0) + 3.0 * sigma)}
 
 
 def with_noise_found(observed: Observed, fit: Fit) -> Observed:
-    """Readings with the noise of mark and load as a fit's residuals have it, by maximum likelihood.
+    """Readings with the noise of mark and load as a fit's residuals have it; see `noise_found`."""
+    return replace(observed, noise=noise_found(observed, fit)[1])
+
+
+def noise_found(observed: Observed, fit: Fit) -> tuple[float, Noise]:
+    """The noise of mark and load as a fit's residuals have it, by maximum likelihood.
 
     Who steers to a ruler's marks by hand does better or worse than the sheet's guess. The mark's noise shows where
     the curve is steep, the load's where it is level.
+
+    Returns:
+        Twice the negative logarithm of the likelihood, but for a constant, and the noise.
     """
+    sheet = observed.measurement.sheet
+    mark, load = (float(sheet.sigma(name).noise) for name in (*observed.slots, WRENCH[0]))
     on = observed.present[:, 0]
     r, slope = fit.at.residual[on, 0], fit.at.stiffness[on, 0, 0]
-    if len(r) < 2 * LEAST:
-        return observed
-    mark, load = observed.noise.pose[0], observed.noise.wrench[0]
     best, chosen = np.inf, (1.0, 1.0)
-    for a in np.geomspace(0.05, 2.0, 16):
-        for b in np.geomspace(1.0, 20.0, 12):
-            variance = (b * load) ** 2 + (a * mark * slope) ** 2
-            cost = float(np.sum(np.log(variance) + r**2 / variance))
-            if cost < best:
-                best, chosen = cost, (float(a), float(b))
+    ways = np.geomspace(0.05, 2.0, 16), np.geomspace(1.0, 100.0, 24)
+    for a, b in product(*ways) if len(r) >= 2 * LEAST else [chosen]:
+        variance = (b * load) ** 2 + (a * mark * slope) ** 2
+        cost = float(np.sum(np.log(variance) + r**2 / variance))
+        if cost < best:
+            best, chosen = cost, (float(a), float(b))
     # parameters that were fitted have taken their share
-    share = (len(r) / max(len(r) - fit.free - 2, 1)) ** 0.5
+    share = (len(r) / max(len(r) - fit.free - 2, 1)) ** 0.5 if len(r) >= 2 * LEAST else 1.0
     pose, wrench = observed.noise.pose.copy(), observed.noise.wrench.copy()
     pose[0], wrench[0] = mark * chosen[0] * share, load * max(chosen[1] * share, 1.0)
-    return replace(observed, noise=replace(observed.noise, pose=pose, wrench=wrench))
+    return best, replace(observed.noise, pose=pose, wrench=wrench)
 
 
 def column_effects(observed: Observed) -> list[Effect]:

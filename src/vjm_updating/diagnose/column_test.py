@@ -21,7 +21,7 @@ from vjm_updating.diagnose.estimates import Estimate, estimates
 from vjm_updating.diagnose.evidence import Costs
 from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.kind_of_test import HoldOut
-from vjm_updating.diagnose.mark_selection import marks_gain, with_one_more
+from vjm_updating.diagnose.mark_selection import completed, marks_gain
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import Search
 from vjm_updating.diagnose.stress import First
@@ -42,10 +42,10 @@ class ColumnTest:
     """Marks of deflection with a load each; see `vjm_updating.diagnose.kind_of_test.KindOfTest`.
 
     Every column is bowed, however little, and yields in the end: a cause whose own parameter may as well be nothing
-    costs nothing more.
+    costs nothing more. The elastica's law is exact, and marks scatter by a noise that is found.
     """
 
-    costs = Costs(disguised=0.0)
+    costs = Costs(disguised=0.0, law_error=0.0)
 
     def applies(self, measurement: Measurement) -> bool:
         """Where a point of a body controls the test and the end's displacement was not read."""
@@ -72,8 +72,8 @@ class ColumnTest:
         return with_noise_found(everything, best)
 
     def completed(self, search: Search, best: Ranked) -> Ranked:
-        """With one more cause where that is significant; see `vjm_updating.diagnose.mark_selection`."""
-        return with_one_more(search, best)
+        """With further causes as long as each pays; see `vjm_updating.diagnose.mark_selection`."""
+        return completed(search, best)
 
     def hold_out(self, fitter: Fitter, null: Fit) -> HoldOut:
         """Every third mark in turn."""

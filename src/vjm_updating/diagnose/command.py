@@ -40,7 +40,7 @@ from vjm_updating.diagnose.preprocess import Prepared, possible, prepare, refres
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import Search
 from vjm_updating.diagnose.transfer import transfer
-from vjm_updating.diagnose.verdict import DOUBTFUL, STRAINED, Verdict, judge, proved
+from vjm_updating.diagnose.verdict import STRAINED, Verdict, judge, proved
 from vjm_updating.experiment import Measurement, read_measurement
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.mistakes import mended, mistakes_of
@@ -117,6 +117,7 @@ def diagnose(
         if best.labels == before.labels:
             break
     best = kind.completed(search, best)
+    prepared = replace(prepared, null=search.null)
     progress("verdict")
     verdict, candidates, points = _proved(prepared, kind, judge(search, best))
     document = _document(measurement, prepared, kind, verdict, candidates, points, begun)
@@ -241,8 +242,6 @@ def _residual_words(verdict: Verdict) -> str:
     rest = verdict.rest
     if rest.strained < min(STRAINED, rest.p):
         return f"what fits best takes {rest.farthest}"
-    if rest.unusual < min(DOUBTFUL, rest.p):
-        return f"what fits best takes {rest.shape}"
     return f"what is left has the shape '{rest.worst or 'rough'}', strength {rest.left**0.5:.1f}"
 
 

@@ -19,10 +19,8 @@ from vjm_updating.diagnose.residual_basis import smooth_shapes
 from vjm_updating.diagnose.screening import Projection, projection
 from vjm_updating.diagnose.whitening import weighed
 
-LAW_ERROR = 0.07
-"""Relative error of a law, of the size of what its causes do: scale of a half-normal prior."""
 NODES = np.array([0.1, 0.3, 0.5, 0.8, 1.1, 1.5, 2.0, 2.6, 3.3])
-"""Relative errors over `LAW_ERROR` at which that prior is integrated, and their weights by the midpoint rule."""
+"""Relative errors over their prior's scale at which it is integrated; their weights are a midpoint rule's."""
 WEIGHTS = np.gradient(NODES) * np.exp(-0.5 * NODES**2) * (2.0 / np.pi) ** 0.5
 
 
@@ -82,37 +80,43 @@ def spectrum(fitter: Fitter, fit: Fit, space: Projection) -> tuple[Array, Array]
     return U, sizes
 
 
-def costs(sizes: Array, left: Array) -> Array:
+def costs(sizes: Array, left: Array, law_error: float) -> Array:
     """What a discrepancy adds to the objective by its relative error, at `NODES`.
 
     Args:
         sizes: standard deviations ``(k,)`` of a law that is wrong by its own size.
         left: the residual along them ``(k,)``.
+        law_error: scale of the relative error's half-normal prior.
     """
-    variance = (LAW_ERROR * NODES[:, None] * sizes) ** 2
+    variance = (law_error * NODES[:, None] * sizes) ** 2
     result: Array = np.sum(np.log1p(variance) - left**2 * variance / (1.0 + variance), axis=1)
     return result
 
 
-def discrepancy(fitter: Fitter, fit: Fit) -> float:
-    """What the discrepancy adds to a fit's objective, its size and its shape integrated out; 0 without causes."""
-    if not fit.hypothesis:
-        return 0.0
-    own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, fit.at))
-    space = projection(own, fit)
-    U, sizes = spectrum(own, fit, space)
-    change = costs(sizes, U.T @ space.residual)
+def integrated(sizes: Array, left: Array, law_error: float) -> float:
+    """The same with the relative error integrated out; see `costs`."""
+    change = costs(sizes, left, law_error)
     least = float(change.min())
     return least - 2.0 * float(np.log(np.sum(WEIGHTS * np.exp(-0.5 * (change - least)))))
 
 
-def softened(fitter: Fitter, fit: Fit) -> Projection:
+def discrepancy(fitter: Fitter, fit: Fit, law_error: float) -> float:
+    """What the discrepancy adds to a fit's objective, its size and its shape integrated out; 0 without causes."""
+    if not fit.hypothesis or law_error == 0.0:
+        return 0.0
+    own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, fit.at))
+    space = projection(own, fit)
+    U, sizes = spectrum(own, fit, space)
+    return integrated(sizes, U.T @ space.residual, law_error)
+
+
+def softened(fitter: Fitter, fit: Fit, law_error: float) -> Projection:
     """The space that a fit cannot absorb, with the likeliest discrepancy of its laws among the noise."""
     space = projection(fitter, fit)
-    if not fit.hypothesis:
+    if not fit.hypothesis or law_error == 0.0:
         return space
     U, sizes = spectrum(fitter, fit, space)
-    change = costs(sizes, U.T @ space.residual) - 2.0 * np.log(WEIGHTS)
-    left = 1.0 / np.sqrt(1.0 + (LAW_ERROR * NODES[int(np.argmin(change))] * sizes) ** 2)
+    change = costs(sizes, U.T @ space.residual, law_error) - 2.0 * np.log(WEIGHTS)
+    left = 1.0 / np.sqrt(1.0 + (law_error * NODES[int(np.argmin(change))] * sizes) ** 2)
     residual = space.residual - U @ ((1.0 - left) * (U.T @ space.residual))
     return Softened(space.basis, residual, space.rows, space.released, U, left)

@@ -17,6 +17,8 @@ from vjm_updating.mechanisms.effect import Effect
 
 DISTINCT, DISGUISED = 2.0, 12.0
 """Standard deviations by which a cause's own parameter must differ from nothing, and what it costs if not."""
+LAW_ERROR = 0.07
+"""Relative error of a law, of the size of what its causes do: scale of a half-normal prior."""
 RARER = 2.8
 """What a further cause costs: machines that lack two are a quarter as frequent as those that lack one."""
 
@@ -27,9 +29,11 @@ class Costs:
 
     Attributes:
         disguised: of a cause whose own parameter may as well be nothing.
+        law_error: relative error of the causes' laws, standard deviation; see `vjm_updating.diagnose.discrepancy`.
     """
 
     disguised: float = DISGUISED
+    law_error: float = LAW_ERROR
 
 
 def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: float, costs: Costs = Costs()) -> float:

@@ -16,15 +16,12 @@ from scipy.stats import chi2
 from vjm.rotations import Array
 from vjm_updating.diagnose.discrepancy import softened
 from vjm_updating.diagnose.fitting import Fit, Fitter, prior
-from vjm_updating.diagnose.parameters import of_effect
 from vjm_updating.diagnose.residual_basis import smooth_shapes, sudden_shapes
 from vjm_updating.diagnose.screening import Projection
 from vjm_updating.experiment.channels import WRENCH
 
 DRAWS = 4000
 SEED = 17
-OTHERS = 3.0
-"""Spread of shapes over the machines of all makers, over that of the usual ones."""
 TAIL = 0.02
 """Share of the least p-values among draws that is their tail."""
 ROUGH = 1.35
@@ -41,8 +38,6 @@ class Misfit:
         worst: the shape that stands out most, in words; empty where none does, or the residual is rough.
         strained: chance of nuisances as far from the sheet's as they had to go, all together or one of them.
         farthest: the one that went farthest, in words; empty where the sheet allows none.
-        unusual: chance of a law whose shape is as far from its cause's usual one.
-        shape: that one, in words; empty where no law has a shape.
     """
 
     p: float
@@ -50,8 +45,6 @@ class Misfit:
     worst: str
     strained: float = 1.0
     farthest: str = ""
-    unusual: float = 1.0
-    shape: str = ""
 
 
 @dataclass(frozen=True)
@@ -60,14 +53,14 @@ class _Block:
     directions: Array
 
 
-def misfit(fitter: Fitter, fit: Fit) -> Misfit:
+def misfit(fitter: Fitter, fit: Fit, law_error: float = 0.0) -> Misfit:
     """Test a fit's residual, its laws right to some per cent only."""
-    space = softened(fitter, fit)
+    space = softened(fitter, fit, law_error)
     observed = fitter.forward.observed
     smooth = _blocks(fitter, space, *smooth_shapes(observed))
     blocks = [*smooth, *_blocks(fitter, space, *sudden_shapes(observed))]
     if not blocks:
-        return Misfit(1.0, 0.0, "", *_strained(fit), *_unusual(fit))
+        return Misfit(1.0, 0.0, "", *_strained(fit))
     squares = np.array([float(np.sum((b.directions.T @ space.residual) ** 2)) for b in blocks])
     freedom = np.array([b.directions.shape[1] for b in blocks])
     p = np.asarray(chi2.sf(squares, freedom))
@@ -83,7 +76,7 @@ def misfit(fitter: Fitter, fit: Fit) -> Misfit:
     total = min(1.0, 3.0 * min(rank, overall))
     left = max(together - size, float(squares[worst]) - int(freedom[worst]), beyond, 0.0)
     named = blocks[worst].name if total < 0.05 and rank <= large else ""
-    return Misfit(total, left, named, *_strained(fit), *_unusual(fit))
+    return Misfit(total, left, named, *_strained(fit))
 
 
 def _strained(fit: Fit) -> tuple[float, str]:
@@ -99,24 +92,6 @@ def _strained(fit: Fit) -> tuple[float, str]:
     alone = len(sheet) * float(chi2.sf(squares.max(), 1))
     words = f"{fit.found[farthest].name} {abs(off[farthest]):.1f} sigma from the sheet's"
     return min(1.0, 2.0 * min(together, alone)), words
-
-
-def _unusual(fit: Fit) -> tuple[float, str]:
-    """Chance of a shape as far from the usual as the farthest of a fit's laws, and that one in words.
-
-    A size may be anything. Usual values are those of one manufacturer's machines; others' differ from them by three
-    times their spread.
-    """
-    off, _ = prior(fit.found, fit.at.z)
-    shapes: list[int] = []
-    for number, effect in enumerate(fit.hypothesis):
-        shape = of_effect(fit.found, number)[effect.extent :]
-        shapes += [i for i in shape if 0.0 < fit.found[i].sigma < np.inf]
-    if not shapes:
-        return 1.0, ""
-    farthest = max(shapes, key=lambda i: abs(float(off[i])))
-    words = f"{fit.found[farthest].name} {abs(off[farthest]):.1f} sigma from the usual"
-    return min(1.0, len(shapes) * float(chi2.sf((off[farthest] / OTHERS) ** 2, 1))), words
 
 
 def _least(blocks: Sequence[_Block], level: float) -> Array:

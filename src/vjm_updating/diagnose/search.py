@@ -25,6 +25,7 @@ from vjm_updating.diagnose.screening import (
     Signature,
     Signed,
     best_pairs,
+    projection,
     scores,
     signatures,
     threshold,
@@ -92,10 +93,11 @@ class Search:
     known: Mapping[frozenset[str], Ranked] = field(default_factory=dict)
     signed: Signed | None = None
     costs: Costs = field(default_factory=Costs)
-    tried: dict[frozenset[str], Ranked] = field(default_factory=dict)
-    alarm: float = 0.0
-    first: list[Score] = field(default_factory=list)
-    _signatures: list[tuple[Fit, list[Signature]]] = field(default_factory=list)
+    tried: dict[frozenset[str], Ranked] = field(default_factory=dict, init=False)
+    alarm: float = field(default=0.0, init=False)
+    first: list[Score] = field(default_factory=list, init=False)
+    _signatures: list[tuple[Fit, list[Signature]]] = field(default_factory=list, init=False)
+    _exact_ones: set[frozenset[str]] = field(default_factory=set, init=False)
 
     def run(self) -> Ranked:
         """The best hypothesis; the null where nothing is significant."""
@@ -128,7 +130,7 @@ class Search:
 
     def rest(self, fit: Fit) -> Misfit:
         """What a fit leaves."""
-        return misfit(self.fitter, fit)
+        return misfit(self.fitter, fit, self.costs.law_error)
 
     def settled(self, ranked: Ranked) -> Ranked:
         """The same, its fit carried on where it had not come to an end."""
@@ -161,7 +163,7 @@ class Search:
             found = self._signed(base)
             self._signatures.append((base.fit, found))
         here = [s for s in found if s.effect.label not in base.labels]
-        return scores(self.fitter, softened(self.fitter, base.fit), here)
+        return scores(self.fitter, softened(self.fitter, base.fit, self.costs.law_error), here)
 
     def _near(self, fit: Fit, other: Fit) -> bool:
         """Whether what effects do about one fit tells what they do about another."""
@@ -198,7 +200,7 @@ class Search:
                 null.criterion - worth,
                 FIRST_ORDER * worth,
             )
-            for a, b, worth in best_pairs(softened(self.fitter, null.fit), self.first, PAIRS)
+            for a, b, worth in best_pairs(projection(self.fitter, null.fit), self.first, PAIRS)
             if chi2.sf(worth, a.cone.dimension + b.cone.dimension) < rare
         ]
 
@@ -273,17 +275,16 @@ class Search:
 
     def _polished(self, size: int) -> list[Ranked]:
         """Hypotheses of one size, the best first; those that may be the best by exact fits."""
-        polished: set[frozenset[str]] = set()
         while True:
             level = sorted((r for r in self.tried.values() if len(r.labels) == size), key=lambda r: r.criterion)
-            open_ = [r for r in level[:BEAM] if r.labels not in polished]
+            open_ = [r for r in level[:BEAM] if r.labels not in self._exact_ones]
             if not open_:
                 return level
-            polished.add(open_[0].labels)
             self._polish(open_[0])
 
     def _polish(self, ranked: Ranked) -> None:
         """The exact fit, by how the machine's own nuisances act beside the hypothesis' causes."""
+        self._exact_ones.add(ranked.labels)
         m = len(self.fitter.nuisances)
         fit = self._exact(ranked.fit.hypothesis, ranked.fit.at.z[:m], ranked.fit.values)
         if fit is not None and fit.objective < ranked.fit.objective + RIVAL:
@@ -299,7 +300,7 @@ class Search:
     def ranked(self, fit: Fit) -> Ranked:
         """A fit with what it is worth."""
         cost = criterion(self.fitter, fit, self.effects, self.samples, self.costs)
-        return Ranked(fit, cost + discrepancy(self.fitter, fit))
+        return Ranked(fit, cost + discrepancy(self.fitter, fit, self.costs.law_error))
 
 
 def _lower(*fits: Fit | None) -> Fit | None:

@@ -23,16 +23,12 @@ PAYS = 6.6
 """Fall of the objective for which a law with a parameter more is preferred: one in a hundred does so by chance."""
 RIVALS = 12
 """Hypotheses that are compared with the best at most."""
-FURTHER = 0.85
-"""How sure a further cause is: several explain an unmodelled cause, too (docs/hidden-effects.md)."""
 ANY_CLASS = 0.45
 """Share of a class's own probability that its confidence keeps (docs/hidden-effects.md)."""
 AS_LIKELY = 0.1
 """Probability over the likeliest's from which on a place counts as possible."""
 ACCIDENT = 0.7
 """How sure it is that causes which predict what was held out worse than none are an accident."""
-LIKELY = 0.5
-"""Confidence below which causes are not named: they are more likely wrong than right."""
 BY_CHANCE = 2.0
 """Times a right model's expected error that its error may be: readings held out together are wrong together."""
 FAINT_ODDS, FAINT_SLOPE = -0.5, 0.72
@@ -76,13 +72,12 @@ def judge(search: Search, best: Ranked) -> Verdict:
     doubt = rest.p
     ended = best.fit.converged or not best.labels
     wrong = doubt < (DOUBTFUL if best.labels else MISFIT) or rest.strained < STRAINED or not ended
-    wrong = wrong or rest.unusual < DOUBTFUL
     if best.labels and not wrong:
         for near in [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]:
             search.settled(near)
     weights = _weights(search, best)
     if wrong:
-        sure = min(SUREST, 1.0 - min(doubt, rest.strained, rest.unusual))
+        sure = min(SUREST, 1.0 - min(doubt, rest.strained))
         return Verdict("unknown", (), (), sure, _others(weights, []), rest)
     if not best.labels:
         return Verdict("none", (), (), _quiet(search, rest), _others(weights, [best]), rest)
@@ -106,8 +101,6 @@ def judge(search: Search, best: Ranked) -> Verdict:
     kind = "class" if len(members) > 1 else "named"
     if kind == "class":
         sure = ANY_CLASS + (1.0 - ANY_CLASS) * sure
-    # what the misfit test nearly rejects is less sure
-    sure *= float(np.clip(doubt / 0.02, 0.3, 1.0)) * FURTHER ** (len(members[0].labels) - 1)
     places = [
         tuple(r for r, w in weights.items() if _elsewhere(r, member) and w >= AS_LIKELY * weights[member])
         for member in members
@@ -124,7 +117,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
 
 
 def proved(verdict: Verdict, before: float, after: float, expected: float) -> Verdict:
-    """What the prediction of readings held out makes of a verdict, and whether it is then likely enough.
+    """What the prediction of readings held out makes of a verdict.
 
     Causes that predict them worse than none are an accident of the readings fitted. But where what was held out
     lies so far from the rest that a right model could hardly do better, it proves nothing.
@@ -137,8 +130,6 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
     """
     if after > before and after > BY_CHANCE * expected:
         return _unknown(verdict, ACCIDENT, "predicts what was held out worse than no cause does")
-    if verdict.confidence < LIKELY:
-        return _unknown(verdict, 1.0 - verdict.confidence, f"is right with {verdict.confidence:.2f} only")
     return verdict
 
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from vjm_updating.diagnose.column import observe_column
+from vjm_updating.diagnose.column import observe_column, zero_before_loading
 from vjm_updating.diagnose.column_experiment import direct
 from vjm_updating.diagnose.command import diagnose
 from vjm_updating.diagnose.estimates import Estimate
 from vjm_updating.diagnose.mark_selection import marks_gain
 from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.transfer import transfer
-from vjm_updating.experiment import read_measurement
+from vjm_updating.experiment import Readings, read_measurement
 from vjm_updating.mechanisms.column import Fibres, column_force, yield_curve
 from vjm_validation.cli.main import run
 
@@ -181,6 +181,25 @@ def made_column(
     (folder / "data.csv").write_text("\n".join(["time_s,posture,fx_N,mid.uy_mm", *rows]) + "\n")
     (folder / "sheet.toml").write_text(SHEET)
     return folder / "data.csv", folder / "sheet.toml"
+
+
+@pytest.mark.parametrize(
+    ("first", "bounds"),
+    # a cell that reads −26 N without load; a file that begins at a loaded mark; one that has a single row there
+    [([0.0] * 8, {"fx_N": (-29.0, 3.0)}), ([0.2] * 8, {}), ([0.0], {})],
+)
+def test_rows_before_loading_bound_the_cells_zero(first, bounds):
+    marks = np.array([*first, 1.5, 3.0])
+    n = len(marks)
+    force = np.array([0.0, *[-26.0] * 6, -300.0, -450.0, -460.0])[-n:]
+    readings = Readings(
+        "data.csv",
+        np.arange(n),
+        np.full(n, "straight"),
+        np.ones(n, dtype=int),
+        {"mid.uy_mm": marks, "fx_N": force},
+    )
+    assert zero_before_loading(readings, "mid.uy_mm", 1.0) == bounds
 
 
 def test_a_mark_is_predicted_by_the_others_alone(tmp_path):

@@ -7,16 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm_updating.diagnose.instrument import InstrumentZero
 from vjm_updating.diagnose.model_adequacy import misfit
-from vjm_updating.diagnose.parameters import coordinates, start
 from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.residual_basis import driven_place
 from vjm_updating.diagnose.search import Search
 from vjm_updating.diagnose.test_data import observe
 from vjm_updating.diagnose.verdict import MISFIT, STRAINED, judge
 from vjm_updating.experiment.measurement import read_measurement
-from vjm_updating.mechanisms.actuator_hardening import ActuatorHardening
 
 FORCE = 8.0
 """Four standard deviations of a reading, N."""
@@ -88,25 +85,3 @@ def test_a_fit_that_needs_one_nuisance_far_off_the_sheet_is_not_right(make, tmp_
     assert (found.rest.strained < STRAINED) is (verdict == "unknown")
     # the drawing's own zero, a tenth of a sigma or 2 N, on top
     assert ("zero fx_N 8.1 sigma" in found.rest.farthest) is (verdict == "unknown")
-
-
-@pytest.mark.parametrize(
-    ("ratio", "exponent", "chance"),
-    # its size may be anything; its exponent is 1 within a factor of e^0.5, of other makers' machines of e^1.5: 39
-    # in a hundred lie beyond 0.8586 of these
-    [(0.05, 1.0, 1.0), (1.5, np.exp(1.5 * 0.8586), 0.3906), (1.5, np.exp(-1.5 * 0.8586), 0.3906)],
-)
-def test_a_law_of_a_shape_that_is_never_seen_is_unusual(prepared, ratio, exponent, chance):
-    hypothesis = (InstrumentZero(part="fx_N"), ActuatorHardening())
-    nuisances = prepared.fitter.nuisances
-    found = tuple(coordinates(nuisances, hypothesis))
-    z = start(found, hypothesis, np.zeros(len(nuisances)), [[0.0], [ratio, 0.0, exponent]])
-    slopes = np.zeros((*prepared.null.jacobian.shape[:2], len(found)))
-    at = replace(prepared.null.at, z=z)
-    rest = misfit(
-        prepared.fitter, replace(prepared.null, hypothesis=hypothesis, found=found, at=at, jacobian=slopes)
-    )
-    # the quantile has four digits, which moves the chance by two in ten thousand
-    assert rest.unusual == pytest.approx(chance, rel=1e-3)
-    assert rest.shape.startswith("actuator_hardening exponent")
-    assert misfit(prepared.fitter, prepared.null).unusual == 1.0

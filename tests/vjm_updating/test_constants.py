@@ -1,0 +1,131 @@
+"""Which numbers of calibration and diagnosis somebody has chosen, and why: a new one has to be put into a list."""
+
+from __future__ import annotations
+
+import ast
+from itertools import chain
+from pathlib import Path
+
+SOURCES = Path(__file__).parents[2] / "src/vjm_updating"
+MOST_TUNED = 49
+"""What was reached; the aim is ten."""
+
+TUNED = {
+    "diagnose/evidence": "DISTINCT DISGUISED RARER LAW_ERROR",
+    "diagnose/equivalence_classes": "APART UNSURE SURE",
+    "diagnose/search": "FIRST_ORDER",
+    "diagnose/screening": "FALSE_ALARMS OWN FAR_OFF",
+    "diagnose/model_adequacy": "ROUGH",
+    "diagnose/verdict": "MISFIT DOUBTFUL STRAINED PAYS ANY_CLASS AS_LIKELY ACCIDENT BY_CHANCE FAINT_ODDS "
+    "FAINT_SLOPE SUREST SUREST_CAUSE",
+    "diagnose/command": "HALF",
+    "diagnose/outliers": "SPIKE OUTLYING FEW SHARE GATHERED DENSE SHOWS UNSEEN LONELY APART",
+    "diagnose/ramp_regression": "PRICE TOLD FOLLOWED CERTAIN WILD ROUGH OUTLYING",
+    "diagnose/noise_model": "SILENT RANK",
+    "diagnose/residual_basis": "CLEAR",
+    "diagnose/critical": "FLAT",
+    "calibrate/fit": "MOST_WILD",
+    "calibrate/noise": "SET FEW_LEVELS",
+}
+"""They decide what a verdict says, and were set by development sets or by judgement."""
+
+PRIORS = {
+    "diagnose/instrument": "MOST_DRIFT LEVER USUAL_LAG",
+    "diagnose/noise_model": "ALIKE USUAL WIDE",
+    "diagnose/parameters": "FARTHEST PARTS SHARE LOST",
+    "diagnose/ramp_test": "LONG_BEFORE",
+    "diagnose/column": "SET BEFORE",
+    "calibrate/parameters": "WEAK SOFT_DRIVE RIGID",
+}
+"""Physical bounds and priors, each with a unit."""
+
+NUMERICS = {
+    "diagnose/chi_bar_squared": "DRAWS SEED STEEP",
+    "diagnose/column": "LEAST",
+    "diagnose/command": "AGAIN",
+    "diagnose/critical": "LEAST",
+    "diagnose/discrepancy": "NODES WEIGHTS",
+    "diagnose/estimates": "DRAWS",
+    "diagnose/fitting": "STEPS ENOUGH LEARNT RENEWED FAR MISSED MISSED_ROUGHLY FARTHER RETREATS SHORTER "
+    "POOR DIFFERENCE",
+    "diagnose/forward": "MARGIN KEPT ROUNDS",
+    "diagnose/holdout": "BLOCK DRAWS SEED",
+    "diagnose/mark_selection": "THIRD DRAWS SEED",
+    "diagnose/model_adequacy": "DRAWS SEED TAIL",
+    "diagnose/noise_model": "GRID SIZES FEWEST",
+    "diagnose/normal_equations": "SWEEPS LONGEST",
+    "diagnose/parameters": "AFAR",
+    "diagnose/preprocess": "SAME_MEMORY SAME_NOISE WORSE",
+    "diagnose/ramp_regression": "MOST BENT",
+    "diagnose/residual_basis": "ORDER WAVES A_WAVE JUMPS",
+    "diagnose/screening": "DRAWS RARE SAME SEED STRONG ORDINARY NEAR_BY APART STARTS",
+    "diagnose/search": "WIDTH BEAM PAIRS RIVAL STRAINED FAINT CARRIED_ON",
+    "diagnose/verdict": "RIVALS",
+    "diagnose/whitening": "WILD",
+    "calibrate/calibrated_model": "ALIKE",
+    "calibrate/carried": "STEP",
+    "calibrate/design": "READINGS",
+    "calibrate/fit": "STAGES FROZEN LONGEST_STEP WILD MISFIT",
+    "calibrate/identifiability": "UNSEEN SHARE NEGLIGIBLE TINY",
+    "calibrate/noise": "STATIONARY LEAST_SAMPLES",
+    "calibrate/prediction": "SUPPORT REFINED FINER KNOTS",
+    "calibrate/profile": "CHI2_95 REACHED MOST_TRIALS NORMAL_95",
+    "calibrate/results": "STEP AT_BOUND",
+    "diagnose/experiment": "PER_RAMP FURTHER FARTHEST HELD WANTED MOST HELPS CONTENDERS BETTER SMALL SHORT_OF "
+    "UNKNOWN",
+}
+"""Steps, iteration limits, tolerances, seeds, quantiles, and what is tried of an endless list: more of each costs
+time and moves a result by less than its interval."""
+
+SHOWN = {
+    "diagnose/column": "GONE",
+    "diagnose/column_test": "MANY",
+    "diagnose/command": "SHOWN",
+    "diagnose/critical": "FURTHER",
+    "diagnose/estimates": "NORMAL_95",
+    "diagnose/figures": "MOST_POSTURES THRESHOLD TICKS LETTER",
+    "diagnose/ramp_test": "MOST_PAIRS",
+    "diagnose/summary_text": "ANY_DIRECTION",
+    "calibrate/command": "STAGES",
+    "calibrate/figures": "MOST_NAMED EDGE STRONG",
+    "calibrate/parameters": "MATRIX",
+    "calibrate/results": "SOURCES",
+    "calibrate/summary_text": "DIGITS",
+}
+"""What a page or a line of text shows."""
+
+
+def numbers(path: Path) -> set[str]:
+    """Upper-case names of a module's own numbers."""
+    found = set()
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+            continue
+        target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+        names = [n.id for n in ast.walk(target) if isinstance(n, ast.Name)]
+        values = [n.value for n in ast.walk(node.value) if isinstance(n, ast.Constant)]
+        if all(name.isupper() for name in names) and values and not any(isinstance(v, str) for v in values):
+            found.update(names)
+    return found
+
+
+def listed(*tables: dict[str, str]) -> list[tuple[str, str]]:
+    rows = chain.from_iterable(table.items() for table in tables)
+    return [(module, name) for module, names in rows for name in names.split()]
+
+
+def test_every_number_stands_in_one_list():
+    found = {
+        (f"{folder}/{path.stem}", name)
+        for folder in ("diagnose", "calibrate")
+        for path in (SOURCES / folder).glob("*.py")
+        for name in numbers(path)
+    }
+    known = listed(TUNED, PRIORS, NUMERICS, SHOWN)
+    assert len(known) == len(set(known))
+    assert sorted(found - set(known)) == [], "say of a new number which list it belongs to"
+    assert sorted(set(known) - found) == [], "these are gone: take them out of their list"
+
+
+def test_no_more_numbers_are_tuned_than_there_were():
+    assert len(listed(TUNED)) <= MOST_TUNED
