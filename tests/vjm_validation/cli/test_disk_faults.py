@@ -140,3 +140,20 @@ def test_a_run_of_all_that_was_killed_goes_on(tmp_path):
     assert finished.status == 0, finished.err
     assert all(file.stat().st_mtime_ns == at for file, at in kept.items())
     assert (tmp_path / "run" / "index.html").exists()
+
+
+@pytest.mark.slow
+def test_a_diagnosis_that_was_killed_leaves_nothing_half_written(tmp_path):
+    """Its files are written together at the end: before, there are none; the same command then writes them."""
+    assert in_a_process("new", "sheet", str(tmp_path / "sheet.toml")).status == 0
+    simulated = ["orthoglide-chain", "--test", str(tmp_path / "sheet.toml"), "--out", str(tmp_path / "test")]
+    assert in_a_process("simulate", *simulated, "--seed", "7").status == 0
+    files = [str(tmp_path / "test" / "readings.csv"), "--sheet", str(tmp_path / "test" / "sheet.toml")]
+    arguments = ["diagnose", *files, "--only", "link_bow", "--out", str(tmp_path / "found")]
+    killed(arguments, tmp_path, "found")
+    assert not [file for file in (tmp_path / "found").rglob("*") if file.suffix in (".json", ".toml", ".html")]
+    finished = in_a_process(*arguments)
+    assert finished.status == 0, finished.err
+    written = {file.name for file in (tmp_path / "found").iterdir()}
+    assert written >= {"diagnosis.json", "extended-model.toml", "diagnosis.html"}
+    assert not list((tmp_path / "found").rglob(f"*{UNFINISHED}"))
