@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from vjm.platform.manipulator import Manipulator
     from vjm.vjm_engine import VjmEngine
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOME = {
     "Buckling": "vjm.analysis",
