@@ -42,7 +42,7 @@ class Limit:
 
     @property
     def relative(self) -> float:
-        """The largest rounding half-width, scaled."""
+        """The largest half-width, scaled."""
         d = np.sqrt(np.diag(self.compliance))
         return float(np.max(self.interval / np.outer(d, d)))
 
@@ -70,7 +70,7 @@ def limit(sizes: Sequence[float], compliances: Sequence[Array]) -> Limit:
 
 
 def _entry(near: float, far: float, h: NDArray[np.float64]) -> tuple[float, float, float]:
-    """Change beyond the last mesh, rounding half-width and order of one scaled entry."""
+    """Change beyond the last mesh, half-width and order of one scaled entry."""
     size = max(abs(near), abs(far))
     if size < FLOOR:
         return 0.0, FLOOR, np.nan

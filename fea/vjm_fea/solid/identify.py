@@ -46,7 +46,7 @@ class SolidTask:
         at: point ``(3,)`` mm at which the compliance is read; None: the tip's centre of area.
         held: how the base is.
         unit_mm: mm of one unit of the file.
-        accuracy: scaled rounding half-width that ends the refinement.
+        accuracy: scaled half-width that ends the refinement.
         largest: unknowns of the last mesh at most.
         first: unknowns of the first mesh, about.
         tips: which bounds.
@@ -125,7 +125,7 @@ class SolidCompliance:
 
     @property
     def relative(self) -> float:
-        """The largest scaled rounding half-width of both bounds."""
+        """The largest scaled half-width of both bounds."""
         return max(bound.limit.relative for bound in self.bounds.values())
 
 

@@ -88,7 +88,7 @@ class SolidDocument(Frozen):
     """``accuracy`` was met, or the next mesh would be beyond the asked ``size`` or the free ``memory``."""
     accuracy_asked: float
     accuracy_reached: float
-    """Largest scaled rounding half-width of both bounds."""
+    """Largest scaled half-width of both bounds."""
     bounds: list[BoundDocument]
     bounds_apart: float
     """Largest scaled difference of the bounds."""

@@ -132,7 +132,7 @@ def _warnings(found: SolidCompliance, beams: list[BeamDocument]) -> list[str]:
     if not beam.met:
         texts.append(
             f"no uniform beam is like this part: the best misses {beam.worst_entry} by "
-            f"{number(beam.worst_misfit, 3)} rounding half-widths, {percent(beam.worst_scaled)} of √(c_ii c_jj)"
+            f"{number(beam.worst_misfit, 3)} half-widths, {percent(beam.worst_scaled)} of √(c_ii c_jj)"
         )
     return texts
 

@@ -55,7 +55,7 @@ def _rows(document: SolidDocument) -> dict[str, str]:
 
 def _matrix(bound: BoundDocument) -> Table:
     table = Table(
-        title=f"Compliance, {TIPS[bound.tip]} (mm/N, 1/N, rad/(N mm); ± rounding half-width)",
+        title=f"Compliance, {TIPS[bound.tip]} (mm/N, 1/N, rad/(N mm); ± half-width)",
         title_justify="left",
         box=SIMPLE,
     )
