@@ -36,7 +36,7 @@ class Contrast:
 
     Attributes:
         name: what the residual follows.
-        kind: ``angle``, ``torque``, ``approach``, ``time``, ``region`` or ``shared``.
+        kind: ``angle``, ``torque``, ``one side``, ``approach``, ``time``, ``region`` or ``shared``.
         share: of the squared residual that it explains.
         significance: standard deviations.
     """
@@ -73,6 +73,13 @@ def contrasts(study: Study, state: State) -> list[Contrast]:
             if np.isfinite(torque).mean() > MOSTLY and np.ptp(np.nan_to_num(torque)) > 0.0:
                 by_torque = blocks.J[:, [n + i]] * np.nan_to_num(torque)[blocks.posture][:, None]
                 result.append(_share(f"measured torque of {member.part}", "torque", left, Q, by_torque))
+    for i, member in enumerate(study.members):
+        if member.family == "joint_offset" and member.part in study.data.joints:
+            size = np.abs(state.at.torque[:, study.data.joints.index(member.part)])
+            by_size = blocks.J[:, [n + i]] * size[blocks.posture][:, None]
+            result.append(
+                _share(f"size of the torque of {member.part}, not its sign", "one side", left, Q, by_size)
+            )
     for (name, kind), index in columns.items():
         result.append(_share(name, kind, left, Q, blocks.J[:, index]))
     result.append(_by_region(study, state, left, Q))
@@ -163,11 +170,10 @@ def jump(study: Study, state: State) -> tuple[int, Array, float]:
     sums, counts = np.cumsum(x, axis=0), np.cumsum(good)
     spread = MEDIAN * np.nanmedian(np.abs(mean - np.nanmedian(mean, axis=0)), axis=0)
     at = np.arange(5, g - 5)
-    before, after = (
-        sums[at - 1] / counts[at - 1, None],
-        (sums[-1] - sums[at - 1]) / (counts[-1] - counts[at - 1])[:, None],
-    )
-    scale = spread * np.sqrt(1.0 / counts[at - 1] + 1.0 / (counts[-1] - counts[at - 1]))[:, None]
+    at = at[(counts[at - 1] > 0) & (counts[at - 1] < counts[-1])]
+    first, rest = counts[at - 1, None], counts[-1] - counts[at - 1, None]
+    before, after = sums[at - 1] / first, (sums[-1] - sums[at - 1]) / rest
+    scale = spread * np.sqrt(1.0 / first + 1.0 / rest)
     size = np.linalg.norm((after - before) / np.maximum(scale, 1e-12), axis=1)
     k = int(np.argmax(size))
     return int(at[k]), after[k] - before[k], float(size[k])

@@ -27,7 +27,14 @@ MOST_TRIED = 120
 """Postures on which changes of the data are tried."""
 FEWEST = 8
 MISSES = "rigid_robot: misses"
-MISTAKES = ("joint_sign", "joints_swapped", "joints_reversed", "joints_shifted", "markers_swapped")
+MISTAKES = (
+    "joint_sign",
+    "joints_swapped",
+    "joints_reversed",
+    "joints_shifted",
+    "markers_swapped",
+    "tracker_mirrored",
+)
 """What findings begin with whose readings cannot be diagnosed before they are mended."""
 FEWEST_TORQUES = 12
 LEAST_FOLLOWED = 0.5
@@ -218,6 +225,9 @@ def joints_and_markers(study: Study) -> Iterator[Finding]:
         y[:, [i, j]] = y[:, [j, i]]
         a, b = data.markers[i], data.markers[j]
         found.append((_error(study, data.q, y), f"markers_swapped.{a}.{b}", f"exchange the markers {a} and {b}"))
+    mirrored = _error(study, data.q, data.position * [-1.0, 1.0, 1.0])
+    words = "the tracker's axes are left-handed: exchange two of them or reverse one,"
+    found.append((mirrored, "tracker_mirrored", words))
     best = min(found, default=(np.inf, "", ""))
     if best[0] > MUCH_BETTER * base:
         if before < IMPLAUSIBLE * study.machine.tree.reach:

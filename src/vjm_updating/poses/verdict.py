@@ -32,6 +32,8 @@ JUMPS = 8.0
 """Significance of a jump of the tracker's frame: the largest of a thousand places stays below 5 without one."""
 SMALLEST_JUMP = 2.0
 """Of a jump, over the scatter of what is left."""
+ONE_SIDE = 4.0
+"""Standard deviations from which on what is left follows the size of a joint's torque: against springs."""
 LEAST_SHARE = 0.03
 """Share of what is left that a contrast must explain to be spoken of."""
 
@@ -48,6 +50,8 @@ NEXT = {
     "torque": "What is left follows a joint's torque beyond a spring's law: put a known mass on the "
     "hand, in a few "
     "postures, and take it off.",
+    "one side": "What is left follows the size of a joint's torque and not its sign: it gives way to one side more "
+    "than to the other, as a crack or a loose bolt does. Load that joint alone, to either side, and look at it.",
     "approach": "What is left follows the way of approach: repeat postures from both sides.",
     "region": "What is left differs by the region of joint space: measure more postures there.",
     "scatter": "What is left follows nothing that was asked: repeat some postures ten times, from "
@@ -102,11 +106,13 @@ def judge(study: Study, steps: Sequence[Step], findings: Sequence[Finding]) -> P
     first, last = steps[0].state, steps[-1].state
     doubtful = mistaken(findings)
     jumped = None
-    where, size, significance = jump(study, last)
+    # a drift would make up for half of a jump
+    still = next(step.state for step in reversed(steps) if "tracker_drift" not in step.state.hypothesis.families)
+    where, size, significance = jump(study, still)
     if (
         significance > JUMPS
-        and np.linalg.norm(size) > SMALLEST_JUMP * scatter(last)
-        and _abrupt(study, last, where)
+        and np.linalg.norm(size) > SMALLEST_JUMP * scatter(still)
+        and _abrupt(study, still, where)
     ):
         row = int(study.data.row[where])
         text = ", ".join(f"{v:.3g}" for v in size)
@@ -126,7 +132,7 @@ def judge(study: Study, steps: Sequence[Step], findings: Sequence[Finding]) -> P
     elif not causes:
         kind = "unknown" if rest.significant else "none"
     elif rest.significant:
-        kind = "partly" if explained >= EXPLAINS else "unknown"
+        kind = "partly" if explained >= EXPLAINS and rest.kind != "one side" else "unknown"
     else:
         kind = "class" if alternatives else "named"
     doing = NEXT["data"] if doubtful else NEXT[rest.kind]
@@ -171,10 +177,13 @@ def _remainder(study: Study, state: State, asked: Sequence[Contrast], jumped: Fi
         return Remainder(
             over, False, "none", f"what is left scatters by {over:.2f} times the noise that the sheet says"
         )
-    best = next(
-        (c for c in asked if c.kind == "shared" and c.share > LEAST_SHARED and c.significance > NOTED),
-        next((c for c in asked if c.kind != "shared" and c.significance > NOTED and c.share > LEAST_SHARE), None),
+    noted = [c for c in asked if c.significance > NOTED and c.share > LEAST_SHARE]
+    ranked = (
+        *(c for c in noted if c.kind == "shared" and c.share > LEAST_SHARED),
+        *(c for c in noted if c.kind == "one side" and c.significance > ONE_SIDE),
+        *(c for c in noted if c.kind not in ("shared", "one side")),
     )
+    best = next(iter(ranked), None)
     what = (
         "it follows nothing that was asked" if best is None else f"it follows {best.name} ({best.share:.0%} of it)"
     )

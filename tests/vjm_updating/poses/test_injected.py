@@ -153,12 +153,15 @@ def _exchanged(q):
     [
         (lambda q, y: (q * [1.0, 1.0, -1.0, 1.0, 1.0, 1.0], y), "joint_sign.joint-3"),
         (lambda q, y: (_exchanged(q), y), "joints_swapped.joint-2.joint-3"),
+        (lambda q, y: (q, y[:, [1, 0, 2]]), "tracker_mirrored"),
         (lambda q, y: (q, y + np.where(np.arange(120) < 60, 0.0, 1.0)[:, None] * [1.5, -1.0, 0.5]), "tracker_jump"),
     ],
 )
 def test_bad_data_are_named(spoil, name, postures, compliant, tmp_path):
     found = diagnose_poses(
-        *files(tmp_path, UR10, *spoil(postures, compliant[1])), tmp_path / "out", only=("joint_compliance",)
+        *files(tmp_path, UR10, *spoil(postures, compliant[1])),
+        tmp_path / "out",
+        only=("joint_compliance", "tracker_drift"),
     )
     assert found.verdict == "unknown"
     assert [row.found.partition(":")[0] for row in found.doubts if row.grade == "doubtful"] == [name]
