@@ -59,7 +59,7 @@ NUMERICS = {
     "diagnose/ramp_regression": "MOST BENT",
     "diagnose/residual_basis": "ORDER WAVES A_WAVE JUMPS",
     "diagnose/screening": "DRAWS RARE SAME SEED STRONG ORDINARY NEAR_BY APART STARTS",
-    "diagnose/search": "WIDTH BEAM PAIRS RIVAL STRAINED FAINT CARRIED_ON",
+    "diagnose/search": "WIDTH BEAM PAIRS RIVAL STRAINED FAINT MOST_CAUSES CARRIED_ON",
     "diagnose/verdict": "RIVALS",
     "diagnose/whitening": "WILD",
     "calibrate/calibrated_model": "ALIKE",
