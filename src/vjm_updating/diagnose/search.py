@@ -133,7 +133,7 @@ class Search:
 
     def rest(self, fit: Fit) -> Misfit:
         """What a fit leaves."""
-        return misfit(self.fitter, fit, self.costs.law_error)
+        return misfit(self.fitter, fit)
 
     def settled(self, ranked: Ranked) -> Ranked:
         """The same, its fit carried on where it had not come to an end."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import expit
+from scipy.stats import chi2
 
 from vjm_updating.diagnose.equivalence_classes import best_verdict
 from vjm_updating.diagnose.evidence import size_covariance, would_not_show
@@ -69,7 +70,8 @@ def judge(search: Search, best: Ranked) -> Verdict:
     fitter = search.fitter
     best = search.settled(best)
     rest = search.rest(best.fit)
-    doubt = rest.p
+    explained = search.null.objective - best.fit.objective
+    doubt = left_by_laws(rest, explained, search.costs.law_error) if best.labels else rest.p
     ended = best.fit.converged or not best.labels
     wrong = doubt < (DOUBTFUL if best.labels else MISFIT) or rest.strained < STRAINED or not ended
     if best.labels and not wrong:
@@ -114,6 +116,22 @@ def judge(search: Search, best: Ranked) -> Verdict:
         rest,
         tuple(places),
     )
+
+
+def left_by_laws(rest: Misfit, explained: float, law_error: float) -> float:
+    """Chance of what a fit leaves where its causes are right and their laws are so to some per cent.
+
+    What is left is noise, or a zero-mean Gaussian discrepancy in proportion to what the causes explain, whichever
+    makes it more likely.
+
+    Args:
+        rest: what the fit leaves.
+        explained: squares that its causes explain.
+        law_error: relative error of the laws, standard deviation.
+    """
+    if rest.left <= 0.0 or explained <= 0.0 or law_error == 0.0:
+        return rest.p
+    return max(rest.p, float(chi2.sf(rest.left / (law_error**2 * explained), 1)))
 
 
 def proved(verdict: Verdict, before: float, after: float, expected: float) -> Verdict:

@@ -4,12 +4,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from vjm_updating.diagnose.instrument import InstrumentZero, ThermalDrift
 from vjm_updating.diagnose.model_adequacy import Misfit
 from vjm_updating.diagnose.parameters import coordinates
 from vjm_updating.diagnose.scored_hypothesis import Ranked
-from vjm_updating.diagnose.verdict import PAYS, Verdict, _elsewhere, _quiet, needless, proved
+from vjm_updating.diagnose.verdict import PAYS, Verdict, _elsewhere, _quiet, left_by_laws, needless, proved
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.actuator_hardening import RATIO, ActuatorHardening
 
@@ -87,3 +88,18 @@ def test_a_cause_may_sit_in_another_place():
     assert not _elsewhere(at("fx_N", converged=False), at("ux_mm"))
     # two places at once are another hypothesis
     assert not _elsewhere(at("fx_N", "fz_N"), at("ux_mm"))
+
+
+@pytest.mark.parametrize("size", [0.5, 1.0, 3.0])
+def test_what_a_law_leaves_is_judged_by_what_it_explains(size):
+    # a leftover of so many standard deviations of the discrepancy has a Gaussian's two-sided chance
+    explained = 160.0**2
+    rest = Misfit(1e-12, (size * 0.07) ** 2 * explained, "fx_N: shape")
+    assert left_by_laws(rest, explained, 0.07) == pytest.approx(2.0 * norm.sf(size), rel=1e-9)
+
+
+def test_noise_excuses_what_no_law_does():
+    assert left_by_laws(Misfit(0.4, 30.0, "fx_N: shape"), 1.0, 0.07) == 0.4
+    assert left_by_laws(Misfit(1e-9, 30.0, "fx_N: shape"), 0.0, 0.07) == 1e-9
+    # exact laws leave noise alone
+    assert left_by_laws(Misfit(1e-9, 30.0, "fx_N: shape"), 900.0, 0.0) == 1e-9
