@@ -24,6 +24,10 @@ PAYS = 6.6
 """Fall of the objective for which a law with a parameter more is preferred: one in a hundred does so by chance."""
 RIVALS = 12
 """Hypotheses that are compared with the best at most."""
+FURTHER = 0.85
+"""How sure a further cause is: several explain an unmodelled cause, too (docs/hidden-effects.md)."""
+LIKELY = 0.5
+"""Confidence below which causes are not named: they are more likely wrong than right."""
 ANY_CLASS = 0.45
 """Share of a class's own probability that its confidence keeps (docs/hidden-effects.md)."""
 AS_LIKELY = 0.1
@@ -103,6 +107,8 @@ def judge(search: Search, best: Ranked) -> Verdict:
     kind = "class" if len(members) > 1 else "named"
     if kind == "class":
         sure = ANY_CLASS + (1.0 - ANY_CLASS) * sure
+    # what the misfit test nearly rejects is less sure
+    sure *= float(np.clip(doubt / 0.02, 0.3, 1.0)) * FURTHER ** (len(members[0].labels) - 1)
     places = [
         tuple(r for r, w in weights.items() if _elsewhere(r, member) and w >= AS_LIKELY * weights[member])
         for member in members
@@ -148,6 +154,8 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
     """
     if after > before and after > BY_CHANCE * expected:
         return _unknown(verdict, ACCIDENT, "predicts what was held out worse than no cause does")
+    if verdict.confidence < LIKELY:
+        return _unknown(verdict, 1.0 - verdict.confidence, f"is right with {verdict.confidence:.2f} only")
     return verdict
 
 

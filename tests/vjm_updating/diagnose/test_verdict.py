@@ -67,6 +67,15 @@ def test_what_was_held_out_counts_where_a_right_model_would_do_better(after, exp
         assert found.doubt.endswith("predicts what was held out worse than no cause does")
 
 
+@pytest.mark.parametrize(("confidence", "kind"), [(0.51, "named"), (0.49, "unknown")])
+def test_causes_that_are_more_likely_wrong_than_right_are_not_named(confidence, kind):
+    verdict = Verdict("named", (ranked(LINEAR),), (1.0,), confidence, (), Misfit(1.0, 0.0, ""))
+    found = proved(verdict, 2.0, 1.0, 1.0)
+    assert found.kind == kind
+    # either way it is more likely right than wrong
+    assert found.confidence == 0.51
+
+
 def test_nothing_is_less_sure_the_nearer_an_alarm_came():
     def sure(least, rest):
         return _quiet(SimpleNamespace(first=[SimpleNamespace(p=least)], alarm=1e-3), Misfit(rest, 0.0, ""))
