@@ -156,15 +156,16 @@ def observe_column(measurement: Measurement) -> Observed:
         None,
         None,
         {control: 0},
-        zeros=zero_before_loading(raw, control, sheet.sigma(WRENCH[0]).zero),
+        zeros=zeros_before_loading(raw, control, sheet.sigma(WRENCH[0]).zero),
     )
 
 
-def zero_before_loading(readings: Readings, control: str, sigma: float) -> dict[str, tuple[float, float]]:
-    """Bounds of the load cell's zero, N, by the rows before loading; nothing where there are none.
+def zeros_before_loading(readings: Readings, control: str, sigma: float) -> dict[str, tuple[float, float]]:
+    """Bounds of the zeros of ruler and load cell, mm and N; of the cell only where there are rows before loading.
 
     What the cell reads before the first mark is left is its zero, or a load that the fixtures make already. So the
-    zero lies between nothing and that, give or take three of the sheet's sigmas.
+    zero lies between nothing and that, give or take three of the sheet's sigmas. Whoever steers from the unloaded
+    shape to the first marks sees by which one the ruler is off: its zero is less than the distance of two marks.
 
     Args:
         readings: all rows.
@@ -172,11 +173,13 @@ def zero_before_loading(readings: Readings, control: str, sigma: float) -> dict[
         sigma: of the zero by the sheet, N.
     """
     marks, force = readings.values[control], readings.values[WRENCH[0]]
+    steps = np.abs(np.diff(np.unique(marks)))
+    found = {control: (-float(np.median(steps)), float(np.median(steps)))} if len(steps) else {}
     first = force[marks == marks[0]]
     if marks[0] != 0.0 or len(first) <= BEFORE or not np.isfinite(first[:BEFORE]).any():
-        return {}
+        return found
     level = float(np.nanmedian(first[:BEFORE]))
-    return {WRENCH[0]: (min(level, 0.0) - 3.0 * sigma, max(level, 0.0) + 3.0 * sigma)}
+    return found | {WRENCH[0]: (min(level, 0.0) - 3.0 * sigma, max(level, 0.0) + 3.0 * sigma)}
 
 
 def with_noise_found(observed: Observed, fit: Fit) -> Observed:

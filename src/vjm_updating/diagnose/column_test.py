@@ -45,7 +45,7 @@ class ColumnTest:
     costs nothing more. The elastica's law is exact, and marks scatter by a noise that is found.
     """
 
-    costs = Costs(disguised=0.0, law_error=0.0)
+    costs = Costs(third=0.0, disguised=0.0, law_error=0.0)
 
     def applies(self, measurement: Measurement) -> bool:
         """Where a point of a body controls the test and the end's displacement was not read."""

@@ -19,8 +19,9 @@ DISTINCT, DISGUISED = 2.0, 12.0
 """Standard deviations by which a cause's own parameter must differ from nothing, and what it costs if not."""
 LAW_ERROR = 0.07
 """Relative error of a law, of the size of what its causes do: scale of a half-normal prior."""
-RARER = 2.8
-"""What a further cause costs: machines that lack two are a quarter as frequent as those that lack one."""
+RARER, RAREST = 2.8, 8.0
+"""What a further cause costs: machines that lack two are a quarter as frequent as those that lack one; and what
+each beyond the second costs besides: what no catalogue has is likelier than three causes at once."""
 
 
 @dataclass(frozen=True)
@@ -28,10 +29,12 @@ class Costs:
     """What a choice of causes costs that depends on the kind of test, in units of the objective.
 
     Attributes:
+        third: of each cause beyond the second.
         disguised: of a cause whose own parameter may as well be nothing.
         law_error: relative error of the causes' laws, standard deviation; see `vjm_updating.diagnose.discrepancy`.
     """
 
+    third: float = RAREST
     disguised: float = DISGUISED
     law_error: float = LAW_ERROR
 
@@ -57,7 +60,7 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     free = sum(1 if release_key(e) else len(e.quantities()) for e in fit.hypothesis) - len(own)
     choice = 2.0 * sum(np.log(causes * places[e.cause]) for e in fit.hypothesis)
     cost = free * float(np.log(samples)) + float(choice)
-    cost += RARER * max(len(fit.hypothesis) - 1, 0)
+    cost += RARER * max(len(fit.hypothesis) - 1, 0) + costs.third * max(len(fit.hypothesis) - 2, 0)
     A = fitter.normal(fit)
     covariance = inverse(A, np.ones(len(A), dtype=bool))
     spread = np.maximum(np.diag(covariance), 1e-300)

@@ -14,10 +14,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from vjm.rotations import Array
-from vjm_updating.diagnose.discrepancy import softened
 from vjm_updating.diagnose.fitting import Fit, Fitter, prior
 from vjm_updating.diagnose.residual_basis import smooth_shapes, sudden_shapes
-from vjm_updating.diagnose.screening import Projection
+from vjm_updating.diagnose.screening import Projection, projection
 from vjm_updating.experiment.channels import WRENCH
 
 DRAWS = 4000
@@ -53,9 +52,9 @@ class _Block:
     directions: Array
 
 
-def misfit(fitter: Fitter, fit: Fit, law_error: float = 0.0) -> Misfit:
-    """Test a fit's residual, its laws right to some per cent only."""
-    space = softened(fitter, fit, law_error)
+def misfit(fitter: Fitter, fit: Fit) -> Misfit:
+    """Test a fit's residual."""
+    space = projection(fitter, fit)
     observed = fitter.forward.observed
     smooth = _blocks(fitter, space, *smooth_shapes(observed))
     blocks = [*smooth, *_blocks(fitter, space, *sudden_shapes(observed))]

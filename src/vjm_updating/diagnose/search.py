@@ -1,13 +1,13 @@
 """Which causes explain a test: forward, swap and backward moves over the catalogue, by evidence.
 
 Every move is scored to first order, nuisances and the discrepancy of the laws integrated out; all pairs of effects
-are scored jointly. The most promising are fitted in full. Nothing but evidence bounds the number of causes.
+are scored jointly. The most promising are fitted in full.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -42,6 +42,9 @@ STRAINED = 1.5
 """Sigmas of a nuisance from which fits begin at most: a wrong model has dragged them along."""
 FAINT = 0.03
 """Share of a trial with which a fit begins that must not be worse than one with a cause less."""
+MOST_CAUSES = 3
+"""Causes that are named together at most: with four laws, each with shapes of its own, any smooth residual is
+explained, and a search for them takes minutes."""
 CARRIED_ON = 3
 """Times that a fit which has not ended by itself is carried on, at most."""
 
@@ -106,12 +109,12 @@ class Search:
         self.first = self._scores(null)
         self.alarm = threshold(self.first)
         best, beam = null, [null]
-        while beam:
+        while beam and len(beam[0].labels) < MOST_CAUSES:
             size = len(beam[0].labels) + 1
             moves = [move for base in beam for move in self._forward(base)]
             if size == 2:
                 moves += self._pairs(null)
-            self._fit(moves, best)
+            self._fit(moves)
             level = self._polished(size)
             if size == 1 and not any(self._significant(r) for r in level) and not self._masked(null):
                 return null
@@ -119,8 +122,8 @@ class Search:
             # beside one cause, two others may be better than it
             beam = level[:BEAM] if better or size == 1 else []
             best = min([best, *better], key=lambda r: r.criterion)
-        while best.labels:
-            self._fit([*self._backward(best), *self._swaps(best)], best)
+        for _ in range(len(best.labels)):
+            self._fit([*self._backward(best), *self._swaps(best)])
             self._polished(len(best.labels))
             new = min((r for r in self.tried.values() if r.labels), key=lambda r: r.criterion)
             if new.labels == best.labels:
@@ -130,7 +133,7 @@ class Search:
 
     def rest(self, fit: Fit) -> Misfit:
         """What a fit leaves."""
-        return misfit(self.fitter, fit, self.costs.law_error)
+        return misfit(self.fitter, fit)
 
     def settled(self, ranked: Ranked) -> Ranked:
         """The same, its fit carried on where it had not come to an end."""
@@ -219,10 +222,11 @@ class Search:
         for effect in best.fit.hypothesis:
             rest = self.tried.get(best.labels - {effect.label})
             if rest is not None:
-                moves += [move for move in self._forward(rest) if move.labels != best.labels]
+                # of a hypothesis of this size near the best the first order can be relied on
+                moves += [replace(move, unsure=0.0) for move in self._forward(rest) if move.labels != best.labels]
         return moves
 
-    def _fit(self, moves: Iterable[Move], best: Ranked) -> None:
+    def _fit(self, moves: Iterable[Move]) -> None:
         """Fit the most promising hypotheses, as long as they may still be as good as the best."""
         chosen: dict[frozenset[str], Move] = {}
         for move in sorted(moves, key=lambda move: move.promise):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import expit
+from scipy.stats import chi2
 
 from vjm_updating.diagnose.equivalence_classes import best_verdict
 from vjm_updating.diagnose.evidence import size_covariance, would_not_show
@@ -23,6 +24,10 @@ PAYS = 6.6
 """Fall of the objective for which a law with a parameter more is preferred: one in a hundred does so by chance."""
 RIVALS = 12
 """Hypotheses that are compared with the best at most."""
+FURTHER = 0.85
+"""How sure a further cause is: several explain an unmodelled cause, too (docs/hidden-effects.md)."""
+LIKELY = 0.5
+"""Confidence below which causes are not named: they are more likely wrong than right."""
 ANY_CLASS = 0.45
 """Share of a class's own probability that its confidence keeps (docs/hidden-effects.md)."""
 AS_LIKELY = 0.1
@@ -69,7 +74,8 @@ def judge(search: Search, best: Ranked) -> Verdict:
     fitter = search.fitter
     best = search.settled(best)
     rest = search.rest(best.fit)
-    doubt = rest.p
+    explained = search.null.objective - best.fit.objective
+    doubt = left_by_laws(rest, explained, search.costs.law_error) if best.labels else rest.p
     ended = best.fit.converged or not best.labels
     wrong = doubt < (DOUBTFUL if best.labels else MISFIT) or rest.strained < STRAINED or not ended
     if best.labels and not wrong:
@@ -101,6 +107,8 @@ def judge(search: Search, best: Ranked) -> Verdict:
     kind = "class" if len(members) > 1 else "named"
     if kind == "class":
         sure = ANY_CLASS + (1.0 - ANY_CLASS) * sure
+    # what the misfit test nearly rejects is less sure
+    sure *= float(np.clip(doubt / 0.02, 0.3, 1.0)) * FURTHER ** (len(members[0].labels) - 1)
     places = [
         tuple(r for r, w in weights.items() if _elsewhere(r, member) and w >= AS_LIKELY * weights[member])
         for member in members
@@ -114,6 +122,22 @@ def judge(search: Search, best: Ranked) -> Verdict:
         rest,
         tuple(places),
     )
+
+
+def left_by_laws(rest: Misfit, explained: float, law_error: float) -> float:
+    """Chance of what a fit leaves where its causes are right and their laws are so to some per cent.
+
+    What is left is noise, or a zero-mean Gaussian discrepancy in proportion to what the causes explain, whichever
+    makes it more likely.
+
+    Args:
+        rest: what the fit leaves.
+        explained: squares that its causes explain.
+        law_error: relative error of the laws, standard deviation.
+    """
+    if rest.left <= 0.0 or explained <= 0.0 or law_error == 0.0:
+        return rest.p
+    return max(rest.p, float(chi2.sf(rest.left / (law_error**2 * explained), 1)))
 
 
 def proved(verdict: Verdict, before: float, after: float, expected: float) -> Verdict:
@@ -130,6 +154,8 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
     """
     if after > before and after > BY_CHANCE * expected:
         return _unknown(verdict, ACCIDENT, "predicts what was held out worse than no cause does")
+    if verdict.confidence < LIKELY:
+        return _unknown(verdict, 1.0 - verdict.confidence, f"is right with {verdict.confidence:.2f} only")
     return verdict
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from vjm_updating.diagnose.column import observe_column, zero_before_loading
+from vjm_updating.diagnose.column import observe_column, zeros_before_loading
 from vjm_updating.diagnose.column_experiment import direct
 from vjm_updating.diagnose.command import diagnose
 from vjm_updating.diagnose.estimates import Estimate
@@ -186,11 +186,11 @@ def made_column(
 @pytest.mark.parametrize(
     ("first", "bounds"),
     # a cell that reads −26 N without load; a file that begins at a loaded mark; one that has a single row there
-    [([0.0] * 8, {"fx_N": (-29.0, 3.0)}), ([0.2] * 8, {}), ([0.0], {})],
+    [([0.0] * 8, {"fx_N": (-29.0, 3.0)}), ([0.0], {}), ([0.2] * 8, {})],
 )
 def test_rows_before_loading_bound_the_cells_zero(first, bounds):
     marks = np.array([*first, 1.5, 3.0])
-    n = len(marks)
+    n, step = len(marks), 1.5 if first[0] == 0.0 else 1.4
     force = np.array([0.0, *[-26.0] * 6, -300.0, -450.0, -460.0])[-n:]
     readings = Readings(
         "data.csv",
@@ -199,7 +199,7 @@ def test_rows_before_loading_bound_the_cells_zero(first, bounds):
         np.ones(n, dtype=int),
         {"mid.uy_mm": marks, "fx_N": force},
     )
-    assert zero_before_loading(readings, "mid.uy_mm", 1.0) == bounds
+    assert zeros_before_loading(readings, "mid.uy_mm", 1.0) == bounds | {"mid.uy_mm": (-step, step)}
 
 
 def test_a_mark_is_predicted_by_the_others_alone(tmp_path):

@@ -4,12 +4,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from vjm_updating.diagnose.instrument import InstrumentZero, ThermalDrift
 from vjm_updating.diagnose.model_adequacy import Misfit
 from vjm_updating.diagnose.parameters import coordinates
 from vjm_updating.diagnose.scored_hypothesis import Ranked
-from vjm_updating.diagnose.verdict import PAYS, Verdict, _elsewhere, _quiet, needless, proved
+from vjm_updating.diagnose.verdict import PAYS, Verdict, _elsewhere, _quiet, left_by_laws, needless, proved
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.actuator_hardening import RATIO, ActuatorHardening
 
@@ -66,6 +67,15 @@ def test_what_was_held_out_counts_where_a_right_model_would_do_better(after, exp
         assert found.doubt.endswith("predicts what was held out worse than no cause does")
 
 
+@pytest.mark.parametrize(("confidence", "kind"), [(0.51, "named"), (0.49, "unknown")])
+def test_causes_that_are_more_likely_wrong_than_right_are_not_named(confidence, kind):
+    verdict = Verdict("named", (ranked(LINEAR),), (1.0,), confidence, (), Misfit(1.0, 0.0, ""))
+    found = proved(verdict, 2.0, 1.0, 1.0)
+    assert found.kind == kind
+    # either way it is more likely right than wrong
+    assert found.confidence == 0.51
+
+
 def test_nothing_is_less_sure_the_nearer_an_alarm_came():
     def sure(least, rest):
         return _quiet(SimpleNamespace(first=[SimpleNamespace(p=least)], alarm=1e-3), Misfit(rest, 0.0, ""))
@@ -87,3 +97,18 @@ def test_a_cause_may_sit_in_another_place():
     assert not _elsewhere(at("fx_N", converged=False), at("ux_mm"))
     # two places at once are another hypothesis
     assert not _elsewhere(at("fx_N", "fz_N"), at("ux_mm"))
+
+
+@pytest.mark.parametrize("size", [0.5, 1.0, 3.0])
+def test_what_a_law_leaves_is_judged_by_what_it_explains(size):
+    # a leftover of so many standard deviations of the discrepancy has a Gaussian's two-sided chance
+    explained = 160.0**2
+    rest = Misfit(1e-12, (size * 0.07) ** 2 * explained, "fx_N: shape")
+    assert left_by_laws(rest, explained, 0.07) == pytest.approx(2.0 * norm.sf(size), rel=1e-9)
+
+
+def test_noise_excuses_what_no_law_does():
+    assert left_by_laws(Misfit(0.4, 30.0, "fx_N: shape"), 1.0, 0.07) == 0.4
+    assert left_by_laws(Misfit(1e-9, 30.0, "fx_N: shape"), 0.0, 0.07) == 1e-9
+    # exact laws leave noise alone
+    assert left_by_laws(Misfit(1e-9, 30.0, "fx_N: shape"), 900.0, 0.0) == 1e-9
