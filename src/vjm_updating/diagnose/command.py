@@ -187,7 +187,10 @@ def _document(
         candidates=list(candidates),
         parameters=candidates[0].parameters if candidates else {},
         confidence=verdict.confidence * (HALF if kind.scatter(observed) else 1.0),
-        alternatives=[AlternativeRow(causes=sorted(r.causes), confidence=w) for r, w in verdict.others],
+        alternatives=[
+            AlternativeRow(causes=sorted(r.causes), places=sorted(e.place for e in r.fit.hypothesis), confidence=w)
+            for r, w in verdict.others
+        ],
         gain=candidates[0].gain if candidates else None,
         next_experiment=kind.next_experiment(fitter, verdict) if verdict.kind == "class" else ExperimentRow(),
         version=VersionRow(

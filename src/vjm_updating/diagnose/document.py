@@ -89,6 +89,7 @@ class AlternativeRow(Row):
     """A set of causes that was tried and is less likely."""
 
     causes: list[str]
+    places: list[str] = Field([], description="the causes with the part or channel that each sits in")
     confidence: float
 
 

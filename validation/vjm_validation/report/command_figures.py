@@ -72,6 +72,10 @@ def stiffness_picture(model: str, loaded: Array, unloaded: Array) -> Picture:
     return Picture("stiffness", drawing, f"{model}: what the load makes of the stiffness", caption)
 
 
+DARK = 0.6
+"""Share of the colour scale from which on white reads better than black."""
+
+
 def compliance_picture(name: str, compliance: Array) -> Picture:
     """The coupling of a compliance's axes.
 
@@ -88,7 +92,8 @@ def compliance_picture(name: str, compliance: Array) -> Picture:
         axes[0].grid(visible=False)
         for i in range(6):
             for j in range(6):
-                axes[0].text(j, i, number(float(scaled[i, j]), 2), ha="center", va="center", fontsize=7.5)
+                text, colour = number(float(scaled[i, j]), 2), "white" if abs(scaled[i, j]) > DARK else "black"
+                axes[0].text(j, i, text, ha="center", va="center", fontsize=7.5, color=colour)
         fig.colorbar(image, ax=axes[0], label="over the root of both diagonal entries")
         drawing = drawing_of(fig)
     caption = "Zero: a load along one axis does not move the other; ±1: they move together."
