@@ -56,7 +56,9 @@ def _math(translator: HTMLTranslator, node: nodes.Element) -> None:
     text = re.sub(r"\\tag\{(\w+)\}", r"\\qquad \\text{(\1)}", node.astext())
     text = re.sub(r"(\\[td]?frac)\s*(\d)\s*(\d)", r"\1{\2}{\3}", text)
     try:
-        translator.body.append(tex2mathml(text, as_block=block))
+        made = tex2mathml(text, as_block=block)
+        # a wide one scrolls by itself on a narrow screen
+        translator.body.append(f'<div style="overflow-x: auto; padding: 0.6em 0">{made}</div>' if block else made)
     except MathError as error:
         LOG.warning("a formula cannot be read: %s: %s", node.astext(), error, location=node)
     raise nodes.SkipNode
