@@ -223,7 +223,7 @@ def test_without_the_extra_one_line_says_what_to_install(orthoglide, monkeypatch
     opensees.cache_clear()
     try:
         assert not available()
-        with pytest.raises(ImportError, match=r"pip install '\.\[opensees\]'"):
+        with pytest.raises(ImportError, match=r"pip install 'vjm-stiffness\[opensees\]'"):
             OpenSeesEngine().trace(orthoglide, LoadCase("A", -1.0))
     finally:
         opensees.cache_clear()

@@ -1,12 +1,15 @@
 """How the kernels are compiled: once, kept on disk, and with a way in from Python only where Python calls.
 
-Numba's cache looks at the file of the function itself, not at those that it calls. An installation writes all files
-anew; who edits a kernel in place has to empty ``__pycache__``.
+Numba's cache looks at the file of the function itself, not at those that it calls. A kernel that is kept would go
+on with what another one was before an upgrade. So each is kept together with a hash of all files with kernels.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
@@ -15,15 +18,36 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 # its type stubs lack the options that follow
 njit: Any = numba.njit
 
+PACKAGE = Path(__file__).parents[1]
+ROOMS = ("kernels", "tree", "platform", "sensitivity")
+"""Folders of `vjm` with kernels that others call."""
+
 
 def kernel(function: Function) -> Function:
     """Compile what only kernels call: unpacking its arguments from Python would take longest to compile."""
     options = {"cache": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    compiled: Function = njit(**options)(function)
-    return compiled
+    return _kept_with_all_sources(njit(**options)(function), function)
 
 
 def entry(function: Function) -> Function:
     """Compile what Python calls."""
-    compiled: Function = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)
+    return _kept_with_all_sources(njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function), function)
+
+
+def _kept_with_all_sources(compiled: Function, function: Function) -> Function:
+    """Let the cache of a function hold only as long as every file does that it may have code from."""
+    kept = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+    if kept is not None:
+        folder = Path(function.__code__.co_filename).parent
+        kept._source_stamp = (kept._source_stamp, _digest(folder))
     return compiled
+
+
+@lru_cache(maxsize=16)
+def _digest(folder: Path) -> str:
+    """Hash of the contents of the rooms' files and of those in a folder of one's own."""
+    found = hashlib.sha256()
+    for place in dict.fromkeys([*(PACKAGE / room for room in ROOMS), folder]):
+        for file in sorted(place.glob("*.py")):
+            found.update(file.read_bytes())
+    return found.hexdigest()

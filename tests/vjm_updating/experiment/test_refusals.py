@@ -188,7 +188,7 @@ def test_a_channel_without_an_instrument(draft: Draft):
         ("link_segments = 8", "link_segmens = 8", "did you mean 'link_segments'"),
         ("link_segments = 8", "link.section.EA = 8.0", "unknown key 'EA'"),
         ("link_segments = 8", "bar.length_mm = 8.0", "no table or part 'bar'"),
-        ("link_segments = 8", "length_mm = 0.31", "is the length in metres"),
+        ("link_segments = 8", "length_mm = 0.31", "1000 times beam theory"),
         ("A = [0.0, 0.0, 0.0, 0.0]", "A = [0.0, 0.0]", "posture 'A'"),
         ("[tolerance]", '[points.mid]\nbody = "lnk"\n[tolerance]', "no part 'lnk'"),
         ("[test]", "[test", "not valid TOML"),

@@ -1,0 +1,26 @@
+"""A kernel that is kept on disk is compiled anew where one that it calls has changed."""
+
+import os
+import subprocess
+import sys
+
+CALLEE = "from vjm.kernels.compilation import kernel\n\n\n@kernel\ndef factor(x):\n    return {} * x\n"
+CALLER = (
+    "from callee import factor\nfrom vjm.kernels.compilation import entry\n\n\n"
+    "@entry\ndef scaled(x):\n    return factor(x)\n\n\n"
+    "print(scaled(3.0), sum(scaled.stats.cache_hits.values()))\n"
+)
+
+
+def test_a_change_of_what_a_kernel_calls_is_seen(tmp_path):
+    (tmp_path / "caller.py").write_text(CALLER)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    said = []
+    for factor in (2.0, 2.0, 5.0):
+        (tmp_path / "callee.py").write_text(CALLEE.format(factor))
+        run = subprocess.run(
+            [sys.executable, "caller.py"], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+        )
+        said.append(run.stdout.split())
+    # the second run finds what the first has kept, the third must not
+    assert said == [["6.0", "0"], ["6.0", "1"], ["15.0", "0"]]
