@@ -141,7 +141,8 @@ def test_marks_of_the_bar_are_predicted_within_5_newtons(tmp_path):
     data = cropped("column_bar_1", 19.2, tmp_path)
     found = diagnose(data, MEASURED / "column_bar_1.toml", tmp_path / "out")
     assert found.verdict == "class"
-    assert {"link_bow", "instrument_zero"} in [set(c.causes) for c in found.candidates]
+    # the rows before loading bound the cell's zero, which is no cause beside the bow
+    assert {"link_bow", "end_restraint"} in [set(c.causes) for c in found.candidates]
     assert {"link_bow", "link_compliance"} in [set(c.causes) for c in found.candidates]
     # every third mark in turn, but the first and the last; what is asked is 5 N, what was aimed at 3 N
     assert found.gain.rmse_after < 4.0
@@ -153,12 +154,9 @@ def test_marks_of_the_bar_are_predicted_within_5_newtons(tmp_path):
 def test_the_tube_yields_gradually_from_the_start(tmp_path):
     data = cropped("column_tube_1", 26.0, tmp_path)
     found = diagnose(data, MEASURED / "column_tube_1.toml", tmp_path / "out")
-    # beside the yield a bow or an error of the ruler's zero: half a millimetre that the marks cannot tell apart
-    assert found.verdict == "class"
-    assert [set(c.causes) for c in found.candidates] == [
-        {"plasticity", "instrument_zero"},
-        {"plasticity", "link_bow"},
-    ]
+    # the rows before loading bound the ruler's zero, which was one with a bow before
+    assert "plasticity" in found.causes
+    assert "instrument_zero" not in found.causes
     # its knee is round, that of the bar sharp
     assert found.parameters["plasticity.exponent"].value < 15.0
     # 1 % of its load; whoever steers by a ruler's marks to a tenth of a millimetre has 1 N
