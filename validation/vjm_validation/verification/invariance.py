@@ -13,7 +13,7 @@ import numpy as np
 
 from vjm.batch import map_all
 from vjm.continuation.direction import Direction, ramp_end
-from vjm.continuation.path import Path
+from vjm.continuation.path import Event, EventKind, Path
 from vjm.errors import NoConvergenceError
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
@@ -40,6 +40,8 @@ SIDES = 8
 GROUP = "invariance"
 SAME_PLACE = 1e-13
 """Difference of two path parameters that are one, over the path's length."""
+STILL = 1e-9
+"""Displacement, over the path's largest, that is none."""
 FORCES_ONLY = ("exudyn",)
 """Families of which forces and displacements are compared. Exudyn's 6×6 stiffness moves by 5e-9 of its largest
 entry when the base is turned, by rounding as its inner coordinates are condensed, and events by 3e-9 of a path."""
@@ -174,12 +176,13 @@ def difference(here: Path, there: Path, R: Array, *, whole: bool = True) -> floa
     Raises:
         NoConvergenceError: the paths do not correspond: another number of events, or no point in common.
     """
-    if len(here.events) != len(there.events) or here.complete != there.complete:
+    events, turned_events = _seen(here), _seen(there)
+    if len(events) != len(turned_events) or here.complete != there.complete:
         raise NoConvergenceError(
-            f"{len(here.events)} events and {here.stopped or 'complete'}, turned {len(there.events)} and "
+            f"{len(events)} events and {here.stopped or 'complete'}, turned {len(turned_events)} and "
             f"{there.stopped or 'complete'}"
         )
-    pairs = zip(here.events, there.events, strict=True)
+    pairs = zip(events, turned_events, strict=True)
     changes = [_relative(np.array([a.force]), np.array([b.force])) for a, b in pairs if whole]
     first = here.points[0].stiffness, there.points[0].stiffness
     if whole and first[0] is not None and first[1] is not None:
@@ -195,6 +198,17 @@ def difference(here: Path, there: Path, R: Array, *, whole: bool = True) -> floa
     if not changes:
         raise NoConvergenceError("the paths have nothing in common to be compared")
     return max(changes)
+
+
+def _seen(path: Path) -> list[Event]:
+    """The events, without bends of a machine that is rigid along its load: half of a stiffness that is rounding."""
+    way = np.linalg.norm(path.displacement[:, :3], axis=1)
+    still = STILL * float(way.max())
+    return [
+        event
+        for event in path.events
+        if event.kind is not EventKind.BEND_OVER or float(np.interp(event.s, path.s, way)) > still
+    ]
 
 
 def _relative(a: Array, b: Array) -> float:
