@@ -63,7 +63,7 @@ bench: $(VENV)/.test $(VENV)/.project
 
 # From the whole of bench.json, which `make bench` wrote without ARGS.
 bench-table: $(VENV)/.project
-	$(BIN)/python tests/benchmarks/readme_table.py
+	PYTHONPATH=tests $(BIN)/python tests/benchmarks/readme_table.py
 
 # An interrupted campaign goes on where it was.
 blind: $(VENV)/.project

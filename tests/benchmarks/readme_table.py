@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
 from pathlib import Path
 from typing import Any
+
+from helpers.marked_text import renewed
 
 from vjm.io.files import write_whole
 
@@ -74,8 +75,7 @@ def markdown(found: list[dict[str, Any]]) -> str:
 
 def with_table(readme: str, found: list[dict[str, Any]]) -> str:
     """A README with the table between its marks."""
-    block = f"{BEGIN}\n{markdown(found)}{END}"
-    return re.sub(f"{re.escape(BEGIN)}.*?{re.escape(END)}", lambda _: block, readme, flags=re.S)
+    return renewed(readme, BEGIN, END, markdown(found))
 
 
 def _number(value: float) -> str:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+
+from helpers.marked_text import renewed
 
 BEGIN, END = "<!-- blind: begin -->", "<!-- blind: end -->"
 """Between these the README's table stands."""
@@ -118,8 +119,7 @@ def markdown(score: dict[str, Any], part: Part = Part()) -> str:
 
 def with_table(readme: str, score: dict[str, Any], part: Part = Part()) -> str:
     """A README with the table between its marks; unchanged where it has none."""
-    block = f"{BEGIN}\n{markdown(score, part)}{END}"
-    return re.sub(f"{re.escape(BEGIN)}.*?{re.escape(END)}", lambda _: block, readme, flags=re.S)
+    return renewed(readme, BEGIN, END, markdown(score, part))
 
 
 def _rate(name: str, asked: str, rate: dict[str, Any], meets: Callable[[float], bool]) -> Row:

@@ -1,0 +1,11 @@
+"""Text between two marks in a page: tables that commands write into the README."""
+
+from __future__ import annotations
+
+import re
+
+
+def renewed(page: str, begin: str, end: str, content: str) -> str:
+    """A page with other content between its marks; unchanged where it has none."""
+    block = f"{begin}\n{content}{end}"
+    return re.sub(f"{re.escape(begin)}.*?{re.escape(end)}", lambda _: block, page, flags=re.S)
