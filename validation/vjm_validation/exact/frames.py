@@ -22,11 +22,10 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq, root
 
-from vjm_validation.exact.rod import slope
+from vjm_validation.exact.rod import integrate
 
 Array = NDArray[np.float64]
 
@@ -117,7 +116,7 @@ class PlaneFrame:
             along += turn
             state[2] += turn
             length = bar.length / self._length
-            state = _end(state, force, length, axial)
+            state = integrate(state, force, (0.0, length), axial)
             straight += length * np.array([np.cos(along), np.sin(along)])
             if number + 1 == self.loaded:
                 place = state[:2].copy()
@@ -126,20 +125,6 @@ class PlaneFrame:
         if self.end == "hinged":
             return np.array([state[0] - straight[0], state[1] - straight[1], state[3]]), place
         return np.array([state[0] - straight[0], state[2] - along, force[1]]), place
-
-
-def _end(state: Array, force: tuple[Array, Array], length: float, axial: float) -> Array:
-    """States ``(4, k)`` behind a bar; see `vjm_validation.exact.rod.integrate`."""
-    solution = solve_ivp(
-        lambda _, y: slope(y.reshape(state.shape), force, axial).ravel(),
-        (0.0, length),
-        state.ravel(),
-        method="DOP853",
-        rtol=1e-12,
-        atol=1e-13,
-    )
-    end: Array = solution.y[:, -1].reshape(state.shape)
-    return end
 
 
 def lateral_buckling(

@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 State = NDArray[Any]
-"""``(4,)``: x, y, θ and M; complex where a derivative is taken by a complex step."""
+"""``(4,)``, or ``(4, k)`` of k rods: x, y, θ and M; complex where a derivative is taken by a complex step."""
 
 
 def slope(
     state: State, force: tuple[Any, Any], axial: float = 0.0, shear: float = 0.0, curvature: float = 0.0
 ) -> State:
-    """Derivative ``(4,)`` of (x, y, θ, M) by S under the internal force ``(n_x, n_y)``."""
+    """Derivative of (x, y, θ, M) by S under the internal force ``(n_x, n_y)``."""
     theta, moment = state[2], state[3]
     cos, sin = np.cos(theta), np.sin(theta)
     N = force[0] * cos + force[1] * sin
@@ -47,7 +47,7 @@ def integrate(
     shear: float = 0.0,
     curvature: float = 0.0,
 ) -> State:
-    """State ``(4,)`` at ``span[1]``, from ``start`` at ``span[0]``, either way along the rod.
+    """State at ``span[1]``, from ``start`` at ``span[0]``, either way along the rod; of one rod or several at once.
 
     Dormand and Prince's method of the eighth order with relative tolerance 1e-13.
 
@@ -55,14 +55,14 @@ def integrate(
         RuntimeError: the integration broke down.
     """
     solution = solve_ivp(
-        lambda _, state: slope(state, force, axial, shear, curvature),
+        lambda _, flat: slope(flat.reshape(start.shape), force, axial, shear, curvature).ravel(),
         span,
-        start,
+        start.ravel(),
         method="DOP853",
         rtol=1e-13,
         atol=1e-15,
     )
     if not solution.success:
         raise RuntimeError(f"rod from S = {span[0]} to {span[1]}: {solution.message}")
-    end: State = solution.y[:, -1]
+    end: State = solution.y[:, -1].reshape(start.shape)
     return end
