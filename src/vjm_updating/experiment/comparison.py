@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.measurement import Measurement
@@ -29,12 +28,7 @@ class Comparison:
     def __init__(self, measurement: Measurement) -> None:
         self.measurement, self.readings = measurement, measurement.readings
         self.labels: list[str] = list(dict.fromkeys(self.readings.posture.tolist()))
-        engine, chain = measurement.engine, measurement.chain
-        stiffness = {
-            label: np.asarray(engine.problem(chain, LoadCase(label, 1.0)).unloaded().stiffness)
-            for label in chain.postures
-        }
-        self.curves = NominalCurves(measurement, stiffness)
+        self.curves = NominalCurves(measurement)
 
     @property
     def comparable(self) -> bool:
@@ -64,7 +58,7 @@ class Comparison:
             return 0.0
         if rms < CLEAR * self.measurement.sheet.sigma(name).noise:
             return 0.0
-        return float(f[known] @ g[known]) / (a * b)
+        return correlation(f, g)
 
     def expected(self, name: str) -> bool:
         """Whether the model predicts a change of a channel of the wrench far above its noise."""
@@ -77,3 +71,10 @@ class Comparison:
             if len(g := self.predicted(label)[:, k]) and not np.isnan(g).all()
         ]
         return max(spans, default=0.0) > CLEAR * max(noise, 1e-12)
+
+
+def correlation(a: Array, b: Array) -> float:
+    """Correlation about zero of what is known of both; 0 where there is none."""
+    known = ~np.isnan(a) & ~np.isnan(b)
+    size = float(np.linalg.norm(a[known]) * np.linalg.norm(b[known]))
+    return float(a[known] @ b[known]) / size if size > 0.0 else 0.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.experiment.channels import WRENCH
-from vjm_updating.experiment.comparison import CLEAR, Comparison
+from vjm_updating.experiment.comparison import CLEAR, Comparison, correlation
 from vjm_updating.experiment.implausible_rows import roughness
 from vjm_updating.experiment.mistaken_rows import Mistaken
 from vjm_updating.experiment.mistakes import SIGN, UNIT
@@ -42,7 +42,7 @@ def _turned(c: Comparison, found: Mistaken, name: str) -> bool:
     known = c.measurement.sheet.instrument.get(name)
     size = float(np.sqrt(np.mean(_known(predicted) ** 2))) if len(_known(predicted)) else 0.0
     if size > CLEAR * (known.noise + known.zero if known else 0.0):
-        alike = _correlation(c.readings.values[name][found.rows], predicted)
+        alike = correlation(c.readings.values[name][found.rows], predicted)
         if abs(alike) > RELATED:
             return alike < 0.0
     return name in found.way.factors
@@ -63,10 +63,3 @@ def _converted(c: Comparison, found: Mistaken, name: str) -> bool:
 def _known(values: Array) -> Array:
     result: Array = values[~np.isnan(values)]
     return result
-
-
-def _correlation(a: Array, b: Array) -> float:
-    """About zero; 0 where there is none."""
-    known = ~np.isnan(a) & ~np.isnan(b)
-    size = float(np.linalg.norm(a[known]) * np.linalg.norm(b[known]))
-    return float(a[known] @ b[known]) / size if size > 0.0 else 0.0

@@ -25,11 +25,10 @@ class NominalCurves:
     Attributes:
         measurement: sheet, readings, machine.
         rays: of the readings; none where they do not lie on a few.
-        stiffness: unloaded ``(6, 6)`` by posture, for readings on no ray.
     """
 
-    def __init__(self, measurement: Measurement, stiffness: Mapping[str, Array]) -> None:
-        self.measurement, self.stiffness = measurement, stiffness
+    def __init__(self, measurement: Measurement) -> None:
+        self.measurement = measurement
         readings = measurement.readings
         known = np.flatnonzero(~np.isnan(readings.pose).any(axis=1))
         try:
@@ -43,6 +42,7 @@ class NominalCurves:
             found = []
         self.rays: list[Ray] = [Ray(r.posture, r.direction, r.measure, known[r.index]) for r in found]
         self._path = lru_cache(maxsize=None)(self._traced)
+        self._stiffness = lru_cache(maxsize=None)(self._unloaded)
 
     def _noise(self) -> Array:
         known = [self.measurement.sheet.instrument.get(name) for name in POSE]
@@ -70,7 +70,7 @@ class NominalCurves:
         for label in dict.fromkeys(readings.posture.tolist()):
             if not only or label == only:
                 at = (readings.posture == label) & ~np.isnan(pose).any(axis=1)
-                result[at] = pose[at] @ self.stiffness[other.get(label, label)].T
+                result[at] = pose[at] @ self._stiffness(other.get(label, label)).T
         for ray in self.rays:
             if only and ray.posture != only:
                 continue
@@ -91,6 +91,15 @@ class NominalCurves:
                 found[s > knots[-1] * (1.0 + 1e-9)] = np.nan
                 result[ray.index[here]] = found
         return result
+
+    def _unloaded(self, posture: str) -> Array:
+        """Stiffness ``(6, 6)``, for readings on no ray.
+
+        Raises:
+            NoConvergenceError: the nominal machine has no equilibrium in the posture.
+        """
+        m = self.measurement
+        return np.asarray(m.engine.problem(m.chain, LoadCase(posture, 1.0)).unloaded().stiffness)
 
     def _traced(self, posture: str, direction: tuple[float, ...], reach: float) -> tuple[Array, Array]:
         """Ramps ``(g,)`` and wrenches ``(g, 6)`` of a path from the unloaded pose."""
