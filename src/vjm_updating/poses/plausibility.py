@@ -26,21 +26,19 @@ MANY_PAIRS = 400
 MOST_TRIED = 120
 """Postures on which changes of the data are tried."""
 FEWEST = 8
-MISSES = "rigid_robot: misses"
-MISTAKES = (
-    "joint_sign",
-    "joints_swapped",
-    "joints_reversed",
-    "joints_shifted",
-    "markers_swapped",
-    "tracker_mirrored",
-)
-"""What findings begin with whose readings cannot be diagnosed before they are mended."""
 FEWEST_TORQUES = 12
 LEAST_FOLLOWED = 0.5
 """Share of a measured torque's variance that the model's must explain for its factor to mean anything."""
 ALIKE = (0.5, 2.0)
 """Factors between measured and modelled torques that unknown masses can make."""
+
+
+class ColumnsMistaken(Finding):
+    """Columns are not what they say: whatever is fitted to them means nothing before they are mended."""
+
+
+class RobotMisses(Finding):
+    """The rigid robot misses, and no change of the data explains it."""
 
 
 def considered(measurement: PoseMeasurement, study: Study, *, strict: bool = False) -> list[Finding]:
@@ -66,12 +64,12 @@ def considered(measurement: PoseMeasurement, study: Study, *, strict: bool = Fal
 
 def mistaken(findings: Iterable[Finding]) -> bool:
     """Whether columns are not what they say, so that whatever is fitted to them means nothing."""
-    return any(one.found.startswith(MISTAKES) for one in findings)
+    return any(isinstance(one, ColumnsMistaken) for one in findings)
 
 
 def missed(findings: Iterable[Finding]) -> bool:
     """Whether the rigid robot misses by so much that what is fitted must explain it wholly to be believed."""
-    return any(one.found.startswith(MISSES) for one in findings)
+    return any(isinstance(one, RobotMisses) for one in findings)
 
 
 def check_units(measurement: PoseMeasurement) -> None:
@@ -233,15 +231,15 @@ def joints_and_markers(study: Study) -> Iterator[Finding]:
         if before < IMPLAUSIBLE * study.machine.tree.reach:
             return
         words = (
-            f"{MISSES} the markers by {before:.4g} mm, {before / study.machine.tree.reach:.0%} of its reach, and "
-            "no joint's sign, no two joints or markers exchanged and no other order explain it: look at the model, "
-            "the joints' names and units, the part behind which each marker rides"
+            f"rigid_robot: misses the markers by {before:.4g} mm, {before / study.machine.tree.reach:.0%} of its "
+            "reach, and no joint's sign, no two joints or markers exchanged and no other order explain it: look at "
+            "the model, the joints' names and units, the part behind which each marker rides"
         )
-        yield Finding(Grade.DOUBTFUL, study.data.file, words)
+        yield RobotMisses(Grade.DOUBTFUL, study.data.file, words)
         return
     error, name, remedy = best
     words = f"{name}: the rigid robot misses the markers by {base:.4g} mm; {remedy} and it is {error:.4g} mm"
-    yield Finding(Grade.DOUBTFUL, study.data.file, words)
+    yield ColumnsMistaken(Grade.DOUBTFUL, study.data.file, words)
 
 
 def _error(study: Study, q: Array, position: Array) -> float:
