@@ -52,7 +52,7 @@ class ColumnTest:
         return is_column(measurement)
 
     def observe(self, measurement: Measurement) -> Observed:
-        """The last reading at each mark, as long as the deflection grows."""
+        """What settled at each mark, as long as the deflection grows."""
         return observe_column(measurement)
 
     def forward(self, observed: Observed) -> ColumnForward:

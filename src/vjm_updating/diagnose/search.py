@@ -108,16 +108,19 @@ class Search:
         self.fitter.differentiate_near(self.null, STRAINED)
         self.first = self._scores(null)
         self.alarm = threshold(self.first)
-        best, beam = null, [null]
+        best, beam, pairs = null, [null], list[Move]()
         while beam and len(beam[0].labels) < MOST_CAUSES:
             size = len(beam[0].labels) + 1
             moves = [move for base in beam for move in self._forward(base)]
             if size == 2:
-                moves += self._pairs(null)
+                moves += pairs
             self._fit(moves)
             level = self._polished(size)
-            if size == 1 and not any(self._significant(r) for r in level) and not self._masked(null):
-                return null
+            if size == 1:
+                pairs = self._pairs(null)
+                # two effects may be significant together where none is alone
+                if not pairs and not any(self._significant(r) for r in level):
+                    return null
             better = [r for r in level if r.criterion < best.criterion]
             # beside one cause, two others may be better than it
             beam = level[:BEAM] if better or size == 1 else []
@@ -154,10 +157,6 @@ class Search:
         free = sum(max(len(effect.quantities()), 1) for effect in ranked.fit.hypothesis)
         # so many more hypotheses there are of that size
         return float(chi2.sf(gain, free)) < self.alarm / max(len(self.effects), 1) ** (len(labels) - 1)
-
-    def _masked(self, null: Ranked) -> bool:
-        """Whether two effects are significant together where none is alone."""
-        return bool(self._pairs(null))
 
     def _scores(self, base: Ranked) -> list[Score]:
         """What every other effect explains beside a hypothesis, its laws right to some per cent only."""
