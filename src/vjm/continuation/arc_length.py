@@ -128,10 +128,10 @@ def follow_arc(
         control: step control.
         progress: called with the fraction of the ramp that was reached.
     """
-    return _ArcWalk(problem, load_case, control, progress).run()
+    return _ArcTrace(problem, load_case, control, progress).run()
 
 
-class _ArcWalk:
+class _ArcTrace:
     """The state while one path is traced."""
 
     def __init__(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 
 from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
@@ -25,7 +26,7 @@ def urdf_text(chain: Chain) -> str:
     # names of links differ, and an end keeps the one by which people know it
     base = "base" if "base" not in ends else "base-link"
     ET.SubElement(robot, "link", name=base)
-    slides = {part.name: part.slides for part in chain.parts if isinstance(part, HeldJoint)}
+    joints = {part.name: part for part in chain.parts if isinstance(part, HeldJoint)}
     pushing = chain.pushing
     previous = ""
     frames = {"": (base, chain.base)}
@@ -36,7 +37,7 @@ def urdf_text(chain: Chain) -> str:
         _link(robot, child, part)
         # what pushes a beam out stands still itself, and the beam's end slides in its place
         pushes = part.name in pushing
-        pushed = next((joint for joint in chain.held_joints if pushing.get(joint.name) is part), None)
+        pushed = joints.get(part.free_length) if isinstance(part, Beam) else None
         name = pushed.name if pushed is not None else f"{part.name}-root" if pushes else part.name
         kind = "fixed" if pushes else _type(part if pushed is None else pushed)
         joint = ET.SubElement(robot, "joint", name=name, type=kind)
@@ -46,11 +47,11 @@ def urdf_text(chain: Chain) -> str:
         behind = translation([0.0, 0.0, 0.0])
         if isinstance(part, Beam) and pushed is not None:
             ET.SubElement(joint, "axis", xyz=_numbers(part.section_in_chain[:3, 0]))
-            _limits(joint, pushed, slides)
+            _limits(joint, pushed, joints)
             behind = translation(part.own_frame @ part.end_offset)
         elif isinstance(part, HeldJoint | PassiveJoint) and not pushes:
             ET.SubElement(joint, "axis", xyz=_numbers(part.axis))
-            _limits(joint, part, slides)
+            _limits(joint, part, joints)
         elif isinstance(part, RigidOffset):
             behind = part.transform
         elif isinstance(part, Beam):
@@ -117,7 +118,7 @@ def _link(robot: ET.Element, name: str, part: object) -> None:
         ET.SubElement(inertial, "inertia", dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), "0"))
 
 
-def _limits(joint: ET.Element, part: HeldJoint | PassiveJoint, slides: dict[str, bool]) -> None:
+def _limits(joint: ET.Element, part: HeldJoint | PassiveJoint, joints: Mapping[str, HeldJoint]) -> None:
     unit = METRE if part.slides else 1.0
     limits = part.limits if isinstance(part, HeldJoint) else None
     low, high = limits or (-WIDEST * unit, WIDEST * unit)
@@ -125,7 +126,7 @@ def _limits(joint: ET.Element, part: HeldJoint | PassiveJoint, slides: dict[str,
     if isinstance(part, CoupledJoint):
         name, ratio = part.ratios[0]
         if len(part.ratios) == 1:
-            ratio *= (METRE if slides[name] else 1.0) / unit
+            ratio *= (METRE if joints[name].slides else 1.0) / unit
             ET.SubElement(joint, "mimic", joint=name, multiplier=repr(ratio), offset=repr(part.offset / unit))
 
 

@@ -158,7 +158,7 @@ class Chain:
         if unknown or missing:
             what = f"no held joint '{unknown[0]}'" if unknown else f"no coordinate for the joint '{missing[0]}'"
             raise ValueError(f"{self.name}: {what}; it has {', '.join(sorted(known)) or 'none'}")
-        at = dict(values)
+        at, pushing = dict(values), self.pushing
         parts: list[Part] = []
         for part in self.parts:
             if isinstance(part, CoupledJoint):
@@ -171,7 +171,7 @@ class Chain:
             if isinstance(part, Beam) and part.free_length:
                 parts.append(pushed_out(part, at[part.free_length]))
                 continue
-            stands = 0.0 if part.name in self.pushing else at.get(part.name, 0.0)
+            stands = 0.0 if part.name in pushing else at.get(part.name, 0.0)
             parts.append(replace(part, value=float(stands)) if isinstance(part, HeldJoint) else part)
         return replace(self, parts=tuple(parts))
 
