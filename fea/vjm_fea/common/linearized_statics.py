@@ -16,6 +16,8 @@ ROUNDING = 1e-11
 REAL = 1e-7
 """Imaginary part of an eigenvalue, over its magnitude, up to which it is real: two that nearly meet split
 by the root of rounding."""
+SMALL = float(np.sqrt(np.finfo(float).eps))
+"""Eigenvalue over the largest one below which a solver leaves less than half of its digits."""
 COINCIDENT = 1e-3
 """Two eigenvalues vanish together where the second is below this fraction of the third."""
 
@@ -32,6 +34,30 @@ class Border(NamedTuple):
     missing: float
     row: Array
     at_ramp: float
+
+
+def _symmetric_modes(K: Array, *, vectors: bool = True) -> tuple[Array, Array]:
+    """Eigenvalues ``(k,)``, increasing, and unit eigenvectors ``(k, k)`` of a symmetric stiffness.
+
+    Solvers know an eigenvalue to a rounding of the largest one. Chains with very short elements have far smaller ones
+    that the stiffness's own entries still tell: those below the root of rounding are renewed by the method of Rayleigh
+    and Ritz on their eigenvectors, of which errors enter as their squares, with products in extended precision.
+
+    Args:
+        K: ``(k, k)``.
+        vectors: whether the eigenvectors are wanted; else they are empty.
+    """
+    if not vectors:
+        values = np.asarray(eigvalsh(K, check_finite=False), dtype=float)
+        if not np.abs(values).min() < SMALL * np.abs(values).max():
+            return values, np.empty((0, 0))
+    values, V = eigh(K, check_finite=False)
+    soft = np.abs(values) < SMALL * np.abs(values).max()
+    if soft.any():
+        own = V[:, soft].astype(np.longdouble)
+        among, turned = eigh((own.T @ (K.astype(np.longdouble) @ own)).astype(float), check_finite=False)
+        values[soft], V[:, soft] = among, V[:, soft] @ turned
+    return values, V
 
 
 @dataclass(frozen=True)
@@ -135,7 +161,7 @@ class Tangent:
         if not len(K):
             return np.zeros(0)
         if self.symmetric:
-            return np.asarray(eigvalsh(0.5 * (K + K.T), check_finite=False), dtype=float)
+            return _symmetric_modes(0.5 * (K + K.T), vectors=False)[0]
         return np.asarray(eigvals(K, check_finite=False))
 
     def verdict(self, device: Array | None, neutral: float) -> tuple[float, int]:
@@ -162,7 +188,7 @@ class Tangent:
         """Unit vectors ``(f,)`` of the motions whose eigenvalue is nearest zero: one, or two together."""
         K, N = self._modal(device)
         if self.symmetric:
-            values, V = eigh(0.5 * (K + K.T), check_finite=False)
+            values, V = _symmetric_modes(0.5 * (K + K.T))
         else:
             values, V = eig(K, check_finite=False)
             real = is_real(values)

@@ -65,7 +65,7 @@ class ManipulatorSystem(ExudynSystem):
         self._begin(mesh)
         self._points = NO_POINTS
         self._open = None
-        ground = Rigid(-1, self.mbs.AddObject(items.ObjectGround()), np.eye(4))
+        ground = Rigid(-1, self.assembly.rigid(items.ObjectGround()), np.eye(4))
         self._bodies = {BASE: ground}
         for name in robot.bodies:
             # in the world's axes, as an end-effector's node is
@@ -83,7 +83,7 @@ class ManipulatorSystem(ExudynSystem):
         self.connected = sorted(self._connected)
         self.leaders = self._groups()
         self.pieces = [replace(p, body=self._leader(p.body)) for p in self.pieces]
-        self.mbs.Assemble()
+        self.assembly.close()
 
     def _add_leg(self, pose: RigidPose, leg: Leg, index: int) -> None:
         robot = pose.manipulator

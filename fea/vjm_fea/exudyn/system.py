@@ -23,6 +23,7 @@ from vjm_fea.common.end_condition import joint_axes
 from vjm_fea.common.mesh import Mesh, lumped_mass
 from vjm_fea.common.points import NO_POINTS, Piece, Place, find
 from vjm_fea.common.quaternions import quaternion
+from vjm_fea.exudyn.assembly import Assembly
 from vjm_fea.exudyn.backend import Item, exu, items
 from vjm_fea.exudyn.joint_kinds import PRISMATIC, REVOLUTE, UNIVERSAL, axes_with, crossing
 
@@ -59,7 +60,7 @@ class ExudynSystem:
     """The assembled system and where things are in it.
 
     Attributes:
-        mbs: Exudyn's main system.
+        assembly: the systems of Exudyn.
         reference: coordinates ``(n, 7)`` of the nodes in the reference configuration: position in mm, unit
             quaternion.
         connected: nodes on which joints or springs act, increasing.
@@ -73,10 +74,7 @@ class ExudynSystem:
 
     def _begin(self, mesh: Mesh) -> None:
         """An empty system, to be filled with bodies."""
-        exu.config.printToConsole = False
-        # the container owns the system: without it the system dies
-        self._container = exu.SystemContainer()
-        self.mbs = self._container.AddSystem()
+        self.assembly = Assembly()
         self.mesh = mesh
         self._frames: list[Array] = []
         self._connected: set[int] = set()
@@ -113,7 +111,7 @@ class ExudynSystem:
         self._begin(mesh)
         self._chain, self._points = chain, points
         self._frame = chain.base
-        self._rigid = Rigid(-1, self.mbs.AddObject(items.ObjectGround()), np.eye(4))
+        self._rigid = Rigid(-1, self.assembly.rigid(items.ObjectGround()), np.eye(4))
         self._open: Connect | None = None
         angles = iter(np.asarray(q, dtype=float))
         parts = list(chain.parts)
@@ -135,7 +133,7 @@ class ExudynSystem:
         self.connected = sorted(self._connected)
         self.leaders = self._groups()
         self.pieces = [replace(p, body=self._leader(p.body)) for p in self.pieces]
-        self.mbs.Assemble()
+        self.assembly.close()
 
     # --- parts --------------------------------------------------------------------------------------------
 
@@ -172,7 +170,7 @@ class ExudynSystem:
             data.stiffnessMatrix = self.mesh.section_stiffness(section, h, beam.name)
             T = root @ translation([stop * beam.length, 0.0, 0.0])
             following = self._node(T)
-            self.mbs.AddObject(
+            self.assembly.beam(
                 items.ObjectBeamGeometricallyExact(nodeNumbers=[node, following], length=h, sectionData=data)
             )
             node = following
@@ -207,7 +205,7 @@ class ExudynSystem:
         stiffness = np.linalg.inv(compliance)
 
         def connect(behind: Item) -> None:
-            self.mbs.AddObject(
+            self.assembly.rigid(
                 items.RigidBodySpringDamper(
                     markerNumbers=[before, behind], stiffness=stiffness, useIntrinsicFormulation=True
                 )
@@ -223,7 +221,7 @@ class ExudynSystem:
 
         def connect(behind: Item) -> None:
             self._joint(before, behind, PRISMATIC)
-            self.mbs.AddObject(
+            self.assembly.rigid(
                 items.RigidBodySpringDamper(
                     markerNumbers=[before, behind], stiffness=np.diag([1.0 / drive.compliance] + [0.0] * 5)
                 )
@@ -241,7 +239,7 @@ class ExudynSystem:
 
         def connect(behind: Item) -> None:
             self._joint(before, behind, PRISMATIC if spring.slides else REVOLUTE)
-            self.mbs.AddObject(
+            self.assembly.rigid(
                 items.RigidBodySpringDamper(
                     markerNumbers=[before, behind], stiffness=np.diag(stiffness), offset=offset.tolist()
                 )
@@ -317,7 +315,7 @@ class ExudynSystem:
         return leader if leader >= 0 else None
 
     def _node(self, T: Array) -> int:
-        self.mbs.AddNode(
+        self.assembly.node(
             items.NodeRigidBodyEP(
                 referenceCoordinates=[*T[:3, 3], *quaternion(T[:3, :3])],
                 # unit quaternions are kept by the solver, which turns them by rotation vectors
@@ -329,7 +327,7 @@ class ExudynSystem:
 
     def _carrier(self, node: int, T: Array) -> Rigid:
         # statics: the mass means nothing, but Exudyn wants one
-        item = self.mbs.AddObject(items.ObjectRigidBody(mass=1.0, inertia=[1, 1, 1, 0, 0, 0], nodeNumber=node))
+        item = self.assembly.rigid(items.ObjectRigidBody(mass=1.0, inertia=[1, 1, 1, 0, 0, 0], nodeNumber=node))
         return Rigid(node, item, T)
 
     def _marker(self, rigid: Rigid, T: Array) -> Item:
@@ -337,14 +335,14 @@ class ExudynSystem:
         local = inverse_frame(rigid.reference) @ T
         if rigid.node >= 0:
             self._connected.add(rigid.node)
-        return self.mbs.AddMarker(
+        return self.assembly.marker(
             items.MarkerBodyRigid(
                 bodyNumber=rigid.item, localHT=exu.HT(rotation=local[:3, :3], translation=local[:3, 3])
             )
         )
 
     def _joint(self, before: Item, behind: Item, constrained: tuple[int, ...]) -> None:
-        self.mbs.AddObject(
+        self.assembly.rigid(
             items.GenericJoint(
                 markerNumbers=[before, behind], constrainedAxes=list(constrained)
             )
