@@ -15,7 +15,7 @@ from vjm.model.load_case import LoadCase, PointControl
 from vjm.rotations import Array, frame
 from vjm_fea.common import branches
 from vjm_fea.common.beam_statics import BeamStatics
-from vjm_fea.common.linearized_statics import Border, Tangent
+from vjm_fea.common.linearized_statics import Border, Tangent, Verdict
 from vjm_fea.common.points import Place
 
 MAX_ITERATIONS = 25
@@ -319,7 +319,7 @@ class BeamProblem:
                 self.statics.share = min(share + step, 1.0)
                 try:
                     there = self._newton(state)[0]
-                    lost = self._verdict(there, self.statics.tangent(there))[1] > 0
+                    lost = self._verdict(there, self.statics.tangent(there)).unstable > 0
                 except NoConvergenceError:
                     lost = True
                 if not lost:
@@ -338,19 +338,19 @@ class BeamProblem:
     def _softest(self) -> float:
         """Eigenvalue nearest zero of the chain at rest."""
         share, self.statics.share = self.statics.share, 0.0
-        values = self.statics.tangent(self.statics.initial).stability()
+        values, _ = self.statics.tangent(self.statics.initial).stability()
         self.statics.share = share
         return float(np.abs(values).min(initial=np.inf)) if len(values) else 0.0
 
-    def _verdict(self, state: Array, tangent: Tangent) -> tuple[float, int]:
-        """Eigenvalue that decides on stability, and how many are negative, see `Tangent.verdict`."""
+    def _verdict(self, state: Array, tangent: Tangent) -> Verdict:
+        """See `Tangent.verdict`."""
         return tangent.verdict(self.device(state), NEUTRAL * self._softest)
 
     def _equilibrium(
         self, s: float, state: Array, iterations: int, error: float, end_condition: Array | None = None
     ) -> Equilibrium:
         tangent = self.exact(state)
-        eigenvalue, unstable = self._verdict(state, tangent)
+        verdict = self._verdict(state, tangent)
         try:
             K = self.statics.end_stiffness(tangent)
         except np.linalg.LinAlgError:
@@ -367,14 +367,15 @@ class BeamProblem:
             displacement=displacement,
             wrench=self.statics.wrench(state),
             tangent=self._tangent_stiffness(state, tangent, K),
-            eigenvalue=eigenvalue,
-            unstable=unstable,
+            eigenvalue=verdict.eigenvalue,
+            unstable=verdict.unstable,
             iterations=iterations,
             residual=error,
             shape=self.statics.shape(state),
             state=state,
             stiffness=K,
             ramp=ramp if end_condition is None else s,
+            rounding=verdict.rounding,
         )
 
     def _tangent_stiffness(self, state: Array, tangent: Tangent, K: Array) -> float:

@@ -6,9 +6,7 @@ beams' elements, and a short one answers with more force than the difference tha
 
 from __future__ import annotations
 
-from typing import Any
-
-from vjm_fea.exudyn.backend import Item, exu
+from vjm_fea.exudyn.backend import Description, Item, exu
 
 
 class Assembly:
@@ -25,24 +23,24 @@ class Assembly:
         # the container owns the systems: without it they die
         self._container = exu.SystemContainer()
         self.whole, self.unmeshed = self._container.AddSystem(), self._container.AddSystem()
-        self._beams: list[Any] = []
+        self._beams: list[Description] = []
 
-    def node(self, item: Any) -> Item:
+    def node(self, item: Description) -> Item:
         """Add a node; its number."""
         self.unmeshed.AddNode(item)
         return self.whole.AddNode(item)
 
-    def marker(self, item: Any) -> Item:
+    def marker(self, item: Description) -> Item:
         """Add a marker; its number."""
         self.unmeshed.AddMarker(item)
         return self.whole.AddMarker(item)
 
-    def rigid(self, item: Any) -> Item:
+    def rigid(self, item: Description) -> Item:
         """Add a rigid body, a joint or a spring; its number, the same in both systems."""
         self.unmeshed.AddObject(item)
         return self.whole.AddObject(item)
 
-    def beam(self, item: Any) -> None:
+    def beam(self, item: Description) -> None:
         """Add a beam's element, behind all that both systems have."""
         self._beams.append(item)
 

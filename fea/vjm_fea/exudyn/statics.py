@@ -17,7 +17,7 @@ virtual work, and no constraint is left that would need multipliers.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import bsr_array
@@ -30,7 +30,7 @@ from vjm_fea.common.linearized_statics import Tangent
 from vjm_fea.common.points import Moving, Place, on_body
 from vjm_fea.common.quaternions import product, rates, rotation_matrices
 from vjm_fea.common.states import States
-from vjm_fea.exudyn.backend import exu
+from vjm_fea.exudyn.backend import Description, System, exu
 from vjm_fea.exudyn.system import ExudynSystem
 
 DIFFERENCE = 1e-5
@@ -58,7 +58,7 @@ class _Evaluated:
         multipliers: number c.
     """
 
-    def __init__(self, mbs: Any, settings: Any, reference: Array) -> None:
+    def __init__(self, mbs: System, settings: Description, reference: Array) -> None:
         self._mbs, self._settings, self._reference = mbs, settings, reference
         self._solver = exu.MainSolverStatic()
         self._solver.InitializeSolver(mbs, settings)

@@ -1,0 +1,61 @@
+"""Sway columns whose end springs are very short beams: rounding of positions beside their stiffness."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from vjm.continuation.path import EventKind
+from vjm.model.chain import Chain
+from vjm.model.load_case import Load, LoadCase
+from vjm.model.parts import Beam, Section
+from vjm_fea.exudyn.engine import ExudynEngine
+from vjm_validation.exact.beam_column import Column, transfer
+
+EI, EA, LENGTH, SPRING = 1e9, 2e8, 1000.0, 5e6
+
+
+def column(short):
+    """Base and end turn against springs of 5 EI/L; the end may sway."""
+
+    def beam(name, length, bending):
+        return Beam(name, length, section=Section(EA=EA, GJ=bending, EIy=20.0 * bending, EIz=bending))
+
+    parts = (beam("base", short, SPRING * short), beam("bar", LENGTH, EI), beam("end", short, SPRING * short))
+    return Chain("sway", parts, postures={"drawn": np.zeros(0)})
+
+
+def exact(short):
+    """Critical load by transfer matrices: no shear force anywhere, and no turn at the far end."""
+    spring = Column(length=short, EI=SPRING * short, EA=EA)
+    pieces = (spring, Column(length=LENGTH, EI=EI, EA=EA), spring)
+
+    def turn(load):
+        T = np.eye(4)
+        for piece in pieces:
+            T = transfer(piece, load, piece.length) @ T
+        return T[1, 3]
+
+    return brentq(turn, 4000.0, 6000.0, xtol=1e-9)
+
+
+def path(short, elements, to=6000.0):
+    case = LoadCase("drawn", to, axis="load", free=("x", "y"), loads=(Load((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0)),))
+    return ExudynEngine(elements=elements).trace(column(short), case)
+
+
+# of fourth order: 9.3e-4 with four elements, a sixteenth of it with eight
+@pytest.mark.parametrize(("short", "elements", "error"), [(0.1, 4, 2e-3), (1.0, 8, 1e-4)])
+def test_a_column_goes_through_its_critical_load_on_very_short_springs(short, elements, error):
+    found = path(short, elements)
+    assert not found.stopped
+    event = found.events[0]
+    assert event.kind is EventKind.BIFURCATION
+    assert event.switched
+    assert event.force == pytest.approx(exact(short), rel=error)
+
+
+def test_what_rounding_hides_is_undecided_and_no_event():
+    found = path(0.01, 4)
+    assert not found.events
+    assert "undecided: rounding leaves the critical value uncertain" in found.stopped
+    assert "take fewer elements" in found.stopped
