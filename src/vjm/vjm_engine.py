@@ -13,6 +13,7 @@ from vjm.model.chain import FOOT, Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.model.parts import Placement
+from vjm.tree.lumped_tree import LumpedTree
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,8 @@ class VjmEngine:
         Raises:
             ValueError: a beam that is to be split has no section, or there is none of a name.
         """
-        return LumpedModel(self.split(chain))
+        split = self.split(chain)
+        return LumpedTree(split) if split.is_tree else LumpedModel(split)
 
     def split(self, chain: Chain) -> Chain:
         """The chain with its beams split into this engine's springs.

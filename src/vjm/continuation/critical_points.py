@@ -78,8 +78,9 @@ def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium, tolerance: flo
             return math.copysign(p.eigenvalue, -1.0 if lost else 1.0)
 
     critical = locate(problem, a, b, value, tolerance)
-    share = critical.rounding * (b.s - a.s) / (abs(b.eigenvalue - a.eigenvalue) * critical.s)
-    if share > KNOWN:
+    uncertain, sharp = critical.rounding * (b.s - a.s), abs(b.eigenvalue - a.eigenvalue) * critical.s
+    if uncertain > KNOWN * sharp:
+        share = uncertain / max(sharp, uncertain)
         raise UndecidedError(
             f"rounding leaves the critical value uncertain by {share:.1g} of it, for some elements are very short: "
             "take fewer elements, or joints with springs instead of very short beams"

@@ -64,7 +64,7 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
 
     def at_rest(self) -> Configuration[LumpedModel]:
         """The posture as drawn, under the loads that act all along, see `LoadedProblem.at_rest`."""
-        if np.any(self._loading.constant) or np.any(self._preload):
+        if np.any(self._loading.constant) or np.any(self._preload) or self.model.chain.point_springs:
             return self._settled()
         return Configuration(self.model, self._x0, np.zeros(6), 0.0, 0)
 

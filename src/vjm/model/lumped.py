@@ -85,8 +85,7 @@ class LumpedModel:
     def __init__(self, chain: Chain) -> None:
         self.chain = chain
         self.applied_loads = NO_LOADS
-        chain.refuse_tree("an equilibrium path")
-        built = Assembly(chain)
+        built = self._assembled()
         self.size = built.size
         self.springs: list[Spring] = built.springs
         self.stations: list[Station] = built.stations
@@ -105,6 +104,11 @@ class LumpedModel:
         self.tail = built.rigid
         self._skew: Array = np.cross(self.axis[:, None, :], np.eye(3)).transpose(0, 2, 1)
         self._skew2 = self._skew @ self._skew
+
+    def _assembled(self) -> Assembly:
+        """The chain's joints and bodies."""
+        self.chain.refuse_tree("a lumped chain")
+        return Assembly(self.chain)
 
     @property
     def name(self) -> str:
@@ -266,6 +270,10 @@ class LumpedModel:
         J[:3] = np.where(self.joint_rotary[:, None], np.cross(axes, lever), axes).T
         J[3:, self.joint_rotary] = axes[self.joint_rotary].T
         return Kinematics(end, behind, axes, self.joint_rotary, J, self.drive, J @ self.drive)
+
+    def stretching(self, kinematics: Kinematics) -> Array:
+        """Derivative ``(s, n)`` of the lengths of springs between points: a chain has none."""
+        return np.zeros((0, self.size))
 
     def shape(self, kinematics: Kinematics) -> Array:
         """Positions ``(k, 3)`` of the stations in the world, mm."""
