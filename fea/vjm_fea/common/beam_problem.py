@@ -15,6 +15,7 @@ from vjm.model.load_case import LoadCase, PointControl
 from vjm.rotations import Array, frame
 from vjm_fea.common import branches
 from vjm_fea.common.beam_statics import BeamStatics
+from vjm_fea.common.beginning import begun
 from vjm_fea.common.linearized_statics import Border, Tangent, Verdict
 from vjm_fea.common.points import Place
 
@@ -125,13 +126,14 @@ class BeamProblem:
         """
         if self.load_case.by_arc:
             return self._on_arc(s, start, self.tangent(start) if slope is None else slope)
+        steered = isinstance(self.load_case.control, PointControl)
         if slope is not None:
             state = self.statics.states.normalised(start.state + slope * (s - start.s))
-        elif isinstance(self.load_case.control, PointControl):
-            state = start.state
+        elif steered:
+            state = self._begun(s, start) if start.s == 0.0 else start.state
         else:
             state = self._advanced(start.state, s - start.s)
-        if isinstance(self.load_case.control, PointControl):
+        if steered:
             return self._equilibrium(s, *self._newton(state, lambda at: self._point_border(at, s)))
         return self._equilibrium(s, *self._newton(self._ramped_to(state, s)))
 
@@ -201,11 +203,7 @@ class BeamProblem:
         return tangent.by_ramp(self.drive, self.statics.ramped(state))
 
     def bordered(self, state: Array, border: Callable[[Array], Border]) -> tuple[Array, int, float]:
-        """Equilibrium with one condition more, and the ramp that it takes: regular at critical points.
-
-        Raises:
-            NoConvergenceError: none was found.
-        """
+        """Equilibrium with one condition more, and the ramp that it takes: regular at critical points."""
         return self._newton(state, border)
 
     def equilibrium(self, s: float, state: Array, iterations: int = 0, error: float = 0.0) -> Equilibrium:
@@ -305,6 +303,19 @@ class BeamProblem:
         row = np.zeros(len(self.statics.unit))
         row[point.motions] = along @ point.jacobian[:3]
         return row * self.statics.unit
+
+    def _begun(self, s: float, start: Equilibrium) -> Array:
+        """A state near the first ``s``, see `vjm_fea.common.beginning.begun`."""
+        by_ramp = self.by_ramp(start.state, self.exact(start.state))
+        try:
+            rate = self.exact(start.state).solve(-by_ramp)
+        except np.linalg.LinAlgError:
+            return start.state
+
+        def at(ramp: float) -> Array:
+            return self._newton(self._ramped_to(self._advanced(start.state, ramp), ramp))[0]
+
+        return begun(s, rate, self._point_row(start.state)[self.statics.free], at, self._gone, start.state)
 
     def _point_border(self, state: Array, s: float) -> Border:
         return Border((s - self._gone(state)) / self.length, self._point_row(state) / self.length, 0.0)

@@ -21,6 +21,8 @@ from vjm.statics.stability import stability
 
 STEPS_OF_CONSTANT_LOADS = 1e-3
 """Smallest share of the constant loads that is put on at once."""
+JUMP = 1.0
+"""Distance from the tangent, over its length, of a state that is no neighbour."""
 
 
 class LumpedProblem(LoadedProblem[LumpedModel]):
@@ -50,8 +52,6 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
         if bow is not None:
             loaded = loaded.bent(loaded.natural + bow)
             self._x0 = self._x0 + bow
-        # springs that are strained in the posture as drawn
-        self._preload = (loaded.natural - self._x0) * np.isin(np.arange(loaded.size), loaded.elastic)
         as_drawn = bow is None and not self._end_condition.joints
         pose = self._end_condition.tool if as_drawn else loaded.kinematics(self._x0).end
         stations = tuple(StationLabel(s.part, s.fraction) for s in model.stations)
@@ -64,7 +64,7 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
 
     def at_rest(self) -> Configuration[LumpedModel]:
         """The posture as drawn, under the loads that act all along, see `LoadedProblem.at_rest`."""
-        if np.any(self._loading.constant) or np.any(self._preload) or self.model.chain.point_springs:
+        if np.any(self._loading.constant) or self.model.strained(self._x0):
             return self._settled()
         return Configuration(self.model, self._x0, np.zeros(6), 0.0, 0)
 
@@ -133,17 +133,27 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
             0.0,
         )
 
+    def _jumped(
+        self, model: LumpedModel, at: Configuration[LumpedModel], there: Configuration[LumpedModel]
+    ) -> bool:
+        """Whether a state lies further from where the tangent leads than that is away: another equilibrium."""
+        statics, gap, _ = model.compiled.residual(at.x, at.wrench, self._pose0, there.load)
+        dx, _ = model.compiled.response(at.x, at.wrench, statics, gap, there.load)
+        unit = model.coordinate_scale
+        return bool(np.linalg.norm((there.x - at.x - dx) / unit) > JUMP * np.linalg.norm(dx / unit))
+
     def _settled(self) -> Configuration[LumpedModel]:
         """The drawn pose under the constant loads and the springs' preloads, which are put on step by step."""
         loaded = self.model.under(self._loading.gradual())
+        strained = loaded.strained(self._x0)
         at, step = Configuration(loaded, self._x0, np.zeros(6), 0.0, 0, 0.0), 1.0
         while at.load < 1.0:
             load = min(at.load + step, 1.0)
-            model = loaded.bent(loaded.natural - (1.0 - load) * self._preload) if np.any(self._preload) else loaded
+            model = loaded.eased(self._x0, load) if strained else loaded
             try:
                 there = solve_newton(model, self._pose0, at.x, at.wrench, load=load)
-                lost = stability(there).unstable > 0
-            except NoConvergenceError:
+                lost = stability(there).unstable > 0 or self._jumped(model, at, there)
+            except (NoConvergenceError, np.linalg.LinAlgError):
                 lost = True
             if not lost:
                 at = there

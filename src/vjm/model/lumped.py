@@ -143,6 +143,16 @@ class LumpedModel:
         """The same model with springs that are free of stress at the coordinates ``natural`` (n,)."""
         return self._changed(natural=natural, arrays=self.arrays._replace(natural=natural / self.coordinate_scale))
 
+    def strained(self, x: Array) -> bool:
+        """Whether a spring is under stress at the coordinates ``x`` (n,)."""
+        return bool(np.any((self.natural - x)[self.elastic]))
+
+    def eased(self, x: Array, share: float) -> LumpedModel:
+        """The same model with springs under a share of the stress that they have at the coordinates ``x`` (n,)."""
+        natural = self.natural.copy()
+        natural[self.elastic] -= (1.0 - share) * (self.natural - x)[self.elastic]
+        return self.bent(natural)
+
     def _changed(self, **attributes: object) -> LumpedModel:
         model = copy(self)
         model.__dict__.pop("compiled", None)

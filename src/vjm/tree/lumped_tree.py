@@ -45,6 +45,31 @@ class LumpedTree(LumpedModel):
         assert isinstance(result, LumpedTree)
         return result
 
+    def strained(self, x: Array) -> bool:
+        """Whether a spring, between points or not, is under stress at the coordinates ``x`` (n,)."""
+        return super().strained(x) or bool(np.any(self._pulls(x)))
+
+    def eased(self, x: Array, share: float) -> LumpedTree:
+        """The same model with springs under a share of the stress that they have at the coordinates ``x`` (n,)."""
+        laws = self._spring_laws.copy()
+        laws[:, 2] -= (1.0 - share) * self._pulls(x)
+        result = super().eased(x, share)._changed(_spring_laws=laws)
+        assert isinstance(result, LumpedTree)
+        return result
+
+    def _pulls(self, x: Array) -> Array:
+        """Forces ``(s,)`` of the springs between points, N, pulling positive."""
+        stiffness, free, preload = self._spring_laws.T
+        ends = self._spring_ends(self.kinematics(x))
+        result: Array = stiffness * (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) - free) + preload
+        return result
+
+    def _spring_ends(self, kinematics: Kinematics) -> Array:
+        """Where the springs between points are fixed, ``(s, 2, 3)`` mm, world."""
+        T = kinematics.behind[self._spring_joints + 1]
+        result: Array = np.einsum("skab,skb->ska", T[..., :3, :3], self._spring_points) + T[..., :3, 3]
+        return result
+
     def bent(self, natural: Array) -> LumpedTree:
         """The same model with springs that are free of stress at the coordinates ``natural`` (n,)."""
         result = self._changed(natural=natural)
@@ -138,8 +163,7 @@ class LumpedTree(LumpedModel):
     def stretching(self, kinematics: Kinematics) -> Array:
         """Derivative ``(s, n)`` of the lengths of the springs between points; zero where the two points meet."""
         rows, behind = [], kinematics.behind
-        for joints, points in zip(self._spring_joints, self._spring_points, strict=True):
-            ends = [behind[j + 1, :3, :3] @ p + behind[j + 1, :3, 3] for j, p in zip(joints, points, strict=True)]
+        for joints, ends in zip(self._spring_joints, self._spring_ends(kinematics), strict=True):
             first, second = (
                 self._joint_jacobian(behind, kinematics.axes, end, self._before[j + 1])[:3]
                 for j, end in zip(joints, ends, strict=True)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import eigh, lu_factor, lu_solve, qr
+from scipy.linalg import eigh, qr
+from scipy.linalg.lapack import dgetrf, dgetrs
 
 from vjm.kernels.state_solver import StateSolver
 from vjm.rotations import Array, displacement_between, frame
@@ -64,8 +65,8 @@ class TreeSolver(StateSolver):
         self._negative = -1
         if not np.all(np.isfinite(M)):
             return
-        self._factors = lu_factor(M, check_finite=False)
-        if np.all(np.diag(self._factors[0]) != 0.0):
+        self._lu, self._swaps, zero_pivot = dgetrf(M)
+        if not zero_pivot:
             self._negative = 0
 
     def residual(self, x: Array, wrench: Array, target: Array, load: float = 0.0) -> tuple[Array, Array, float]:
@@ -100,7 +101,7 @@ class TreeSolver(StateSolver):
         if self._negative < 0:
             raise np.linalg.LinAlgError("the equilibrium is singular")
         unit = self._unit.reshape(-1, *[1] * (right.ndim - 1))
-        result: Array = unit * lu_solve(self._factors, unit * right, check_finite=False)
+        result: Array = unit * dgetrs(self._lu, self._swaps, unit * right)[0].reshape(right.shape)
         return result
 
     def response(
