@@ -107,7 +107,6 @@ class ExudynSystem:
             raise ValueError(
                 f"{chain.name}: {len(chain.joints)} passive joints but {len(q)} coordinates in the posture"
             )
-        chain.refuse_tree("exudyn")
         self._begin(mesh)
         self._chain, self._points = chain, points
         self._frame = chain.base

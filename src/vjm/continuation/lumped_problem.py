@@ -21,8 +21,6 @@ from vjm.statics.stability import stability
 
 STEPS_OF_CONSTANT_LOADS = 1e-3
 """Smallest share of the constant loads that is put on at once."""
-JUMP = 1.0
-"""Distance from the tangent, over its length, of a state that is no neighbour."""
 
 
 class LumpedProblem(LoadedProblem[LumpedModel]):
@@ -133,15 +131,6 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
             0.0,
         )
 
-    def _jumped(
-        self, model: LumpedModel, at: Configuration[LumpedModel], there: Configuration[LumpedModel]
-    ) -> bool:
-        """Whether a state lies further from where the tangent leads than that is away: another equilibrium."""
-        statics, gap, _ = model.compiled.residual(at.x, at.wrench, self._pose0, there.load)
-        dx, _ = model.compiled.response(at.x, at.wrench, statics, gap, there.load)
-        unit = model.coordinate_scale
-        return bool(np.linalg.norm((there.x - at.x - dx) / unit) > JUMP * np.linalg.norm(dx / unit))
-
     def _settled(self) -> Configuration[LumpedModel]:
         """The drawn pose under the constant loads and the springs' preloads, which are put on step by step."""
         loaded = self.model.under(self._loading.gradual())
@@ -152,8 +141,8 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
             model = loaded.eased(self._x0, load) if strained else loaded
             try:
                 there = solve_newton(model, self._pose0, at.x, at.wrench, load=load)
-                lost = stability(there).unstable > 0 or self._jumped(model, at, there)
-            except (NoConvergenceError, np.linalg.LinAlgError):
+                lost = stability(there).unstable > 0
+            except NoConvergenceError:
                 lost = True
             if not lost:
                 at = there

@@ -188,7 +188,7 @@ class Chain:
         """
         if self.is_tree:
             why = "branches" if self.after else "springs between two parts"
-            raise ValueError(f"{self.name}: {what} is for parts in series, but it has {why}; vjm.tree takes it")
+            raise ValueError(f"{self.name}: {what} is for parts in series, but it has {why}; engine vjm takes it")
 
     @property
     def characteristic_length(self) -> float:

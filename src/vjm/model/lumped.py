@@ -107,7 +107,7 @@ class LumpedModel:
 
     def _assembled(self) -> Assembly:
         """The chain's joints and bodies."""
-        self.chain.refuse_tree("a lumped chain")
+        self.chain.refuse_tree("this engine")
         return Assembly(self.chain)
 
     @property
