@@ -155,7 +155,7 @@ def _exchanged(q):
     [
         (lambda q, y: (q * [1.0, 1.0, -1.0, 1.0, 1.0, 1.0], y), "joint_sign.joint-3"),
         (lambda q, y: (_exchanged(q), y), "joints_swapped.joint-2.joint-3"),
-        (lambda q, y: (q + [0.0, 0.0, 0.5 * np.pi, 0.0, 0.0, 0.0], y), "joint_zero.joint-3"),
+        (lambda q, y: (q + 0.5 * np.pi * np.eye(6)[2], y), "joint_zero.joint-3"),
         (lambda q, y: (q, y[:, [1, 0, 2]]), "tracker_mirrored"),
         (lambda q, y: (q, y / 10.0), "positions_in_centimetres"),
         (lambda q, y: (q, np.roll(y, 1, axis=0)), "positions_shifted.1"),
