@@ -6,8 +6,9 @@ PYTHON = python3
 VENV = .venv
 BIN = $(VENV)/bin
 PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input
-# The tests in as many processes as there are cores; those of a file share what they set up.
-SHARED = -n auto --dist loadfile
+# The tests in as many processes as there are cores; those of a file share what they set up. In the order of the
+# folders: by the number of their tests, files with a few long ones would come last, when other processes are idle.
+SHARED = -n auto --dist loadfile --no-loadscope-reorder
 # The directories count too: a deleted module changes only its directory's time.
 SOURCES := $(shell find src fea validation -not -name __pycache__ -not -name '*.pyc')
 
