@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 
 from vjm.continuation.path import EventKind
 from vjm.model.chain import Chain
-from vjm.model.load_case import Load, LoadCase
+from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.parts import Beam, Section
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_validation.exact.beam_column import Column, transfer
@@ -59,3 +59,18 @@ def test_what_rounding_hides_is_undecided_and_no_event():
     assert not found.events
     assert "undecided: rounding leaves the critical value uncertain" in found.stopped
     assert "take fewer elements" in found.stopped
+
+
+def test_a_column_that_is_soft_in_shear_is_followed_where_rounding_is_large():
+    # bent, a shift across it meets the axial stiffness, 6e5 times that in shear: rounding of positions with it
+    section = Section(EA=1e9, GJ=1e8, EIy=1e8, EIz=4e6, GAy=1600.0, GAz=1600.0)
+    chain = Chain("soft", (Beam("bar", 100.0, section=section),), postures={"drawn": np.zeros(0)})
+    load = Load((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    case = LoadCase("drawn", 1000.0, axis="load", free=COMPONENTS, loads=(load,), control="limit")
+    found = ExudynEngine(elements=8).trace(chain, case)
+    assert not found.stopped
+    # P (1 + P/GA - P/EA) = π² EI / 4 L²; the element is of fourth order: 1.9e-3 with eight of them
+    euler = np.pi**2 * 4e6 / (4.0 * 100.0**2)
+    flexible = 1.0 / 1600.0 - 1e-9
+    exact = (np.sqrt(1.0 + 4.0 * euler * flexible) - 1.0) / (2.0 * flexible)
+    assert found.events[0].force == pytest.approx(exact, rel=1e-2)

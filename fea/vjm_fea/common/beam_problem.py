@@ -29,8 +29,8 @@ SURE = 1e-2
 critical points, where the stiffness is small, a state within the tolerance may still be far off."""
 STEPS_OF_CONSTANT_LOADS = 1e-3
 """Smallest share of the constant loads that is put on at once."""
-ROUNDINGS = 64.0
-"""Units in the last place of a position by which a residual may be wrong."""
+ROUNDINGS = 16.0
+"""Units in the last place of positions and turns by which a residual may be wrong."""
 ON_PATH = 1e-11
 """Error of the condition beside equilibrium, in units of turns and of the chain's length."""
 
@@ -89,9 +89,8 @@ class BeamProblem:
         self.label, self.load_case, self.stations, self.statics = label, load_case, stations, statics
         extent = float(np.ptp(statics.shape(statics.initial), axis=0).max(initial=0.0))
         self.length = max(chain.characteristic_length, extent)
-        # positions are known to some units in the last place, and forces no better than the stiffest motion has it
-        stiffest = float(statics.unit[: statics.motions].min())
-        self.tolerance = max(tolerance, ROUNDINGS * np.finfo(float).eps * self.length / stiffest)
+        self.tolerance = tolerance
+        self._rounding = ROUNDINGS * np.finfo(float).eps * statics.extent(self.length)
         self._watched = watched
         self._known: tuple[Array, Tangent] | None = None
         if watched is not None and watched.body is None:
@@ -220,18 +219,19 @@ class BeamProblem:
         """Equilibrium with what is held as in ``state``, or with one condition more and the ramp free."""
         statics = self.statics
         tangent: Tangent | None = None
-        error, polished = np.inf, False
+        error, polished, tolerance = np.inf, False, self.tolerance
         for iteration in range(MAX_ITERATIONS + 1):
             r = statics.residual(state)[statics.free]
             error = float(np.max(np.abs(r), initial=0.0))
             condition = border(state) if border is not None else None
-            if error < self.tolerance and (condition is None or abs(condition.missing) < ON_PATH):
-                if polished or error < SURE * self.tolerance:
+            if error < tolerance and (condition is None or abs(condition.missing) < ON_PATH):
+                if polished or error < SURE * tolerance:
                     return state, iteration, error
                 polished = True
             if not error < DIVERGED:
                 break
             tangent = statics.tangent(state, like=tangent)
+            tolerance = max(self.tolerance, tangent.rounding(self._rounding))
             try:
                 if condition is None:
                     state = statics.moved_freely(state, tangent.solve(-r))

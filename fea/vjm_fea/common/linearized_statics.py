@@ -111,6 +111,10 @@ class Tangent:
         result: Array = np.asarray(np.linalg.solve(self._free, right), dtype=float)
         return result
 
+    def rounding(self, motions: Array) -> float:
+        """Largest error of the free coordinates' residual by errors ``(m + c,)`` of the state."""
+        return float(np.max(np.abs(self.J[self.free]) @ motions, initial=0.0))
+
     def by_ramp(self, drive: Array, load: Array) -> Array:
         """Derivative ``(f,)`` of the free coordinates' residual by the ramp.
 

@@ -9,7 +9,7 @@ from helpers.random_machines import GRAVITY, energy_of, random_machine
 from vjm.continuation.path import EventKind
 from vjm.engines import engine_by_name
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, PointSpring, SprungJoint
+from vjm.model.joints import ActuatedJoint, CoupledJoint, PointSpring, SprungJoint
 from vjm.model.load_case import COMPONENTS, Load, LoadCase, PointControl
 from vjm.model.parts import Beam, PassiveJoint, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, translation
@@ -137,3 +137,25 @@ def test_a_branch_that_nothing_holds_is_refused():
     loose = replace(chain, parts=parts, after={"column": "hinge"}, postures={"-": np.zeros(2)})
     with pytest.raises(ValueError, match="is singular: some of its passive joints move without moving the tool"):
         engine_by_name("vjm-paper").trace(loose, LoadCase("-", 1.0, axis="y"))
+
+
+def test_a_coupling_as_bent_reaches_over_a_beam():
+    # the second joint turns back by what the first bends: the far link keeps its direction but for the beam's
+    section = Section(EA=2e8, GJ=1e9, EIy=2e10, EIz=1e9)
+    parts = (
+        ActuatedJoint("first", AXES["z"], compliance=1e-6),
+        Beam("between", 400.0, section=section),
+        CoupledJoint("second", AXES["z"], ratios=(("first", -1.0),), as_bent=True),
+        RigidOffset("far", translation([300.0, 0.0, 0.0])),
+    )
+    chain = Chain("parallel", parts, postures={"-": np.zeros(0)}, held={"-": {"first": 0.0}})
+    load, length, arm = 1.0, 400.0, 300.0
+    case = LoadCase("-", load, axis="load", free=COMPONENTS, loads=(Load((0.0, 1.0, 0.0, 0.0, 0.0, 0.0)),), steps=1)
+    last = engine_by_name("vjm-4").trace(chain, case).points[-1]
+    # the joint's torque is the force times the way of the tool by its turn, the beam's length
+    turn = 1e-6 * load * length
+    bend = load * (length**2 / 2.0 + arm * length) / 1e9
+    sag = load * (length**3 / 3.0 + arm * length**2 + arm**2 * length) / 1e9
+    # linear theory: the angles' squares, 3e-7, are left out
+    assert last.displacement[5] == pytest.approx(bend, rel=1e-6)
+    assert last.displacement[1] == pytest.approx(sag + turn * length, rel=1e-6)
