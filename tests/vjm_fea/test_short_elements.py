@@ -69,7 +69,7 @@ def test_a_column_that_is_soft_in_shear_is_followed_where_rounding_is_large():
     case = LoadCase("drawn", 1000.0, axis="load", free=COMPONENTS, loads=(load,), control="limit")
     found = ExudynEngine(elements=8).trace(chain, case)
     assert not found.stopped
-    # P (1 + P/GA - P/EA) = π² EI / 4 L²; the element is of fourth order: 1.9e-3 with eight of them
+    # P (1 + P/GA - P/EA) = π² EI / 4 L²; of second order where shear counts: 2.0e-3 with eight elements
     euler = np.pi**2 * 4e6 / (4.0 * 100.0**2)
     flexible = 1.0 / 1600.0 - 1e-9
     exact = (np.sqrt(1.0 + 4.0 * euler * flexible) - 1.0) / (2.0 * flexible)

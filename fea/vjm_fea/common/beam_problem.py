@@ -112,9 +112,8 @@ class BeamProblem:
         Raises:
             NoConvergenceError: they are more than the chain bears.
         """
-        state = self.statics.initial
-        if self.statics.applied_loads.constant.any():
-            state = self._settled()
+        laden = self.statics.applied_loads.constant.any()
+        state = self._settled() if laden else self.statics.initial
         return self._equilibrium(0.0, *self._newton(state))
 
     def solve(self, s: float, start: Equilibrium, slope: Array | None = None) -> Equilibrium:
