@@ -145,8 +145,8 @@ class ManipulatorSystem(ExudynSystem):
             self._joint(self._marker(end, self._frame), self._marker(body, place), LOCKED)
         elif self._open is not None:
             connect, self._open = self._open, None
-            connect(self._marker(body, self._open_at))
             self._rigid = body
+            connect(self._marker(body, self._open_at))
             waiting, self._waiting = self._waiting, []
             for mark in waiting:
                 mark()

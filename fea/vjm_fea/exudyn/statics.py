@@ -130,6 +130,7 @@ class Statics(BeamStatics):
         self._columns = np.ravel([range(6 * n, 6 * n + 6) for n in system.connected]).astype(int)
         full = self._full(self.initial)
         J = self._assembled(self._whole, full, rates(full.places[:, 3:]))
+        self._add_springs(J, full)
         own = np.diag(J)[: 6 * self.nodes]
         # of the elements themselves: a stiff one at the end of a long rigid arm makes the arm's turns far stiffer
         steps, self.energy = self._scale(own, np.tile([False] * 3 + [True] * 3, self.nodes), length)
@@ -190,7 +191,8 @@ class Statics(BeamStatics):
     def node_forces(self, state: Array) -> Array:
         """Forces and moments ``(n, 6)`` that elements and joints put up at every node, world axes."""
         full = self._full(state)
-        return self._reduced(self._whole.residual(full), rates(full.places[:, 3:]))[: 6 * self.nodes].reshape(-1, 6)
+        r = self._reduced(self._whole.residual(full), rates(full.places[:, 3:]))[: 6 * self.nodes].reshape(-1, 6)
+        return r + self._spring_forces(full)
 
     # --- nodes that are led -------------------------------------------------------------------------------
 
@@ -221,7 +223,26 @@ class Statics(BeamStatics):
     def _inner(self, state: Array) -> Array:
         full = self._full(state)
         r = self._reduced(self._whole.residual(full), rates(full.places[:, 3:]))
+        r[: 6 * self.nodes] += self._spring_forces(full).ravel()
         return self._led(r, full)
+
+    def _spring_forces(self, full: _Full) -> Array:
+        """Forces and moments ``(n, 6)`` that springs of six directions put up at the nodes, world axes."""
+        result = np.zeros((self.nodes + 1, 6))
+        places = np.vstack([full.places, self._ground])
+        for spring in self.system.springs:
+            result[list(spring.nodes)] += spring.forces(places)
+        return result[:-1]
+
+    def _add_springs(self, J: Array, full: _Full) -> None:
+        """Add the derivative of `_spring_forces` by the nodes' motions."""
+        places = np.vstack([full.places, self._ground])
+        for spring in self.system.springs:
+            tangent = spring.tangent(places).reshape(2, 6, 2, 6)
+            for i, k in np.ndindex(2, 2):
+                a, b = spring.nodes[i], spring.nodes[k]
+                if a >= 0 and b >= 0:
+                    J[6 * a : 6 * a + 6, 6 * b : 6 * b + 6] += tangent[i, :, k]
 
     def _stiffness(self, state: Array, like: Tangent | None) -> tuple[Array, Array | None]:
         full = self._full(state)
@@ -240,6 +261,8 @@ class Statics(BeamStatics):
         for node in np.flatnonzero(r[:, 3:].any(axis=1)).tolist():
             turns = slice(6 * node + 3, 6 * node + 6)
             J[turns, turns] -= 0.5 * skew(r[node, 3:])
+        self._add_springs(J, full)
+        r = r + self._spring_forces(full)
         J = self._carried(J, full)
         # the levers of nodes that are led turn with their leaders
         for node, body in self._following:

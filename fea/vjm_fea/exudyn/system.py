@@ -9,14 +9,14 @@ of stress.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from vjm.continuation.path import StationLabel
 from vjm.model.chain import FOOT, Chain
-from vjm.model.joints import ElementarySpring, HeldJoint, elementary_springs
+from vjm.model.joints import ActuatedJoint, ElementarySpring, HeldJoint, elementary_springs
 from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
 from vjm.rotations import Array, frame, inverse_frame, translation, turn
 from vjm_fea.common.end_condition import joint_axes
@@ -25,32 +25,9 @@ from vjm_fea.common.points import NO_POINTS, Piece, Place, find
 from vjm_fea.common.quaternions import quaternion
 from vjm_fea.exudyn.assembly import Assembly
 from vjm_fea.exudyn.backend import Item, exu, items
+from vjm_fea.exudyn.bodies import Rigid, Station
 from vjm_fea.exudyn.joint_kinds import PRISMATIC, REVOLUTE, UNIVERSAL, axes_with, crossing
-
-
-@dataclass(frozen=True)
-class Rigid:
-    """A rigid piece.
-
-    Attributes:
-        node: index of its node, −1 for the ground.
-        item: number of the object that carries markers.
-        reference: frame ``(4, 4)`` of the node in the reference configuration.
-    """
-
-    node: int
-    item: Item
-    reference: Array
-
-
-@dataclass(frozen=True)
-class Station:
-    """A material point of which the shape is made: ``offset`` ``(3,)`` mm in the axes of the node."""
-
-    label: StationLabel
-    node: int
-    offset: Array
-
+from vjm_fea.exudyn.matrix_spring import MatrixSpring, is_coupled
 
 Connect = Callable[[Item], None]
 """Closes a joint that is open at its far side, given the marker there."""
@@ -67,6 +44,7 @@ class ExudynSystem:
         leaders: ``(n,)`` for every node the one that leads its rigid piece, −1 on the ground.
         stations: in the order along the chain.
         pieces: where points and masses are.
+        springs: of six directions, which stand beside Exudyn.
         tool: node of the end-effector, in the world's axes in the reference configuration.
         end_condition: node of the support of the end-effector; the same where nothing of its pose is free.
         end: frame ``(4, 4)`` of the end-effector in the reference configuration.
@@ -81,6 +59,7 @@ class ExudynSystem:
         self._locked: list[tuple[int, int]] = []
         self.stations: list[Station] = []
         self.pieces: list[Piece] = []
+        self.springs: list[MatrixSpring] = []
         self._waiting: list[Callable[[], None]] = []
 
     def __init__(
@@ -148,6 +127,9 @@ class ExudynSystem:
                     self._add_drive(part)
             case HeldJoint():
                 self._frame = self._frame @ part.motion(part.held_at)
+                if isinstance(part, ActuatedJoint) and is_coupled(part.matrix):
+                    self._add_matrix(part.matrix)
+                    return
                 for spring in elementary_springs(part, "exudyn"):
                     self._add_sprung(spring)
             case Beam() if self.mesh.foot_spring and part.name == FOOT:
@@ -243,6 +225,17 @@ class ExudynSystem:
                     markerNumbers=[before, behind], stiffness=np.diag(stiffness), offset=offset.tolist()
                 )
             )  # fmt: skip
+
+        self._leave_open(at, connect)
+
+    def _add_matrix(self, compliance: Array) -> None:
+        """A spring of six directions in the axes of the chain frame."""
+        before, at = self._at(), self._frame
+
+        def connect(_: Item) -> None:
+            pair = (before, self._rigid)
+            frames = np.array([inverse_frame(rigid.reference) @ at for rigid in pair])
+            self.springs.append(MatrixSpring((pair[0].node, pair[1].node), frames, np.linalg.inv(compliance)))
 
         self._leave_open(at, connect)
 
