@@ -17,8 +17,9 @@ from vjm_fea.common.mesh import Mesh
 from vjm_fea.common.points import NO_POINTS
 from vjm_fea.common.quaternions import quaternion
 from vjm_fea.exudyn.backend import items
+from vjm_fea.exudyn.bodies import Rigid
 from vjm_fea.exudyn.joint_kinds import crossing
-from vjm_fea.exudyn.system import ExudynSystem, Rigid
+from vjm_fea.exudyn.system import ExudynSystem
 
 LOCKED = (1, 1, 1, 1, 1, 1)
 CLOSED = 1e-7

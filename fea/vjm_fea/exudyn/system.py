@@ -235,7 +235,8 @@ class ExudynSystem:
         def connect(_: Item) -> None:
             pair = (before, self._rigid)
             frames = np.array([inverse_frame(rigid.reference) @ at for rigid in pair])
-            self.springs.append(MatrixSpring((pair[0].node, pair[1].node), frames, np.linalg.inv(compliance)))
+            stiffness = np.asarray(np.linalg.inv(compliance), dtype=float)
+            self.springs.append(MatrixSpring((pair[0].node, pair[1].node), frames, stiffness))
 
         self._leave_open(at, connect)
 
