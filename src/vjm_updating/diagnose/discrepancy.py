@@ -27,13 +27,14 @@ WEIGHTS = np.gradient(NODES) * np.exp(-0.5 * NODES**2) * (2.0 / np.pi) ** 0.5
 def response(fitter: Fitter, fit: Fit) -> Array:
     """What the causes of a fit do to the readings ``(n, 6)``, raw; the rest of the machine stays as it was fitted.
 
-    Zero where the machine does not stand without them.
+    A cause that frees a nuisance does what goes beyond one standard deviation of the sheet: up to there every
+    hypothesis takes that nuisance's law for exact. Zero where the machine does not stand without the causes.
     """
     z = fit.at.z[: len(fitter.nuisances)].copy()
     released = {release_key(effect) for effect in fit.hypothesis}
     for i, c in enumerate(fitter.nuisances):
         if (c.kind, c.subject) in released:
-            z[i] = c.mean
+            z[i] = c.mean + np.clip(z[i] - c.mean, -c.sigma, c.sigma)
     fitter.anchor = None
     without = fitter.evaluate(fitter.nuisances, z, ())
     return np.zeros_like(fit.at.residual) if without is None else without.residual - fit.at.residual

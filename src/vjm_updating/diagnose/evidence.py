@@ -12,7 +12,7 @@ from scipy.special import log_ndtr
 from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.normal_equations import inverse
-from vjm_updating.diagnose.parameters import of_effect, release_key
+from vjm_updating.diagnose.parameters import Hypothesis, of_effect, release_key
 from vjm_updating.mechanisms.effect import Effect
 
 DISTINCT, DISGUISED = 2.0, 12.0
@@ -54,13 +54,9 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
         costs: of the kind of test.
     """
     own = [i for i, c in enumerate(fit.found) if c.kind == "effect" and np.isfinite(c.sigma)]
-    places = Counter(e.cause for e in effects)
-    causes = len(places)
     # what frees a nuisance has one parameter; what either is or is not has none
     free = sum(1 if release_key(e) else len(e.quantities()) for e in fit.hypothesis) - len(own)
-    choice = 2.0 * sum(np.log(causes * places[e.cause]) for e in fit.hypothesis)
-    cost = free * float(np.log(samples)) + float(choice)
-    cost += RARER * max(len(fit.hypothesis) - 1, 0) + costs.third * max(len(fit.hypothesis) - 2, 0)
+    cost = free * float(np.log(samples)) + choice(fit.hypothesis, effects, costs)
     A = fitter.normal(fit)
     covariance = inverse(A, np.ones(len(A), dtype=bool))
     spread = np.maximum(np.diag(covariance), 1e-300)
@@ -76,6 +72,19 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
             sizes = np.maximum(np.linalg.eigvalsh(covariance[np.ix_(at, at)]), 1e-300)
             cost -= float(np.sum(np.minimum(np.log(sizes[1:] / sizes[0]), np.log(samples))))
     return fit.objective + cost
+
+
+def choice(hypothesis: Hypothesis, effects: Sequence[Effect], costs: Costs = Costs()) -> float:
+    """What the choice of causes, and of their places, costs, whatever the readings say.
+
+    Args:
+        hypothesis: the causes.
+        effects: the catalogue.
+        costs: of the kind of test.
+    """
+    places = Counter(e.cause for e in effects)
+    cost = 2.0 * sum(float(np.log(len(places) * places[e.cause])) for e in hypothesis)
+    return cost + RARER * max(len(hypothesis) - 1, 0) + costs.third * max(len(hypothesis) - 2, 0)
 
 
 def beyond_bounds(pressed: Array) -> float:

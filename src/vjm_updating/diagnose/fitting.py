@@ -15,7 +15,7 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.diagnose.forward import Evaluation, Predictor, values_of
-from vjm_updating.diagnose.normal_equations import bounded_step
+from vjm_updating.diagnose.normal_equations import bounded_step, inverse
 from vjm_updating.diagnose.parameters import Coordinate, Hypothesis, coordinates, start
 from vjm_updating.diagnose.whitening import Whitening, weighed
 from vjm_updating.experiment.channels import WRENCH
@@ -28,6 +28,8 @@ LEARNT = 3.0
 """Fall of the objective from which a step tells more of the slopes than its noise hides."""
 RENEWED = 3
 """Steps from one differentiation to the next; Broyden's updates do in between."""
+PATIENT, HOPE = 2, 5.0
+"""A fit is given up after so many steps where so many like the last would not reach its target."""
 FAR = 1.0
 """Distance of a machine nuisance from where tables were made, in sigmas, at which they are made anew at once."""
 MISSED, MISSED_ROUGHLY = 0.3, 3.0
@@ -191,6 +193,7 @@ class Fitter:
         *,
         fresh: bool = False,
         rough: bool = False,
+        target: float = np.inf,
     ) -> Fit | None:
         """The best coordinates from a start; None where the machine does not stand there.
 
@@ -200,6 +203,7 @@ class Fitter:
             values: of each effect.
             fresh: differentiate by the machine's nuisances anew.
             rough: be content with what slopes by the machine's nuisances say.
+            target: squares worth reaching; a fit that will hardly come so far is given up.
         """
         found = coordinates(self.nuisances, hypothesis)
         z = start(found, hypothesis, nuisances, values)
@@ -259,6 +263,8 @@ class Fitter:
             if ended and exact:
                 converged = True
                 break
+            if count >= PATIENT and best - HOPE * fall > target and best - self._promise(found, at, J) > target:
+                break
             exact = ended or count % RENEWED == 0
             if exact:
                 self._renew(J, found, at, hypothesis)
@@ -279,6 +285,11 @@ class Fitter:
         J = self.slopes(found, at, hypothesis, fresh=True)
         self.anchor = here
         return J
+
+    def _promise(self, found: Sequence[Coordinate], at: Evaluation, J: Array) -> float:
+        """Fall of the objective by a whole step, to first order, were no step too long."""
+        A, b = self._system(found, at, J)
+        return float(b @ inverse(A, np.array([c.sigma != 0.0 for c in found]), rcond=1e-10) @ b)
 
     def objective(self, found: Sequence[Coordinate], at: Evaluation) -> float:
         """Twice the negative logarithm of the likelihood and prior, but for a constant.
