@@ -17,7 +17,7 @@ from vjm_updating.mechanisms.effect import Effect
 
 DISTINCT, DISGUISED = 2.0, 12.0
 """Standard deviations by which a cause's own parameter must differ from nothing, and what it costs if not."""
-LAW_ERROR = 0.07
+LAW_ERROR = 0.1
 """Relative error of a law, of the size of what its causes do: scale of a half-normal prior."""
 RARER, RAREST = 2.8, 8.0
 """What a further cause costs: machines that lack two are a quarter as frequent as those that lack one; and what
@@ -67,7 +67,7 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
         at = of_effect(fit.found, number)[: effect.extent]
         if at and _is_nothing(effect, fit.at.z[at], size_covariance(A, fit, number)):
             cost += costs.disguised
-        if len(at) > 1:
+        if len(at) > 1 and at[0] not in own:
             # of a vector the directions that the readings say less of cost less
             sizes = np.maximum(np.linalg.eigvalsh(covariance[np.ix_(at, at)]), 1e-300)
             cost -= float(np.sum(np.minimum(np.log(sizes[1:] / sizes[0]), np.log(samples))))

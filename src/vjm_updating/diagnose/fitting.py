@@ -151,17 +151,19 @@ class Fitter:
         """Whether a null needs nuisances of the machine far off the sheet's."""
         return float(np.abs(null.at.z[self.of_machine]).max(initial=0.0)) > FARTHER
 
-    def differentiate_near(self, null: Fit, most: float) -> None:
-        """Slopes by the machine's nuisances where hypotheses begin, no further than ``most`` sigmas off.
+    def near(self, null: Fit, most: float) -> Fit:
+        """The same, or where it lacks a cause that drags nuisances along, one no further than ``most`` sigmas off.
 
-        A null that lacks a cause drags them along, and slopes found there lead astray.
+        There hypotheses begin, by its slopes: those found far off lead astray.
         """
         if not self.dragged(null):
-            return
+            return null
         self.anchor = None
         at = self.evaluate(null.found, np.clip(null.at.z, -most, most), null.hypothesis)
-        if at is not None:
-            self.slopes(null.found, at, null.hypothesis, fresh=True)
+        if at is None:
+            return null
+        J = self.slopes(null.found, at, null.hypothesis, fresh=True)
+        return replace(null, at=at, jacobian=J)
 
     def _instrument(self, J: Array, i: int, c: Coordinate, at: Evaluation) -> None:
         if c.subject in WRENCH:
@@ -316,9 +318,10 @@ class Fitter:
         """A damped step that makes the objective smaller, if there is one, and the damping to go on with."""
         low, high = (np.array([getattr(c, end) for c in found]) for end in ("low", "high"))
         fixed = np.array([c.sigma == 0.0 for c in found])
+        linear = np.array([c.kind in ("zero", "scale") for c in found])
         A, b = self._system(found, at, J)
         for _ in range(6):
-            move = bounded_step(A, b, damping, fixed, at.z, low, high)
+            move = bounded_step(A, b, damping, fixed, linear, at.z, low, high)
             if float(move @ b) < 0.5 * ENOUGH:
                 return None, damping
             there = self.evaluate(found, np.clip(at.z + move, low, high), hypothesis)

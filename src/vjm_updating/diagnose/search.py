@@ -100,6 +100,7 @@ class Search:
     tried: dict[frozenset[str], Ranked] = field(default_factory=dict, init=False)
     alarm: float = field(default=0.0, init=False)
     first: list[Score] = field(default_factory=list, init=False)
+    _near_null: Fit = field(init=False)
     _something: bool = field(default=True, init=False)
     _signatures: list[tuple[Fit, list[Signature]]] = field(default_factory=list, init=False)
     _beside: dict[frozenset[str], tuple[Fit, list[Score]]] = field(default_factory=dict, init=False)
@@ -108,8 +109,9 @@ class Search:
     def run(self) -> Ranked:
         """The best hypothesis; the null where nothing is significant."""
         null = self.tried[frozenset()] = self.ranked(self.null)
-        self.fitter.differentiate_near(self.null, STRAINED)
-        self.first = self._scores(null)
+        # what causes do beside nuisances that were dragged far along says little
+        self._near_null = self.fitter.near(self.null, STRAINED)
+        self.first = self._scores(replace(null, fit=self._near_null))
         self.alarm = threshold(self.first)
         self._something = any(score.p < self.alarm for score in self.first) or self._is_wrong(self.null)
         best, beam, pairs = null, [null], list[Move]()
@@ -217,7 +219,7 @@ class Search:
                 null.criterion - worth + self._least_cost((), a.effect) + self._least_cost((a.effect,), b.effect),
                 FIRST_ORDER * worth,
             )
-            for a, b, worth in best_pairs(projection(self.fitter, null.fit), self.first, PAIRS)
+            for a, b, worth in best_pairs(projection(self.fitter, self._near_null), self.first, PAIRS)
             if chi2.sf(worth, a.cone.dimension + b.cone.dimension) < rare
         ]
 
