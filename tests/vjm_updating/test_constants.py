@@ -46,8 +46,8 @@ NUMERICS = {
     "diagnose/critical": "LEAST",
     "diagnose/discrepancy": "NODES WEIGHTS",
     "diagnose/estimates": "DRAWS",
-    "diagnose/fitting": "STEPS ENOUGH LEARNT RENEWED PATIENT HOPE FAR MISSED MISSED_ROUGHLY FARTHER RETREATS SHORTER "
-    "POOR DIFFERENCE",
+    "diagnose/fitting": "STEPS ENOUGH LEARNT RENEWED PATIENT HOPE FAR MISSED MISSED_ROUGHLY FARTHER RETREATS "
+    "SHORTER POOR DIFFERENCE",
     "diagnose/forward": "MARGIN KEPT ROUNDS",
     "diagnose/holdout": "BLOCK DRAWS SEED",
     "diagnose/mark_selection": "THIRD DRAWS SEED",

@@ -88,4 +88,5 @@ def test_a_law_is_wrong_in_what_goes_beyond_the_tolerances_only(make, tmp_path):
     size, left = (float(np.linalg.norm(fitter.whitening.flat(r))) for r in (raw, response(fitter, fit)))
     # two sigmas of the sheet make up for two sigmas of it: strength is at most size over sigma
     assert left < 2.0
-    assert size > 20.0
+    # and it shows
+    assert size > 5.0 * left
