@@ -24,14 +24,16 @@ def compliance(seed):
     return A @ A.T * unit[:, None] * unit
 
 
-def arm(*, beam):
+def arm(*, beam, rigid=()):
     bend = frame(rotation_from_vector(np.array([0.3, -0.2, 0.5])), [250.0, 40.0, -30.0])
     section = Section(EA=2e9, GJ=1e11, EIy=2e11, EIz=1e11)
     last = Beam("last", 300.0, section=section) if beam else RigidOffset("last", bend)
+    wrist = compliance(2)
+    wrist[list(rigid)] = wrist[:, list(rigid)] = 0.0
     parts = (
         ActuatedJoint("base", AXES["z"], matrix=compliance(1)),
         RigidOffset("link", bend, mass=3.0),
-        ActuatedJoint("wrist", AXES["y"], matrix=compliance(2)),
+        ActuatedJoint("wrist", AXES["y"], matrix=wrist),
         last,
     )
     return Chain("arm", parts, postures={"-": np.zeros(0)}, held={"-": {"base": 0.4, "wrist": -0.7}})
@@ -42,8 +44,9 @@ def case(factor):
     return LoadCase("-", factor, axis="load", free=COMPONENTS, loads=(load,), gravity=(0.0, 0.0, -9.81), steps=4)
 
 
-def test_a_rigid_arm_on_such_joints_is_the_lumped_one():
-    chain = arm(beam=False)
+@pytest.mark.parametrize("rigid", [(), (0, 4), (0, 1, 2)])
+def test_a_rigid_arm_on_such_joints_is_the_lumped_one(rigid):
+    chain = arm(beam=False, rigid=rigid)
     one = engine_by_name("vjm-paper").trace(chain, case(20.0)).points[-1]
     other = ExudynEngine().trace(chain, case(20.0)).points[-1]
     # the same equations in other coordinates

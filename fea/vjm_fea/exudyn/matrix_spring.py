@@ -19,10 +19,8 @@ TINY = 1e-30
 
 
 def is_coupled(compliance: Array | None) -> TypeGuard[Array]:
-    """Whether a compliance ``(6, 6)`` gives way in all directions and couples some of them."""
-    if compliance is None or not np.diag(compliance).all():
-        return False
-    return bool(np.any(compliance - np.diag(np.diag(compliance))))
+    """Whether a compliance ``(6, 6)`` couples some of its directions."""
+    return compliance is not None and bool(np.any(compliance - np.diag(np.diag(compliance))))
 
 
 @dataclass(frozen=True)
@@ -123,11 +121,11 @@ class MatrixSpring(RelativeMotion):
 
 
 @dataclass(frozen=True)
-class Follower:
-    """A joint that moves by what the springs of others add about their own axes, at once a constraint.
+class LinearConstraint:
+    """A weighted sum of relative coordinates that is zero: a rigid direction, or a joint that follows others.
 
     Attributes:
-        terms: relative motions, the coordinate of each that counts, and its weight: their sum is zero.
+        terms: relative motions, the coordinate of each that counts, and its weight.
     """
 
     terms: tuple[tuple[RelativeMotion, int, float], ...]
@@ -135,3 +133,14 @@ class Follower:
     def error(self, places: Array) -> float:
         """By which the sum is not zero, mm or rad."""
         return sum(weight * float(motion.coordinates(places)[k]) for motion, k, weight in self.terms)
+
+
+def held_by(
+    nodes: tuple[int, int], frames: Array, compliance: Array
+) -> tuple[MatrixSpring, list[LinearConstraint]]:
+    """A spring with a compliance ``(6, 6)``, and constraints where that has zeros in a row and column: rigid."""
+    gives = compliance.any(axis=0)
+    stiffness = np.zeros((6, 6))
+    stiffness[np.ix_(gives, gives)] = np.linalg.inv(compliance[np.ix_(gives, gives)])
+    spring = MatrixSpring(nodes, frames, stiffness)
+    return spring, [LinearConstraint(((spring, int(k), 1.0),)) for k in np.flatnonzero(~gives)]

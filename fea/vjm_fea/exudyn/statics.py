@@ -118,8 +118,8 @@ class Statics(BeamStatics):
             _Evaluated(mbs, self._settings, system.reference)
             for mbs in (system.assembly.whole, system.assembly.unmeshed)
         )
-        # joints that follow others have theirs behind Exudyn's own
-        multipliers = self._whole.multipliers + len(system.followers)
+        # constraints beside Exudyn have theirs behind Exudyn's own
+        multipliers = self._whole.multipliers + len(system.constraints)
         self._lead(system)
         bodies = len(self._leading)
         self.motions = 6 * bodies
@@ -226,7 +226,7 @@ class Statics(BeamStatics):
         r = self._reduced(self._whole.residual(full), rates(full.places[:, 3:]))
         r[: 6 * self.nodes] += self._spring_forces(full).ravel()
         places = np.vstack([full.places, self._ground])
-        errors = [follower.error(places) for follower in self.system.followers]
+        errors = [constraint.error(places) for constraint in self.system.constraints]
         return self._led(np.concatenate([r, errors]), full)
 
     def _spring_forces(self, full: _Full) -> Array:
@@ -235,32 +235,32 @@ class Statics(BeamStatics):
         places = np.vstack([full.places, self._ground])
         for spring in self.system.springs:
             result[list(spring.nodes)] += spring.gradient(places)
-        for motion, forces in self._following_forces(full):
+        for motion, forces in self._constraint_forces(full):
             result[list(motion.nodes)] += motion.gradient(places, forces)
         return result[:-1]
 
-    def _following_forces(self, full: _Full) -> list[tuple[RelativeMotion, Array]]:
-        """Forces ``(6,)`` of the joints that follow others on the coordinates of each relative motion."""
+    def _constraint_forces(self, full: _Full) -> list[tuple[RelativeMotion, Array]]:
+        """Forces ``(6,)`` of constraints on the coordinates of each relative motion."""
         torques = full.numbers[self._whole.multipliers :]
         return [
             (motion, torque * weight * np.eye(6)[k])
-            for torque, follower in zip(torques, self.system.followers, strict=True)
-            for motion, k, weight in follower.terms
+            for torque, constraint in zip(torques, self.system.constraints, strict=True)
+            for motion, k, weight in constraint.terms
         ]
 
     def _with_springs(self, J: Array, full: _Full) -> Array:
         """The nodes' tangent with what stands beside Exudyn ``(6 n + c, 6 n + c)``."""
         size, places = len(J), np.vstack([full.places, self._ground])
-        result = np.zeros((size + len(self.system.followers),) * 2)
+        result = np.zeros((size + len(self.system.constraints),) * 2)
         result[:size, :size] = J
-        for motion, forces in [(spring, None) for spring in self.system.springs] + self._following_forces(full):
+        for motion, forces in [(spring, None) for spring in self.system.springs] + self._constraint_forces(full):
             second = motion.second(places, forces).reshape(2, 6, 2, 6)
             for i, k in np.ndindex(2, 2):
                 a, b = motion.nodes[i], motion.nodes[k]
                 if a >= 0 and b >= 0:
                     result[6 * a : 6 * a + 6, 6 * b : 6 * b + 6] += second[i, :, k]
-        for row, follower in enumerate(self.system.followers, start=size):
-            for motion, k, weight in follower.terms:
+        for row, constraint in enumerate(self.system.constraints, start=size):
+            for motion, k, weight in constraint.terms:
                 slopes = motion.gradient(places, weight * np.eye(6)[k])
                 for node, slope in zip(motion.nodes, slopes, strict=True):
                     if node >= 0:

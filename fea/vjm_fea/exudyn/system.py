@@ -27,7 +27,7 @@ from vjm_fea.exudyn.assembly import Assembly
 from vjm_fea.exudyn.backend import Item, exu, items
 from vjm_fea.exudyn.bodies import Rigid, Station, between, leaders_of
 from vjm_fea.exudyn.joint_kinds import PRISMATIC, REVOLUTE, UNIVERSAL, axes_with, crossing
-from vjm_fea.exudyn.matrix_spring import Follower, MatrixSpring, RelativeMotion, is_coupled
+from vjm_fea.exudyn.matrix_spring import LinearConstraint, MatrixSpring, RelativeMotion, held_by, is_coupled
 
 Connect = Callable[[Item], None]
 """Closes a joint that is open at its far side, given the marker there."""
@@ -45,7 +45,7 @@ class ExudynSystem:
         stations: in the order along the chain.
         pieces: where points and masses are.
         springs: of six directions, which stand beside Exudyn.
-        followers: joints coupled as bent, likewise.
+        constraints: of joints coupled as bent and of rigid directions of such springs, likewise.
         tool: node of the end-effector, in the world's axes in the reference configuration.
         end_condition: node of the support of the end-effector; the same where nothing of its pose is free.
         end: frame ``(4, 4)`` of the end-effector in the reference configuration.
@@ -61,7 +61,7 @@ class ExudynSystem:
         self.stations: list[Station] = []
         self.pieces: list[Piece] = []
         self.springs: list[MatrixSpring] = []
-        self.followers: list[Follower] = []
+        self.constraints: list[LinearConstraint] = []
         self._own: dict[str, tuple[RelativeMotion, int]] = {}
         self._waiting: list[Callable[[], None]] = []
 
@@ -249,17 +249,18 @@ class ExudynSystem:
         def connect(behind: Item) -> None:
             self._joint(before, behind, PRISMATIC if joint.slides else REVOLUTE)
             own = RelativeMotion(*between(rigid, self._rigid, at)), 0 if joint.slides else 5, -1.0
-            self.followers.append(Follower((own, *others)))
+            self.constraints.append(LinearConstraint((own, *others)))
 
         self._leave_open(at, connect)
 
     def _add_matrix(self, compliance: Array) -> None:
         """A spring of six directions in the axes of the chain frame."""
         before, at = self._at(), self._frame
-        stiffness = np.asarray(np.linalg.inv(compliance), dtype=float)
 
         def connect(_: Item) -> None:
-            self.springs.append(MatrixSpring(*between(before, self._rigid, at), stiffness))
+            spring, rigid = held_by(*between(before, self._rigid, at), compliance)
+            self.springs.append(spring)
+            self.constraints += rigid
 
         self._leave_open(at, connect)
 
