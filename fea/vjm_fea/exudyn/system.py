@@ -112,7 +112,7 @@ class ExudynSystem:
         self.end_condition = self._add_hand(end_condition) if end_condition else self.tool
         self.reference = np.array([np.concatenate([T[:3, 3], quaternion(T[:3, :3])]) for T in self._frames])
         self.connected = sorted(self._connected)
-        self.leaders = self._groups()
+        self.leaders = leaders_of(len(self._frames), self._locked, {self.tool, self.end_condition})
         self.pieces = [replace(p, body=self._leader(p.body)) for p in self.pieces]
         self.assembly.close()
 
@@ -313,9 +313,6 @@ class ExudynSystem:
             self._rigid = self._carrier(self._node(T), T)
             self._locked.append((before, self._rigid.node))
         return self._rigid
-
-    def _groups(self) -> list[int]:
-        return leaders_of(len(self._frames), self._locked, {self.tool, self.end_condition})
 
     def _leader(self, node: int) -> int | None:
         """Leader of a node's rigid piece; None on the ground."""
