@@ -17,7 +17,7 @@ from vjm_fea.common.mesh import Mesh
 from vjm_fea.common.points import NO_POINTS
 from vjm_fea.common.quaternions import quaternion
 from vjm_fea.exudyn.backend import items
-from vjm_fea.exudyn.bodies import Rigid
+from vjm_fea.exudyn.bodies import Rigid, leaders_of
 from vjm_fea.exudyn.joint_kinds import crossing
 from vjm_fea.exudyn.system import ExudynSystem
 
@@ -82,7 +82,7 @@ class ManipulatorSystem(ExudynSystem):
         self.end_condition = self._add_hand(end_condition) if end_condition else self.tool
         self.reference = np.array([np.concatenate([T[:3, 3], quaternion(T[:3, :3])]) for T in self._frames])
         self.connected = sorted(self._connected)
-        self.leaders = self._groups()
+        self.leaders = leaders_of(len(self._frames), self._locked, {self.tool, self.end_condition})
         self.pieces = [replace(p, body=self._leader(p.body)) for p in self.pieces]
         self.assembly.close()
 

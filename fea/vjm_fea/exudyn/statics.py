@@ -31,6 +31,7 @@ from vjm_fea.common.points import Moving, Place, on_body
 from vjm_fea.common.quaternions import product, rates, rotation_matrices
 from vjm_fea.common.states import States
 from vjm_fea.exudyn.backend import Description, System, exu
+from vjm_fea.exudyn.matrix_spring import RelativeMotion
 from vjm_fea.exudyn.system import ExudynSystem
 
 DIFFERENCE = 1e-5
@@ -68,7 +69,7 @@ class _Evaluated:
         """Put the nodes there."""
         data = self._mbs.systemData
         data.SetODE2Coordinates((full.places - self._reference).ravel())
-        data.SetAECoordinates(full.numbers)
+        data.SetAECoordinates(full.numbers[: self.multipliers])
 
     def residual(self, full: _Full) -> Array:
         """Forces that the system puts up ``(7 n,)`` and errors of joints ``(c,)``."""
@@ -117,7 +118,8 @@ class Statics(BeamStatics):
             _Evaluated(mbs, self._settings, system.reference)
             for mbs in (system.assembly.whole, system.assembly.unmeshed)
         )
-        multipliers = self._whole.multipliers
+        # constraints beside Exudyn have theirs behind Exudyn's own
+        multipliers = self._whole.multipliers + len(system.constraints)
         self._lead(system)
         bodies = len(self._leading)
         self.motions = 6 * bodies
@@ -129,8 +131,7 @@ class Statics(BeamStatics):
         self.free = np.setdiff1d(np.arange(self.motions + multipliers), self.held)
         self._columns = np.ravel([range(6 * n, 6 * n + 6) for n in system.connected]).astype(int)
         full = self._full(self.initial)
-        J = self._assembled(self._whole, full, rates(full.places[:, 3:]))
-        self._add_springs(J, full)
+        J = self._with_springs(self._assembled(self._whole, full, rates(full.places[:, 3:])), full)
         own = np.diag(J)[: 6 * self.nodes]
         # of the elements themselves: a stiff one at the end of a long rigid arm makes the arm's turns far stiffer
         steps, self.energy = self._scale(own, np.tile([False] * 3 + [True] * 3, self.nodes), length)
@@ -224,25 +225,48 @@ class Statics(BeamStatics):
         full = self._full(state)
         r = self._reduced(self._whole.residual(full), rates(full.places[:, 3:]))
         r[: 6 * self.nodes] += self._spring_forces(full).ravel()
-        return self._led(r, full)
+        places = np.vstack([full.places, self._ground])
+        errors = [constraint.error(places) for constraint in self.system.constraints]
+        return self._led(np.concatenate([r, errors]), full)
 
     def _spring_forces(self, full: _Full) -> Array:
-        """Forces and moments ``(n, 6)`` that springs of six directions put up at the nodes, world axes."""
+        """Forces and moments ``(n, 6)`` of what stands beside Exudyn at the nodes, world axes."""
         result = np.zeros((self.nodes + 1, 6))
         places = np.vstack([full.places, self._ground])
         for spring in self.system.springs:
-            result[list(spring.nodes)] += spring.forces(places)
+            result[list(spring.nodes)] += spring.gradient(places)
+        for motion, forces in self._constraint_forces(full):
+            result[list(motion.nodes)] += motion.gradient(places, forces)
         return result[:-1]
 
-    def _add_springs(self, J: Array, full: _Full) -> None:
-        """Add the derivative of `_spring_forces` by the nodes' motions."""
-        places = np.vstack([full.places, self._ground])
-        for spring in self.system.springs:
-            tangent = spring.tangent(places).reshape(2, 6, 2, 6)
+    def _constraint_forces(self, full: _Full) -> list[tuple[RelativeMotion, Array]]:
+        """Forces ``(6,)`` of constraints on the coordinates of each relative motion."""
+        torques = full.numbers[self._whole.multipliers :]
+        return [
+            (motion, torque * weight * np.eye(6)[k])
+            for torque, constraint in zip(torques, self.system.constraints, strict=True)
+            for motion, k, weight in constraint.terms
+        ]
+
+    def _with_springs(self, J: Array, full: _Full) -> Array:
+        """The nodes' tangent with what stands beside Exudyn ``(6 n + c, 6 n + c)``."""
+        size, places = len(J), np.vstack([full.places, self._ground])
+        result = np.zeros((size + len(self.system.constraints),) * 2)
+        result[:size, :size] = J
+        for motion, forces in [(spring, None) for spring in self.system.springs] + self._constraint_forces(full):
+            second = motion.second(places, forces).reshape(2, 6, 2, 6)
             for i, k in np.ndindex(2, 2):
-                a, b = spring.nodes[i], spring.nodes[k]
+                a, b = motion.nodes[i], motion.nodes[k]
                 if a >= 0 and b >= 0:
-                    J[6 * a : 6 * a + 6, 6 * b : 6 * b + 6] += tangent[i, :, k]
+                    result[6 * a : 6 * a + 6, 6 * b : 6 * b + 6] += second[i, :, k]
+        for row, constraint in enumerate(self.system.constraints, start=size):
+            for motion, k, weight in constraint.terms:
+                slopes = motion.gradient(places, weight * np.eye(6)[k])
+                for node, slope in zip(motion.nodes, slopes, strict=True):
+                    if node >= 0:
+                        result[row, 6 * node : 6 * node + 6] += slope
+                        result[6 * node : 6 * node + 6, row] += slope
+        return result
 
     def _stiffness(self, state: Array, like: Tangent | None) -> tuple[Array, Array | None]:
         full = self._full(state)
@@ -261,7 +285,7 @@ class Statics(BeamStatics):
         for node in np.flatnonzero(r[:, 3:].any(axis=1)).tolist():
             turns = slice(6 * node + 3, 6 * node + 6)
             J[turns, turns] -= 0.5 * skew(r[node, 3:])
-        self._add_springs(J, full)
+        J = self._with_springs(J, full)
         r = r + self._spring_forces(full)
         J = self._carried(J, full)
         # the levers of nodes that are led turn with their leaders

@@ -16,7 +16,7 @@ import numpy as np
 
 from vjm.continuation.path import StationLabel
 from vjm.model.chain import FOOT, Chain
-from vjm.model.joints import ActuatedJoint, ElementarySpring, HeldJoint, elementary_springs
+from vjm.model.joints import ActuatedJoint, CoupledJoint, ElementarySpring, HeldJoint, elementary_springs
 from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
 from vjm.rotations import Array, frame, inverse_frame, translation, turn
 from vjm_fea.common.end_condition import joint_axes
@@ -25,9 +25,9 @@ from vjm_fea.common.points import NO_POINTS, Piece, Place, find
 from vjm_fea.common.quaternions import quaternion
 from vjm_fea.exudyn.assembly import Assembly
 from vjm_fea.exudyn.backend import Item, exu, items
-from vjm_fea.exudyn.bodies import Rigid, Station
+from vjm_fea.exudyn.bodies import Rigid, Station, between, leaders_of
 from vjm_fea.exudyn.joint_kinds import PRISMATIC, REVOLUTE, UNIVERSAL, axes_with, crossing
-from vjm_fea.exudyn.matrix_spring import MatrixSpring, is_coupled
+from vjm_fea.exudyn.matrix_spring import LinearConstraint, MatrixSpring, RelativeMotion, held_by, is_coupled
 
 Connect = Callable[[Item], None]
 """Closes a joint that is open at its far side, given the marker there."""
@@ -45,6 +45,7 @@ class ExudynSystem:
         stations: in the order along the chain.
         pieces: where points and masses are.
         springs: of six directions, which stand beside Exudyn.
+        constraints: of joints coupled as bent and of rigid directions of such springs, likewise.
         tool: node of the end-effector, in the world's axes in the reference configuration.
         end_condition: node of the support of the end-effector; the same where nothing of its pose is free.
         end: frame ``(4, 4)`` of the end-effector in the reference configuration.
@@ -60,6 +61,8 @@ class ExudynSystem:
         self.stations: list[Station] = []
         self.pieces: list[Piece] = []
         self.springs: list[MatrixSpring] = []
+        self.constraints: list[LinearConstraint] = []
+        self._own: dict[str, tuple[RelativeMotion, int]] = {}
         self._waiting: list[Callable[[], None]] = []
 
     def __init__(
@@ -109,7 +112,7 @@ class ExudynSystem:
         self.end_condition = self._add_hand(end_condition) if end_condition else self.tool
         self.reference = np.array([np.concatenate([T[:3, 3], quaternion(T[:3, :3])]) for T in self._frames])
         self.connected = sorted(self._connected)
-        self.leaders = self._groups()
+        self.leaders = leaders_of(len(self._frames), self._locked, {self.tool, self.end_condition})
         self.pieces = [replace(p, body=self._leader(p.body)) for p in self.pieces]
         self.assembly.close()
 
@@ -130,8 +133,11 @@ class ExudynSystem:
                 if isinstance(part, ActuatedJoint) and is_coupled(part.matrix):
                     self._add_matrix(part.matrix)
                     return
+                if isinstance(part, CoupledJoint) and part.as_bent:
+                    self._follow(part)
+                    part = replace(part, as_bent=False)
                 for spring in elementary_springs(part, "exudyn"):
-                    self._add_sprung(spring)
+                    self._add_sprung(spring, part)
             case Beam() if self.mesh.foot_spring and part.name == FOOT:
                 self._add_spring(part)
             case Beam():
@@ -210,15 +216,18 @@ class ExudynSystem:
 
         self._leave_open(at, connect)
 
-    def _add_sprung(self, spring: ElementarySpring) -> None:
+    def _add_sprung(self, spring: ElementarySpring, part: HeldJoint) -> None:
         column = 0 if spring.slides else 2
         at = self._frame @ frame(axes_with(spring.axis, column))
-        before = self._marker(self._at(), at)
+        rigid = self._at()
+        before = self._marker(rigid, at)
         stiffness, offset = np.zeros(6), np.zeros(6)
         where = column if spring.slides else 3 + column
         stiffness[where], offset[where] = 1.0 / spring.compliance, spring.stretch
 
         def connect(behind: Item) -> None:
+            if spring.slides == part.slides and np.array_equal(spring.axis, part.axis):
+                self._own[part.name] = RelativeMotion(*between(rigid, self._rigid, at)), 0 if spring.slides else 5
             self._joint(before, behind, PRISMATIC if spring.slides else REVOLUTE)
             self.assembly.rigid(
                 items.RigidBodySpringDamper(
@@ -228,15 +237,30 @@ class ExudynSystem:
 
         self._leave_open(at, connect)
 
+    def _follow(self, joint: CoupledJoint) -> None:
+        """Move by what the springs of others add about or along their own axes."""
+        rigid = self._at()
+        others = [(*self._own[name], ratio) for name, ratio in joint.ratios if name in self._own]
+        if not others:
+            return
+        at = self._frame @ frame(axes_with(joint.axis, 0 if joint.slides else 2))
+        before = self._marker(rigid, at)
+
+        def connect(behind: Item) -> None:
+            self._joint(before, behind, PRISMATIC if joint.slides else REVOLUTE)
+            own = RelativeMotion(*between(rigid, self._rigid, at)), 0 if joint.slides else 5, -1.0
+            self.constraints.append(LinearConstraint((own, *others)))
+
+        self._leave_open(at, connect)
+
     def _add_matrix(self, compliance: Array) -> None:
         """A spring of six directions in the axes of the chain frame."""
         before, at = self._at(), self._frame
 
         def connect(_: Item) -> None:
-            pair = (before, self._rigid)
-            frames = np.array([inverse_frame(rigid.reference) @ at for rigid in pair])
-            stiffness = np.asarray(np.linalg.inv(compliance), dtype=float)
-            self.springs.append(MatrixSpring((pair[0].node, pair[1].node), frames, stiffness))
+            spring, rigid = held_by(*between(before, self._rigid, at), compliance)
+            self.springs.append(spring)
+            self.constraints += rigid
 
         self._leave_open(at, connect)
 
@@ -289,18 +313,6 @@ class ExudynSystem:
             self._rigid = self._carrier(self._node(T), T)
             self._locked.append((before, self._rigid.node))
         return self._rigid
-
-    def _groups(self) -> list[int]:
-        """Leader ``(n,)`` of every node's rigid piece: −1 on the ground, the support or the tool."""
-        leaders = list(range(len(self._frames)))
-        for a, b in self._locked:
-            old, new = leaders[b], leaders[a] if a >= 0 else -1
-            leaders = [new if leader == old else leader for leader in leaders]
-        for first in {self.tool, self.end_condition}:
-            old = leaders[first]
-            if old >= 0:
-                leaders = [first if leader == old else leader for leader in leaders]
-        return leaders
 
     def _leader(self, node: int) -> int | None:
         """Leader of a node's rigid piece; None on the ground."""
