@@ -6,20 +6,25 @@ import os
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
 
+from vjm import __version__
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.files import locked
+from vjm.io.findings import Finding
 from vjm.io.manipulator_file import load_manipulator, load_model
 from vjm.model.chain import Chain
+from vjm.model.load_case import Load
 from vjm.plain_numbers import plain_number
+from vjm.platform.manipulator import Manipulator
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
+from vjm_output.documents import as_json, doubt_rows
 from vjm_updating.maps.arm_map import map_arm, write_arm_map
 from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
 from vjm_updating.maps.output import write_map
@@ -27,7 +32,9 @@ from vjm_updating.maps.pose_grid import parsed_grid
 from vjm_updating.maps.run import Map, run_map
 from vjm_validation.cli import pages
 from vjm_validation.cli.doubts import Strict, considered
-from vjm_validation.cli.load_case_options import GravityOption, acceleration
+from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
+from vjm_validation.cli.options import Json
+from vjm_validation.documents import MapRowsDocument
 from vjm_validation.load_any_model import postures
 from vjm_validation.loaded_stiffness import held_by_itself
 
@@ -60,6 +67,8 @@ def map_(
     jobs: Annotated[int, Parameter(help="Processes; one a core by default.")] = 0,
     scheduler: Annotated[str, Parameter(help="Address of a Dask scheduler instead, such as tcp://host:8786.")] = "",
     out: Annotated[Path | None, Parameter(help="Folder; a map that was cut off goes on there.")] = None,
+    load: LoadOption = (),
+    json: Json = False,
     plot: pages.Image = None,
     report: pages.Report = None,
     strict: Strict = False,
@@ -76,18 +85,19 @@ def map_(
     pages.check(plot, report, pages.IMAGES)
     folder = out or Path("reports") / "maps" / f"{target.name}-{quantity}-{time.strftime('%Y%m%d-%H%M%S')}"
     if isinstance(target, Chain):
-        considered(model, strict)
-        arm = _of_arm(target, springs, quantity, grid, posture, wrench, acceleration(gravity), end, folder)
-        return _said(arm, plot, report)
-    if posture or gravity or end:
-        raise ValueError("--posture, --gravity and --end are for maps of arms: leave them out")
+        doubts = considered(model, strict)
+        loads = [parsed_load(text) for text in load]
+        arm = _of_arm(target, springs, quantity, grid, posture, wrench, acceleration(gravity), loads, end, folder)
+        return _said(arm, doubts, plot, report, json=json)
+    if posture or gravity or load or end:
+        raise ValueError("--posture, --gravity, --load and --end are for maps of arms: leave them out")
     machine = load_manipulator(model)
     doubts = considered(model, strict)
     wanted = Map(
         machine, springs, quantity, parsed_grid(grid, machine), _wrench(wrench, quantity), most, tuple(doubts)
     )
     try:
-        with locked(folder), terminal.progress() as progress:
+        with locked(folder), terminal.progress(quiet=json) as progress:
             result = run_map(
                 wanted, folder, jobs or len(os.sched_getaffinity(0)), scheduler,
                 lambda done, total: progress("poses", done, total),
@@ -99,9 +109,8 @@ def map_(
         return INTERRUPTED
     places = result.map.grid.poses()[:, :3]
     files = write_map(result, folder)
-    return _said(
-        Mapped(machine.name, springs.label, quantity, places, result.values, result.why, files), plot, report
-    )
+    found = Mapped(machine, springs.label, quantity, places, result.values, result.why, files)
+    return _said(found, doubts, plot, report, json=json)
 
 
 @dataclass(frozen=True)
@@ -109,22 +118,24 @@ class Mapped:
     """A map as it is shown.
 
     Attributes:
-        name: of the machine.
+        machine: whose map it is.
         engine: label.
         quantity: what was asked.
         places: ``(g, 3)`` of the platform or tool, mm.
         values: ``(g, k)`` in the order of `COLUMNS`.
         why: ``ok``, or why there is no value.
         files: that were written.
+        joints: of an arm, ``(g,)`` coordinates of each.
     """
 
-    name: str
+    machine: Chain | Manipulator
     engine: str
     quantity: Quantity
     places: np.ndarray
     values: np.ndarray
     why: Sequence[str]
     files: Sequence[Path]
+    joints: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 def _of_arm(
@@ -135,25 +146,32 @@ def _of_arm(
     posture: str,
     wrench: str,
     gravity: tuple[float, float, float] | None,
+    loads: Sequence[Load],
     end: str,
     folder: Path,
 ) -> Mapped:
     if not held_by_itself(chain):
         raise ValueError(f"{chain.name}: is a single chain that swings, and this needs a manipulator or an arm")
     label = postures(chain, (posture,) if posture else ())[0]
-    load = (0.0,) * 6 if not wrench and gravity else _wrench(wrench, quantity)
+    on_end = (0.0,) * 6 if not wrench and (gravity or loads) else _wrench(wrench, quantity)
     with locked(folder):
-        found = map_arm(chain, springs, quantity, grid, label, wrench=load, gravity=gravity, end=end)
+        found = map_arm(chain, springs, quantity, grid, label, wrench=on_end, gravity=gravity, loads=loads, end=end)
         files = write_arm_map(found, folder)
-    return Mapped(chain.name, springs.label, quantity, found.tool, found.values, found.why, files)
+    joints = dict(zip(found.joints, found.q.T, strict=True))
+    return Mapped(chain, springs.label, quantity, found.tool, found.values, found.why, files, joints)
 
 
-def _said(found: Mapped, plot: Path | None, report: Path | None) -> int:
-    """What a map holds, in some lines."""
+def _said(found: Mapped, doubts: Sequence[Finding], plot: Path | None, report: Path | None, *, json: bool) -> int:
+    """What a map holds, in some lines or as a document."""
+    if json:
+        sys.stdout.write(as_json(_document(found, doubts)))
+        pages.draw(plot, report, lambda: _content(found), None)
+        return 0
     console = terminal.console()
     solved = sum(each == OK for each in found.why)
     console.print(
-        f"{found.name}, {found.engine}, {found.quantity}: {solved} of {len(found.why)} poses", soft_wrap=True
+        f"{found.machine.name}, {found.engine}, {found.quantity}: {solved} of {len(found.why)} poses",
+        soft_wrap=True,
     )
     for k, column in enumerate(COLUMNS[found.quantity]):
         finite = found.values[np.isfinite(found.values[:, k]), k]
@@ -167,6 +185,26 @@ def _said(found: Mapped, plot: Path | None, report: Path | None) -> int:
     pages.draw(plot, report, lambda: _content(found), console)
     sys.stdout.flush()
     return 0
+
+
+def _document(found: Mapped, doubts: Sequence[Finding]) -> MapRowsDocument:
+    def numbers(values: np.ndarray) -> list[float | None]:
+        return [float(v) if np.isfinite(v) else None for v in values]
+
+    return MapRowsDocument(
+        model=found.machine.name,
+        model_sha256=found.machine.sha256,
+        version=__version__,
+        engine=found.engine,
+        quantity=str(found.quantity),
+        columns=list(COLUMNS[found.quantity]),
+        places_mm=[numbers(row) for row in found.places],
+        joints={name: numbers(values) for name, values in found.joints.items()},
+        values=[numbers(row) for row in found.values],
+        status=list(found.why),
+        files=[str(file) for file in found.files],
+        doubts=doubt_rows(doubts),
+    )
 
 
 def _content(found: Mapped) -> pages.Content:
@@ -186,7 +224,7 @@ def _content(found: Mapped) -> pages.Content:
     names = COLUMNS[found.quantity]
     table = Table("Every pose", ("x, mm", "y, mm", "z, mm", *names, "status"), tuple(rows), words=0)
     solved = sum(why == OK for why in found.why)
-    title = f"{found.name}, {found.engine}: {found.quantity}"
+    title = f"{found.machine.name}, {found.engine}: {found.quantity}"
     return pages.Content(title, f"{solved} of {len(found.why)} poses have an answer.", pictures, [table])
 
 
