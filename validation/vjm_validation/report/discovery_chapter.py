@@ -96,7 +96,7 @@ def discovery_tables(rows: Discovery) -> list[Table]:
         Table("Critical forces, N", header, critical),
         Table(
             "Error of forces held out, root mean square, N",
-            ("held out", "readings", "force", "sheet's model", EXTENDED, "over the force"),
+            ("held out", "forces", "force, N", "sheet's model", EXTENDED, "over the force"),
             held,
         ),
     ]

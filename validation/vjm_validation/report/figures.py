@@ -165,7 +165,7 @@ def difference_picture(posture: str, panels: Mapping[Direction, Mapping[str, Pat
             ax.set_yticks([sign * v for v in (0.1, 1.0, 10.0, 100.0, 1000.0) for sign in (-1, 1)] + [0.0])
             ax.yaxis.set_major_formatter(lambda v, _: f"{v:+g}".replace("-", "−") if v else "0")
             ax.minorticks_off()
-        axes[0].set_ylabel(f"force less that of {FE}, % of the norm")
+        axes[0].set_ylabel(f"force less {FE}'s, % of the norm")
         legend(fig, axes, events=False)
         content = drawing_of(fig)
     return Picture(

@@ -102,9 +102,12 @@ def not_run_because(summary: Mapping[str, Any]) -> list[str]:
         for row in summary.get(key, ()):
             if row["passed"] is None:
                 why = str(row.get("not_run") or row.get("value") or "no reason given")
-                # the same reason is told with what was refused in front of it
-                for begin in ("not run: ", "refused: ", "opensees: "):
-                    why = why.removeprefix(begin)
+                # the same reason is told with and without what was refused in front of it
+                for begin in ("not run: ", "refused: "):
+                    why = why.replace(begin, "")
+                engine = row.get("engine")
+                if engine and not why.startswith(f"{engine}: "):
+                    why = f"{engine}: {why}"
                 reasons[why] = reasons.get(why, 0) + 1
     ordered = sorted(reasons.items(), key=lambda item: -item[1])
     return [f"{why} ({count} {'check' if count == 1 else 'checks'})" for why, count in ordered[:SHOWN]]
