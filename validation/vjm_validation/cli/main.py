@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, Parameter
 
 from vjm import __version__
 from vjm.errors import NoConvergenceError
@@ -22,6 +22,14 @@ from vjm_validation.cli.status import BAD_INPUT, GAVE_UP, INTERRUPTED, OK
 if TYPE_CHECKING:
     from vjm.io.solid_compliance import SolidResult, SolidTable
 
+
+def _default(value: object) -> str | None:
+    """A default as help shows it; none where nothing is asked unless it is said."""
+    if value is None or value is False or value == "" or value == ():
+        return None
+    return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+
+
 app = App(
     name="validate",
     help="Stiffness of robot manipulators under load: the virtual joint method against finite elements.",
@@ -29,6 +37,7 @@ app = App(
     result_action="return_value",
     # said and answered in `run`
     suppress_keyboard_interrupt=False,
+    default_parameter=Parameter(negative_iterable=(), show_default=_default),
     # what stands in brackets, such as vjm-<n>f<m>, is meant as it is written
     help_format="plaintext",
     help_epilogue="`validate COMMAND --help` shows a command's options with examples; docs/ has a page on each. "
