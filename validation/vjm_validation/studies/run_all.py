@@ -14,6 +14,7 @@ from vjm.continuation.path import Path
 from vjm.engines import engine_by_name
 from vjm.io.files import check_writable, write_whole
 from vjm.io.model_file import load_chain
+from vjm.io.model_plausibility import findings_of
 from vjm.model.chain import Chain
 from vjm.model.parts import Placement
 from vjm_output.documents import as_json
@@ -22,6 +23,7 @@ from vjm_validation.acceptance import (
     discovery_rows,
     end_rows,
     ladder_rows,
+    model_rows,
     robot_rows,
     solver_rows,
 )
@@ -143,6 +145,7 @@ def run_all(options: Options, progress: Progress) -> Summary:
             notes.append("--quick: verification without the cases that take long, and A and B only of the engines")
 
     acceptance = [
+        *model_rows(findings_of(MODEL)),
         *solver_rows(run.paths),
         *agreement_rows(run.paths),
         *end_rows(run.end_conditions),
