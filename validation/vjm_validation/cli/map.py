@@ -27,7 +27,7 @@ from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
 from vjm_updating.maps.arm_map import map_arm, write_arm_map
 from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
-from vjm_updating.maps.output import write_map
+from vjm_updating.maps.output import SHOWN, TITLES, write_map
 from vjm_updating.maps.pose_grid import parsed_grid
 from vjm_updating.maps.run import Map, run_map
 from vjm_validation.cli import pages
@@ -39,6 +39,8 @@ from vjm_validation.load_any_model import postures
 from vjm_validation.loaded_stiffness import held_by_itself
 
 INTERRUPTED = 130
+UNITS = {"_N_per_mm": "N/mm", "_Nmm_per_rad": "N mm/rad", "_mm": "mm", "_rad": "rad", "_N": "N"}
+"""Endings of columns, the longer ones first."""
 REFINED = "vjm-4"
 """Springs a beam by default: critical loads of a pinned column within 1e-3, at a quarter of the cost of 16."""
 
@@ -208,24 +210,41 @@ def _document(found: Mapped, doubts: Sequence[Finding]) -> MapRowsDocument:
 
 
 def _content(found: Mapped) -> pages.Content:
+    from vjm_output.number_text import number
     from vjm_output.plot_style import Drawing, Picture
     from vjm_validation.report.tables import Table
 
     titles = {"map.png": "The map", "render.png": "Planes through the middle of the workspace"}
+    what = TITLES[found.quantity]
+    caption = f"{what[:1].upper()}{what[1:]}; where there is none, nothing is drawn. One colour scale."
     pictures = [
-        Picture(file.stem, Drawing(file.read_bytes()), titles[file.name], f"{found.quantity}; one colour scale.")
+        Picture(file.stem, Drawing(file.read_bytes()), titles[file.name], caption)
         for file in found.files
         if file.name in titles
     ]
+    joints = np.array([*found.joints.values()]).reshape(len(found.joints), len(found.why)).T
+    cells = np.hstack([joints, found.places, found.values])
     rows = [
-        (*(f"{v:.6g}" for v in place), *("–" if np.isnan(v) else f"{v:.6g}" for v in values), why)
-        for place, values, why in zip(found.places, found.values, found.why, strict=True)
+        (*("∞" if np.isinf(v) else number(float(v)) for v in row), why)
+        for row, why in zip(cells, found.why, strict=True)
     ]
-    names = COLUMNS[found.quantity]
-    table = Table("Every pose", ("x, mm", "y, mm", "z, mm", *names, "status"), tuple(rows), words=0)
+    header = (*found.joints, "x, mm", "y, mm", "z, mm", *map(_with_unit, COLUMNS[found.quantity]), "status")
     solved = sum(why == OK for why in found.why)
     title = f"{found.machine.name}, {found.engine}: {found.quantity}"
-    return pages.Content(title, f"{solved} of {len(found.why)} poses have an answer.", pictures, [table])
+    verdict = f"{solved} of {len(found.why)} poses have an answer"
+    shown = found.values[:, SHOWN[found.quantity]]
+    if np.isfinite(shown).any():
+        low, high = (number(float(edge(shown[np.isfinite(shown)]))) for edge in (np.min, np.max))
+        verdict += f"; {what.replace(',', f' from {low} to {high}', 1)}"
+    return pages.Content(title, f"{verdict}.", pictures, [Table("Every pose", header, tuple(rows), words=0)])
+
+
+def _with_unit(column: str) -> str:
+    """``kt_min_N_per_mm`` as ``kt_min, N/mm``."""
+    for ending, unit in UNITS.items():
+        if column.endswith(ending):
+            return f"{column.removesuffix(ending)}, {unit}"
+    return column
 
 
 def _wrench(text: str, quantity: Quantity) -> tuple[float, ...]:

@@ -144,7 +144,8 @@ def verdict(rows: list[Count], notes: Iterable[str] = ()) -> tuple[str, str]:
     if not rows:
         return "note", "Nothing was checked in this run"
     if failed:
-        return "failed", f"FAILED: {failed} of {passed + failed} checks that were run do not hold"
+        verb = "does" if failed == 1 else "do"
+        return "failed", f"FAILED: {failed} of {passed + failed} checks that were run {verb} not hold"
     left = f"; {not_run} were not run" if not_run else ""
     out = "; parts of the run were left out" if any(notes) else ""
     return ("agrees" if not left + out else "differs"), f"All {passed} checks that were run passed{left}{out}"
