@@ -15,6 +15,7 @@ from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 from vjm import __version__
 from vjm.errors import NoConvergenceError
 from vjm.io.solid_provider import provide
+from vjm.kernels.first_use import interpreted_meanwhile
 from vjm_output import terminal
 from vjm_validation.cli.examples import epilogue
 from vjm_validation.cli.status import BAD_INPUT, GAVE_UP, INTERRUPTED, OK
@@ -84,6 +85,8 @@ def _compute(path: Path, table: SolidTable, key: str) -> SolidResult:
 provide(_compute)
 
 
+FEW_PATHS = ("curve", "stiffness", "buckling")
+"""Commands that are done, interpreted, before the kernels are compiled."""
 EXTRAS = {
     "exudyn": "fea",
     "matplotlib": "report",
@@ -116,7 +119,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command and exit with its status."""
     # whoever stops a run politely gets what Ctrl-C gives: finished work stays, and one line says so
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    status = run(sys.argv[1:] if arguments is None else arguments)
+    words = sys.argv[1:] if arguments is None else arguments
+    if words and words[0] in FEW_PATHS and "--help" not in words and interpreted_meanwhile():
+        terminal.error("note: interpreted for once, while the kernels are compiled in the background")
+    status = run(words)
     try:
         sys.stdout.flush()
     except BrokenPipeError:
