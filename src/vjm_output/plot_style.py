@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
@@ -95,16 +94,16 @@ def engine_style(label: str) -> EngineStyle:
 
 def text_colour(colour: str) -> str:
     """A colour darkened until a text in it is read on white: WCAG 2.2 asks for a contrast of 4.5, lines for 3."""
-    red_green_blue = np.array(to_rgb(colour))
-    while 1.05 / (_luminance(red_green_blue) + 0.05) < READABLE:
-        red_green_blue = 0.98 * red_green_blue
-    return str(to_hex(red_green_blue))
+    red, green, blue = to_rgb(colour)
+    while 1.05 / (_luminance(red, green, blue) + 0.05) < READABLE:
+        red, green, blue = 0.98 * red, 0.98 * green, 0.98 * blue
+    return str(to_hex((red, green, blue)))
 
 
-def _luminance(colour: np.ndarray) -> float:
-    """Relative luminance of an sRGB colour ``(3,)``, 0 to 1."""
-    linear = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
-    return float(linear @ (0.2126, 0.7152, 0.0722))
+def _luminance(*colour: float) -> float:
+    """Relative luminance of an sRGB colour, each part of which is 0 to 1."""
+    linear = (part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in colour)
+    return sum(share * part for share, part in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
 
 
 def engine_order(label: str) -> tuple[int, str]:

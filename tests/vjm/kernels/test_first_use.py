@@ -14,18 +14,8 @@ import pytest
 from vjm.kernels import first_use
 
 COMMAND = [
-    *(
-        sys.executable,
-        "-m",
-        "vjm_validation.cli.main",
-        "curve",
-        "orthoglide-chain",
-        "--posture",
-        "A",
-        "--to",
-        "-3.2",
-    ),
-    "--json",
+    *(sys.executable, "-m", "vjm_validation.cli.main", "curve", "orthoglide-chain"),
+    *("--posture", "A", "--to", "-3.2", "--json"),
 ]
 
 
@@ -74,7 +64,7 @@ def test_the_first_path_is_interpreted_and_later_ones_compiled(environment, tmp_
 
 @pytest.mark.slow
 def test_what_takes_longer_than_compiling_begins_anew(environment, tmp_path):
-    """2000 steps take minutes, interpreted: the command is done soon after the kernels are."""
+    """20,000 steps take minutes, interpreted: the command is done soon after the kernels are."""
     command = [*COMMAND[:-1], "--steps", "20000", "--csv", str(tmp_path / "path.csv")]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=900)
     assert "interpreted for once" in done.stderr
