@@ -188,15 +188,8 @@ class Calibration(Row):
     hashes: dict[str, str]
     doubts: list[DoubtRow] = Field([], description="what is implausible about readings, sheet or model")
 
-    def fit_report(self) -> str:
-        """Fit, parameters with their uncertainty, predictions and what to measure next, as printed."""
-        # the tables take rich, which a document does not need
-        from vjm_updating.calibrate.summary_text import report
-
-        return report(self)
-
     def __repr__(self) -> str:
-        """A few lines; the whole is in `fit_report`."""
+        """A few lines; `vjm_updating.calibrate.summary_text.fit_report` has the whole."""
         rows = [f"{row.name} = {row.value:.5g} ± {row.std:.2g} {row.unit}" for row in self.parameters]
         return "\n ".join([f"<Calibration of {self.model}, {self.engine}: {self.fit.statement}", *rows]) + ">"
 

@@ -14,7 +14,7 @@ from vjm_updating.calibrate.document import Calibration, CandidateRow, FigureRow
 
 DIGITS = 5
 WIDTH = 120
-"""Columns of `report`."""
+"""Columns of `fit_report`."""
 
 
 def tables(document: Calibration) -> list[Table | str]:
@@ -32,8 +32,8 @@ def tables(document: Calibration) -> list[Table | str]:
     return found
 
 
-def report(document: Calibration) -> str:
-    """The same as text."""
+def fit_report(document: Calibration) -> str:
+    """Fit, parameters with their uncertainty, predictions and what to measure next, as the command prints them."""
     console = Console(width=WIDTH, file=StringIO(), markup=False, color_system=None)
     for item in tables(document):
         console.print(item, soft_wrap=isinstance(item, str))

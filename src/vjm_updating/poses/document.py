@@ -120,12 +120,6 @@ class PoseCalibration(Row):
     version: PoseVersionRow
     seconds: float
 
-    def fit_report(self) -> str:
-        """Distances before and after, what was found with its uncertainty, and what to measure next, as printed."""
-        from vjm_updating.poses.summary_text import lines
-
-        return "\n".join(lines(self)) + "\n"
-
 
 class PoseDiagnosis(PoseCalibration):
     """A diagnosis by poses."""
