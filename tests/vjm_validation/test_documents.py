@@ -86,7 +86,9 @@ def follow(page: Path, todo: list[Step], capfd: pytest.CaptureFixture[str]) -> N
         if step.kind == "file":
             Path(step.file).write_text(step.text, encoding="utf-8")
         elif step.kind == "output":
-            promised(step.text, printed)
+            # before any command it is a file's text
+            if printed:
+                promised(step.text, printed)
         elif step.kind == "program":
             program(step.text, capfd)
         else:
