@@ -8,13 +8,14 @@ from typing import Any
 
 from vjm.io.errors import did_you_mean
 from vjm.io.schema import BeamTable
-from vjm.io.sections import SHAPES, Shape, StiffnessSection
+from vjm.io.sections import SHAPES, Shape, StiffnessSection, Table
 
 SEGMENTS = ("link_segments", "foot_segments")
 """Keys that say how the model is solved and are no values of the machine."""
 ACTUATOR = "actuator_compliance_mm_per_N"
 _MATERIAL = tuple(Shape.model_fields)
-_SECTION_KEYS = {key for table in (StiffnessSection, *SHAPES.values()) for key in table.model_fields} - {"source"}
+_SECTIONS: tuple[type[Table], ...] = (StiffnessSection, *SHAPES.values())
+_SECTION_KEYS = {key for table in _SECTIONS for key in table.model_fields} - {"source"}
 
 
 def overridden(content: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
