@@ -40,7 +40,7 @@ def three_postures(**changes: object) -> Design:
         sequences.append(bipolar(posture, pull, push, start))
         start = float(sequences[-1].time[-1]) + 300.0
     kept = {"seed": 2 * 10**6, "kind": "three postures", "sequences": tuple(sequences), "instruments": GOOD,
-            "drive": 5e-5, "memory": 0.4, "wild": 0.004, "missing": 0.01, "quantum": 0.25}  # fmt: skip
+            "drive": 5e-5, "memory": 0.4, "outliers": 0.004, "missing": 0.01, "quantum": 0.25}  # fmt: skip
     return Design(**(kept | changes))  # type: ignore[arg-type]
 
 

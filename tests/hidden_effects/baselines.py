@@ -25,7 +25,7 @@ def verdicts(known: Signatures, seen: Response, regular: Response, limit: float)
     Args:
         known: signatures of the design, sharpened for what is hidden.
         seen: readings as in the file.
-        regular: the same without wild and missed ones: who knows the noise knows which they are.
+        regular: the same without outliers and missed ones: who knows the noise knows which they are.
         limit: of the likelihood ratio, see `threshold`.
     """
     visibility = known.visibility

@@ -76,7 +76,7 @@ def draw(seed: int, kind: str | None = None, *, lumped_link: bool = False) -> De
         modulus=float(rng.choice([0.01, 0.02])),
         memory=float(rng.choice([0.0, 0.3, 0.6, 0.8])),
         quantum=float(rng.choice([0.0, 0.0, 0.5, 1.0])),
-        wild=float(rng.choice([0.0, 0.005, 0.015])),
+        outliers=float(rng.choice([0.0, 0.005, 0.015])),
         missing=float(rng.choice([0.0, 0.01, 0.03])),
         side=float(rng.choice([-1.0, 1.0])),
     )

@@ -1,4 +1,4 @@
-"""From readings without noise to readings: nuisances, noise with a memory, rounding, wild and missed samples."""
+"""From readings without noise to readings: nuisances, autocorrelated noise, rounding, outliers, missed samples."""
 
 from __future__ import annotations
 

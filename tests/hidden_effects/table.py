@@ -81,7 +81,7 @@ def rows(score: dict[str, Any]) -> list[Row]:
               score["outside"]["right"], lambda v: v >= 0.9),
         _rate("cause outside the catalogue: wrongly named", "at most 3 %", score["outside"]["wrongly_named"],
               lambda v: v <= 0.03),
-        _rate("cause deleted from the finder: `unknown`, or one that fits as well", "at least 90 %",
+        _rate("cause deleted from the catalogue: `unknown`, or one that fits as well", "at least 90 %",
               score["omitted"]["right"], lambda v: v >= 0.9),
         _rate("both of a pair, each 8 and more, no other set alike", "at least 85 %", score["pairs"]["both_strong"],
               lambda v: v >= 0.85),

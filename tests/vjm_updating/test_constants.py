@@ -24,7 +24,7 @@ TUNED = {
     "diagnose/noise_model": "SILENT RANK",
     "diagnose/residual_basis": "CLEAR",
     "diagnose/critical": "FLAT",
-    "calibrate/fit": "MOST_WILD",
+    "calibrate/fit": "MOST_OUTLYING",
     "calibrate/noise": "SET FEW_LEVELS",
 }
 """They decide what a verdict says, and were set by development sets or by judgement."""
@@ -65,7 +65,7 @@ NUMERICS = {
     "calibrate/calibrated_model": "ALIKE",
     "calibrate/carried": "STEP",
     "calibrate/design": "READINGS",
-    "calibrate/fit": "STAGES FROZEN LONGEST_STEP WILD MISFIT",
+    "calibrate/fit": "STAGES FROZEN LONGEST_STEP OUTLYING MISFIT",
     "calibrate/identifiability": "UNSEEN SHARE NEGLIGIBLE TINY",
     "calibrate/noise": "STATIONARY LEAST_SAMPLES",
     "calibrate/prediction": "SUPPORT REFINED FINER KNOTS",

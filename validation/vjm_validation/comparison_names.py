@@ -1,4 +1,4 @@
-"""The comparisons of ``validate all``; `vjm_validation.studies.run_all` runs them."""
+"""The comparisons of ``validate all``; `vjm_validation.runs.paper` runs them."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class Design:
         modulus: of foot and bar, relative.
         memory: autocorrelation of neighbouring readings.
         quantum: step of the force readings over their noise.
-        wild: share of wild readings.
+        outliers: share of readings that are outliers.
         missing: share of missed ones.
         thermometer: whether the temperature is read.
         down: direction of the weight that the sheet states.
@@ -88,7 +88,7 @@ class Design:
     modulus: float = 0.02
     memory: float = 0.5
     quantum: float = 0.0
-    wild: float = 0.0
+    outliers: float = 0.0
     missing: float = 0.0
     thermometer: bool = True
     down: tuple[float, float, float] = (0.0, 0.0, -1.0)
@@ -136,8 +136,8 @@ def read(design: Design, still: Response, rng: np.random.Generator) -> tuple[Res
     sigma = np.array([design.instruments[name].noise for name in design.channels])
     ux = still.ux + design.instruments["ux_mm"].noise * autoregressive_noise(design, 1, rng)[:, 0]
     regular = still.forces + sigma * autoregressive_noise(design, c, rng)
-    wild = rng.random((n, c)) < design.wild
-    forces = regular + wild * rng.choice([-1.0, 1.0], (n, c)) * rng.uniform(12.0, 60.0, (n, c)) * sigma
+    outlying = rng.random((n, c)) < design.outliers
+    forces = regular + outlying * rng.choice([-1.0, 1.0], (n, c)) * rng.uniform(12.0, 60.0, (n, c)) * sigma
     if design.quantum > 0.0:
         step = design.quantum * sigma
         forces, regular = step * np.round(forces / step), step * np.round(regular / step)

@@ -31,18 +31,7 @@ from vjm.io.joint_tables import (
     PointSpringTable,
     given_coordinates,
 )
-from vjm.io.sections import (
-    AnySection,
-    IBeam,
-    LengthMM,
-    Rectangle,
-    RectangularTube,
-    RoundBar,
-    RoundTube,
-    SquareTube,
-    StiffnessSection,
-    Table,
-)
+from vjm.io.sections import SHAPES, AnySection, LengthMM, StiffnessSection, Table
 from vjm.model import parts
 from vjm.model.chain import FOOT, Chain, pushed_out
 from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
@@ -298,12 +287,7 @@ _TABLES: dict[str, type[Table]] = {
     "coupled": CoupledTable,
     "point_spring": PointSpringTable,
     "stiffness": StiffnessSection,
-    "rectangle": Rectangle,
-    "square_tube": SquareTube,
-    "rectangular_tube": RectangularTube,
-    "round_bar": RoundBar,
-    "round_tube": RoundTube,
-    "i_beam": IBeam,
+    **SHAPES,
 }
 
 

@@ -275,6 +275,17 @@ def square_tube_torsion(width: float, wall: float) -> float:
     return middle**3 * wall + 4.0 / 3.0 * middle * wall**3
 
 
+SHAPES: dict[str, type[Shape]] = {
+    "rectangle": Rectangle,
+    "square_tube": SquareTube,
+    "rectangular_tube": RectangularTube,
+    "round_bar": RoundBar,
+    "round_tube": RoundTube,
+    "i_beam": IBeam,
+}
+"""The shapes by what a file says in ``shape``. One more is written here and in `AnySection`."""
+
+
 def _kind_of_section(raw: object) -> str:
     shape = raw.get("shape", "stiffness") if isinstance(raw, dict) else getattr(raw, "shape", "stiffness")
     return str(shape)
@@ -292,8 +303,7 @@ AnySection = Annotated[
         _kind_of_section,
         custom_error_type="unknown_shape",
         custom_error_message=(
-            "has an unknown shape: write 'rectangle', 'square_tube', 'rectangular_tube', 'round_bar', 'round_tube' "
-            "or 'i_beam', "
+            f"has an unknown shape: write {', '.join(map(repr, [*SHAPES][:-1]))} or '{[*SHAPES][-1]}', "
             "or no shape but EA_N, GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2"
         ),
     ),

@@ -23,6 +23,8 @@ from vjm.vjm_engine import VjmEngine
 TOLERANCE = 1e-10
 """Scaled residual at which an equilibrium counts as found."""
 ITERATIONS = 25
+NEAR_ITERATIONS = 12
+"""Of a step of the force from an equilibrium near by."""
 FIRST_TURN, LAST_TURN = 0.06, 0.04
 """rad by which the weakest direction is turned to look for a weaker one; the force is flat there: 0.04 rad cost it
 0.1 %."""
@@ -109,7 +111,8 @@ def platforms(machine: Machine, poses: Array, wrenches: Array) -> Platforms:
     """
     poses = np.ascontiguousarray(poses, dtype=float)
     n, legs = len(poses), len(machine.slides)
-    wrenches = np.ascontiguousarray(np.broadcast_to(np.asarray(wrenches, dtype=float), (n, 6)))
+    # a copy: for a read-only view the kernels would be compiled a second time
+    wrenches = np.broadcast_to(np.asarray(wrenches, dtype=float), (n, 6)).copy()
     drives, displacement = np.full((n, legs), np.nan), np.full((n, 6), np.nan)
     K, forces = np.full((n, 6, 6), np.nan), np.full((n, legs, 6), np.nan)
     status, negative, iterations = (np.zeros(n, dtype=np.int64) for _ in range(3))
@@ -216,7 +219,9 @@ def critical(
     wrenches = np.ascontiguousarray(np.hstack([directions, np.zeros((len(directions), 3))]))
     forces, found = np.empty(len(wrenches)), np.zeros(len(wrenches), dtype=np.int64)
     pose = np.ascontiguousarray(pose, dtype=float)
-    how = critical_forces(machine, pose, wrenches, most / 64.0, most, tolerance, forces, found)
+    how = critical_forces(
+        machine, pose, wrenches, most / 64.0, most, tolerance, TOLERANCE, NEAR_ITERATIONS, forces, found
+    )
     if how == OUT_OF_REACH:
         raise ValueError("the pose is out of reach")
     return forces, found.astype(bool)

@@ -221,6 +221,8 @@ def critical_forces(
     first: float,
     most: float,
     tolerance: float,
+    residual: float,
+    iterations: int,
     forces: Floats,
     found: Ints,
 ) -> int:
@@ -236,6 +238,8 @@ def critical_forces(
         first: smallest force.
         most: force at which it is given up.
         tolerance: relative, of the force.
+        residual: at which an equilibrium counts as found.
+        iterations: after which none is found.
         forces: ``(k,)`` critical forces, written; ``most`` where none is below it.
         found: ``(k,)`` whether one is.
 
@@ -256,7 +260,18 @@ def critical_forces(
         while good < most and bad - good > tolerance * max(good, first):
             x[:], own[:, :], platform[:] = x_good, own_good, platform_good
             how, negative, _ = balance(
-                machine, models, works, platform, drives, force * directions[k], x, own, 1e-10, 12, M, shares
+                machine,
+                models,
+                works,
+                platform,
+                drives,
+                force * directions[k],
+                x,
+                own,
+                residual,
+                iterations,
+                M,
+                shares,
             )
             if how == SOLVED and negative == 0:
                 good = force

@@ -94,13 +94,13 @@ class ChannelRow(Row):
     rmse_nominal: float
     rmse: float
     unit: str
-    in_sigma: float = Field(description="of the whitened residuals, wild ones left out")
+    in_sigma: float = Field(description="of the whitened residuals, outliers left out")
     spread: float = Field(description="by which noise exceeds the sheet's; 1 where it does not")
     autocorrelation: float
     quantum: float = Field(description="step of rounded readings; 0 where none was found")
 
 
-class WildRow(Row):
+class OutlierRow(Row):
     """A reading that was hardly believed."""
 
     row: int
@@ -119,7 +119,7 @@ class FitRow(Row):
     fits: bool = Field(description="whether the residuals are what the sheet's noise allows")
     statement: str
     channels: list[ChannelRow]
-    wild: list[WildRow]
+    wild: list[OutlierRow]
     behind_bifurcation: int = Field(description="readings behind a bifurcation")
 
 

@@ -12,12 +12,12 @@ from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_updating.calibrate.document import Calibration
-from vjm_updating.calibrate.fit import WILD, Fit
+from vjm_updating.calibrate.fit import OUTLYING, Fit
 from vjm_updating.calibrate.problem import Evaluation
 from vjm_updating.experiment.channels import POSE, WRENCH
 
 INK, NOMINAL, CALIBRATED, BAD = "#1b1f24", "#D55E00", "#0072B2", "#b00020"
-"""Okabe and Ito's, but for the wild readings."""
+"""Okabe and Ito's, but for the outliers."""
 MOST_NAMED = 26
 """Rows of a correlation picture whose values are written."""
 EDGE = 5.0
@@ -69,9 +69,9 @@ def _fit_picture(fit: Fit, nominal: Evaluation | None) -> Picture:
                 x = problem.pose[at, axis]
                 order = np.argsort(x, kind="stable")
                 read = problem.wrench[at, c]
-                wild = problem.present[at, c] & (fit.weight[at, c] < WILD)
+                outlying = problem.present[at, c] & (fit.weight[at, c] < OUTLYING)
                 ax.plot(x, read, ".", color="#8c96a0", ms=3.0, label="readings")
-                ax.plot(x[wild], read[wild], "x", color=BAD, ms=5.0, label="wild")
+                ax.plot(x[outlying], read[outlying], "x", color=BAD, ms=5.0, label="outlier")
                 if nominal is not None:
                     ax.plot(
                         x[order], (read - nominal.residual[at, c])[order], "--", color=NOMINAL, lw=1.2,
@@ -109,10 +109,10 @@ def _residual_picture(fit: Fit, nominal: Evaluation | None) -> Picture:
             lane = -2.0 * EDGE * k
             at = np.flatnonzero(problem.present[:, c])
             r = lane + np.clip(fit.residual[at, c] * fit.spread[c], -EDGE, EDGE)
-            wild = fit.weight[at, c] < WILD
+            outlying = fit.weight[at, c] < OUTLYING
             ax.axhspan(lane - 2.0, lane + 2.0, color="#e8eef4", zorder=0)
             ax.plot(at, r, ".", color=CALIBRATED, ms=2.0)
-            ax.plot(at[wild], r[wild], "x", color=BAD, ms=4.0)
+            ax.plot(at[outlying], r[outlying], "x", color=BAD, ms=4.0)
             counts = np.histogram(r - lane, bins, density=True)[0]
             side.fill_betweenx(lane + bins, 0.0, [*counts, 0.0], step="post", color=CALIBRATED, alpha=0.5)
             side.plot(density, lane + bins, color=INK, lw=1.0)
@@ -128,7 +128,7 @@ def _residual_picture(fit: Fit, nominal: Evaluation | None) -> Picture:
     before = _rms(fit, nominal)
     caption = (
         "Residuals of every reading, made independent of one another and divided by the noise of the sheet; bands "
-        f"are ±2σ, lanes ±{EDGE:g}σ, lines a standard normal density. Crosses are wild readings.{before}"
+        f"are ±2σ, lanes ±{EDGE:g}σ, lines a standard normal density. Crosses are outliers.{before}"
     )
     return Picture("residuals", content, "Residuals", caption)
 

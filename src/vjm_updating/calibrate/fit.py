@@ -1,8 +1,8 @@
 """The most probable unknowns, their covariance, and what the residuals say of the noise.
 
 Gauss-Newton with Levenberg's damping on the posterior: generalised least squares of the readings with the sheet's
-Gaussian priors. Covariances of readings and weights of wild ones are renewed at every step. It begins with squares,
-goes on with Huber's loss, whose minimum is unique, and ends with Tukey's biweight, which wild readings do not move.
+Gaussian priors. Covariances of readings and weights of outliers are renewed at every step. It begins with squares,
+goes on with Huber's loss, whose minimum is unique, and ends with Tukey's biweight, which outliers do not move.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ FROZEN = 0.3
 """Step in standard deviations up to which the slopes of where it began still serve; the last ones are fresh."""
 LONGEST_STEP = 0.7
 """In the z of a parameter: a factor of two."""
-WILD = 0.2
-"""Weight below which a reading counts as wild: 4.5 standard deviations."""
-MOST_WILD = 0.15
-"""Share of wild readings above which it is the model that is wrong."""
+OUTLYING = 0.2
+"""Weight below which a reading counts as an outlier: 4.5 standard deviations."""
+MOST_OUTLYING = 0.15
+"""Share of outliers above which it is the model that is wrong."""
 MISFIT = 3.0
 """Standard errors by which the residuals' variance must exceed the sheet's to be another one."""
 
@@ -45,7 +45,7 @@ class Fit:
         spread: standard deviation ``(6,)`` of each channel's whitened residuals; 1 where it is what the sheet says.
         residual: whitened ``(n, 6)``, over the spread.
         weight: of each reading ``(n, 6)``, 1 for a good one.
-        jacobian: whitened ``(n, 6, n_z)``, over the spread, zero for wild readings.
+        jacobian: whitened ``(n, 6, n_z)``, over the spread, zero for outliers.
         covariance: of the unknowns' z ``(n_z, n_z)``, priors included.
         steps: that it took.
         step: last one, in standard deviations.
@@ -77,9 +77,9 @@ class Fit:
         return result
 
     @property
-    def wild(self) -> np.ndarray:
+    def outliers(self) -> np.ndarray:
         """Readings ``(n,)`` with a channel that was hardly believed."""
-        return np.asarray((self.problem.present & (self.weight < WILD)).any(axis=1))
+        return np.asarray((self.problem.present & (self.weight < OUTLYING)).any(axis=1))
 
     def objective(self, at: Evaluation) -> float:
         """Twice the negative logarithm of the posterior, covariances as they are at the solution."""
@@ -122,8 +122,8 @@ def fit(problem: Problem) -> Fit:
     loss = BIWEIGHT
     at = problem.evaluate(at.z, at.branches)
     final = _state(problem, at, loss, memory, spread)
-    if (problem.present & (final.weight < WILD)).any(axis=1).mean() > MOST_WILD:
-        # so many are not wild: they are what the model lacks
+    if (problem.present & (final.weight < OUTLYING)).any(axis=1).mean() > MOST_OUTLYING:
+        # so many are no outliers: they are what the model lacks
         loss = HUBER
         for _ in range(6):
             at, damping, step = _step(problem, _state(problem, at, loss, memory, spread), 0.0)
@@ -166,7 +166,7 @@ def _state(problem: Problem, at: Evaluation, loss: Loss, memory: Memory, spread:
     r = memory.remove(np.einsum("kij,kj->ki", factors, at.residual)) / spread
     J = memory.remove(np.einsum("kij,kjm->kim", factors, at.jacobian)) / spread[:, None]
     weight = np.where(problem.present, loss.weight(r), 0.0)
-    believed = np.where(problem.present & (weight >= WILD * loss.factor), 1.0, 0.0)
+    believed = np.where(problem.present & (weight >= OUTLYING * loss.factor), 1.0, 0.0)
     if loss is SQUARES:
         believed = problem.present.astype(float)
     flat = J.reshape(-1, J.shape[2])
@@ -214,7 +214,7 @@ def _noise(problem: Problem, at: Evaluation, memory: Memory) -> tuple[Memory, Ar
     used = problem.unknowns.parameters / max(int(problem.present.sum()), 1)
     for c in np.flatnonzero(problem.present.any(axis=0)):
         size = np.abs(r[problem.present[:, c], c])
-        # of a Gaussian's middle: what is wild does not count
+        # of a Gaussian's middle: outliers do not count
         kept = size[size < 4.0 * max(1.4826 * float(np.median(size)), 1.0)]
         freedom = max(len(kept) * (1.0 - used), 1.0)
         variance = float(np.sum(kept**2)) / freedom

@@ -130,7 +130,7 @@ class Memory:
     def estimated(self, whitened: Array, present: np.ndarray) -> Memory:
         """The same with the autocorrelation of whitened residuals ``(n, 6)``.
 
-        What is not told apart from none counts as none. Wild residuals, beyond 4 standard deviations, are left out.
+        What is not told apart from none counts as none. Outliers, beyond 4 standard deviations, are left out.
         """
         rho = np.zeros(6)
         for c in range(6):

@@ -25,11 +25,11 @@ from vjm_updating.calibrate.document import (
     IdentifiabilityRow,
     MatrixRow,
     NuisanceRow,
+    OutlierRow,
     ParameterRow,
     PredictionsRow,
-    WildRow,
 )
-from vjm_updating.calibrate.fit import WILD, Fit
+from vjm_updating.calibrate.fit import OUTLYING, Fit
 from vjm_updating.calibrate.identifiability import Identifiability, identifiability, in_words
 from vjm_updating.calibrate.parameters import MATRIX, Unknown
 from vjm_updating.calibrate.profile import NORMAL_95, profile_interval
@@ -250,7 +250,7 @@ def _fit(fit: Fit) -> FitRow:
                 quantum=problem.noise.quantum.get(WRENCH[c], 0.0),
             )
         )
-    wild = [_wild(fit, int(k)) for k in np.flatnonzero(fit.wild)]
+    outliers = [_outlier(fit, int(k)) for k in np.flatnonzero(fit.outliers)]
     worst = max(channels, key=lambda row: row.spread)
     fits = worst.spread == 1.0 and fit.loss.name != "Huber"
     if fits:
@@ -269,16 +269,16 @@ def _fit(fit: Fit) -> FitRow:
         fits=fits,
         statement=statement,
         channels=channels,
-        wild=wild,
+        wild=outliers,
         behind_bifurcation=int(fit.at.prediction.branched.sum()),
     )
 
 
-def _wild(fit: Fit, k: int) -> WildRow:
+def _outlier(fit: Fit, k: int) -> OutlierRow:
     posture = next(ray.posture for ray in fit.problem.rays if k in ray.index)
-    bad = [WRENCH[c] for c in range(6) if fit.problem.present[k, c] and fit.weight[k, c] < WILD]
+    bad = [WRENCH[c] for c in range(6) if fit.problem.present[k, c] and fit.weight[k, c] < OUTLYING]
     least = float(np.min(fit.weight[k, fit.problem.present[k]]))
-    return WildRow(row=int(fit.problem.row[k]), posture=posture, channels=bad, weight=least)
+    return OutlierRow(row=int(fit.problem.row[k]), posture=posture, channels=bad, weight=least)
 
 
 def _figures(figures: Sequence[Predicted], covariance: Array, names: Sequence[str]) -> list[FigureRow]:

@@ -1,4 +1,4 @@
-"""Losses that a few wild readings do not move, scaled so that for clean Gaussian data they state the truth.
+"""Losses that a few outliers do not move, scaled so that for clean Gaussian data they state the truth.
 
 With ψ the derivative of a loss, minimising its sum estimates with the variance E ψ² / (E ψ')² of the clean
 Gaussian's 1, the inverse of its efficiency. Multiplied by E ψ' / E ψ² a loss has an expected curvature that equals

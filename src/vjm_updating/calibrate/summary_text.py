@@ -23,7 +23,7 @@ def tables(document: Calibration) -> list[Table | str]:
     if document.fit.wild:
         rows = ", ".join(str(one.row) for one in document.fit.wild[:10])
         more = ", …" if len(document.fit.wild) > 10 else ""
-        found.append(f"{len(document.fit.wild)} wild readings were hardly believed, in rows {rows}{more}")
+        found.append(f"{len(document.fit.wild)} outliers have little weight or none, in rows {rows}{more}")
     found += [_parameters(document)]
     if document.combinations:
         found.append(_combinations(document))

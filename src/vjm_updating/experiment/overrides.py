@@ -8,14 +8,14 @@ from typing import Any
 
 from vjm.io.errors import did_you_mean
 from vjm.io.schema import BeamTable
-from vjm.io.sections import Rectangle, Shape, SquareTube, StiffnessSection
+from vjm.io.sections import SHAPES, Shape, StiffnessSection, Table
 
 SEGMENTS = ("link_segments", "foot_segments")
 """Keys that say how the model is solved and are no values of the machine."""
 ACTUATOR = "actuator_compliance_mm_per_N"
-_SHAPES: dict[str, type[Shape]] = {"rectangle": Rectangle, "square_tube": SquareTube}
 _MATERIAL = tuple(Shape.model_fields)
-_SECTION_KEYS = {*StiffnessSection.model_fields, *Rectangle.model_fields, *SquareTube.model_fields} - {"source"}
+_SECTIONS: tuple[type[Table], ...] = (StiffnessSection, *SHAPES.values())
+_SECTION_KEYS = {key for table in _SECTIONS for key in table.model_fields} - {"source"}
 
 
 def overridden(content: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
@@ -82,10 +82,10 @@ def _link(document: Mapping[str, Any]) -> dict[str, Any]:
 
 def _reshape(link: dict[str, Any], shape: object) -> None:
     """Another cross-section of the same material."""
-    if not isinstance(shape, str) or shape not in _SHAPES:
-        raise ValueError(f"[model]: section must be one of {', '.join(_SHAPES)}, got {shape!r}")
+    if not isinstance(shape, str) or shape not in SHAPES:
+        raise ValueError(f"[model]: section must be one of {', '.join(SHAPES)}, got {shape!r}")
     old = link.get("section", {})
-    kept = _SHAPES[shape].model_fields if old.get("shape") == shape else _MATERIAL
+    kept = SHAPES[shape].model_fields if old.get("shape") == shape else _MATERIAL
     link["section"] = {key: value for key, value in old.items() if key in kept} | {"shape": shape}
 
 

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from vjm.io.errors import ModelFileError, one_line
 from vjm.io.schema import Label, Turn, Turns, Units, rotation
-from vjm.io.sections import AnySection, LengthMM, Rectangle, SquareTube, StiffnessSection, Table
+from vjm.io.sections import SHAPES, AnySection, LengthMM, StiffnessSection, Table
 from vjm.model import parts
 from vjm_updating.identify.beam_path import BeamPath, Piece
 
@@ -71,8 +71,7 @@ _TABLES: dict[str, type[Table]] = {
     "units": Units,
     "turn": Turn,
     "stiffness": StiffnessSection,
-    "rectangle": Rectangle,
-    "square_tube": SquareTube,
+    **SHAPES,
 }
 
 

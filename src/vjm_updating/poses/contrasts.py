@@ -170,7 +170,7 @@ def abrupt(state: State, where: int) -> bool:
 def _shared_residual(state: State) -> tuple[Array, Array]:
     """Mean over the markers ``(g, 3)`` mm, nan where a coordinate is missing, and the postures' weights, to 1."""
     residual = state.at.residual[..., :3]
-    good = np.isfinite(residual).any(axis=1).all(axis=1)
+    good = np.asarray(np.isfinite(residual).any(axis=1)).all(axis=1)
     mean = np.full((len(residual), 3), np.nan)
     mean[good] = np.nanmean(residual[good], axis=1)
     seen = np.isfinite(residual).any(axis=2)
@@ -191,8 +191,8 @@ def jump_size(state: State, where: int) -> Array:
     J = np.concatenate([state.at.nuisance, state.at.member], axis=-1)[..., state.solution.active]
     present = np.isfinite(residual)
     A = np.concatenate([J, step], axis=-1)[present] / state.sigma[present][:, None]
-    size: Array = np.linalg.lstsq(A, residual[present] / state.sigma[present], rcond=None)[0][-3:]
-    return size
+    found = np.linalg.lstsq(A, residual[present] / state.sigma[present], rcond=None)[0]
+    return np.asarray(found[-3:], dtype=float)
 
 
 def jump(study: Study, state: State) -> tuple[int, Array, float]:

@@ -80,7 +80,7 @@ class PoseData:
     def blanked(self, readings: np.ndarray) -> PoseData:
         """Without the positions of a mask ``(g, k)``; postures of which nothing is left are left out."""
         position = np.where(readings[:, :, None], np.nan, self.position)
-        read = np.isfinite(position).any(axis=(1, 2)) | np.isfinite(self.tilt).any(axis=(1, 2))
+        read = np.asarray(np.isfinite(position).any(axis=(1, 2)) | np.isfinite(self.tilt).any(axis=(1, 2)))
         return replace(self, position=position).only(read)
 
 

@@ -86,8 +86,8 @@ def test_readings_scatter_as_the_sheet_says(known, tmp_path):
     assert np.mean(squares) == pytest.approx(n, abs=4.0 * np.sqrt(2.0 * n / 30.0))
 
 
-def test_wild_missed_and_rounded_readings(design):
-    rough = replace(design, wild=0.1, missing=0.1, quantum=1.0)
+def test_outlying_missed_and_rounded_readings(design):
+    rough = replace(design, outliers=0.1, missing=0.1, quantum=1.0)
     n = len(rough)
     still = Response(np.zeros(n), np.zeros((n, 3)))
     rng = np.random.default_rng(0)

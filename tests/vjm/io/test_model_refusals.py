@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter, ValidationError
 
 from vjm.io.manipulator_file import manipulators
 from vjm.io.model_file import ModelFileError, build_chain, library, load_chain, read_document
+from vjm.io.sections import SHAPES, AnySection
 
 ORTHOGLIDE = read_document("orthoglide-chain").content
 COLUMN = read_document("pinned-column").content
@@ -201,6 +203,17 @@ REFUSALS = {
 def test_refusal(name):
     path, value, expected = REFUSALS[name]
     assert refusal(ORTHOGLIDE, path, value) == expected
+
+
+def test_every_shape_is_read_by_its_name():
+    section = TypeAdapter(AnySection)
+    for name, table in SHAPES.items():
+        # of what every shape has all is there: only its own lengths are missing, so that the name was known
+        with pytest.raises(ValidationError) as caught:
+            section.validate_python({"shape": name, "youngs_modulus_MPa": 7e4, "poissons_ratio": 0.3})
+        missing = {error["loc"] for error in caught.value.errors()}
+        own = {key for key, field in table.model_fields.items() if field.is_required()}
+        assert missing == {(name, key) for key in own - {"shape", "youngs_modulus_MPa"}}
 
 
 SHAPE_REFUSALS = {

@@ -158,11 +158,11 @@ def readings(
     *,
     errors: float = 1.0,
     rho: float = 0.0,
-    wild: float = 0.0,
+    outliers: float = 0.0,
     columns: Sequence[str] = COLUMNS,
     drawn: Sequence[float] | None = None,
 ) -> list[Row]:
-    """Rows as read: true, times one plus scale, plus zero, plus noise of memory ``rho``, a share of them wild.
+    """Rows as read: true, times one plus scale, plus zero, plus noise of autocorrelation ``rho``, some outliers.
 
     The draws do not depend on the machine. Displacements are read with errors too. ``drawn`` are standard normal
     numbers for the zeros and the scales of the columns, then of the displacement, in place of the dice.
@@ -181,7 +181,7 @@ def readings(
                 for name in columns:
                     memory[name] = rho * memory[name] + np.sqrt(1.0 - rho**2) * rng.standard_normal()
                     value = wrench[COLUMNS.index(name)] * (1.0 + scale[name]) + zero[name]
-                    kick = 60.0 * rng.standard_normal() if rng.random() < wild else 0.0
+                    kick = 60.0 * rng.standard_normal() if rng.random() < outliers else 0.0
                     row[name] = float(value + errors * SIGMA[name][0] * (memory[name] + kick))
                 rows.append(row)
     return rows

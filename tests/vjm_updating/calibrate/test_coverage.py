@@ -34,20 +34,20 @@ def balanced(repetitions: int) -> np.ndarray:
     return np.column_stack(columns)
 
 
-def covered(test: tuple[int, np.ndarray], rho: float, wild: float, steps: int) -> list[bool]:
+def covered(test: tuple[int, np.ndarray], rho: float, outliers: float, steps: int) -> list[bool]:
     """Which intervals of one test hold the truth.
 
     Args:
         test: its number, and standard normal numbers for its nuisances: the link's length, zeros and scales.
-        rho: memory of the noise.
-        wild: share of wild readings.
+        rho: autocorrelation of the noise.
+        outliers: share of readings that are outliers.
         steps: readings of a ramp.
     """
     number, drawn = test
     rng = np.random.default_rng([17, number])
     machine = synthetic.lengthened(synthetic.changed(TRUTH, ENGINE), "link", LENGTH_MM * drawn[0])
     trace = synthetic.of_model(machine, ENGINE)
-    rows = synthetic.readings(trace, RAMPS, steps, rng, rho=rho, wild=wild, drawn=drawn[1:].tolist())
+    rows = synthetic.readings(trace, RAMPS, steps, rng, rho=rho, outliers=outliers, drawn=drawn[1:].tolist())
     sheet = synthetic.sheet_text(foot=1, link=4, tolerance=f"link_length_mm = {LENGTH_MM}")
     with tempfile.TemporaryDirectory() as folder:
         files = synthetic.write(Path(folder), rows, sheet)
@@ -77,9 +77,9 @@ def test_wilson_of_a_textbook():
 
 
 def test_a_few_intervals_cover():
-    check([covered(test, rho=0.0, wild=0.0, steps=12) for test in enumerate(balanced(FEW))])
+    check([covered(test, rho=0.0, outliers=0.0, steps=12) for test in enumerate(balanced(FEW))])
 
 
 @pytest.mark.slow
 def test_intervals_cover():
-    check([covered(test, rho=0.0, wild=0.0, steps=12) for test in enumerate(balanced(REPETITIONS))])
+    check([covered(test, rho=0.0, outliers=0.0, steps=12) for test in enumerate(balanced(REPETITIONS))])

@@ -1,4 +1,4 @@
-"""Fits of data whose truth is known: clean, noisy, remembering, wild, with gaps, of every kind of parameter."""
+"""Fits of data whose truth is known: clean, noisy, autocorrelated, with outliers, with gaps, every parameter."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def test_clean_data_give_the_truth(make: Make):
     found = solved(make(errors=0.0))
     np.testing.assert_allclose(found.z[:3], list(TRUTH.values()), atol=1e-6)  # the file has six decimals
     assert found.spread.tolist() == [1.0] * 6
-    assert not found.wild.any()
+    assert not found.outliers.any()
 
 
 def test_slopes_are_the_models_own(make: Make):
@@ -59,10 +59,10 @@ def test_memory_of_the_noise_widens_the_intervals(make: Make):
     assert max(abs(e) for e in errors_in_sigma(red, TRUTH).values()) < 3.5
 
 
-def test_wild_readings_have_no_say(make: Make):
-    clean, spoilt = solved(make(steps=25)), solved(make(steps=25, wild=0.03))
-    assert 5 < spoilt.wild.sum() < 30
-    # the same dice but for the wild ones: everything stays where it was, within its own uncertainty
+def test_outliers_have_no_weight(make: Make):
+    clean, spoilt = solved(make(steps=25)), solved(make(steps=25, outliers=0.03))
+    assert 5 < spoilt.outliers.sum() < 30
+    # the same dice but for the outliers: everything stays where it was, within its own uncertainty
     assert max(abs(e) for e in errors_in_sigma(spoilt, TRUTH).values()) < 3.5
     assert np.all(np.sqrt(np.diag(spoilt.covariance)[:3] / np.diag(clean.covariance)[:3]) < 1.3)
 

@@ -82,14 +82,19 @@ def test_one_segment_is_the_papers_spring(draft: Draft):
     assert engine.foot_segments == 4
 
 
-def test_another_section_replaces_the_models(draft: Draft):
-    draft.sheet = """
+@pytest.mark.parametrize(
+    ("section", "area"),
+    [
+        ('section = "square_tube"\nwidth_mm = 6.35\nwall_mm = 1.5875', 6.35**2 - (6.35 - 2 * 1.5875) ** 2),
+        ('section = "round_bar"\ndiameter_mm = 6.35', 0.25 * np.pi * 6.35**2),
+    ],
+)
+def test_another_section_replaces_the_models(draft: Draft, section: str, area: float):
+    draft.sheet = f"""
 [test]
 model = "pinned-column"
 [model]
-section = "square_tube"
-width_mm = 6.35
-wall_mm = 1.5875
+{section}
 [postures]
 straight = []
 [instrument.fx_N]
@@ -100,8 +105,8 @@ noise = 1.0
     found = draft.read()
     (beam,) = found.chain.beams
     assert beam.section is not None
-    # E times the area of the tube's wall
-    assert beam.section.EA == pytest.approx(68948.0 * (6.35**2 - (6.35 - 2 * 1.5875) ** 2), rel=1e-12)
+    # E times the area, with rounding
+    assert beam.section.EA == pytest.approx(68948.0 * area, rel=1e-12)
     assert list(found.chain.postures["straight"]) == [0.0, 0.0]
 
 

@@ -196,6 +196,12 @@ PATHS = {
     "a wrong key": (lambda d: d["pieces"][0].update(lenght_mm=3.0), "unknown key 'lenght_mm'; did you mean"),
     "metres": (lambda d: d["pieces"][0].update(length_mm=0.02), "is it in metres"),
     "no section": (lambda d: d["pieces"][0].pop("section"), "section is missing"),
+    "a wrong key of a bar": (
+        lambda d: d["pieces"][0].update(
+            section={"shape": "round_bar", "diametre_mm": 5.0, "youngs_modulus_MPa": 7e4, "poissons_ratio": 0.3}
+        ),
+        "unknown key 'diametre_mm' in section; did you mean 'diameter_mm'",
+    ),
     "inches": (lambda d: d["units"].update(length="in"), "must be 'mm'"),
     "two shapes": (
         lambda d: d["pieces"][0]["end_section"].update(poissons_ratio=None, shear_modulus_MPa=3e4),

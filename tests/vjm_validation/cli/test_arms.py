@@ -46,11 +46,12 @@ def test_a_posture_without_a_stiffness_has_a_compliance(validate, planar):
     force = 0.5
     found = json.loads(validate("stiffness", planar, "--wrench", f"0,{force},0,0,0,0", "--json").out)
     levers = np.array([600.0, 300.0, 100.0])
-    assert list(found["torques"].values()) == pytest.approx(-force * levers, rel=1e-6)
-    # the second order of the turn, 2e-5 rad squared
-    assert found["displacement"][1] == pytest.approx(force * float(np.array(C) @ levers**2), rel=1e-8)
+    # the second order of the turn, 2e-5 rad squared, over some ten
+    assert list(found["torques"].values()) == pytest.approx(-force * levers, rel=1e-9)
+    assert found["displacement"][1] == pytest.approx(force * float(np.array(C) @ levers**2), rel=1e-9)
     assert found["stiffness_loaded"] is None
     assert found["stiffness_unloaded"] is None
+    # linear: rounding only
     assert np.array(found["compliance_unloaded"])[1, 1] == pytest.approx(float(np.array(C) @ levers**2), rel=1e-12)
     # in the straight posture no hinge moves x, which makes four directions with z, rx and ry
     unloaded = np.linalg.matrix_rank(np.array(found["compliance_unloaded"]), tol=1e-14)

@@ -75,8 +75,8 @@ def test_curve_under_a_driven_force_writes_the_load_factor(tmp_path):
     assert path.load_case.loads[0] == Load((0, 0.05, 0, 0, 0, 0), "link", 0.5, ramped=False)
     assert path.load_case.load_driven
     assert path.points[-1].ramp == 20.0
-    # a dead force is its own factor on the unit load
-    assert path.wrench[-1, 0] == pytest.approx(-20.0, rel=1e-9)
+    # a dead force is its own factor on the unit load, and nothing is solved for
+    assert path.wrench[-1, 0] == pytest.approx(-20.0, rel=1e-14)
     assert file.read_text().splitlines()[1].endswith(",load_factor")
 
 
@@ -90,9 +90,9 @@ def test_buckling_under_force_with_free_rotations():
     assert locked["B"]["compression"]["vjm-16"]["critical"] == "bend-over"
     assert free["B"]["compression"]["vjm-16"]["critical"] == "bifurcation"
     assert free["B"]["compression"]["vjm-16"]["F_end"] < 9000.0
-    # in A the bar buckles between its own joints, whatever holds the end-effector
+    # in A the bar buckles between its own joints, whatever holds the end-effector; events are located to 1e-9
     of_a = [chain["A"]["compression"]["vjm-16"]["F_cr"] for chain in (locked, free)]
-    assert of_a[1] == pytest.approx(of_a[0], rel=1e-6)
+    assert of_a[1] == pytest.approx(of_a[0], rel=5e-9)
 
 
 def test_force_control_needs_a_reach():

@@ -15,11 +15,11 @@ from vjm.tree.model import TreeModel
 from vjm_output.off_screen import why_not_rendered
 from vjm_validation import load_any_model
 from vjm_validation.cli.main import run
+from vjm_validation.runs.own_machine import own_acceptance
 from vjm_validation.schemas import schemas
 from vjm_validation.studies.force_directions import parsed_directions, unit_of
 from vjm_validation.studies.own_machine import OwnMachine, Request, study
 from vjm_validation.studies.own_machine_rows import CriticalRow
-from vjm_validation.studies.own_machine_run import own_acceptance
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,1 @@
+"""`validate all`: studies and verification in their order, what they must show, and the report written."""
