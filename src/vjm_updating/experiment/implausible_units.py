@@ -10,7 +10,7 @@ from vjm.io.findings import Finding, Grade
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.comparison import Comparison
 from vjm_updating.experiment.mistaken_as import MistakenAs
-from vjm_updating.experiment.mistaken_columns import factors_of
+from vjm_updating.experiment.mistaken_columns import factors_of, turned_rows
 from vjm_updating.experiment.mistaken_rows import Mistaken, mistaken_rows
 from vjm_updating.experiment.mistakes import SIGN, UNIT, Mistake, MistakeFound
 
@@ -88,18 +88,24 @@ def _place(c: Comparison, rows: np.ndarray) -> str:
 
 
 def signs(c: Comparison) -> Iterator[Finding]:
-    """One channel with the other sign."""
+    """One channel with the other sign, in whole postures or in a stretch of rows."""
     if not c.comparable:
         return
     for name in [name for name in WRENCH if name in c.readings.values]:
-        against = [label for label in c.labels if c.agreement(label, name) < -ALIKE]
+        rows = np.zeros(len(c.readings), dtype=bool)
         others = [n for n in WRENCH if n != name and n in c.readings.values]
-        if against and any(c.agreement(label, n) > ALIKE for label in against for n in others):
+        for label in c.labels:
+            if not any(c.agreement(label, n) > ALIKE for n in others):
+                continue
+            if c.agreement(label, name) < -ALIKE:
+                rows |= c.readings.posture == label
+            else:
+                rows |= turned_rows(c, label, name)
+        if rows.any():
             yield MistakeFound(
                 Grade.DOUBTFUL,
-                f"{c.readings.file}: column {name}, posture {', '.join(against)}",
-                "follows the model's prediction with the other sign, while other columns fit: is its axis turned?",
-                Mistake(
-                    SIGN, np.isin(c.readings.posture, against), {name: -1.0}, parameters={f"{SIGN}.{name}": -1.0}
-                ),
+                f"{c.readings.file}: column {name}, {_place(c, rows)}",
+                "follows the model's prediction with the other sign, while other columns fit: is its axis turned, or "
+                "that of the displacement?",
+                Mistake(SIGN, rows, {name: -1.0}, parameters={f"{SIGN}.{name}": -1.0}),
             )

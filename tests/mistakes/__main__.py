@@ -1,0 +1,35 @@
+"""``python -m mistakes [TEST...]``: what is met and what is not, of tests in folders or of `mistakes.rigs`."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import warnings
+from pathlib import Path
+
+from mistakes.matrix import answer, tried
+from mistakes.rigs import RIGS, made
+
+
+def main() -> int:
+    """Number of mistakes that were taken in silence or guessed wrongly, at most 1."""
+    missed = doubted = count = 0
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        work = Path(folder)
+        tests = [Path(word) for word in sys.argv[1:]] or [made(name, work / "rigs") for name in RIGS]
+        for test in tests:
+            met = here = 0
+            for one in tried(test, work):
+                here += 1
+                met += one.met
+                if not one.met:
+                    print(f"{test.name}: {one.name}: {' | '.join(one.said) or 'in silence'}", flush=True)
+            print(f"{test.name}: {met} of {here} met", flush=True)
+            missed, count = missed + here - met, count + here
+    print(f"{count - missed} of {count} mistakes in {len(tests)} tests refused or named with the right guess")
+    return min(missed, 1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
