@@ -48,7 +48,7 @@ def turned_rows(c: Comparison, label: str, name: str) -> np.ndarray:
     f, g = c.readings.wrench[at, k], c.predicted(label)[:, k]
     least = CLEAR * c.measurement.sheet.sigma(name).noise
     clear = np.nan_to_num(np.minimum(np.abs(f), np.abs(g))) > least
-    size = np.abs(f) + np.abs(g) + least
+    size = np.maximum(np.abs(f) + np.abs(g) + least, 1e-300)
     right, other = (np.where(clear, 2.0 * np.abs(f - sign * g) / size, 0.0) for sign in (1.0, -1.0))
     _, begin, end = richest(right - other)
     rows, here = np.zeros(len(c.readings), dtype=bool), clear[begin:end]
