@@ -12,7 +12,8 @@ from typing import Any
 import jinja2
 from markupsafe import Markup, escape
 
-from vjm_output.plot_style import Picture, number
+from vjm_output.number_words import number
+from vjm_output.plot_style import Picture
 from vjm_output.plot_svg import Vector
 
 SHORT_TABLE = 12

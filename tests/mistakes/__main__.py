@@ -7,13 +7,13 @@ import tempfile
 import warnings
 from pathlib import Path
 
-from mistakes.matrix import answer, tried
+from mistakes.matrix import tried
 from mistakes.rigs import RIGS, made
 
 
 def main() -> int:
     """Number of mistakes that were taken in silence or guessed wrongly, at most 1."""
-    missed = doubted = count = 0
+    missed = count = 0
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         work = Path(folder)

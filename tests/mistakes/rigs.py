@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-
 from helpers.command import validate
+
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
@@ -88,7 +88,7 @@ def made(name: str, folder: Path, seed: int = 0) -> Path:
     chain = load_chain(out / model if model.endswith(".toml") else model)
     labels = dict.fromkeys(ramp.split(":")[0] for ramp in rig.ramps)
     postures = "\n".join(f"{label} = {[float(q) for q in chain.postures[label]]}" for label in labels)
-    names = dict(moved=rig.moved, loaded=rig.loaded, across=rig.across)
+    names = {"moved": rig.moved, "loaded": rig.loaded, "across": rig.across}
     noises = dict(zip(("moved_noise", "loaded_noise"), rig.noises, strict=True))
     sheet = out / "SHEET.toml"
     sheet.write_text(SHEET.format(name=name, model=model, postures=postures, **names, **noises), encoding="utf-8")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rich.box import SIMPLE
 from rich.table import Table
 
-from vjm_output.plot_style import number
+from vjm_output.number_words import number
 from vjm_updating.calibrate.document import Calibration, CandidateRow, FigureRow
 
 DIGITS = 5

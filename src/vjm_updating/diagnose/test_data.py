@@ -100,8 +100,8 @@ def observe(measurement: Measurement) -> Observed:
         )
     if not measurement.chain.beams:
         raise ValueError(
-            f"{sheet.file}: [test] model: no link of {measurement.chain.name} bends, and causes in forces are sought "
-            "along a link: validate calibrate fits the joints of it, and a sheet of kind = \"poses\" diagnoses it"
+            f"{sheet.file}: [test] model: no link of {measurement.chain.name} bends, and causes in forces are "
+            'sought along one: validate calibrate fits its joints, and a sheet of kind = "poses" diagnoses it'
         )
     held = next((n for n in readings.channels if n in sheet.instrument and sheet.instrument[n].held), None)
     if held is not None:

@@ -105,7 +105,7 @@ def signs(c: Comparison) -> Iterator[Finding]:
             yield MistakeFound(
                 Grade.DOUBTFUL,
                 f"{c.readings.file}: column {name}, {_place(c, rows)}",
-                "follows the model's prediction with the other sign, while other columns fit: is its axis turned, or "
-                "that of the displacement?",
+                "follows the model's prediction with the other sign, while other columns fit: is its axis turned, "
+                "or that of the displacement?",
                 Mistake(SIGN, rows, {name: -1.0}, parameters={f"{SIGN}.{name}": -1.0}),
             )

@@ -37,7 +37,7 @@ def factors_of(c: Comparison, found: Mistaken) -> dict[str, float]:
 
 
 def turned_rows(c: Comparison, label: str, name: str) -> np.ndarray:
-    """Which of all readings ``(n,)`` of a posture follow a channel's prediction with the other sign, in one stretch.
+    """Which of all readings ``(n,)`` of a posture, in one stretch, follow a prediction with the other sign.
 
     Args:
         c: readings beside the nominal machine.

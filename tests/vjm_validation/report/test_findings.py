@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from vjm.continuation.direction import Direction
-from vjm_output.plot_style import listed, number, percent
+from vjm_output.number_words import listed, number, percent
 from vjm_validation.report.findings import findings
 from vjm_validation.report.iteration_words import iterations
 from vjm_validation.report.lumping_figures import PLACES

@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 
 from vjm.continuation.path import Path
 from vjm.rotations import Array
-from vjm_output.plot_style import ENGINES, EVENT_MARKERS, Picture, drawing_of, engine_style, figure, number
+from vjm_output.number_words import number
+from vjm_output.plot_style import ENGINES, EVENT_MARKERS, Picture, drawing_of, engine_style, figure
 
 FREE = 1e-9
 """Of the largest diagonal entry of its unit, below which an axis is free."""

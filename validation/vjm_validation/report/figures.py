@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from vjm.continuation.direction import Direction
 from vjm.continuation.path import Path
 from vjm.rotations import Array
+from vjm_output.number_words import number
 from vjm_output.plot_style import (
     EVENT_MARKERS,
     FE,
@@ -29,7 +30,6 @@ from vjm_output.plot_style import (
     engine_order,
     engine_style,
     figure,
-    number,
 )
 from vjm_validation.studies.study_results import Run
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from vjm.continuation.direction import Direction
-from vjm_output.plot_style import DASH, FE, PAPER, engine_order, listed, number, percent
+from vjm_output.number_words import DASH, listed, number, percent
+from vjm_output.plot_style import FE, PAPER, engine_order
 from vjm_validation.acceptance import CURVE_AGREEMENT, LOAD_AGREEMENT
 from vjm_validation.report.figures import posture_paths, postures, worst_difference
 from vjm_validation.report.words import SHARP, engine_metrics

@@ -9,17 +9,8 @@ from matplotlib.lines import Line2D
 from vjm.continuation.direction import Direction
 from vjm.continuation.path import Path
 from vjm.model.parts import Placement
-from vjm_output.plot_style import (
-    FE,
-    PAPER,
-    REFINED,
-    Picture,
-    drawing_of,
-    engine_order,
-    engine_style,
-    figure,
-    number,
-)
+from vjm_output.number_words import number
+from vjm_output.plot_style import FE, PAPER, REFINED, Picture, drawing_of, engine_order, engine_style, figure
 from vjm_validation.report.figures import draw_force
 from vjm_validation.studies.study_results import Key, LumpingStudy, Run
 

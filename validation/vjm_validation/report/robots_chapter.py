@@ -4,20 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from vjm_output.plot_style import (
-    DASH,
-    FE,
-    FOOT_SPRING,
-    PAPER,
-    REFINED,
-    Picture,
-    drawing_of,
-    engine_style,
-    figure,
-    listed,
-    number,
-    percent,
-)
+from vjm_output.number_words import DASH, listed, number, percent
+from vjm_output.plot_style import FE, FOOT_SPRING, PAPER, REFINED, Picture, drawing_of, engine_style, figure
 from vjm_validation.comparison import force_difference
 from vjm_validation.report.figures import draw_force, legend
 from vjm_validation.report.tables import Table

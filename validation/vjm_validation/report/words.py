@@ -9,7 +9,7 @@ from typing import Any
 
 from vjm.continuation.direction import Direction
 from vjm.continuation.path import EventKind
-from vjm_output.plot_style import listed, number
+from vjm_output.number_words import listed, number
 from vjm_validation.studies.study_results import Run
 
 Metrics = Mapping[str, Any]
