@@ -173,6 +173,17 @@ def mistaken_rows(c: Comparison) -> list[Mistaken]:
     return _by_way(c, [s for several in found.values() for s in several], known)
 
 
+def far_postures(c: Comparison, rest: np.ndarray) -> list[str]:
+    """Postures of whose readings, among some ``(n,)``, most are far from the nominal machine as they stand."""
+    distances, found = Distances(c), []
+    for label in c.labels:
+        apart, size = distances.of(RIGHT, label, 1.0)
+        says = (size > distances.floor) & rest[c.at(label)]
+        if says.sum() > LEAST_ROWS and float(np.mean(apart[says])) > FAR:
+            found.append(label)
+    return found
+
+
 def _stretches(distances: Distances, known: Sequence[MistakenAs], label: str, own: float) -> list[Stretch]:
     """The stretches of a posture that are mistaken, the clearest first."""
     right, size = distances.of(RIGHT, label, own)
