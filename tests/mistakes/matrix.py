@@ -36,8 +36,7 @@ def tried(test: Path, work: Path) -> Iterator[Tried]:
         test: folder with ``DATA.csv`` and ``SHEET.toml``.
         work: a folder for the spoilt file.
     """
-    with open(test / "DATA.csv", newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = _rows(test)
     moved, loaded = (_main(rows, names) for names in (POSE, WRENCH))
     for way in ways(list(rows[0]), moved, loaded):
         for place, spoilt in places(rows):
@@ -53,6 +52,17 @@ def tried(test: Path, work: Path) -> Iterator[Tried]:
                 yield Tried(f"{way.name}, {place}", met, said)
 
 
+def as_it_stands(test: Path, work: Path) -> tuple[str, ...]:
+    """What is said of a test that nobody spoilt."""
+    return answer(test, _rows(test), work)[0]
+
+
+def _rows(test: Path) -> list[Row]:
+    data = next(file for name in ("DATA.csv", "readings.csv", "data.csv") if (file := test / name).exists())
+    with open(data, newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(line for line in file if not line.startswith("#")))
+
+
 def answer(test: Path, rows: list[Row], work: Path) -> tuple[tuple[str, ...], bool]:
     """What is said of rows, and whether they are refused."""
     data = work / "DATA.csv"
@@ -61,11 +71,15 @@ def answer(test: Path, rows: list[Row], work: Path) -> tuple[tuple[str, ...], bo
         writer.writeheader()
         writer.writerows(rows)
     try:
-        found = plausibility(read_measurement(data, test / "SHEET.toml"))
+        found = plausibility(read_measurement(data, _sheet(test)))
     except ValueError as refused:
         return (str(refused),), True
     refused_too = any(finding.grade is Grade.REFUSED for finding in found)
     return tuple(str(finding) for finding in found if finding.grade is not Grade.NOTED), refused_too
+
+
+def _sheet(test: Path) -> Path:
+    return next(file for name in ("SHEET.toml", "sheet.toml") if (file := test / name).exists())
 
 
 def _main(rows: list[Row], names: tuple[str, ...]) -> str:

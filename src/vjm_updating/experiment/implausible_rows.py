@@ -73,26 +73,32 @@ def _digits(c: Comparison, name: str) -> Iterator[Finding]:
     if known is None or known.noise == 0.0 or known.held is not None:
         return
     values, digit = r.values[name], _last_digit(r.values[name])
-    same = np.concatenate([[0], (values[1:] == values[:-1]).astype(int)])
-    ends = np.flatnonzero(np.diff(np.concatenate([same, [0]])) < 0)
-    begins = np.flatnonzero(np.diff(np.concatenate([[0], same])) > 0) - 1
-    longest = int(np.argmax(ends - begins)) if len(ends) else 0
-    count = int(ends[longest] - begins[longest]) + 1 if len(ends) else 0
     likely = min(digit / (2.0 * np.sqrt(np.pi) * known.noise), 1.0)
-    enough = count >= max(FEW, HUNG * np.sum(r.posture == r.posture[begins[longest]])) if count else False
-    if enough and np.ptp(_known(values)) > 0.0 and len(r) * likely ** (count - 1) < CHANCE:
-        first, last = r.row[begins[longest]], r.row[ends[longest]]
-        yield Finding(
-            Grade.DOUBTFUL, f"{r.file}: column {name}, rows {first} to {last}",
-            f"{count} readings are {values[begins[longest]]:g}, under a noise of {known.noise:g}: "
-            "did the channel hang, or reach the end of its range?",
-        )  # fmt: skip
+    for number in np.unique(r.sequence):
+        at = np.flatnonzero(r.sequence == number)
+        begin, count = _standing(values[at])
+        # what is the same in a whole posture may be so, see `nothing_read`
+        if max(FEW, HUNG * len(at)) <= count < len(at) and len(r) * likely ** (count - 1) < CHANCE:
+            first, last = r.row[at[begin]], r.row[at[begin + count - 1]]
+            yield Finding(
+                Grade.DOUBTFUL, f"{r.file}: column {name}, rows {first} to {last}",
+                f"{count} readings are {values[at[begin]]:g}, under a noise of {known.noise:g}: "
+                "did the channel hang, or reach the end of its range?",
+            )  # fmt: skip
+            break
     if digit > COARSE * np.sqrt(12.0) * known.noise:
         yield Finding(
             Grade.DOUBTFUL, f"{r.file}: column {name}",
             f"every reading is a multiple of {digit:g}, far above its noise of {known.noise:g}: were digits "
             "lost, or is one in another unit?",
         )  # fmt: skip
+
+
+def _standing(values: Array) -> tuple[int, int]:
+    """Where the longest run of equal values begins, and how many they are."""
+    changes = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1], [True]]))
+    longest = int(np.argmax(np.diff(changes)))
+    return int(changes[longest]), int(changes[longest + 1] - changes[longest])
 
 
 def _known(values: Array) -> Array:
