@@ -6,8 +6,9 @@ PYTHON = python3
 VENV = .venv
 BIN = $(VENV)/bin
 PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input
-# The tests in as many processes as there are cores; those of a file share what they set up.
-SHARED = -n auto --dist loadfile
+# The tests in as many processes as there are cores; those of a file share what they set up. In the order of the
+# folders: by the number of their tests, files with a few long ones would come last, when other processes are idle.
+SHARED = -n auto --dist loadfile --no-loadscope-reorder
 # The directories count too: a deleted module changes only its directory's time.
 SOURCES := $(shell find src fea validation -not -name __pycache__ -not -name '*.pyc')
 
@@ -17,9 +18,12 @@ export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 export MKL_NUM_THREADS = 1
 
+# Two installations into one .venv would meet; `make test` alone runs two targets at a time, when all is installed.
+ifndef INSTALLED
 .NOTPARALLEL:
+endif
 .DELETE_ON_ERROR:
-.PHONY: help validate report docs test test-all bench bench-table blind fuzz lint schemas lock clean
+.PHONY: help validate report docs test test-all bench bench-table blind fuzz lint kernels checked schemas lock clean
 
 help:
 	@echo 'make validate   every comparison (validate all $$ARGS); says where the report is'
@@ -51,10 +55,10 @@ docs: $(VENV)/.test $(VENV)/.project
 	MPLBACKEND=agg $(BIN)/sphinx-build -q -W --keep-going docs docs/_build
 	@echo 'docs/_build/index.html'
 
-test: lint $(VENV)/.project
+test: checked
 	$(BIN)/pytest $(SHARED) -m 'not slow' --ignore=tests/benchmarks $(ARGS)
 
-test-all: lint $(VENV)/.project
+test-all: checked
 	$(BIN)/pytest $(SHARED) --ignore=tests/benchmarks $(ARGS)
 	$(BIN)/pytest tests/benchmarks
 
@@ -78,6 +82,14 @@ lint: $(VENV)/.test
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
+# The kernels are compiled on one core while the types are checked on another.
+checked: $(VENV)/.test $(VENV)/.installed
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target INSTALLED=yes lint kernels
+
+# Those of the tests too, which each process of the tests would compile else.
+kernels: $(VENV)/.project
+	PYTHONPATH=tests $(BIN)/python -m hidden_effects.warm_up
+
 # What it takes to run. The build backend is in .venv too, so that it is pinned like everything else and a
 # changed source is reinstalled without asking the package index.
 $(VENV)/.runtime: pyproject.toml constraints.txt
@@ -95,8 +107,11 @@ $(VENV)/.test: $(VENV)/.runtime
 	@touch $@
 
 # The project as it now stands.
-$(VENV)/.project: $(VENV)/.runtime $(SOURCES)
+$(VENV)/.installed: $(VENV)/.runtime $(SOURCES)
 	@$(PIP_INSTALL) --no-build-isolation --no-deps --force-reinstall .
+	@touch $@
+
+$(VENV)/.project: $(VENV)/.installed
 	@echo 'Compiling the kernels: a minute, once.'
 	@$(BIN)/python -m vjm.warm_up
 	@touch $@

@@ -18,6 +18,7 @@ from vjm.model.parts import RigidOffset
 from vjm.platform.batch_equilibria import packed_machine, platforms, weakest
 from vjm.rotations import AXES
 from vjm.sensitivity.gradients import wrench_sensitivity
+from vjm.tree.derivatives import frame_derivatives
 from vjm.tree.equilibria import equilibria, sensitivities, unloaded_frames
 from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
@@ -36,6 +37,9 @@ def main() -> None:
     found = equilibria(TreeModel(hinge), np.zeros(1), wrench=np.ones(6))
     unloaded_frames(found.model, found.q)
     sensitivities(found, [orientation(hinge, "link", "x")], wrench=np.ones(6))
+    model = found.model
+    arrays, commands, naturals = model.arrays((0.0, 0.0, 0.0)), model.values(found.q), model.naturals(found.q)
+    frame_derivatives(arrays, commands, naturals, np.ones((1, 1, 6)), found.x)
     machine = packed_machine(load_manipulator("orthoglide"), VjmEngine())
     platforms(machine, np.zeros((1, 6)), np.zeros(6))
     weakest(machine, np.zeros(6), 1.0)

@@ -55,7 +55,6 @@ def test_a_cause_that_no_catalogue_has_is_unknown(hide, stranger):
     assert found["verdict"] == "unknown", found["causes"]
 
 
-@pytest.mark.xfail(strict=True, reason="the search by evidence takes it for clearance and friction of the joints")
 def test_a_dead_zone_that_hides_one_reading_is_no_accident(hide_in_a_ramp):
     truth, found = hide_in_a_ramp(3002, Group.OUTSIDE, "2", strength=15.0)
     assert truth["hidden"][0]["cause"] == "dead_zone"

@@ -212,6 +212,8 @@ class _Import:
                 1.0 if joint.mimic.multiplier is None else joint.mimic.multiplier,
                 METRE if slides else 1.0,
             )
+            if joint.mimic.joint == joint.name:
+                raise ModelFileError(f"{self._file}: joint '{joint.name}' mimics itself: name another joint")
             other = next((j for j in self._robot.joints if j.name == joint.mimic.joint), None)
             if other is None or joint.mimic.joint not in self._labels:
                 raise ModelFileError(

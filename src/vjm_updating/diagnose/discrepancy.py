@@ -1,9 +1,9 @@
 """What a law that is right to some per cent only makes of a hypothesis' evidence.
 
 A cause's law is never quite the machine's. So each hypothesis carries a discrepancy: what its causes do to the
-readings, times smooth functions of the way, the direction and the time, with zero-mean Gaussian coefficients. Their
-common standard deviation, the law's relative error, has a prior of its own, and both are integrated out (Kennedy
-and O'Hagan 2001, with a basis in place of a Gaussian process).
+readings beyond what the sheet's tolerances could do, times smooth functions of the way, the direction and the time,
+with zero-mean Gaussian coefficients. Their common standard deviation, the law's relative error, has a prior of its
+own, and both are integrated out (Kennedy and O'Hagan 2001, with a basis in place of a Gaussian process).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.diagnose.fitting import Fit, Fitter
+from vjm_updating.diagnose.fitting import Fit, Fitter, prior
 from vjm_updating.diagnose.parameters import release_key
 from vjm_updating.diagnose.residual_basis import smooth_shapes
 from vjm_updating.diagnose.screening import Projection, projection
@@ -25,18 +25,31 @@ WEIGHTS = np.gradient(NODES) * np.exp(-0.5 * NODES**2) * (2.0 / np.pi) ** 0.5
 
 
 def response(fitter: Fitter, fit: Fit) -> Array:
-    """What the causes of a fit do to the readings ``(n, 6)``, raw; the rest of the machine stays as it was fitted.
+    """What the causes of a fit do to the readings ``(n, 6)``, raw, beyond what the sheet's tolerances could do.
 
-    Zero where the machine does not stand without them.
+    Every hypothesis takes the tolerances' laws for exact, so that a cause's can only be wrong in what goes beyond
+    them: in the part by which it is seen at all. Zero where the machine does not stand without the causes.
     """
-    z = fit.at.z[: len(fitter.nuisances)].copy()
+    own = fitter.nuisances
+    z = fit.at.z[: len(own)].copy()
     released = {release_key(effect) for effect in fit.hypothesis}
-    for i, c in enumerate(fitter.nuisances):
+    for i, c in enumerate(own):
         if (c.kind, c.subject) in released:
             z[i] = c.mean
     fitter.anchor = None
-    without = fitter.evaluate(fitter.nuisances, z, ())
-    return np.zeros_like(fit.at.residual) if without is None else without.residual - fit.at.residual
+    without = fitter.evaluate(own, z, ())
+    if without is None:
+        return np.zeros_like(fit.at.residual)
+    made = without.residual - fit.at.residual
+    J = fit.jacobian[:, :, : len(own)]
+    _, weight = prior(own, z)
+    known = weight > 0.0
+    columns = np.vstack([fitter.whitening.flat(J[:, :, known]), np.diag(weight[known])])
+    right = np.concatenate([fitter.whitening.flat(made), np.zeros(int(known.sum()))])
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    nuisances = np.linalg.lstsq(columns / size, right, rcond=None)[0] / size
+    result: Array = made - J[:, :, known] @ nuisances
+    return result
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,12 @@ from scipy.special import log_ndtr
 from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.normal_equations import inverse
-from vjm_updating.diagnose.parameters import of_effect, release_key
+from vjm_updating.diagnose.parameters import Hypothesis, of_effect, release_key
 from vjm_updating.mechanisms.effect import Effect
 
 DISTINCT, DISGUISED = 2.0, 12.0
 """Standard deviations by which a cause's own parameter must differ from nothing, and what it costs if not."""
-LAW_ERROR = 0.07
+LAW_ERROR = 0.1
 """Relative error of a law, of the size of what its causes do: scale of a half-normal prior."""
 RARER, RAREST = 2.8, 8.0
 """What a further cause costs: machines that lack two are a quarter as frequent as those that lack one; and what
@@ -54,13 +54,9 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
         costs: of the kind of test.
     """
     own = [i for i, c in enumerate(fit.found) if c.kind == "effect" and np.isfinite(c.sigma)]
-    places = Counter(e.cause for e in effects)
-    causes = len(places)
     # what frees a nuisance has one parameter; what either is or is not has none
     free = sum(1 if release_key(e) else len(e.quantities()) for e in fit.hypothesis) - len(own)
-    choice = 2.0 * sum(np.log(causes * places[e.cause]) for e in fit.hypothesis)
-    cost = free * float(np.log(samples)) + float(choice)
-    cost += RARER * max(len(fit.hypothesis) - 1, 0) + costs.third * max(len(fit.hypothesis) - 2, 0)
+    cost = free * float(np.log(samples)) + choice(fit.hypothesis, effects, costs)
     A = fitter.normal(fit)
     covariance = inverse(A, np.ones(len(A), dtype=bool))
     spread = np.maximum(np.diag(covariance), 1e-300)
@@ -71,11 +67,24 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
         at = of_effect(fit.found, number)[: effect.extent]
         if at and _is_nothing(effect, fit.at.z[at], size_covariance(A, fit, number)):
             cost += costs.disguised
-        if len(at) > 1:
+        if len(at) > 1 and at[0] not in own:
             # of a vector the directions that the readings say less of cost less
             sizes = np.maximum(np.linalg.eigvalsh(covariance[np.ix_(at, at)]), 1e-300)
             cost -= float(np.sum(np.minimum(np.log(sizes[1:] / sizes[0]), np.log(samples))))
     return fit.objective + cost
+
+
+def choice(hypothesis: Hypothesis, effects: Sequence[Effect], costs: Costs = Costs()) -> float:
+    """What the choice of causes, and of their places, costs, whatever the readings say.
+
+    Args:
+        hypothesis: the causes.
+        effects: the catalogue.
+        costs: of the kind of test.
+    """
+    places = Counter(e.cause for e in effects)
+    cost = 2.0 * sum(float(np.log(len(places) * places[e.cause])) for e in hypothesis)
+    return cost + RARER * max(len(hypothesis) - 1, 0) + costs.third * max(len(hypothesis) - 2, 0)
 
 
 def beyond_bounds(pressed: Array) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.diagnose.forward import Evaluation, Predictor, values_of
-from vjm_updating.diagnose.normal_equations import bounded_step
+from vjm_updating.diagnose.normal_equations import bounded_step, inverse
 from vjm_updating.diagnose.parameters import Coordinate, Hypothesis, coordinates, start
 from vjm_updating.diagnose.whitening import Whitening, weighed
 from vjm_updating.experiment.channels import WRENCH
@@ -28,6 +28,8 @@ LEARNT = 3.0
 """Fall of the objective from which a step tells more of the slopes than its noise hides."""
 RENEWED = 3
 """Steps from one differentiation to the next; Broyden's updates do in between."""
+PATIENT, HOPE = 2, 5.0
+"""A fit is given up after so many steps where so many like the last would not reach its target."""
 FAR = 1.0
 """Distance of a machine nuisance from where tables were made, in sigmas, at which they are made anew at once."""
 MISSED, MISSED_ROUGHLY = 0.3, 3.0
@@ -149,17 +151,19 @@ class Fitter:
         """Whether a null needs nuisances of the machine far off the sheet's."""
         return float(np.abs(null.at.z[self.of_machine]).max(initial=0.0)) > FARTHER
 
-    def differentiate_near(self, null: Fit, most: float) -> None:
-        """Slopes by the machine's nuisances where hypotheses begin, no further than ``most`` sigmas off.
+    def near(self, null: Fit, most: float) -> Fit:
+        """The same, or where it lacks a cause that drags nuisances along, one no further than ``most`` sigmas off.
 
-        A null that lacks a cause drags them along, and slopes found there lead astray.
+        There hypotheses begin, by its slopes: those found far off lead astray.
         """
         if not self.dragged(null):
-            return
+            return null
         self.anchor = None
         at = self.evaluate(null.found, np.clip(null.at.z, -most, most), null.hypothesis)
-        if at is not None:
-            self.slopes(null.found, at, null.hypothesis, fresh=True)
+        if at is None:
+            return null
+        J = self.slopes(null.found, at, null.hypothesis, fresh=True)
+        return replace(null, at=at, jacobian=J)
 
     def _instrument(self, J: Array, i: int, c: Coordinate, at: Evaluation) -> None:
         if c.subject in WRENCH:
@@ -191,6 +195,7 @@ class Fitter:
         *,
         fresh: bool = False,
         rough: bool = False,
+        target: float = np.inf,
     ) -> Fit | None:
         """The best coordinates from a start; None where the machine does not stand there.
 
@@ -200,6 +205,7 @@ class Fitter:
             values: of each effect.
             fresh: differentiate by the machine's nuisances anew.
             rough: be content with what slopes by the machine's nuisances say.
+            target: squares worth reaching; a fit that will hardly come so far is given up.
         """
         found = coordinates(self.nuisances, hypothesis)
         z = start(found, hypothesis, nuisances, values)
@@ -259,6 +265,8 @@ class Fitter:
             if ended and exact:
                 converged = True
                 break
+            if count >= PATIENT and best - HOPE * fall > target and best - self._promise(found, at, J) > target:
+                break
             exact = ended or count % RENEWED == 0
             if exact:
                 self._renew(J, found, at, hypothesis)
@@ -279,6 +287,11 @@ class Fitter:
         J = self.slopes(found, at, hypothesis, fresh=True)
         self.anchor = here
         return J
+
+    def _promise(self, found: Sequence[Coordinate], at: Evaluation, J: Array) -> float:
+        """Fall of the objective by a whole step, to first order, were no step too long."""
+        A, b = self._system(found, at, J)
+        return float(b @ inverse(A, np.array([c.sigma != 0.0 for c in found]), rcond=1e-10) @ b)
 
     def objective(self, found: Sequence[Coordinate], at: Evaluation) -> float:
         """Twice the negative logarithm of the likelihood and prior, but for a constant.
@@ -305,9 +318,10 @@ class Fitter:
         """A damped step that makes the objective smaller, if there is one, and the damping to go on with."""
         low, high = (np.array([getattr(c, end) for c in found]) for end in ("low", "high"))
         fixed = np.array([c.sigma == 0.0 for c in found])
+        linear = np.array([c.kind in ("zero", "scale") for c in found])
         A, b = self._system(found, at, J)
         for _ in range(6):
-            move = bounded_step(A, b, damping, fixed, at.z, low, high)
+            move = bounded_step(A, b, damping, fixed, linear, at.z, low, high)
             if float(move @ b) < 0.5 * ENOUGH:
                 return None, damping
             there = self.evaluate(found, np.clip(at.z + move, low, high), hypothesis)

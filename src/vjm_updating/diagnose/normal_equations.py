@@ -10,25 +10,29 @@ from vjm.rotations import Array
 SWEEPS = 2000
 """Of coordinate descent, where a step ends at bounds."""
 LONGEST = 1.0
-"""Of one step, in units of one and the coordinate itself."""
+"""Of one step, in units of one and the coordinate itself, where readings are not linear in it."""
 
 
-def bounded_step(A: Array, b: Array, damping: float, fixed: np.ndarray, z: Array, low: Array, high: Array) -> Array:
+def bounded_step(
+    A: Array, b: Array, damping: float, fixed: np.ndarray, linear: np.ndarray, z: Array, low: Array, high: Array
+) -> Array:
     """A damped step within the bounds and the trusted range of each coordinate.
 
     What would go further stops there, and the others do what is best beside it: a bow, say, acts by its square,
-    and the slope at a small one says little of a large one.
+    and the slope at a small one says little of a large one. Readings are linear in an instrument's zero and scale,
+    and their slope holds as far as the bounds.
 
     Args:
         A: normal matrix ``(k, k)``.
         b: right side ``(k,)``.
         damping: share of the diagonal that is added to it.
         fixed: ``(k,)`` coordinates that stay.
+        linear: ``(k,)`` those in which readings are linear.
         z: where they are ``(k,)``.
         low: bounds ``(k,)``.
         high: likewise.
     """
-    most = LONGEST * (1.0 + np.abs(z))
+    most = np.where(linear, np.inf, LONGEST * (1.0 + np.abs(z)))
     floor, roof = np.maximum(low - z, -most), np.minimum(high - z, most)
     step = np.zeros(len(b))
     on = ~fixed

@@ -35,8 +35,8 @@ ORDINARY = 3.0
 """Sigmas of a machine's nuisance that change little of what effects do."""
 NEAR_BY = 1.0
 """Sigmas of a nuisance by which a null may move and signatures about it are still those."""
-OWN = 0.01
-"""Share of a signature that the fit cannot absorb, below which it is the gauge's noise that sets it apart."""
+ABSORBED = 1e-6
+"""Share of a signature that is left by rounding where the fit absorbs all of it."""
 FAR_OFF = 2.0
 """Median size of whitened residuals, 0.67 for a right model, beyond which a model is far off."""
 APART = 0.05
@@ -210,7 +210,7 @@ def scores(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> lis
     before, after = np.linalg.norm(raw, axis=0), np.linalg.norm(rest, axis=0)
     # a release's row has length one before it is projected
     released = np.array([s.change is None for s in found], dtype=bool)
-    visible = after > np.where(released, 1e-6, np.maximum(1e-3, OWN * before))
+    visible = after > np.where(released, 1e-6, np.maximum(1e-3, ABSORBED * before))
     result = []
     for group in groups.values():
         own = [i for i in group if visible[i]]

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
 from scipy.stats import chi2
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.discrepancy import discrepancy, softened
-from vjm_updating.diagnose.evidence import Costs, criterion
+from vjm_updating.diagnose.evidence import Costs, choice, criterion
 from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.model_adequacy import Misfit, misfit
-from vjm_updating.diagnose.parameters import Hypothesis, afar, bent, towards_nothing
+from vjm_updating.diagnose.parameters import Hypothesis, afar, bent, release_key, towards_nothing
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.screening import (
     STRONG,
@@ -57,8 +58,8 @@ class Move:
         hypothesis: its causes.
         base: fit of other causes, to begin at.
         starts: values of each effect, one list for each start.
-        promise: its criterion to first order.
-        unsure: by how much that may be off.
+        promise: its criterion to first order, with the least that it can cost.
+        unsure: by how much that may be off; infinite where a fit is to be made in any case.
     """
 
     hypothesis: Hypothesis
@@ -99,15 +100,20 @@ class Search:
     tried: dict[frozenset[str], Ranked] = field(default_factory=dict, init=False)
     alarm: float = field(default=0.0, init=False)
     first: list[Score] = field(default_factory=list, init=False)
+    _near_null: Fit = field(init=False)
+    _something: bool = field(default=True, init=False)
     _signatures: list[tuple[Fit, list[Signature]]] = field(default_factory=list, init=False)
+    _beside: dict[frozenset[str], tuple[Fit, list[Score]]] = field(default_factory=dict, init=False)
     _exact_ones: set[frozenset[str]] = field(default_factory=set, init=False)
 
     def run(self) -> Ranked:
         """The best hypothesis; the null where nothing is significant."""
         null = self.tried[frozenset()] = self.ranked(self.null)
-        self.fitter.differentiate_near(self.null, STRAINED)
-        self.first = self._scores(null)
+        # what causes do beside nuisances that were dragged far along says little
+        self._near_null = self.fitter.near(self.null, STRAINED)
+        self.first = self._scores(replace(null, fit=self._near_null))
         self.alarm = threshold(self.first)
+        self._something = any(score.p < self.alarm for score in self.first) or self._is_wrong(self.null)
         best, beam, pairs = null, [null], list[Move]()
         while beam and len(beam[0].labels) < MOST_CAUSES:
             size = len(beam[0].labels) + 1
@@ -138,6 +144,11 @@ class Search:
         """What a fit leaves."""
         return misfit(self.fitter, fit)
 
+    def _is_wrong(self, fit: Fit) -> bool:
+        """Whether what a fit leaves, or what it takes of the nuisances, is rarer than an alarm."""
+        rest = self.rest(fit)
+        return min(rest.p, rest.strained) < self.alarm
+
     def settled(self, ranked: Ranked) -> Ranked:
         """The same, its fit carried on where it had not come to an end."""
         for _ in range(CARRIED_ON):
@@ -160,12 +171,16 @@ class Search:
 
     def _scores(self, base: Ranked) -> list[Score]:
         """What every other effect explains beside a hypothesis, its laws right to some per cent only."""
-        found = next((known for fit, known in self._signatures if self._near(fit, base.fit)), None)
-        if found is None:
-            found = self._signed(base)
-            self._signatures.append((base.fit, found))
-        here = [s for s in found if s.effect.label not in base.labels]
-        return scores(self.fitter, softened(self.fitter, base.fit, self.costs.law_error), here)
+        if base.labels in self._beside and self._beside[base.labels][0] is base.fit:
+            return self._beside[base.labels][1]
+        known = next((known for fit, known in self._signatures if self._near(fit, base.fit)), None)
+        if known is None:
+            known = self._signed(base)
+            self._signatures.append((base.fit, known))
+        here = [s for s in known if s.effect.label not in base.labels]
+        found = scores(self.fitter, softened(self.fitter, base.fit, self.costs.law_error), here)
+        self._beside[base.labels] = base.fit, found
+        return found
 
     def _near(self, fit: Fit, other: Fit) -> bool:
         """Whether what effects do about one fit tells what they do about another."""
@@ -185,10 +200,12 @@ class Search:
                 # of a part one cause by one law: a gauge that drifts, by one
                 continue
             starts = [[*base.fit.values, v] for v in score.starts]
-            # of what is known by a slope that says little, all is possible
-            unsure = np.inf if bent(score.effect) and not base.labels else FIRST_ORDER * score.explained
+            # of what is known by a slope that says little, all is possible where there is something at all
+            sure = base.labels or not self._something or not bent(score.effect)
+            unsure = FIRST_ORDER * score.explained if sure else np.inf
             hypothesis = (*base.fit.hypothesis, score.effect)
-            moves.append(Move(hypothesis, base.fit, starts, base.criterion - score.mixture, unsure))
+            promise = base.criterion - score.mixture + self._least_cost(base.fit.hypothesis, score.effect)
+            moves.append(Move(hypothesis, base.fit, starts, promise, unsure))
         return moves
 
     def _pairs(self, null: Ranked) -> list[Move]:
@@ -199,10 +216,10 @@ class Search:
                 (a.effect, b.effect),
                 null.fit,
                 [[a.starts[0], b.starts[0]]],
-                null.criterion - worth,
+                null.criterion - worth + self._least_cost((), a.effect) + self._least_cost((a.effect,), b.effect),
                 FIRST_ORDER * worth,
             )
-            for a, b, worth in best_pairs(projection(self.fitter, null.fit), self.first, PAIRS)
+            for a, b, worth in best_pairs(projection(self.fitter, self._near_null), self.first, PAIRS)
             if chi2.sf(worth, a.cone.dimension + b.cone.dimension) < rare
         ]
 
@@ -225,24 +242,34 @@ class Search:
                 moves += [replace(move, unsure=0.0) for move in self._forward(rest) if move.labels != best.labels]
         return moves
 
-    def _fit(self, moves: Iterable[Move]) -> None:
-        """Fit the most promising hypotheses, as long as they may still be as good as the best."""
-        chosen: dict[frozenset[str], Move] = {}
-        for move in sorted(moves, key=lambda move: move.promise):
-            least = min(r.criterion for r in self.tried.values())
-            hopeful = move.promise - move.unsure < least + RIVAL
-            if hopeful and move.labels not in self.tried and not self._beaten(move.labels):
-                chosen.setdefault(move.labels, move)
-        for number, move in enumerate(chosen.values()):
-            if number < WIDTH or move.unsure == np.inf:
-                self._try(move)
+    def _least_cost(self, before: Hypothesis, effect: Effect) -> float:
+        """What a further cause costs at least, whatever the readings narrow its parameters down to."""
+        cost = choice((*before, effect), self.effects, self.costs) - choice(before, self.effects, self.costs)
+        sizes = effect.quantities()[: effect.extent]
+        free = release_key(effect) is not None or any(not (q.log or np.isfinite(q.spread)) for q in sizes)
+        return cost + (float(np.log(self.samples)) if free else 0.0)
 
-    def _beaten(self, labels: frozenset[str]) -> bool:
-        """Whether an earlier search found a hypothesis nearer to nothing than to the best."""
-        if labels not in self.known:
+    def _fit(self, moves: Iterable[Move]) -> None:
+        """Fit the most promising hypotheses: larger ones that may be better than the best, others as good."""
+        fitted = 0
+        for move in sorted(moves, key=lambda move: move.promise):
+            best = min(self.tried.values(), key=lambda r: r.criterion)
+            rival = RIVAL if len(move.labels) <= len(best.labels) else 0.0
+            hopeful = move.promise - move.unsure < best.criterion + rival
+            wanted = hopeful and (fitted < WIDTH or move.unsure == np.inf)
+            if wanted and move.labels not in self.tried and not self._beaten(move):
+                self._try(move)
+                fitted += 1
+
+    def _beaten(self, move: Move) -> bool:
+        """Whether an earlier search found a hypothesis nearer to nothing than to the best.
+
+        What the best is without one of its causes is always fitted.
+        """
+        if move.labels not in self.known or move.promise == -np.inf:
             return False
         least, null = min(r.criterion for r in self.known.values()), self.known[frozenset()].criterion
-        return self.known[labels].criterion > 0.5 * (least + null)
+        return self.known[move.labels].criterion > 0.5 * (least + null)
 
     def _try(self, move: Move) -> None:
         """Fit a hypothesis."""
@@ -258,14 +285,25 @@ class Search:
             starts, begins = [earlier.fit.values], [earlier.fit.at.z[:m]]
         elif not base.hypothesis:
             begins += afar(hypothesis[-1], self.fitter.nuisances, begin)
-        best = _lower(
-            *(self.fitter.fit(hypothesis, z, values, rough=True) for z in begins for values in starts),
-        )
+        target = np.inf if move.unsure == np.inf else self._worth_reaching(base)
+        enough = move.promise + move.unsure
+        best: Fit | None = None
+        for z, values in product(begins, starts):
+            best = _lower(best, self.fitter.fit(hypothesis, z, values, rough=True, target=target))
+            if best is not None and best.objective < enough:
+                break
         contains = {e.label for e in base.hypothesis} < move.labels
         if best is None or (contains and best.objective > base.objective):
             best = _lower(best, self._from_base(hypothesis, base, move.starts[0]))
         if best is not None:
             self.tried[move.labels] = self.ranked(best)
+
+    def _worth_reaching(self, base: Fit) -> float:
+        """Squares of a fit from which its laws' discrepancy may still make it as good as the best."""
+        least = min(r.criterion for r in self.tried.values())
+        by_laws = (2.0 * self.costs.law_error) ** 2 * max(self.null.objective - least, 0.0)
+        constant = base.objective - self.fitter.squares(base.found, base.at)
+        return least + RIVAL + by_laws - constant
 
     def _from_base(self, hypothesis: Hypothesis, base: Fit, values: Sequence[Sequence[float]]) -> Fit | None:
         """A fit that begins at a hypothesis with a cause less, with next to none of that cause."""

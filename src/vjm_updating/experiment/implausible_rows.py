@@ -231,9 +231,12 @@ def temperature(c: Comparison) -> Iterator[Finding]:
     """Temperatures that no room has."""
     r = c.readings
     heat = r.values.get(TEMPERATURE)
-    if heat is None or np.isnan(heat).all():
-        return
-    where = f"{r.file}: column {TEMPERATURE}"
+    if heat is not None and not np.isnan(heat).all():
+        yield from no_room(heat, f"{r.file}: column {TEMPERATURE}")
+
+
+def no_room(heat: Array, where: str) -> Iterator[Finding]:
+    """Temperatures ``(g,)`` in °C of a column that no room has."""
     if np.nanmin(heat) < -273.15:
         yield Finding(Grade.REFUSED, where, f"{np.nanmin(heat):g} °C is below absolute zero")
     elif np.nanmax(heat) > 1500.0:

@@ -10,6 +10,9 @@ import numpy as np
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 
+USUAL = 0.03
+"""rad; standard deviation of either angle: two degrees are seen by eye when a test is set up."""
+
 
 @dataclass(frozen=True)
 class LoadMisalignment(Effect):
@@ -30,7 +33,9 @@ class LoadMisalignment(Effect):
 
     def quantities(self) -> tuple[Quantity, ...]:
         """Angles towards both directions across."""
-        return tuple(Quantity(f"towards_{k}_rad", -0.5, 0.5, 0.01, neutral=0.0) for k in ("first", "second"))
+        return tuple(
+            Quantity(f"towards_{k}_rad", -0.5, 0.5, 0.01, neutral=0.0, spread=USUAL) for k in ("first", "second")
+        )
 
     def trials(self) -> Sequence[tuple[float, ...]]:
         """Towards each and both; the force along the axis changes with the square."""

@@ -179,14 +179,19 @@ def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool) -> Table:
     model = machine.model(half.posture, pulls)
     bow = bowed(model, half.posture, machine.bow) if machine.bow else None
     problem = LumpedProblem(model, load_case, machine.engine.label, bow)
+    # what bends from the start has a knee in place of a bifurcation, and a march may step across it
+    bent = gravity is not None or bow is not None
     grid = np.linspace(0.0, half.reach, NODES + 1)
-    table = _trace(problem, grid, loaded=gravity is not None)
+    table = _trace(problem, grid, loaded=bent)
+    if gravity is None and bent and table.s[-1] < grid[-1]:
+        # a bow in one plane leaves a bifurcation in the other
+        bent, table = False, _trace(problem, grid, loaded=False)
     finer = np.concatenate([_refined(table), grid[grid > table.s[-1]]])
     if np.isfinite(table.bifurcation):
         # towards a bifurcation the stiffness across the ray has a pole
         near = table.bifurcation * (1.0 + np.concatenate([-NEAR, NEAR]))
         finer = np.unique(np.concatenate([finer, near[near < half.reach]]))
-    return table if np.array_equal(finer, grid) else _trace(problem, finer, loaded=gravity is not None)
+    return table if np.array_equal(finer, grid) else _trace(problem, finer, loaded=bent)
 
 
 def _refined(table: Table) -> Array:

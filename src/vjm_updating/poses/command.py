@@ -47,7 +47,7 @@ def prepared(data: Path, sheet: Path) -> tuple[PoseMeasurement, Study]:
     """
     measurement = read_pose_measurement(data, sheet)
     check_units(measurement)
-    study = Study(measurement.sheet, measurement.machine, measurement.data)
+    study = Study(measurement.sheet, measurement.machine, measurement.data).without_outliers()
     check_count(study)
     return measurement, study
 

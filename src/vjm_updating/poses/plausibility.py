@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,9 +12,13 @@ from vjm.io.findings import Finding, Grade, refuse, worst_first
 from vjm.io.model_plausibility import model_findings
 from vjm.rotations import Array
 from vjm.tree.equilibria import unloaded_frames
+from vjm_updating.experiment.implausible_rows import no_room
 from vjm_updating.poses.alignment import align
+from vjm_updating.poses.families import SECOND
+from vjm_updating.poses.fit import solve
 from vjm_updating.poses.measurement import PoseMeasurement
-from vjm_updating.poses.study import Study
+from vjm_updating.poses.readings import TEMPERATURE, PoseData
+from vjm_updating.poses.study import State, Study
 
 LARGEST_TURN = 4.0 * np.pi
 """rad: no joint of a robot turns further."""
@@ -22,9 +27,18 @@ LOOKED_AT, IMPLAUSIBLE = 0.008, 0.03
 is doubted though none of them explains it. A wrist's sign may cost no more than a hundredth."""
 MUCH_BETTER = 0.5
 """Share of that error that a change of the data must leave at most to be named."""
+LENGTHS = {"metres": 1000.0, "feet": 304.8, "inches": 25.4, "centimetres": 10.0, "micrometres": 1e-3}
+"""mm in each unit that positions may be in by mistake."""
+QUARTERS = {"a quarter turn": 0.5 * np.pi, "a quarter turn back": -0.5 * np.pi, "half a turn": np.pi}
+"""rad: what lies between the zeros of two ways to describe one robot."""
 MANY_PAIRS = 400
 MOST_TRIED = 120
 """Postures on which changes of the data are tried."""
+EARTH = (9.5, 10.5)
+"""m/s²: what rounds to 10, as some write it; at sea level it is 9.78 to 9.83."""
+SPRINGS = "joint_compliance"
+REVERSED = 8.0
+"""Standard deviations by which springs must give way against the weight before gravity is doubted."""
 FEWEST = 8
 FEWEST_TORQUES = 12
 LEAST_FOLLOWED = 0.5
@@ -52,7 +66,7 @@ def considered(measurement: PoseMeasurement, study: Study, *, strict: bool = Fal
     Raises:
         ImplausibleError: naming the first reason.
     """
-    rules = (joints_and_markers, repeated, few, torques)
+    rules = (joints_and_markers, outliers, repeated, few, torques, temperature, gravity)
     found = [finding for rule in rules for finding in rule(study)]
     name = f"{measurement.sheet.file}, model {measurement.sheet.test.model}"
     result = worst_first(
@@ -105,12 +119,15 @@ def units(measurement: PoseMeasurement) -> Iterator[Finding]:
             )
     ends = unloaded_frames(machine.tree, machine.rows(data.q))[1]
     spread, expected = _spread(data.position), _spread(np.where(np.isfinite(data.position), ends, np.nan))
+    if spread == 0.0 and expected > 0.0:
+        yield Finding(Grade.REFUSED, data.file, "the markers' positions are all the same: nothing moved")
     if 0.0 < spread < 1e-2 * machine.tree.reach and expected > 1e-1 * machine.tree.reach:
+        unit = min(LENGTHS, key=lambda name: abs(np.log(expected / spread / LENGTHS[name])))
         yield Finding(
             Grade.REFUSED,
             data.file,
             f"the markers' positions spread over {spread:.3g} mm, the robot's over {expected:.3g} mm: they are in "
-            "metres; multiply them by 1000",
+            f"{unit}; multiply them by {LENGTHS[unit]:g}",
         )
 
 
@@ -128,6 +145,20 @@ def check_count(study: Study) -> None:
             f"{frames} unknowns: measure at least {FEWEST} different postures, 30 are better"
         )
         refuse([Finding(Grade.REFUSED, study.data.file, words)])
+
+
+def outliers(study: Study) -> Iterator[Finding]:
+    """Positions that are left out."""
+    if not study.outliers:
+        return
+    first = study.outliers[0]
+    others = len(study.outliers) - 1
+    yield Finding(
+        Grade.NOTED,
+        f"{study.data.file}, row {first.row}",
+        f"{first.marker} is {first.distance:.4g} mm off what the other rows say: an outlier, left out"
+        f"{f' (and {others} more)' if others else ''}",
+    )
 
 
 def repeated(study: Study) -> Iterator[Finding]:
@@ -152,6 +183,50 @@ def few(study: Study) -> Iterator[Finding]:
             study.data.file,
             f"{count} readings beyond the frames are fewer than the members of {', '.join(large)}: what they do "
             "not tell stays at its prior",
+        )
+
+
+def temperature(study: Study) -> Iterator[Finding]:
+    """Temperatures that no room has."""
+    if study.data.temperature is not None:
+        yield from no_room(study.data.temperature, f"{study.data.file}: column {TEMPERATURE}")
+
+
+def gravity(study: Study) -> Iterator[Finding]:
+    """A gravity that is none of the Earth's."""
+    size = float(np.linalg.norm(study.sheet.test.gravity))
+    if not EARTH[0] <= size <= EARTH[1]:
+        yield Finding(
+            Grade.DOUBTFUL,
+            f"{study.sheet.file}: [test] gravity",
+            f"is {size:.4g} m/s², the Earth's is 9.81: write it in m/s², in the axes of the robot's base",
+        )
+
+
+def weight_reversed(study: Study, state: State) -> Iterator[Finding]:
+    """Joints that give way against the weight: gravity or the coordinates' sense is the other one.
+
+    Compares the evidence of joint compliance with that of the same springs under the weight reversed, to first
+    order, beside all else that the hypothesis holds.
+    """
+    if SPRINGS not in study.families:
+        return
+    own = study.number(SPRINGS)
+    # functions of posture or clock can imitate a weight of either sense
+    held = [family for family in state.hypothesis.families if family not in SECOND]
+    families = sorted({*map(study.number, held), own})
+    sign = np.where(state.blocks.family == own, -1.0, 1.0)
+    blocks = state.blocks
+    lower = np.where(sign < 0.0, np.maximum(blocks.lower, 0.0), blocks.lower)
+    found = solve(replace(blocks, N=blocks.N * np.outer(sign, sign), b=blocks.b * sign, lower=lower), families)
+    without = max(
+        solve(blocks, [f for f in families if f != own]).log_evidence, solve(blocks, families).log_evidence
+    )
+    if found.log_evidence - without > 0.5 * REVERSED**2:
+        yield Finding(
+            Grade.DOUBTFUL,
+            f"{study.sheet.file}: [test] gravity",
+            "the joints give way against the weight: does gravity point the other way in the base's axes?",
         )
 
 
@@ -186,7 +261,7 @@ def _spread(position: Array) -> float:
 
 
 def joints_and_markers(study: Study) -> Iterator[Finding]:
-    """What would explain a rigid robot's large error: a joint's sign, two joints or two markers swapped.
+    """What would explain a rigid robot's large error: signs, zeros, columns exchanged, a unit, a row's shift.
 
     None where the error is that of a robot.
     """
@@ -196,50 +271,71 @@ def joints_and_markers(study: Study) -> Iterator[Finding]:
     keep = np.linspace(0, len(study.data) - 1, min(len(study.data), MOST_TRIED)).astype(int)
     data = study.data.only(keep)
     base = _error(study, data.q, data.position)
-    found: list[tuple[float, str, str]] = []
-    names = data.joints
-    for i, name in enumerate(names):
-        q = data.q.copy()
-        q[:, i] *= -1.0
-        found.append((_error(study, q, data.position), f"joint_sign.{name}", f"multiply {name} by −1"))
-    for i, j in list(itertools.combinations(range(len(names)), 2))[:MANY_PAIRS]:
-        if study.machine.slides[i] == study.machine.slides[j]:
-            q = data.q.copy()
-            q[:, [i, j]] = q[:, [j, i]]
-            found.append(
-                (_error(study, q, data.position), f"joints_swapped.{names[i]}.{names[j]}",
-                 f"exchange the columns of {names[i]} and {names[j]}")
-            )  # fmt: skip
-    if len(names) > 1 and len(set(study.machine.slides)) == 1:
-        found.append(
-            (_error(study, data.q[:, ::-1], data.position), "joints_reversed", "reverse the joints' order")
-        )
-        for by in range(1, len(names)):
-            q = np.roll(data.q, -by, axis=1)
-            words = f"the column of {names[by]} is that of {names[0]}, and so on around"
-            found.append((_error(study, q, data.position), f"joints_shifted.{by}", words))
-    for i, j in itertools.combinations(range(len(data.markers)), 2):
-        y = data.position.copy()
-        y[:, [i, j]] = y[:, [j, i]]
-        a, b = data.markers[i], data.markers[j]
-        found.append((_error(study, data.q, y), f"markers_swapped.{a}.{b}", f"exchange the markers {a} and {b}"))
-    mirrored = _error(study, data.q, data.position * [-1.0, 1.0, 1.0])
-    words = "the tracker's axes are left-handed: exchange two of them or reverse one,"
-    found.append((mirrored, "tracker_mirrored", words))
+    changes = itertools.chain(_of_joints(study, data), _of_positions(study, data, keep))
+    found = [(_error(study, q, position), name, remedy) for q, position, name, remedy in changes]
     best = min(found, default=(np.inf, "", ""))
-    if best[0] > MUCH_BETTER * base:
+    # positions in a smaller unit miss by less, though they follow the robot no better: it must do so, too
+    ends = unloaded_frames(study.machine.tree, study.machine.rows(data.q))[1]
+    if best[0] > MUCH_BETTER * min(base, _spread(np.where(np.isfinite(data.position), ends, np.nan))):
         if before < IMPLAUSIBLE * study.machine.tree.reach:
             return
         words = (
             f"rigid_robot: misses the markers by {before:.4g} mm, {before / study.machine.tree.reach:.0%} of its "
-            "reach, and no joint's sign, no two joints or markers exchanged and no other order explain it: look at "
-            "the model, the joints' names and units, the part behind which each marker rides"
+            "reach, and no joint's sign or zero, no two joints or markers exchanged, no unit and no other order "
+            "explain it: look at the model, the joints' names and units, the part behind which each marker rides"
         )
         yield RobotMisses(Grade.DOUBTFUL, study.data.file, words)
         return
     error, name, remedy = best
     words = f"{name}: the rigid robot misses the markers by {base:.4g} mm; {remedy} and it is {error:.4g} mm"
     yield ColumnsMistaken(Grade.DOUBTFUL, study.data.file, words)
+
+
+Change = tuple[Array, Array, str, str]
+"""Joint coordinates and positions as they may have been meant, a name, and what to do."""
+
+
+def _of_joints(study: Study, data: PoseData) -> Iterator[Change]:
+    """Signs, zeros and places of the joints' columns."""
+    names, y = data.joints, data.position
+    for i, name in enumerate(names):
+        q = data.q.copy()
+        q[:, i] *= -1.0
+        yield q, y, f"joint_sign.{name}", f"multiply {name} by −1"
+        for words, angle in QUARTERS.items() if not study.machine.slides[i] else ():
+            q = data.q.copy()
+            q[:, i] += angle
+            yield q, y, f"joint_zero.{name}", f"turn the zero of {name} by {words} (add {angle:.6g} rad)"
+    for i, j in list(itertools.combinations(range(len(names)), 2))[:MANY_PAIRS]:
+        if study.machine.slides[i] == study.machine.slides[j]:
+            q = data.q.copy()
+            q[:, [i, j]] = q[:, [j, i]]
+            words = f"exchange the columns of {names[i]} and {names[j]}"
+            yield q, y, f"joints_swapped.{names[i]}.{names[j]}", words
+    if len(names) > 1 and len(set(study.machine.slides)) == 1:
+        yield data.q[:, ::-1], y, "joints_reversed", "reverse the joints' order"
+        for by in range(1, len(names)):
+            words = f"the column of {names[by]} is that of {names[0]}, and so on around"
+            yield np.roll(data.q, -by, axis=1), y, f"joints_shifted.{by}", words
+
+
+def _of_positions(study: Study, data: PoseData, keep: np.ndarray) -> Iterator[Change]:
+    """Markers, axes, units and rows of the positions."""
+    for i, j in itertools.combinations(range(len(data.markers)), 2):
+        y = data.position.copy()
+        y[:, [i, j]] = y[:, [j, i]]
+        a, b = data.markers[i], data.markers[j]
+        yield data.q, y, f"markers_swapped.{a}.{b}", f"exchange the markers {a} and {b}"
+    words = "the tracker's axes are left-handed: exchange two of them or reverse one,"
+    yield data.q, data.position * [-1.0, 1.0, 1.0], "tracker_mirrored", words
+    for unit, factor in LENGTHS.items():
+        words = f"the positions are in {unit}: multiply them by {factor:g}"
+        yield data.q, data.position * factor, f"positions_in_{unit}", words
+    for by, words in ((-1, "one row too early: move them down"), (1, "one row too late: move them up")):
+        inside = (keep + by >= 0) & (keep + by < len(study.data))
+        moved = study.data.position[np.clip(keep + by, 0, len(study.data) - 1)]
+        y = np.where(inside[:, None, None], moved, np.nan)
+        yield data.q, y, f"positions_shifted.{by}", f"the positions stand {words} by one,"
 
 
 def _error(study: Study, q: Array, position: Array) -> float:

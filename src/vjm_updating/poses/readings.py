@@ -77,6 +77,12 @@ class PoseData:
         temperature = None if self.temperature is None else self.temperature[keep]
         return replace(self, **rows, time=time, temperature=temperature)
 
+    def blanked(self, readings: np.ndarray) -> PoseData:
+        """Without the positions of a mask ``(g, k)``; postures of which nothing is left are left out."""
+        position = np.where(readings[:, :, None], np.nan, self.position)
+        read = np.isfinite(position).any(axis=(1, 2)) | np.isfinite(self.tilt).any(axis=(1, 2))
+        return replace(self, position=position).only(read)
+
 
 def read_poses(path: Path, sheet: PoseSheet, joints: tuple[str, ...], slides: tuple[bool, ...]) -> PoseData:
     """The readings of a data file, which fit their sheet.
@@ -177,6 +183,12 @@ def _read(
         ):
             raise ValueError(f"column '{marker}.x_mm' is missing: add it, or take [markers.{marker}] away")
     position = of_markers(POSITION, np.nan)
+    for column, values in columns.items():
+        if column.partition(".")[2] in NOISE and (values < 0.0).any():
+            row = rows[int(np.argmax(values < 0.0))]
+            raise ValueError(
+                f"row {row}, column {column}: a standard deviation is not negative; leave it blank for the sheet's"
+            )
     sigma = of_markers(NOISE, sheet.tracker.noise_mm)
     sigma = np.where(np.isnan(sigma) | (sigma <= 0.0), sheet.tracker.noise_mm, sigma)
     wrench = np.nan_to_num(of_markers(WRENCH, 0.0))

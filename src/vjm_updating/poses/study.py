@@ -31,6 +31,9 @@ TAIL = 4.0
 MEDIAN_TO_SIGMA = 1.4826
 OUTLIER = 0.15
 """Weight below which a reading is counted as an outlier."""
+OUTLYING, MOST_OUTLIERS = 10.0, 0.05
+"""Median distances of the rigid robot beyond which a position is left out (a normal error would reach that once in
+10^50 readings), and the share of the postures beyond which it is the median that means nothing."""
 RANDOM, REGION = 0, 1
 BEHIND_ENCODERS = ("joint_compliance", "approach")
 """Families that are not seen where the joints are measured at the output: their coordinates have them already."""
@@ -112,11 +115,22 @@ class State:
     weight: Array
 
 
+@dataclass(frozen=True)
+class Outlier:
+    """A position that is not used: its row, marker, and how far it is off, mm."""
+
+    row: int
+    marker: str
+    distance: float
+
+
 class Study:
     """A test, the machine with all that may be wrong with it, and the ways of holding postures out."""
 
-    def __init__(self, sheet: PoseSheet, machine: PoseMachine, data: PoseData) -> None:
-        self.sheet, self.data, self.machine = sheet, data, machine
+    def __init__(
+        self, sheet: PoseSheet, machine: PoseMachine, data: PoseData, outliers: tuple[Outlier, ...] = ()
+    ) -> None:
+        self.sheet, self.data, self.machine, self.outliers = sheet, data, machine, outliers
         forward = PoseForward(machine, data, sheet.test.gravity)
         self._forward: dict[tuple[str, ...], PoseForward] = {(): forward}
         all_members = members_of(machine, data, forward.torques(), ordered=self.ordered)
@@ -138,6 +152,23 @@ class Study:
         sigma = np.array([table.sigma_mm for table in sheet.markers.values()])
         frames, self.aligned = align(R, p, data.position, data.orientation, sigma, guess)
         self.frames = with_tilts(frames, R, data.tilt, forward.gravity)
+
+    def without_outliers(self) -> Study:
+        """The same test without positions that lie far beyond what errors of a robot spread to.
+
+        A robot's errors are functions of its posture, seen in many of them; what one reading has many times over
+        is of that reading. It would weigh on every mean distance.
+        """
+        study = self
+        while True:
+            far = study.aligned > OUTLYING * np.nanmedian(study.aligned)
+            if not far.any() or len(study.outliers) + far.sum() > MOST_OUTLIERS * self.data.position.shape[0]:
+                return study
+            found = tuple(
+                Outlier(int(study.data.row[i]), study.data.markers[j], float(study.aligned[i, j]))
+                for i, j in np.argwhere(far)
+            )
+            study = Study(self.sheet, self.machine, study.data.blanked(far), study.outliers + found)
 
     @property
     def ordered(self) -> bool:

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
-from vjm_updating.poses.contrasts import LEAST_SHARED, NOTED, Contrast, contrasts, jump
+from vjm_updating.poses.contrasts import LEAST_SHARED, NOTED, Contrast, abrupt, contrasts, jump, jump_size
 from vjm_updating.poses.ladder import ALIKE, Step
-from vjm_updating.poses.plausibility import missed, mistaken
+from vjm_updating.poses.plausibility import missed, mistaken, weight_reversed
 from vjm_updating.poses.study import MEDIAN_TO_SIGMA, State, Study
 
 MORE_THAN_NOISE = 1.3
@@ -110,12 +110,13 @@ def judge(study: Study, steps: Sequence[Step], findings: Sequence[Finding]) -> P
     still = next(step.state for step in reversed(steps) if "tracker_drift" not in step.state.hypothesis.families)
     where, size, significance = jump(study, still)
     if (
-        significance > JUMPS
+        not doubtful
+        and significance > JUMPS
         and np.linalg.norm(size) > SMALLEST_JUMP * scatter(still)
-        and _abrupt(study, still, where)
+        and abrupt(still, where)
     ):
         row = int(study.data.row[where])
-        text = ", ".join(f"{v:.3g}" for v in size)
+        text = ", ".join(f"{v:.3g}" for v in jump_size(still, where))
         jumped = Finding(
             Grade.DOUBTFUL,
             f"{study.data.file}, row {row}",
@@ -136,17 +137,8 @@ def judge(study: Study, steps: Sequence[Step], findings: Sequence[Finding]) -> P
     else:
         kind = "class" if alternatives else "named"
     doing = NEXT["data"] if doubtful else NEXT[rest.kind]
-    said = (*findings, jumped) if jumped is not None else tuple(findings)
+    said = (*findings, *([jumped] if jumped is not None else weight_reversed(study, last) if not doubtful else []))
     return PoseVerdict(kind, causes, alternatives, explained, rest, said, doing)
-
-
-def _abrupt(study: Study, state: State, where: int) -> bool:
-    """Whether means right before and after differ as those of the whole halves do: a jump and no drift."""
-    mean = np.nanmean(state.at.residual[..., :3], axis=1)
-    width = max(5, len(mean) // 12)
-    near = np.nanmean(mean[where : where + width], axis=0) - np.nanmean(mean[max(where - width, 0) : where], axis=0)
-    far = np.nanmean(mean[where:], axis=0) - np.nanmean(mean[:where], axis=0)
-    return bool(near @ far > 0.6 * far @ far)
 
 
 def scatter(state: State) -> float:

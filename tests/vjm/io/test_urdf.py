@@ -124,6 +124,10 @@ def test_a_missing_mesh_is_left_out_and_said(tmp_path):
         (joint("one", "a", "b") + joint("two", "c", "c"), "its own ancestor"),
         (joint("one", "a", "b") + joint("two", "b", "d"), "names the link 'd', which is not there"),
         (joint("one", "a", "b") + joint("two", "b", "c", more='<axis xyz="0 0 0"/>'), "axis of length zero"),
+        (
+            joint("one", "a", "b") + joint("two", "b", "c", more='<axis xyz="0 0 1"/><mimic joint="two"/>'),
+            "joint 'two' mimics itself",
+        ),
         ("<joint", "is no URDF that can be read"),
     ],
 )

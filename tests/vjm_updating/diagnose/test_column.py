@@ -137,6 +137,7 @@ def test_the_bar_is_bowed_and_yields(tmp_path):
 
 
 @real
+@pytest.mark.slow
 def test_marks_of_the_bar_are_predicted_within_5_newtons(tmp_path):
     data = cropped("column_bar_1", 19.2, tmp_path)
     found = diagnose(data, MEASURED / "column_bar_1.toml", tmp_path / "out")

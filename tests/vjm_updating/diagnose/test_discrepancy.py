@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.stats import halfnorm, multivariate_normal
 
-from vjm_updating.diagnose.discrepancy import NODES, WEIGHTS, Softened, costs, integrated
+from vjm_updating.diagnose.discrepancy import NODES, WEIGHTS, Softened, costs, integrated, response
 from vjm_updating.diagnose.evidence import LAW_ERROR
+from vjm_updating.diagnose.parameters import coordinates
+from vjm_updating.diagnose.preprocess import prepare
+from vjm_updating.diagnose.test_data import observe
+from vjm_updating.experiment import read_measurement
 
 ROWS = 12
 
@@ -64,3 +70,23 @@ def test_what_a_discrepancy_may_do_is_noise_of_unit_size():
     white = space.rest(root)
     # round-off times the condition, 60
     np.testing.assert_allclose(white @ white.T, np.eye(ROWS), atol=1e-11)
+
+
+def test_a_law_is_wrong_in_what_goes_beyond_the_tolerances_only(make, tmp_path):
+    with pytest.MonkeyPatch.context() as patch:
+        files = make.made_up(tmp_path, {}, 5, patch)
+    prepared = prepare(observe(read_measurement(files.data, files.sheet)), only=("link_compliance",))
+    fitter, null, (effect,) = prepared.fitter, prepared.null, prepared.effects
+    at = next(i for i, c in enumerate(fitter.nuisances) if c.kind == "modulus" and c.subject == effect.beam)
+    z = null.at.z.copy()
+    z[at] = 2.0
+    found = tuple(coordinates(fitter.nuisances, (effect,)))
+    fitter.anchor = None
+    fit = replace(null, hypothesis=(effect,), found=found, at=fitter.evaluate(found, z, (effect,)))
+    z[at] = 0.0
+    raw = fitter.evaluate(fitter.nuisances, z, ()).residual - fit.at.residual
+    size, left = (float(np.linalg.norm(fitter.whitening.flat(r))) for r in (raw, response(fitter, fit)))
+    # two sigmas of the sheet make up for two sigmas of it: strength is at most size over sigma
+    assert left < 2.0
+    # and it shows
+    assert size > 5.0 * left

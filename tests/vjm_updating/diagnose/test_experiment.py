@@ -41,8 +41,8 @@ link_length_mm = 0.2
 modulus_rel = 0.02
 """
 PULL = 1.0
-CLASS = ("actuator_compliance", "load_misalignment", "joint_clearance")
-VALUES = {"actuator_compliance": [4e-5], "load_misalignment": [0.1, 0.1], "joint_clearance": [0.05, 0.0, 8.0]}
+CLASS = ("actuator_compliance", "base_compliance", "joint_clearance")
+VALUES = {"actuator_compliance": [4e-5], "base_compliance": [4e-5, 1.0, 1.0], "joint_clearance": [0.05, 0.0, 8.0]}
 
 
 @pytest.fixture(scope="module")

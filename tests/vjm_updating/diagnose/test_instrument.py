@@ -21,7 +21,6 @@ PAUSE = 3000.0
 """s between the postures, in which a drift would go on unseen."""
 
 
-@pytest.mark.xfail(strict=True, reason="the search by evidence finds weight and a drift that explain it together")
 def test_a_gauge_that_is_set_anew_in_every_posture_is_no_drift_from_within_the_test(make, tmp_path, monkeypatch):
     # half the shift before the first reading, nothing in the middle: a clock does not run so
     files = make.made_up(tmp_path / "made", {}, 3, monkeypatch, per=6)

@@ -66,6 +66,18 @@ def test_bowed_column_follows_the_exact_amplification():
     np.testing.assert_allclose(predicted[below], table.s[below], rtol=5e-3, atol=1e-6)
 
 
+@pytest.mark.parametrize(("along_y", "along_z"), [(0.001, 0.0), (0.0085, 0.02), (0.02, 0.16)])
+def test_small_bow_is_followed_across_its_knee(machine, along_y, along_z):
+    # behind the straight bar's critical point the shortening bends it to w = 2/π √(L Δs), and P = P_c (1 − a/w)
+    straight = tabulate(machine, HalfRay("A", BACK, 4.0), pulls=False)
+    bowed_one = tabulate(replace(machine, bow=(("link", along_y, along_z),)), HalfRay("A", BACK, 4.0), pulls=False)
+    s = np.array([3.2, 3.6, 4.0])
+    P, Q = straight.at(s)[0][:, 0], bowed_one.at(s)[0][:, 0]
+    w = 2.0 / np.pi * np.sqrt(310.0 * (s - straight.bifurcation))
+    # of the deficit: terms of (w/L)², and what the tables allow, 0.05 N of the least, 0.8 N
+    np.testing.assert_allclose(1.0 - Q / P, along_y / w, rtol=0.07)
+
+
 def test_bow_keeps_the_ends_in_place(machine):
     model = machine.engine.model(machine.nominal)
     x = bowed(model, "A", (("link", 0.7, -0.3),))

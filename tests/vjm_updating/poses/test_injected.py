@@ -130,6 +130,8 @@ def test_strangers_are_not_explained(cause, tmp_path):
     [
         (lambda q, y: (np.degrees(q), y), ["in degrees", "0.0174533"]),
         (lambda q, y: (q, y / 1000.0), ["in metres", "by 1000"]),
+        (lambda q, y: (q, y / 304.8), ["in feet", "by 304.8"]),
+        (lambda q, y: (q, 0.0 * y), ["all the same"]),
         (lambda q, y: (q[:6], y[:6]), ["6 different postures", "9 unknowns"]),
         (lambda q, y: (np.repeat(q[:5], 20, axis=0), np.repeat(y[:5], 20, axis=0)), ["5 different postures"]),
     ],
@@ -153,7 +155,10 @@ def _exchanged(q):
     [
         (lambda q, y: (q * [1.0, 1.0, -1.0, 1.0, 1.0, 1.0], y), "joint_sign.joint-3"),
         (lambda q, y: (_exchanged(q), y), "joints_swapped.joint-2.joint-3"),
+        (lambda q, y: (q + 0.5 * np.pi * np.eye(6)[2], y), "joint_zero.joint-3"),
         (lambda q, y: (q, y[:, [1, 0, 2]]), "tracker_mirrored"),
+        (lambda q, y: (q, y / 10.0), "positions_in_centimetres"),
+        (lambda q, y: (q, np.roll(y, 1, axis=0)), "positions_shifted.1"),
         (lambda q, y: (q, y + np.where(np.arange(120) < 60, 0.0, 1.0)[:, None] * [1.5, -1.0, 0.5]), "tracker_jump"),
     ],
 )
@@ -165,6 +170,32 @@ def test_bad_data_are_named(spoil, name, postures, compliant, tmp_path):
     )
     assert found.verdict == "unknown"
     assert [row.found.partition(":")[0] for row in found.doubts if row.grade == "doubtful"] == [name]
+
+
+def test_a_jump_is_told_in_full(postures, compliant, tmp_path):
+    step = np.array([1.5, -1.0, 0.5])
+    y = compliant[1] + np.where(np.arange(120) < 60, 0.0, 1.0)[:, None] * step
+    found = diagnose_poses(*files(tmp_path, UR10, postures, y), tmp_path / "out", only=("joint_compliance",))
+    said = next(row.found for row in found.doubts if row.found.startswith("tracker_jump"))
+    told = [float(word) for word in said[said.index("(") + 1 : said.index(")")].split(",")]
+    # means of 60 readings of 0.05 mm differ by 0.009 mm; frames take a part of what their means show away
+    assert told == pytest.approx(step, abs=0.04)
+
+
+def test_an_outlier_is_left_out_and_said(postures, compliant, diagnosed, tmp_path):
+    y = compliant[1].copy()
+    y[7, 0] += 1000.0
+    found = diagnose_poses(*files(tmp_path, UR10, postures, y), tmp_path / "out", only=("joint_compliance",))
+    assert [(row.where, row.grade) for row in found.doubts] == [("readings.csv, row 9", "noted")]
+    assert (found.verdict, found.causes) == ("named", ["joint_compliance"])
+    assert found.after.random_mm == pytest.approx(diagnosed[0].after.random_mm, rel=0.02)  # one reading of 120
+
+
+def test_a_weight_that_points_the_other_way_is_doubted(postures, compliant, tmp_path):
+    data, sheet = files(tmp_path, UR10, postures, compliant[1])
+    sheet.write_text(sheet.read_text().replace("-9.81", "9.81"))
+    found = diagnose_poses(data, sheet, tmp_path / "out", only=("frame_error", "joint_compliance"))
+    assert ["against the weight" in row.found for row in found.doubts] == [True]
 
 
 def test_strict_refuses_a_flipped_joint(postures, compliant, tmp_path):

@@ -67,6 +67,11 @@ CSV = "joint-1.q_rad,joint-2.q_rad,target.x_mm,target.y_mm,target.z_mm\n0.1,0.2,
         (CSV.replace("target.x_mm,", "tarket.x_mm,"), None, "no marker 'tarket': add [markers.tarket]"),
         (CSV.replace("0.1,0.2", "0.1,x"), None, "row 2, column joint-2.q_rad: 'x' is no number"),
         (CSV.replace("0.1,0.2", "0.1,"), None, "no row has all joints and a marker"),
+        (
+            CSV.replace("z_mm", "z_mm,target.x_std_mm").replace("1,2,3", "1,2,3,-0.1"),
+            None,
+            "row 2, column target.x_std_mm: a standard deviation is not negative",
+        ),
         (CSV, ("noise_mm", "nose_mm"), "sheet.toml: "),
         (
             CSV,

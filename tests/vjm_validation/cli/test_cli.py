@@ -1,9 +1,4 @@
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import jsonschema
@@ -146,29 +141,3 @@ def test_the_printed_matrix_20_is_refused_with_both_entries(tmp_path):
         "as-printed.toml: part 'link': compliance is not symmetric: (2,6) = 1.1e-4 but (6,2) = 1.1e-3"
         in finished.err
     )
-
-
-def test_an_interrupted_run_keeps_what_is_done_and_goes_on(tmp_path):
-    folder = tmp_path / "run"
-    arguments = ["all", "--out", str(folder), "--jobs", "2", "--only", "chain", "--quick"]
-    command = [sys.executable, "-c", "from vjm_validation.cli.main import main; main()", *arguments]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    deadline = time.monotonic() + 120
-    while len(list(folder.glob("curves/*.csv"))) < 5:
-        assert process.poll() is None, "the run ended before it could be interrupted"
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-    # as Ctrl-C does: to the whole group in the foreground
-    os.killpg(process.pid, signal.SIGINT)
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert "interrupted; what is finished is in" in err
-    assert "Traceback" not in err
-    kept = {file: file.stat().st_mtime_ns for file in folder.glob("curves/*.csv")}
-    assert len(kept) >= 5
-    assert not list(folder.rglob(".*.csv.*")), "a half-written file was left behind"
-    assert not (folder / "summary.json").exists()
-    again = in_a_process(*arguments)
-    assert again.status == 0, again.err
-    assert (folder / "summary.json").exists()
-    assert all(file.stat().st_mtime_ns == stamp for file, stamp in kept.items())

@@ -16,6 +16,7 @@ MISTAKES = {
     "of segments by part": ("curve orthoglide-chain --to 1 --segments link=١٦", "no whole number"),
     "of a grid": ("map orthoglide --grid x=٠:٢:٣", "digits 0 to 9"),
     "an axis of a grid twice": ("map orthoglide --grid x=1,x=2", "x is given twice"),
+    "a word too many": ("check orthoglide-chain other.toml more", "other.toml more: nothing more is taken here"),
     "a number with underscores": ("stiffness orthoglide-chain --wrench 1_0,0,0,0,0,0", "six numbers"),
 }
 

@@ -48,7 +48,7 @@ def test_the_finding_counts_and_names_what_missed(checked):
     assert "column-pinned, vjm" in finding.sentences[-1]
 
 
-def test_the_page_has_the_chapter(checked, tmp_path):
+def test_the_page_has_the_chapter(checked, bare, tmp_path):
     page = write_report(checked, tmp_path).read_text()
     assert '<details class="chapter" id="verification">' in page
     assert (tmp_path / "figures" / "ladder.png").stat().st_size > 10_000

@@ -15,11 +15,24 @@ from vjm_validation.studies.sweeps import ENGINES
 ROOT = Path(__file__).parents[3]
 
 
-def test_it_ends_well_and_says_where_the_report_is(whole_run):
-    folder, finished = whole_run
+def test_it_ends_well_and_says_where_the_report_is(finished_run):
+    folder, finished = finished_run
     assert finished.status == 0, finished.err
     assert f"report: {folder / 'index.html'}" in finished.out
     assert (folder / "index.html").stat().st_size > 100_000
+
+
+def test_an_interrupted_run_keeps_what_is_done_and_goes_on(interrupted_run):
+    run = interrupted_run
+    assert run.status == 130
+    assert "interrupted; what is finished is in" in run.err
+    assert "Traceback" not in run.err
+    assert len(run.kept) >= 5
+    assert run.unfinished == []
+    assert not run.summarised
+    assert run.again.status == 0, run.again.err
+    assert (run.folder / "summary.json").exists()
+    assert all(file.stat().st_mtime_ns == stamp for file, stamp in run.kept.items())
 
 
 def test_the_summary_keeps_to_the_published_schema(summary):
@@ -28,8 +41,8 @@ def test_the_summary_keeps_to_the_published_schema(summary):
     jsonschema.validate(summary, published)
 
 
-def test_every_engine_has_every_path(whole_run, summary):
-    folder, _ = whole_run
+def test_every_engine_has_every_path(finished_run, summary):
+    folder, _ = finished_run
     for posture in "ABCD":
         for direction in ("tension", "compression"):
             assert set(summary["chain"][posture][direction]) == set(ENGINES)
@@ -147,8 +160,9 @@ def test_iterations_contract_by_the_force_over_the_critical_force(summary):
     assert all(row["paper"] is not None for row in rows if row["posture"] == "B")
 
 
-def test_the_printed_matrices_are_examined(summary):
-    found = summary["matrices"]
+@pytest.mark.slow
+def test_the_printed_matrices_are_examined(whole_summary):
+    found = whole_summary["matrices"]
     assert any("misprint: (2,6)" in line for line in found["bar"]["findings"])
     assert any("rigid offset" in line and "meets every entry" in line for line in found["foot"]["findings"])
     table = found["table2"]
@@ -156,9 +170,10 @@ def test_the_printed_matrices_are_examined(summary):
     assert {"B K3", "D K3"} <= set(table["agreements"][-1]["not_met"])
 
 
-def test_whole_robots_are_in_the_summary(summary):
-    found = summary["robots"]
+@pytest.mark.slow
+def test_whole_robots_are_in_the_summary(whole_summary):
+    found = whole_summary["robots"]
     assert {row["robot"] for row in found["stiffness"]} == {"orthoglide", "3-puu", "delta", "par2"}
     # a second finite element program is asked where it is installed
     assert len([row for row in found["critical"] if row["engine"] != "opensees"]) == 24
-    assert any(row["name"] == "robots: critical forces" for row in summary["acceptance"])
+    assert any(row["name"] == "robots: critical forces" for row in whole_summary["acceptance"])

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from vjm import __version__
 from vjm.errors import NoConvergenceError
@@ -133,6 +133,11 @@ def run(arguments: Sequence[str]) -> int:
         return BAD_INPUT
     try:
         result = app(arguments, exit_on_error=False, print_error=False)
+    except UnusedCliTokensError as error:
+        command = " ".join(["validate", *(error.command_chain or ())])
+        words = " ".join(error.unused_tokens or ())
+        terminal.error(f"{words}: nothing more is taken here; `{command} --help` shows the options")
+        return BAD_INPUT
     except CycloptsError as error:
         # its own error stands before that of a command's module which it could not import
         terminal.error(lacking(error) or " ".join(str(error).split()))

@@ -1,0 +1,16 @@
+"""Compile the injector's kernels into the cache beside them: ``python -m hidden_effects.warm_up``.
+
+It takes a minute. `make test` does it once, while the types are checked; else each of its processes would.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hidden_effects.machine import Machine
+from vjm.io.model_file import load_chain
+
+if __name__ == "__main__":
+    pull = np.zeros((1, 6))
+    pull[:, 0] = 0.01
+    Machine(load_chain("orthoglide-chain")).readings("A", pull)
