@@ -43,7 +43,7 @@ def check_(model: Model, *, strict: Strict = False) -> int:
 
 def _unreached(machine: Manipulator) -> list[str]:
     """Why the rigid machine does not close at home, or which of its poses it cannot take."""
-    lines = {}
+    lines: dict[str, None] = {}
     for pose in machine.poses.values():
         try:
             inverse_kinematics(machine, pose)
