@@ -9,47 +9,25 @@ of stress.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from vjm.continuation.path import StationLabel
 from vjm.model.chain import FOOT, Chain
-from vjm.model.joints import ElementarySpring, HeldJoint, elementary_springs
+from vjm.model.joints import ActuatedJoint, ElementarySpring, HeldJoint, elementary_springs
 from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
 from vjm.rotations import Array, frame, inverse_frame, translation, turn
 from vjm_fea.common.end_condition import joint_axes
 from vjm_fea.common.mesh import Mesh, lumped_mass
 from vjm_fea.common.points import NO_POINTS, Piece, Place, find
 from vjm_fea.common.quaternions import quaternion
+from vjm_fea.exudyn.assembly import Assembly
 from vjm_fea.exudyn.backend import Item, exu, items
+from vjm_fea.exudyn.bodies import Rigid, Station
 from vjm_fea.exudyn.joint_kinds import PRISMATIC, REVOLUTE, UNIVERSAL, axes_with, crossing
-
-
-@dataclass(frozen=True)
-class Rigid:
-    """A rigid piece.
-
-    Attributes:
-        node: index of its node, −1 for the ground.
-        item: number of the object that carries markers.
-        reference: frame ``(4, 4)`` of the node in the reference configuration.
-    """
-
-    node: int
-    item: Item
-    reference: Array
-
-
-@dataclass(frozen=True)
-class Station:
-    """A material point of which the shape is made: ``offset`` ``(3,)`` mm in the axes of the node."""
-
-    label: StationLabel
-    node: int
-    offset: Array
-
+from vjm_fea.exudyn.matrix_spring import MatrixSpring, is_coupled
 
 Connect = Callable[[Item], None]
 """Closes a joint that is open at its far side, given the marker there."""
@@ -59,13 +37,14 @@ class ExudynSystem:
     """The assembled system and where things are in it.
 
     Attributes:
-        mbs: Exudyn's main system.
+        assembly: the systems of Exudyn.
         reference: coordinates ``(n, 7)`` of the nodes in the reference configuration: position in mm, unit
             quaternion.
         connected: nodes on which joints or springs act, increasing.
         leaders: ``(n,)`` for every node the one that leads its rigid piece, −1 on the ground.
         stations: in the order along the chain.
         pieces: where points and masses are.
+        springs: of six directions, which stand beside Exudyn.
         tool: node of the end-effector, in the world's axes in the reference configuration.
         end_condition: node of the support of the end-effector; the same where nothing of its pose is free.
         end: frame ``(4, 4)`` of the end-effector in the reference configuration.
@@ -73,16 +52,14 @@ class ExudynSystem:
 
     def _begin(self, mesh: Mesh) -> None:
         """An empty system, to be filled with bodies."""
-        exu.config.printToConsole = False
-        # the container owns the system: without it the system dies
-        self._container = exu.SystemContainer()
-        self.mbs = self._container.AddSystem()
+        self.assembly = Assembly()
         self.mesh = mesh
         self._frames: list[Array] = []
         self._connected: set[int] = set()
         self._locked: list[tuple[int, int]] = []
         self.stations: list[Station] = []
         self.pieces: list[Piece] = []
+        self.springs: list[MatrixSpring] = []
         self._waiting: list[Callable[[], None]] = []
 
     def __init__(
@@ -109,11 +86,10 @@ class ExudynSystem:
             raise ValueError(
                 f"{chain.name}: {len(chain.joints)} passive joints but {len(q)} coordinates in the posture"
             )
-        chain.refuse_tree("exudyn")
         self._begin(mesh)
         self._chain, self._points = chain, points
         self._frame = chain.base
-        self._rigid = Rigid(-1, self.mbs.AddObject(items.ObjectGround()), np.eye(4))
+        self._rigid = Rigid(-1, self.assembly.rigid(items.ObjectGround()), np.eye(4))
         self._open: Connect | None = None
         angles = iter(np.asarray(q, dtype=float))
         parts = list(chain.parts)
@@ -135,7 +111,7 @@ class ExudynSystem:
         self.connected = sorted(self._connected)
         self.leaders = self._groups()
         self.pieces = [replace(p, body=self._leader(p.body)) for p in self.pieces]
-        self.mbs.Assemble()
+        self.assembly.close()
 
     # --- parts --------------------------------------------------------------------------------------------
 
@@ -151,6 +127,9 @@ class ExudynSystem:
                     self._add_drive(part)
             case HeldJoint():
                 self._frame = self._frame @ part.motion(part.held_at)
+                if isinstance(part, ActuatedJoint) and is_coupled(part.matrix):
+                    self._add_matrix(part.matrix)
+                    return
                 for spring in elementary_springs(part, "exudyn"):
                     self._add_sprung(spring)
             case Beam() if self.mesh.foot_spring and part.name == FOOT:
@@ -172,7 +151,7 @@ class ExudynSystem:
             data.stiffnessMatrix = self.mesh.section_stiffness(section, h, beam.name)
             T = root @ translation([stop * beam.length, 0.0, 0.0])
             following = self._node(T)
-            self.mbs.AddObject(
+            self.assembly.beam(
                 items.ObjectBeamGeometricallyExact(nodeNumbers=[node, following], length=h, sectionData=data)
             )
             node = following
@@ -207,7 +186,7 @@ class ExudynSystem:
         stiffness = np.linalg.inv(compliance)
 
         def connect(behind: Item) -> None:
-            self.mbs.AddObject(
+            self.assembly.rigid(
                 items.RigidBodySpringDamper(
                     markerNumbers=[before, behind], stiffness=stiffness, useIntrinsicFormulation=True
                 )
@@ -223,7 +202,7 @@ class ExudynSystem:
 
         def connect(behind: Item) -> None:
             self._joint(before, behind, PRISMATIC)
-            self.mbs.AddObject(
+            self.assembly.rigid(
                 items.RigidBodySpringDamper(
                     markerNumbers=[before, behind], stiffness=np.diag([1.0 / drive.compliance] + [0.0] * 5)
                 )
@@ -241,11 +220,23 @@ class ExudynSystem:
 
         def connect(behind: Item) -> None:
             self._joint(before, behind, PRISMATIC if spring.slides else REVOLUTE)
-            self.mbs.AddObject(
+            self.assembly.rigid(
                 items.RigidBodySpringDamper(
                     markerNumbers=[before, behind], stiffness=np.diag(stiffness), offset=offset.tolist()
                 )
             )  # fmt: skip
+
+        self._leave_open(at, connect)
+
+    def _add_matrix(self, compliance: Array) -> None:
+        """A spring of six directions in the axes of the chain frame."""
+        before, at = self._at(), self._frame
+
+        def connect(_: Item) -> None:
+            pair = (before, self._rigid)
+            frames = np.array([inverse_frame(rigid.reference) @ at for rigid in pair])
+            stiffness = np.asarray(np.linalg.inv(compliance), dtype=float)
+            self.springs.append(MatrixSpring((pair[0].node, pair[1].node), frames, stiffness))
 
         self._leave_open(at, connect)
 
@@ -317,7 +308,7 @@ class ExudynSystem:
         return leader if leader >= 0 else None
 
     def _node(self, T: Array) -> int:
-        self.mbs.AddNode(
+        self.assembly.node(
             items.NodeRigidBodyEP(
                 referenceCoordinates=[*T[:3, 3], *quaternion(T[:3, :3])],
                 # unit quaternions are kept by the solver, which turns them by rotation vectors
@@ -329,7 +320,7 @@ class ExudynSystem:
 
     def _carrier(self, node: int, T: Array) -> Rigid:
         # statics: the mass means nothing, but Exudyn wants one
-        item = self.mbs.AddObject(items.ObjectRigidBody(mass=1.0, inertia=[1, 1, 1, 0, 0, 0], nodeNumber=node))
+        item = self.assembly.rigid(items.ObjectRigidBody(mass=1.0, inertia=[1, 1, 1, 0, 0, 0], nodeNumber=node))
         return Rigid(node, item, T)
 
     def _marker(self, rigid: Rigid, T: Array) -> Item:
@@ -337,14 +328,14 @@ class ExudynSystem:
         local = inverse_frame(rigid.reference) @ T
         if rigid.node >= 0:
             self._connected.add(rigid.node)
-        return self.mbs.AddMarker(
+        return self.assembly.marker(
             items.MarkerBodyRigid(
                 bodyNumber=rigid.item, localHT=exu.HT(rotation=local[:3, :3], translation=local[:3, 3])
             )
         )
 
     def _joint(self, before: Item, behind: Item, constrained: tuple[int, ...]) -> None:
-        self.mbs.AddObject(
+        self.assembly.rigid(
             items.GenericJoint(
                 markerNumbers=[before, behind], constrainedAxes=list(constrained)
             )

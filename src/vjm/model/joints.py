@@ -188,7 +188,8 @@ def elementary_springs(joint: HeldJoint, engine: str) -> list[ElementarySpring]:
         case ActuatedJoint(matrix=matrix) if matrix is not None:
             if np.any(matrix - np.diag(np.diag(matrix))):
                 raise ValueError(
-                    f"joint '{joint.name}': {engine} takes a 6×6 compliance of a joint only if diagonal"
+                    f"joint '{joint.name}': {engine} takes a 6×6 compliance of a joint with rigid directions only "
+                    "if it is diagonal"
                 )
             return [
                 ElementarySpring(np.eye(3)[k % 3], k < 3, float(c))
