@@ -14,9 +14,15 @@ def main() -> int:
     """Number of wrong answers, at most 1."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 3600.0
     first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
-    end, seed, wrong = time.monotonic() + seconds, first, 0
+    seed, wrong = first, 0
     with tempfile.TemporaryDirectory() as folder:
         prepare(Path(folder))
+        # kernels are compiled once, before anything is timed
+        for subject in subjects():
+            file = Path(folder) / subject.name
+            file.write_bytes(subject.content)
+            subject.load(file)
+        end = time.monotonic() + seconds
         while time.monotonic() < end:
             for subject in subjects():
                 said = answer(subject, seed, Path(folder))

@@ -15,6 +15,7 @@ ODD_NUMBERS = (
 ODD_TEXT = (
     b"\x00", b"\xff\xfe", b"\xef\xbb\xbf", b"\r", b"[" * 2000, b'"' * 3, b"<img src=x onerror=alert(1)>",
     "é\u202e\U0001f600".encode(), b"../../etc/passwd", b"%s%n", b"x" * 20000, b"#", b"=", b"\n[parts]\n",
+    b"\na" + b".a" * 60000 + b" = 1\n", b"\n[" + b"a." * 5000 + b"a]\n",
 )  # fmt: skip
 
 

@@ -13,8 +13,8 @@ from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.parts import Beam, PassiveJoint, Section
 from vjm.rotations import AXES, displaced, frame, rotation_from_vector
-from vjm_fea import ExudynEngine
 from vjm_fea.exudyn.backend import exu, items
+from vjm_fea.exudyn.engine import ExudynEngine
 
 LENGTH = 310.0
 EA, EIY, EIZ, GJ = 6.74e6, 2.07e8, 4.3e7, 1.07e7

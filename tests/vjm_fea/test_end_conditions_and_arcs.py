@@ -14,7 +14,7 @@ from vjm.model.load_case import ARC, COMPONENTS, Load, LoadCase, PointControl
 from vjm.model.parts import Beam, PassiveJoint, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, turn
 from vjm.vjm_engine import VjmEngine
-from vjm_fea import ExudynEngine
+from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_fea.exudyn.statics import Statics
 from vjm_fea.opensees import OpenSeesEngine, available
 from vjm_validation.exact import arches

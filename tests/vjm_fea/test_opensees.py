@@ -12,7 +12,7 @@ from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.parts import Beam, PassiveJoint, Section
 from vjm.rotations import AXES
-from vjm_fea import ExudynEngine
+from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_fea.opensees import OpenSeesEngine, available
 from vjm_fea.opensees.beams import Element
 

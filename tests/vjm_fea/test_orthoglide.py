@@ -9,7 +9,7 @@ import pytest
 
 from vjm.continuation.path import EventKind
 from vjm.model.load_case import LoadCase
-from vjm_fea import ExudynEngine
+from vjm_fea.exudyn.engine import ExudynEngine
 
 BEAM, SPRING = ExudynEngine(), ExudynEngine(foot_spring=True)
 ENGINES = {engine.label: engine for engine in (BEAM, SPRING)}

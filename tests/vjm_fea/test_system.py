@@ -12,8 +12,8 @@ from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.model.parts import Actuator, Beam, PassiveJoint, Section
 from vjm.rotations import rotation_from_vector
-from vjm_fea import ExudynEngine
 from vjm_fea.common.quaternions import quaternion, rotation_matrices
+from vjm_fea.exudyn.engine import ExudynEngine
 
 from .odd_parts import OddParts
 

@@ -220,8 +220,10 @@ def _opened(gmsh: Any, path: Path, scale: float) -> Drawing:  # noqa: ANN401
         raise ValueError(f"{path.name}: cannot be read as {kind[1:].upper()}: {_said(error)}") from error
     if kind in (".stl", ".msh") and scale != 1.0:
         gmsh.model.mesh.affineTransform([scale, 0, 0, 0, 0, scale, 0, 0, 0, 0, scale, 0])
-    volume = _closed(gmsh, path.name) if kind == ".stl" else 0.0
-    if kind in (".stl", ".msh"):
+    meshed = kind in (".stl", ".msh")
+    if kind == ".stl":
+        _close(gmsh, path.name)
+    if meshed:
         check_one_mesh(gmsh, path.name, kind)
     else:
         one_body(gmsh, path.name)
@@ -232,24 +234,23 @@ def _opened(gmsh: Any, path: Path, scale: float) -> Drawing:  # noqa: ANN401
         tags, _ = gmsh.model.mesh.getElementsByType(TETRAHEDRON4)
         if not len(tags):
             raise ValueError(f"{path.name}: holds no four-node tetrahedra: save the mesh with order 1")
-        volume = float(np.sum(gmsh.model.mesh.getElementQualities(tags, "volume")))
     elif kind == ".stl":
         _fill(gmsh, path.name)
     else:
         _mesh_faces(gmsh, path.name, size)
-    faces = [_face(gmsh, int(tag)) for _, tag in gmsh.model.getEntities(2)]
+    faces = [_face(gmsh, int(tag), meshed=meshed) for _, tag in gmsh.model.getEntities(2)]
     if kind in (".step", ".stp"):
         names = _step_names(path)
         if len(names) == len(faces):
             faces = [replace(face, name=face.name or name) for face, name in zip(faces, names, strict=True)]
-    if kind in (".step", ".stp", ".brep"):
+    if meshed:
+        # of the tetrahedra: triangles may be turned inside out
+        tags, _ = gmsh.model.mesh.getElementsByType(TETRAHEDRON4)
+        volume = float(np.sum(gmsh.model.mesh.getElementQualities(tags, "volume")))
+    else:
         volume = sum(float(gmsh.model.occ.getMass(3, tag)) for _, tag in gmsh.model.getEntities(3))
-    edges = (
-        []
-        if kind in (".stl", ".msh")
-        else re_entrant_edges(gmsh, np.concatenate([face.triangles for face in faces]))
-    )
-    return Drawing(gmsh, path.name, faces, size, volume, edges, kind in (".stl", ".msh"))
+    edges = [] if meshed else re_entrant_edges(gmsh, np.concatenate([face.triangles for face in faces]))
+    return Drawing(gmsh, path.name, faces, size, volume, edges, meshed)
 
 
 def _fill(gmsh: Any, name: str) -> None:  # noqa: ANN401
@@ -299,8 +300,8 @@ def _check_size(name: str, size: float) -> None:
         )
 
 
-def _closed(gmsh: Any, name: str) -> float:  # noqa: ANN401
-    """Make a solid of an STL's triangles; returns its volume, mm³.
+def _close(gmsh: Any, name: str) -> None:  # noqa: ANN401
+    """Make a solid of an STL's triangles.
 
     Raises:
         ValueError: it is open; says how many edges are.
@@ -322,14 +323,10 @@ def _closed(gmsh: Any, name: str) -> float:  # noqa: ANN401
     surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
     gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop(surfaces)])
     gmsh.model.geo.synchronize()
-    tags, coordinates, _ = gmsh.model.mesh.getNodes()
-    place = {int(tag): i for i, tag in enumerate(tags)}
-    a, b, c = np.asarray(coordinates).reshape(-1, 3)[np.vectorize(place.__getitem__)(triangles)].swapaxes(0, 1)
-    return abs(float(np.sum(a * np.cross(b, c)))) / 6.0
 
 
-def _face(gmsh: Any, tag: int) -> Face:  # noqa: ANN401
-    """A face with the triangles of the coarse mesh."""
+def _face(gmsh: Any, tag: int, *, meshed: bool) -> Face:  # noqa: ANN401
+    """A face with the triangles of the coarse mesh; area and centre are exact where the drawing is no mesh."""
     corners = []
     for kind, count in ((TRIANGLE3, 3), (TRIANGLE6, 6)):
         _, nodes = gmsh.model.mesh.getElementsByType(kind, tag)
@@ -343,8 +340,12 @@ def _face(gmsh: Any, tag: int) -> Face:  # noqa: ANN401
     areas = 0.5 * np.linalg.norm(
         np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1
     )
-    area = float(areas.sum())
-    centre = (areas[:, None] * triangles.mean(axis=1)).sum(axis=0) / max(area, 1e-300)
+    if meshed:
+        area = float(areas.sum())
+        centre = (areas[:, None] * triangles.mean(axis=1)).sum(axis=0) / max(area, 1e-300)
+    else:
+        area = float(gmsh.model.occ.getMass(2, tag))
+        centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
     name = str(gmsh.model.getEntityName(2, tag)).rpartition("/")[2]
     groups = [gmsh.model.getPhysicalName(2, one) for one in gmsh.model.getPhysicalGroupsForEntity(2, tag)]
     every = triangles.reshape(-1, 3)

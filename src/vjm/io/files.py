@@ -37,7 +37,12 @@ def write_together(contents: Mapping[Path, str | bytes]) -> None:
     """
     written: list[tuple[str, Path]] = []
     try:
-        for path, content in contents.items():
+        for name, content in contents.items():
+            if name.exists() and not name.is_file() and not name.is_dir():
+                _pour(name, content)
+                continue
+            # a link stays, and what it leads to is written
+            path = Path(os.path.realpath(name))
             path.parent.mkdir(parents=True, exist_ok=True)
             handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=UNFINISHED)
             written.append((temporary, path))
@@ -56,8 +61,22 @@ def write_together(contents: Mapping[Path, str | bytes]) -> None:
         for temporary, _ in written:
             with suppress(FileNotFoundError):
                 os.unlink(temporary)
-        if isinstance(failure, OSError) and failure.filename is None:
+        if isinstance(failure, OSError) and failure.filename is None and written:
             failure.filename = str(written[-1][1])
+        raise
+
+
+def _pour(device: Path, content: str | bytes) -> None:
+    """Write to a device or a pipe, which cannot be put in place whole.
+
+    Raises:
+        OSError: it takes no more.
+    """
+    try:
+        with device.open("wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
+    except OSError as failure:
+        failure.filename = failure.filename or str(device)
         raise
 
 

@@ -15,9 +15,10 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pydantic
-from pydantic import Field, StringConstraints
+from pydantic import Field, StringConstraints, model_validator
 
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
+from vjm.io.joint_tables import LARGEST_TURN
 from vjm.io.model_file import Entry, ModelDocument, _parse, build_chain, library, read_document
 from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM, rotation
 from vjm.io.sections import Table
@@ -70,6 +71,13 @@ class Workspace(Table):
     source: str = ""
     min_mm: VectorMM
     max_mm: VectorMM
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Workspace:
+        for axis, low, high in zip("xyz", self.min_mm, self.max_mm, strict=True):
+            if low > high:
+                raise ValueError(f"min_mm = {low:g} along {axis} is above max_mm = {high:g}: are they swapped?")
+        return self
 
 
 class ManipulatorFile(Table):
@@ -281,6 +289,9 @@ def _posture(table: LegTable, chain: Chain) -> Array:
 def _pose(label: str, numbers: list[float]) -> Array:
     if len(numbers) not in (3, 6):
         raise ValueError(f"pose '{label}' must have 3 entries (mm) or 6 (mm, rad), got {len(numbers)}")
+    far = next((turn for turn in numbers[3:] if abs(turn) > LARGEST_TURN), None)
+    if far is not None:
+        raise ValueError(f"pose '{label}': a turn of {far:g} rad is beyond ±2π: is it in degrees?")
     return np.array(numbers + [0.0] * (6 - len(numbers)), dtype=float)
 
 

@@ -6,7 +6,6 @@ The format is described in `vjm.io.schema`, and by example in the library's ``or
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from collections.abc import Mapping
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -18,6 +17,7 @@ import pydantic
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
 from vjm.io.schema import ModelFile, known_keys
 from vjm.io.solid_compliance import expanded, solid_key_schema
+from vjm.io.toml_parsing import parse_toml
 from vjm.model.chain import Chain
 
 __all__ = [
@@ -149,7 +149,7 @@ def _parse(file: str, raw: bytes) -> ModelDocument:
     if not text.strip():
         raise ModelFileError(f"{file}: the file is empty; start from the library's orthoglide-chain.toml")
     try:
-        content = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
+        content = parse_toml(text)
+    except ValueError as error:
         raise ModelFileError(f"{file}: not valid TOML: {' '.join(str(error).split())}") from error
     return ModelDocument(file, content, hashlib.sha256(raw).hexdigest())

@@ -12,6 +12,15 @@ from typing import Any
 
 import numpy as np
 
+from vjm.io.beam_plausibility import (
+    Found,
+    area_of,
+    length_of,
+    mass_of,
+    materials,
+    sections,
+    stubby,
+)
 from vjm.io.drawn_plausibility import drawings
 from vjm.io.errors import printed
 from vjm.io.fields import Turns
@@ -30,25 +39,19 @@ from vjm.io.manipulator_file import KIND, ManipulatorFile, leg_documents
 from vjm.io.matrix_plausibility import matrices
 from vjm.io.model_file import read_document
 from vjm.io.schema import BeamTable, ModelFile
-from vjm.io.sections import Shape, StiffnessSection
 from vjm.model.parts import Beam
 
-SOFTEST, STIFFEST = 300.0, 1.3e6
-"""MPa; Young's modulus that a section implies. Thin tubes of plastic have 300, as the modulus is smeared
-over their outline; solid steel in kN has 210. Diamond has 1.2e6."""
-TORSION = (0.003, 0.6)
-"""GJ over the smaller EI, and over their sum: an I-beam with flanges of a twentieth of their width has 0.004; an
-isotropic section that narrows when pulled has at most 0.5."""
-SPRING = 0.02
-"""Length of a beam over that of the machine up to which it may stand for the spring of a joint."""
-TINY_MM, LEAST_MM = 0.5, 1e-3
-"""Lengths of a vector between which it is taken for metres: 500 mm, and 1 mm, the least that a link has. What is
-shorter still is no length in any unit, but what a fit leaves of a zero."""
+TINY_MM, TINY_INSIDE_MM, LEAST_MM = 2.0, 0.5, 1e-3
+"""Lengths of vectors below which they are taken for metres, from part to part and within one, and above which: 1 mm
+is the least that a link has. What is shorter still is no length in any unit, but what a fit leaves of a zero."""
+SMALLEST_MM = 10.0
+"""Of a machine, all its parts together: below it is taken for metres."""
 ODD_DRIVES = {"mm/N": (1e-8, 0.1), "rad/(N mm)": (1e-14, 1e-3)}
 """Compliances of drives outside: a block of steel of 1 m² is 5e-8 mm/N over 1 cm; a drive of 0.1 mm/N moves by 1 mm
 under 10 N, and one of 1e-3 rad/(N mm) by a radian under 1 N at 1 m."""
-SAG = 0.5
-"""Turn of a joint under the weight of what it carries, rad, stretched out: no arm sags by a tenth of it."""
+SAG = 0.1
+"""Turn of a joint or a beam under the weight of what it carries, rad, stretched out: a tip that falls by a tenth of
+its reach. Arms are made for a hundredth of it."""
 WEIGHT = 9.81
 DENSEST, LIGHTEST, IMPOSSIBLE = 25000.0, 10.0, 2.5e5
 """kg/m³: above osmium, below foam; ten times osmium, which no fittings explain."""
@@ -61,7 +64,6 @@ NICE = 0.007
 FOLDED = 2.0
 """rad; passive joints of spatial mechanisms end at 1.6 (a right angle), most at 0.8."""
 
-Found = tuple[Grade, str, str]
 Rule = Callable[[ModelFile], Iterator[Found]]
 
 
@@ -97,6 +99,10 @@ def model_findings(content: Mapping[str, Any], file: str) -> list[Finding]:
 def _machine(content: Mapping[str, Any]) -> Iterator[Found]:
     """Of a manipulator: how its legs stand, and how far its drives go."""
     table = ManipulatorFile.model_validate(content)
+    if (box := table.workspace) is not None:
+        yield from _tiny("[workspace]", (np.array(box.max_mm) - np.array(box.min_mm)).tolist())
+    for label, pose in table.poses.items():
+        yield from _tiny(f"pose '{label}'", pose[:3], TINY_INSIDE_MM)
     for leg in table.legs:
         where = f"leg '{leg.name}'"
         yield from _turned(f"{where}, base", leg.base.turns)
@@ -107,91 +113,9 @@ def _machine(content: Mapping[str, Any]) -> Iterator[Found]:
             yield from _tiny(f"{where}, {name}.position_mm", place.position_mm)
 
 
-def _beams(model: ModelFile) -> Iterator[tuple[BeamTable, Beam]]:
-    return ((part, part.part()) for part in model.parts if isinstance(part, BeamTable))
-
-
-def materials(model: ModelFile) -> Iterator[Found]:
-    """Poisson's ratios that hardly a solid has, and masses that no volume holds."""
-    for table, _ in _beams(model):
-        section, where = table.section, f"part '{table.name}'"
-        if not isinstance(section, Shape):
-            continue
-        ratio = section.poissons_ratio
-        if ratio is not None and ratio < 0.0:
-            yield (
-                Grade.DOUBTFUL,
-                f"{where}, section.poissons_ratio",
-                f"{printed(ratio)} is negative, which only foams have (steel 0.3): was the sign meant?",
-            )
-        E, G = section.youngs_modulus_MPa, section.shear_modulus
-        if ratio is None and not E / 60.0 <= G <= 0.5 * E:
-            yield (
-                Grade.DOUBTFUL,
-                f"{where}, section.shear_modulus_MPa",
-                f"{printed(G)} is {printed(G / E, 2)} of youngs_modulus_MPa (metals 0.38): is one in another unit?",
-            )
-
-
-def sections(model: ModelFile) -> Iterator[Found]:
-    """Stiffnesses that no material gives a section of that size."""
-    for table, beam in _beams(model):
-        if not isinstance(table.section, StiffnessSection) or beam.section is None:
-            continue
-        where, s = f"part '{table.name}', section", beam.section
-        # EI/EA is the squared radius of gyration: a filled rectangle has the area 12 r_y r_z
-        modulus = s.EA**2 / (12.0 * float(np.sqrt(s.EIy * s.EIz)))
-        if not SOFTEST <= modulus <= STIFFEST:
-            small = modulus < SOFTEST
-            yield (
-                Grade.DOUBTFUL,
-                where,
-                f"EA and EI together imply a Young's modulus of {printed(modulus, 3)} MPa, "
-                f"{'softer than plastics' if small else 'stiffer than diamond'} (steel 2.1e5): "
-                f"{'is EA_N, or are all, in kN' if small else 'is EI in N m², or EA in mN'}? Give N and N mm²",
-            )
-        low, high = s.GJ / min(s.EIy, s.EIz), s.GJ / (s.EIy + s.EIz)
-        if low < TORSION[0] and modulus >= SOFTEST:
-            yield (
-                Grade.DOUBTFUL,
-                f"{where}.GJ_Nmm2",
-                f"{printed(s.GJ)} is {printed(low, 2)} of the smaller EI, which only thin open sections have: "
-                "is it in kN mm² or N m²? Give N mm²",
-            )
-        if high > TORSION[1]:
-            yield (
-                Grade.DOUBTFUL,
-                f"{where}.GJ_Nmm2",
-                f"{printed(s.GJ)} is {printed(high, 2)} of EIy + EIz; an isotropic section has at most 0.5: "
-                "is it in another unit?",
-            )
-
-
-def stubby(model: ModelFile) -> Iterator[Found]:
-    """Beams shorter than their radius of gyration: springs of joints in a longer machine, else in metres."""
-    made = [(table, beam) for table, beam in _beams(model) if beam.section is not None]
-    size = sum(_length(part.part()) for part in model.parts)
-    for table, beam in made:
-        s = beam.section
-        assert s is not None
-        gyration = float(np.sqrt(max(s.EIy, s.EIz) / s.EA))
-        if gyration <= beam.length:
-            continue
-        spring = beam.length < SPRING * size
-        yield (
-            Grade.NOTED if spring else Grade.DOUBTFUL,
-            f"part '{table.name}', length_mm",
-            f"{printed(beam.length)} is less than the section's radius of gyration √(EI/EA) of "
-            f"{printed(gyration, 3)} mm: "
-            + (
-                "it is a spring, and no beam" if spring else "is it in metres, or EI or EA in another unit? Give mm"
-            ),
-        )
-
-
-def _tiny(where: str, vector: list[float]) -> Iterator[Found]:
+def _tiny(where: str, vector: list[float], least: float = TINY_MM) -> Iterator[Found]:
     size = float(np.linalg.norm(vector))
-    if LEAST_MM <= size < TINY_MM:
+    if LEAST_MM <= size < least:
         yield Grade.DOUBTFUL, where, f"{vector} is {printed(size, 3)} mm long: is it in metres? Give mm"
 
 
@@ -210,21 +134,33 @@ def _bodies(model: ModelFile) -> dict[str, float]:
 
 
 def offsets(model: ModelFile) -> Iterator[Found]:
-    """Rigid arms of less than half a millimetre, which are metres.
+    """Rigid arms and whole machines so small that they are in metres, and masses far outside of the machine.
 
     Pieces of one rigid body come in one unit: beside a long piece a tiny one is a correction, such as calibrations
     write.
     """
+    size = sum(length_of(part.part()) for part in model.parts)
+    if 0.0 < size < SMALLEST_MM:
+        text = f"all parts together are {printed(size, 3)} mm long: is the machine in metres? Give mm"
+        yield Grade.DOUBTFUL, "[[parts]]", text
     yield from _tiny("[base] position_mm", model.base.position_mm)
     longest = _bodies(model)
     for part in model.parts:
         where = f"part '{part.name}'"
         if isinstance(part, BeamTable):
-            yield from _tiny(f"{where}, end_offset_mm", part.end_offset_mm)
+            yield from _tiny(f"{where}, end_offset_mm", part.end_offset_mm, TINY_INSIDE_MM)
         elif isinstance(part, Offset) and longest[part.name] < TINY_MM:
             yield from _tiny(f"{where}, translation_mm", part.translation_mm)
         if isinstance(part, Offset | PayloadTable) and part.centre_of_mass_mm is not None:
-            yield from _tiny(f"{where}, centre_of_mass_mm", part.centre_of_mass_mm)
+            yield from _tiny(f"{where}, centre_of_mass_mm", part.centre_of_mass_mm, TINY_INSIDE_MM)
+            away = float(np.linalg.norm(part.centre_of_mass_mm))
+            if away > size > 0.0:
+                yield (
+                    Grade.DOUBTFUL,
+                    f"{where}, centre_of_mass_mm",
+                    f"{part.centre_of_mass_mm} is {printed(away, 3)} mm away, on a machine whose parts are "
+                    f"{printed(size, 3)} mm long together: is it in another unit? Give mm",
+                )
 
 
 def drives(model: ModelFile) -> Iterator[Found]:
@@ -254,43 +190,66 @@ def drives(model: ModelFile) -> Iterator[Found]:
     yield from _sagging(model)
 
 
+def springs(model: ModelFile) -> Iterator[Found]:
+    """Springs of passive joints that are stiffer than any, or wound up by more than a turn."""
+    for part in model.parts:
+        if not isinstance(part, JointTable) or not part.stiffness:
+            continue
+        unit, key = ("mm/N", "stiffness_N_per_mm") if part.slides else ("rad/(N mm)", "stiffness_Nmm_per_rad")
+        if 1.0 / part.stiffness < ODD_DRIVES[unit][0]:
+            text = f"{printed(part.stiffness)} is stiffer than a block of steel: is it in another unit?"
+            yield Grade.DOUBTFUL, f"part '{part.name}', {key}", text
+        wound = abs(part.preload_Nmm) / part.stiffness
+        if not part.slides and wound > 2.0 * np.pi:
+            yield (
+                Grade.DOUBTFUL,
+                f"part '{part.name}', preload_Nmm",
+                f"{printed(part.preload_Nmm)} winds its spring up by {printed(wound, 3)} rad: is either in N m?",
+            )
+
+
 def _sagging(model: ModelFile) -> Iterator[Found]:
-    """Turning joints whose own compliance lets the arm behind them fall, stretched out as far as it goes."""
+    """Joints and beams whose own compliance lets the arm behind them fall, stretched out as far as it goes."""
     weight = torque = 0.0
     for part in reversed(model.parts):
         made = part.part()
-        if isinstance(part, ActuatedTable) and not part.slides and part.compliance_rad_per_Nmm:
-            sag = torque * part.compliance_rad_per_Nmm
+        step, own = length_of(made), mass_of(made) * WEIGHT
+        if isinstance(part, ActuatedTable | CoupledTable) and not part.slides:
+            given = {
+                "compliance_rad_per_Nmm": part.compliance_rad_per_Nmm,
+                "lateral_rad_per_Nmm": max(part.lateral_rad_per_Nmm),
+            }
+            for key, compliance in given.items():
+                if torque * compliance > SAG:
+                    yield (
+                        Grade.DOUBTFUL,
+                        f"part '{part.name}', {key}",
+                        f"{printed(compliance)} lets the arm sag by {printed(torque * compliance, 2)} rad under "
+                        "its own weight: is it in rad/(N m) or degrees, or a mass in g? Give rad/(N mm) and kg",
+                    )
+        elif isinstance(made, Beam) and made.section is not None:
+            # edgewise: a strip that bends in the horizontal plane alone is no mistake
+            EI = max(made.section.EIy, made.section.EIz) * made.count
+            sag = (torque + 0.5 * weight * step + own * step / 6.0) * step / EI
             if sag > SAG:
                 yield (
                     Grade.DOUBTFUL,
-                    f"part '{part.name}', compliance_rad_per_Nmm",
-                    f"{printed(part.compliance_rad_per_Nmm)} lets the arm sag by {printed(sag, 2)} rad under its "
-                    "own weight: is it in rad/(N m), or a mass in g? Give rad/(N mm) and kg",
+                    f"part '{part.name}', section",
+                    f"it bends by {printed(sag, 2)} rad under the weight of what it carries: is a length in cm "
+                    "or m, EI or a modulus in another unit, or a mass in g?",
                 )
-        step = _length(made)
-        mass = _mass(made)
-        torque += weight * step + mass * WEIGHT * 0.5 * step
-        weight += mass * WEIGHT
-
-
-def _length(made: object) -> float:
-    shift = made.tip if isinstance(made, Beam) else getattr(made, "transform", np.eye(4))[:3, 3]
-    return float(np.linalg.norm(shift))
-
-
-def _mass(made: object) -> float:
-    return float(getattr(made, "mass", 0.0))
+        torque += weight * step + 0.5 * own * step
+        weight += own
 
 
 def masses(model: ModelFile) -> Iterator[Found]:
     """Masses that the part's volume, or the machine's size, cannot hold."""
     made = [(part, part.part()) for part in model.parts]
-    size = sum(_length(one) for _, one in made)
+    size = sum(length_of(one) for _, one in made)
     for part, one in made:
-        where, mass = f"part '{part.name}', mass_kg", _mass(one)
+        where, mass = f"part '{part.name}', mass_kg", mass_of(one)
         if isinstance(part, BeamTable) and part.mass_kg and isinstance(one, Beam) and one.section is not None:
-            volume = one.count * one.length * _area(part, one)
+            volume = one.count * one.length * area_of(part, one)
             density = 1e9 * mass / volume
             if not LIGHTEST <= density <= DENSEST:
                 dense = density > DENSEST
@@ -308,14 +267,6 @@ def masses(model: ModelFile) -> Iterator[Found]:
                 f"{printed(mass)} kg on a machine whose parts are {printed(size, 3)} mm long together: is it in g? "
                 "Give kg",
             )
-
-
-def _area(part: BeamTable, beam: Beam) -> float:
-    """Area of one member, mm²; of a section known by its stiffness that of the rectangle with its radii."""
-    assert beam.section is not None
-    if isinstance(part.section, Shape):
-        return beam.section.EA / part.section.youngs_modulus_MPa
-    return 12.0 * float(np.sqrt(beam.section.EIy * beam.section.EIz)) / beam.section.EA
 
 
 def _turned(where: str, turns: Turns) -> Iterator[Found]:
@@ -362,7 +313,7 @@ def postures(model: ModelFile) -> Iterator[Found]:
         given = {name: q for name, q in model.given(label).items() if name in moving}
         where = f"posture '{label}'"
         for name, q in given.items():
-            if isinstance(moving[name], JointTable) and abs(q) > FOLDED:
+            if isinstance(moving[name], JointTable) and abs(q) >= FOLDED:
                 found = (
                     f"the passive joint {name} at {printed(q)} rad is turned by {printed(np.rad2deg(q), 3)}°: "
                     "is it in degrees? Give rad"
@@ -375,6 +326,6 @@ def postures(model: ModelFile) -> Iterator[Found]:
 
 
 RULES: tuple[Rule, ...] = (
-    materials, sections, stubby, matrices, drawings, offsets, drives, masses, angles, limits, postures,
+    materials, sections, stubby, matrices, drawings, offsets, drives, springs, masses, angles, limits, postures,
 )  # fmt: skip
 """All rules of a chain's file."""

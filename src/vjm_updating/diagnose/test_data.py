@@ -98,6 +98,11 @@ def observe(measurement: Measurement) -> Observed:
         raise ValueError(
             f"{readings.file}: no displacement of the end-effector was read: add a column such as {POSE[0]}"
         )
+    if not measurement.chain.beams:
+        raise ValueError(
+            f"{sheet.file}: [test] model: no link of {measurement.chain.name} bends, and causes in forces are "
+            'sought along one: validate calibrate fits its joints, and a sheet of kind = "poses" diagnoses it'
+        )
     held = next((n for n in readings.channels if n in sheet.instrument and sheet.instrument[n].held), None)
     if held is not None:
         readings = readings.settled(held)

@@ -14,6 +14,9 @@ FEW = 5
 CLEAR = 20.0
 """Root mean square of a prediction over the noise of its channel from which on its sign is judged."""
 
+FOLLOWS = 0.95
+"""Correlation about zero of a channel with its prediction from which on it follows it."""
+
 
 class Comparison:
     """Readings beside the nominal machine's prediction.
@@ -59,6 +62,18 @@ class Comparison:
         if rms < CLEAR * self.measurement.sheet.sigma(name).noise:
             return 0.0
         return correlation(f, g)
+
+    def slopes(self, name: str) -> list[float]:
+        """A channel over its prediction in every posture where that is large and the channel follows it."""
+        k, noise, found = WRENCH.index(name), self.measurement.sheet.sigma(name).noise, []
+        for label in self.labels:
+            f, g = self.readings.wrench[self.at(label), k], self.predicted(label)[:, k]
+            known = ~np.isnan(f) & ~np.isnan(g)
+            square = float(g[known] @ g[known])
+            large = square > 0.0 and np.sqrt(square / known.sum()) > CLEAR * noise
+            if large and known.sum() >= 2 * FEW and correlation(f, g) > FOLLOWS:
+                found.append(float(f[known] @ g[known]) / square)
+        return found
 
     def expected(self, name: str) -> bool:
         """Whether the model predicts a change of a channel of the wrench far above its noise."""

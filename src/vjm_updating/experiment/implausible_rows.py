@@ -23,6 +23,14 @@ CHANCE = 0.01
 """That a row of a test repeats the one before it, below which it was written twice."""
 GAP, PAUSE_S = 1000.0, 60.0
 """Of the usual step of a clock, and s, from which on a step is a jump."""
+LONGEST_S = 7 * 86400.0
+"""Of a test: machines are not loaded for longer."""
+FINEST_MM = 1e-3
+"""Of a link's tolerance: gauge blocks are made to a tenth of it."""
+HUNG = 0.1
+"""Of the readings of a posture, that a channel may stand still: a few stale ones are no mistake."""
+COARSE = 3.0
+"""Standard deviation of rounding over noise from which on digits were lost."""
 
 
 def rows(c: Comparison) -> Iterator[Finding]:
@@ -49,6 +57,7 @@ def rows(c: Comparison) -> Iterator[Finding]:
     else:
         yield from _repeated(c, table)
     for name in r.channels:
+        yield from _digits(c, name)
         blank = int(np.isnan(r.values[name]).sum())
         if blank > 0.4 * len(r):
             yield Finding(
@@ -56,6 +65,45 @@ def rows(c: Comparison) -> Iterator[Finding]:
                 f"{r.file}: column {name}",
                 f"{blank} of {len(r)} readings are blank: was the right column exported?",
             )
+
+
+def _digits(c: Comparison, name: str) -> Iterator[Finding]:
+    """A channel that stands still, which its noise makes no chance, or that is rounded far beyond its noise."""
+    r, known = c.readings, c.measurement.sheet.instrument.get(name)
+    if known is None or known.noise == 0.0 or known.held is not None:
+        return
+    values, digit = r.values[name], _last_digit(r.values[name])
+    likely = min(digit / (2.0 * np.sqrt(np.pi) * known.noise), 1.0)
+    for number in np.unique(r.sequence):
+        at = np.flatnonzero(r.sequence == number)
+        begin, count = _standing(values[at])
+        # what is the same in a whole posture may be so, see `nothing_read`
+        if max(FEW, HUNG * len(at)) <= count < len(at) and len(r) * likely ** (count - 1) < CHANCE:
+            first, last = r.row[at[begin]], r.row[at[begin + count - 1]]
+            yield Finding(
+                Grade.DOUBTFUL, f"{r.file}: column {name}, rows {first} to {last}",
+                f"{count} readings are {values[at[begin]]:g}, under a noise of {known.noise:g}: "
+                "did the channel hang, or reach the end of its range?",
+            )  # fmt: skip
+            break
+    if digit > COARSE * np.sqrt(12.0) * known.noise:
+        yield Finding(
+            Grade.DOUBTFUL, f"{r.file}: column {name}",
+            f"every reading is a multiple of {digit:g}, far above its noise of {known.noise:g}: were digits "
+            "lost, or is one in another unit?",
+        )  # fmt: skip
+
+
+def _standing(values: Array) -> tuple[int, int]:
+    """Where the longest run of equal values begins, and how many they are."""
+    changes = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1], [True]]))
+    longest = int(np.argmax(np.diff(changes)))
+    return int(changes[longest]), int(changes[longest + 1] - changes[longest])
+
+
+def _known(values: Array) -> Array:
+    result: Array = values[~np.isnan(values)]
+    return result
 
 
 def _repeated(c: Comparison, table: Array) -> Iterator[Finding]:
@@ -82,7 +130,7 @@ def _repeated(c: Comparison, table: Array) -> Iterator[Finding]:
 
 def _last_digit(values: Array) -> float:
     """What readings are rounded to: a power of ten from 1e3 down to 1e-12."""
-    known = values[~np.isnan(values)]
+    known = _known(values)
     least = 1e-12 * float(np.abs(known).max(initial=0.0))
     exact = (10.0**-d for d in range(-3, 12) if np.all(np.abs(np.round(known, d) - known) <= least))
     return next(exact, 1e-12)
@@ -104,12 +152,18 @@ def clock(c: Comparison) -> Iterator[Finding]:
     if np.nanmin(time, initial=0.0) < 0.0:
         row = r.row[int(np.nanargmin(time))]
         yield Finding(Grade.DOUBTFUL, f"{r.file}: row {row}, column {TIME}", "the clock is negative")
+    if (lasted := float(np.ptp(_known(time))) if len(_known(time)) else 0.0) > LONGEST_S:
+        yield Finding(
+            Grade.DOUBTFUL, f"{r.file}: column {TIME}",
+            f"the test lasts {lasted / 86400.0:.3g} days: is the clock in ms?",
+        )  # fmt: skip
     steps = {}
     for number in np.unique(r.sequence):
         step = np.diff(time[r.sequence == number])
         step = step[~np.isnan(step)]
         if len(step) >= FEW:
-            steps[number] = float(np.median(step))
+            # before the clock changes, where it does
+            steps[number] = float(np.median(step[: _change(step)]))
             if np.mean(step == 0.0) > 0.3:
                 row = r.row[r.sequence == number][0]
                 yield Finding(
@@ -134,10 +188,9 @@ def _jump(r: Readings, at: np.ndarray, usual: float) -> Iterator[Finding]:
     """A clock that jumps forward within one posture, or changes to milliseconds there."""
     time = r.values[TIME][at]
     step = np.diff(time)
-    far = np.flatnonzero(step > max(GAP * usual, PAUSE_S)) if usual > 0.0 else np.zeros(0, dtype=int)
-    if not len(far):
+    if usual <= 0.0 or (change := _change(step)) == len(step):
         return
-    k = int(far[0]) + 1
+    k = change + 1
     where, order = f"{r.file}: row {r.row[at[k]]}, column {TIME}", np.arange(len(r))
     behind = step[k:]
     if len(behind) and 300.0 < np.median(behind) / usual < 3000.0:
@@ -157,6 +210,15 @@ def _jump(r: Readings, at: np.ndarray, usual: float) -> Iterator[Finding]:
         f"the clock jumps by {step[k - 1]:.6g} s, {step[k - 1] / usual:.0f} usual steps: a pause, or was it set?",
         Mistake(CLOCK, order >= at[k], shifts={TIME: np.full(len(r), -jump)}, parameters={f"{CLOCK}.jump_s": jump}),
     )  # fmt: skip
+
+
+def _change(step: Array) -> int:
+    """Which step of a clock is the first one that is a jump beside those before it; their number where none is."""
+    for k in range(1, len(step)):
+        before = float(np.nanmedian(step[:k]))
+        if before > 0.0 and step[k] > max(GAP * before, PAUSE_S):
+            return k
+    return len(step)
 
 
 def _warmed(heat: Array, k: int) -> bool:
@@ -181,6 +243,8 @@ def no_room(heat: Array, where: str) -> Iterator[Finding]:
         yield Finding(Grade.REFUSED, where, f"{np.nanmax(heat):g} °C: no machine is tested so hot")
     elif np.nanmin(heat) > 200.0:
         yield Finding(Grade.DOUBTFUL, where, f"{np.nanmedian(heat):g} °C: is it in kelvin? Subtract 273.15")
+    elif np.nanmin(heat) > 50.0:
+        yield Finding(Grade.DOUBTFUL, where, f"{np.nanmin(heat):g} °C at least: is it in °F? Convert it to °C")
 
 
 def nothing_read(c: Comparison) -> Iterator[Finding]:
@@ -245,7 +309,7 @@ def sheet_values(c: Comparison) -> Iterator[Finding]:
                 where,
                 f"zero = {known.zero:g} under a span of {span:g} in the whole test: another unit?",
             )
-        if known.scale > 0.3:
+        if known.scale > 0.1:
             yield Finding(
                 Grade.DOUBTFUL, where, f"scale = {known.scale:g} is {known.scale:.0%}: is it in per cent?"
             )
@@ -256,6 +320,12 @@ def sheet_values(c: Comparison) -> Iterator[Finding]:
             f"{sheet.file}: [tolerance] link_length_mm",
             f"{sheet.tolerance.link_length_mm:g} mm is {sheet.tolerance.link_length_mm / longest:.0%} of the "
             "longest part: is it in µm?",
+        )
+    if 0.0 < sheet.tolerance.link_length_mm < FINEST_MM:
+        yield Finding(
+            Grade.DOUBTFUL,
+            f"{sheet.file}: [tolerance] link_length_mm",
+            f"{sheet.tolerance.link_length_mm:g} mm: no link is made so exactly: is it in m?",
         )
     if sheet.tolerance.modulus_rel > 0.3:
         yield Finding(

@@ -10,19 +10,24 @@ from vjm.io.findings import Finding, Grade
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.comparison import Comparison
 from vjm_updating.experiment.mistaken_as import MistakenAs
-from vjm_updating.experiment.mistaken_columns import factors_of
-from vjm_updating.experiment.mistaken_rows import Mistaken, mistaken_rows
+from vjm_updating.experiment.mistaken_columns import factors_of, turned_rows
+from vjm_updating.experiment.mistaken_rows import Mistaken, far_postures, mistaken_rows
 from vjm_updating.experiment.mistakes import SIGN, UNIT, Mistake, MistakeFound
 
 ALIKE = 0.95
 """Correlation of a channel with its prediction from which on, turned round, it is the prediction."""
+
+GAIN, SAME_GAIN = 2.6, 0.2
+"""Factor beyond which one channel's gain is not its machine's, and by how much it differs between postures."""
 
 
 def mistaken(c: Comparison) -> Iterator[Finding]:
     """Rows in another unit, with the other sign, or with columns or labels in each other's place."""
     if not c.comparable:
         return
-    for found in mistaken_rows(c):
+    explained = mistaken_rows(c)
+    yield from _strange(c, explained)
+    for found in explained:
         ways = [found.way, *found.others]
         words = ", or ".join(dict.fromkeys(way.words for way in ways))
         where, what = f"{c.readings.file}: {_place(c, found.rows)}", _seen(c, found)
@@ -37,6 +42,18 @@ def mistaken(c: Comparison) -> Iterator[Finding]:
         yield MistakeFound(
             Grade.DOUBTFUL, where, f"{what}: {words}? {_remedy(found.way)}",
             Mistake(cause, found.rows, factors, found.way.exchanged, parameters=parameters),
+        )  # fmt: skip
+
+
+def _strange(c: Comparison, explained: list[Mistaken]) -> Iterator[Finding]:
+    """Postures whose readings are far from the model altogether, which no known mistake explains."""
+    rest = ~np.any([np.zeros(len(c.readings), dtype=bool), *(found.rows for found in explained)], axis=0)
+    far = far_postures(c, rest)
+    if far and len(far) == len(c.labels):
+        yield Finding(
+            Grade.DOUBTFUL, f"{c.readings.file}: {'every row' if len(far) > 1 else f'posture {far[0]}'}",
+            "forces differ from what the model predicts by more than a factor 2.6, and no unit, sign or exchange "
+            "explains it: look at the model's stiffness, the columns' axes and the postures",
         )  # fmt: skip
 
 
@@ -87,19 +104,42 @@ def _place(c: Comparison, rows: np.ndarray) -> str:
     return "; ".join(parts)
 
 
+def gains(c: Comparison) -> Iterator[Finding]:
+    """One channel that is the same multiple of its prediction in every posture, while the others fit."""
+    if not c.comparable:
+        return
+    slopes = {name: c.slopes(name) for name in WRENCH if name in c.readings.values}
+    usual = {name: float(np.median(of)) for name, of in slopes.items() if of}
+    for name, middle in usual.items():
+        others = [value for other, value in usual.items() if other != name]
+        alike = max(slopes[name]) < (1.0 + SAME_GAIN) * min(slopes[name])
+        if alike and others and not 1.0 / GAIN < middle < GAIN and all(0.5 < value < 2.0 for value in others):
+            yield Finding(
+                Grade.DOUBTFUL, f"{c.readings.file}: column {name}",
+                f"is {middle:.3g} times what the model predicts, while other columns fit: is it in another unit, "
+                "or its amplifier set to another range?",
+            )  # fmt: skip
+
+
 def signs(c: Comparison) -> Iterator[Finding]:
-    """One channel with the other sign."""
+    """One channel with the other sign, in whole postures or in a stretch of rows."""
     if not c.comparable:
         return
     for name in [name for name in WRENCH if name in c.readings.values]:
-        against = [label for label in c.labels if c.agreement(label, name) < -ALIKE]
+        rows = np.zeros(len(c.readings), dtype=bool)
         others = [n for n in WRENCH if n != name and n in c.readings.values]
-        if against and any(c.agreement(label, n) > ALIKE for label in against for n in others):
+        for label in c.labels:
+            if not any(c.agreement(label, n) > ALIKE for n in others):
+                continue
+            if c.agreement(label, name) < -ALIKE:
+                rows |= c.readings.posture == label
+            else:
+                rows |= turned_rows(c, label, name)
+        if rows.any():
             yield MistakeFound(
                 Grade.DOUBTFUL,
-                f"{c.readings.file}: column {name}, posture {', '.join(against)}",
-                "follows the model's prediction with the other sign, while other columns fit: is its axis turned?",
-                Mistake(
-                    SIGN, np.isin(c.readings.posture, against), {name: -1.0}, parameters={f"{SIGN}.{name}": -1.0}
-                ),
+                f"{c.readings.file}: column {name}, {_place(c, rows)}",
+                "follows the model's prediction with the other sign, while other columns fit: is its axis turned, "
+                "or that of the displacement?",
+                Mistake(SIGN, rows, {name: -1.0}, parameters={f"{SIGN}.{name}": -1.0}),
             )

@@ -20,6 +20,7 @@ UNITS = (
     ("forces in kgf", 9.80665, FORCES),
     ("forces in lbf", 4.4482216152605, FORCES),
     ("forces in mN", 1e-3, FORCES),
+    ("forces in gf", 9.80665e-3, FORCES),
     ("moments in N m", 1e3, MOMENTS),
     ("forces in kN", 1e3, WRENCH),
     ("forces in kgf", 9.80665, WRENCH),
@@ -29,6 +30,7 @@ UNITS = (
     ("displacements in inches", 25.4, SHIFTS),
     ("displacements in m", 1e3, SHIFTS),
     ("displacements in µm", 1e-3, SHIFTS),
+    ("displacements in mil (0.001 inches)", 0.0254, SHIFTS),
     ("rotations in degrees", float(np.pi / 180.0), TURNS),
 )
 """What is mistaken, what makes it right by multiplication, and what columns that concerns."""

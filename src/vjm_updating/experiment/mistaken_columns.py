@@ -6,9 +6,9 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.experiment.channels import WRENCH
-from vjm_updating.experiment.comparison import CLEAR, Comparison, correlation
+from vjm_updating.experiment.comparison import CLEAR, FEW, Comparison, correlation
 from vjm_updating.experiment.implausible_rows import roughness
-from vjm_updating.experiment.mistaken_rows import Mistaken
+from vjm_updating.experiment.mistaken_rows import CLOSELY, FAR, Mistaken, richest
 from vjm_updating.experiment.mistakes import SIGN, UNIT
 
 RELATED = 0.5
@@ -34,6 +34,27 @@ def factors_of(c: Comparison, found: Mistaken) -> dict[str, float]:
     main = max(spans, key=lambda name: spans[name], default=there[0])
     rule = _turned if way.cause == SIGN else _converted
     return {name: factor for name in there if name == main or rule(c, found, name)}
+
+
+def turned_rows(c: Comparison, label: str, name: str) -> np.ndarray:
+    """Which of all readings ``(n,)`` of a posture, in one stretch, follow a prediction with the other sign.
+
+    Args:
+        c: readings beside the nominal machine.
+        label: of the posture.
+        name: of the channel.
+    """
+    at, k = c.at(label), WRENCH.index(name)
+    f, g = c.readings.wrench[at, k], c.predicted(label)[:, k]
+    least = CLEAR * c.measurement.sheet.sigma(name).noise
+    clear = np.nan_to_num(np.minimum(np.abs(f), np.abs(g))) > least
+    size = np.maximum(np.abs(f) + np.abs(g) + least, 1e-300)
+    right, other = (np.where(clear, 2.0 * np.abs(f - sign * g) / size, 0.0) for sign in (1.0, -1.0))
+    _, begin, end = richest(right - other)
+    rows, here = np.zeros(len(c.readings), dtype=bool), clear[begin:end]
+    if here.sum() >= FEW and other[begin:end][here].mean() < CLOSELY < FAR < right[begin:end][here].mean():
+        rows[at[begin:end]] = True
+    return rows
 
 
 def _turned(c: Comparison, found: Mistaken, name: str) -> bool:

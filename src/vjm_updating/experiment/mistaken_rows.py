@@ -23,10 +23,14 @@ from vjm_updating.experiment.mistaken_as import RIGHT, MistakenAs, ways
 
 FAR = 0.9
 """Mean distance from which on a stretch is far off: a factor 2.6 of the forces, or the other sign."""
+ASKEW = 0.25
+"""Mean distance from which on a stretch is believed to be mistaken where it then fits closely, to `CLOSELY`."""
+CLOSELY = 0.1
+"""Mean distance up to which a stretch fits closely: no cause in a machine is so nearly a unit or an exchange."""
 SHARE = 0.35
 """Of its distance as it stands that a stretch keeps, at most, in the way in which it is mistaken."""
-LEAST_ROWS = 3
-"""Of a stretch that say something."""
+LEAST_ROWS = 2
+"""Of a stretch that say something; two have to fit closely, as outliers stand side by side, too."""
 STRETCHES = 4
 """At most, of one posture."""
 CLOSE = 0.03
@@ -150,7 +154,7 @@ def mistaken_rows(c: Comparison) -> list[Mistaken]:
     doubted = []
     for label in c.labels:
         apart, size = distances.of(RIGHT, label, 1.0)
-        if int(np.sum((apart > FAR) & (size > distances.floor))) >= LEAST_ROWS:
+        if int(np.sum((apart > ASKEW) & (size > distances.floor))) >= LEAST_ROWS:
             doubted.append(label)
     if not doubted:
         return []
@@ -169,17 +173,29 @@ def mistaken_rows(c: Comparison) -> list[Mistaken]:
     return _by_way(c, [s for several in found.values() for s in several], known)
 
 
+def far_postures(c: Comparison, rest: np.ndarray) -> list[str]:
+    """Postures of whose readings, among some ``(n,)``, most are far from the nominal machine as they stand."""
+    distances, found = Distances(c), []
+    for label in c.labels:
+        apart, size = distances.of(RIGHT, label, 1.0)
+        says = (size > distances.floor) & rest[c.at(label)]
+        if says.sum() > LEAST_ROWS and float(np.mean(apart[says])) > FAR:
+            found.append(label)
+    return found
+
+
 def _stretches(distances: Distances, known: Sequence[MistakenAs], label: str, own: float) -> list[Stretch]:
     """The stretches of a posture that are mistaken, the clearest first."""
     right, size = distances.of(RIGHT, label, own)
     by_way = [distances.of(way, label, own) for way in known]
-    says = [(size > distances.floor) | (other > distances.floor) for _, other in by_way]
+    seen = [other > distances.floor for _, other in by_way]
+    says = [(size > distances.floor) | large for large in seen]
     at, free, found = distances.c.at(label), np.ones(len(right), dtype=bool), list[Stretch]()
     for _ in range(STRETCHES):
         best: tuple[float, int, int, int] | None = None
         for number, (apart, _) in enumerate(by_way):
-            gain, begin, end = _richest(np.where(free, right - apart - IDLE, -10.0))
-            fit = _fit(right, apart, says[number], begin, end)
+            gain, begin, end = richest(np.where(free, right - apart - IDLE, -10.0))
+            fit = _fit(right, apart, says[number], seen[number], slice(begin, end), known[number])
             if gain > 0.0 and fit is not None and (best is None or gain > best[0] + 1e-9):
                 best = gain, number, begin, end
         if best is None:
@@ -189,8 +205,8 @@ def _stretches(distances: Distances, known: Sequence[MistakenAs], label: str, ow
         inside[begin:end] = True
         fits, rows = dict[int, float](), dict[int, np.ndarray]()
         for k, (apart, _) in enumerate(by_way):
-            _, first, last = _richest(np.where(inside, right - apart - IDLE, -10.0))
-            fit = _fit(right, apart, says[k], first, last)
+            _, first, last = richest(np.where(inside, right - apart - IDLE, -10.0))
+            fit = _fit(right, apart, says[k], seen[k], slice(first, last), known[k])
             if fit is None or last - first < end - begin - UNLOADED:
                 continue
             # unloaded rows that nothing else follows or goes before go with the stretch
@@ -203,7 +219,7 @@ def _stretches(distances: Distances, known: Sequence[MistakenAs], label: str, ow
     return found
 
 
-def _richest(gain: Array) -> tuple[float, int, int]:
+def richest(gain: Array) -> tuple[float, int, int]:
     """The contiguous stretch of the largest sum: the sum, its begin, and its end."""
     sums = np.concatenate([[0.0], np.cumsum(gain)])
     lowest = np.minimum.accumulate(sums)
@@ -211,13 +227,23 @@ def _richest(gain: Array) -> tuple[float, int, int]:
     return float(sums[end] - lowest[end]), int(np.argmin(sums[: end + 1])), end
 
 
-def _fit(right: Array, apart: Array, says: np.ndarray, begin: int, end: int) -> float | None:
-    """Mean distance of a stretch in a way, None where that is not believed."""
-    here = np.flatnonzero(says[begin:end]) + begin
-    if len(here) < LEAST_ROWS:
+def _fit(
+    right: Array, apart: Array, says: np.ndarray, seen: np.ndarray, stretch: slice, way: MistakenAs
+) -> float | None:
+    """Mean distance of a stretch in a way, None where that is not believed.
+
+    A way in which hardly a row is loaded is none: of it any reading is near.
+    """
+    here = np.flatnonzero(says[stretch]) + stretch.start
+    if len(here) < LEAST_ROWS or 2 * int(seen[here].sum()) < len(here):
         return None
     before, after = float(np.mean(right[here])), float(np.mean(apart[here]))
-    return after if before > FAR and after < SHARE * before else None
+    if after >= SHARE * before:
+        return None
+    # a machine that is softer in one posture may be like the nominal one in another
+    if after < CLOSELY and way.cause:
+        return after if before > ASKEW else None
+    return after if before > FAR and len(here) > LEAST_ROWS else None
 
 
 def _between(c: Comparison, label: str, at: np.ndarray, begin: int, end: int) -> np.ndarray:

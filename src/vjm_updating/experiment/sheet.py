@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,6 +13,7 @@ from pydantic import Field, field_validator, model_validator
 from vjm.io.errors import one_line
 from vjm.io.schema import Label
 from vjm.io.sections import Table
+from vjm.io.toml_parsing import parse_toml
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, WRENCH, split_point
 
 Sigma = Annotated[float, Field(ge=0.0, le=1e9)]
@@ -120,12 +120,12 @@ def read_sheet(path: Path) -> Sheet:
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
-        content = tomllib.loads(text)
+        content = parse_toml(text)
     except OSError as error:
         raise SheetError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise SheetError(f"{path.name}: not UTF-8 text; save it as UTF-8") from error
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise SheetError(f"{path.name}: not valid TOML: {error}") from error
     if not content:
         raise SheetError(f"{path.name}: the file is empty; a sheet needs at least [test] with its model")

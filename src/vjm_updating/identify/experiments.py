@@ -8,14 +8,16 @@ does. Whatever is taken out counts as uncertainty, or a bound on it does.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
-from vjm_fea import ExudynEngine
-from vjm_fea.exudyn.problem import ExudynProblem
 from vjm_updating.identify.specimens import POSTURE, Specimen
+
+if TYPE_CHECKING:
+    from vjm_fea.exudyn.problem import ExudynProblem
 
 MESHES = (4, 8, 16)
 """Refinements, each twice the one before."""
@@ -111,6 +113,9 @@ def _sizes(compliance: Array) -> Array:
 
 def _on_mesh(specimen: Specimen, n: int, sizes: Array, corrected: bool) -> tuple[Array, Array]:
     """Compliance ``(6, 6)``, column by column, and the cubic part that was taken out of it."""
+    # Exudyn is an extra, which solids and matrices do not need
+    from vjm_fea.exudyn.engine import ExudynEngine
+
     chain, elements = specimen.meshed(n)
     engine = ExudynEngine(elements=elements, shear=True, corrected=corrected)
     bench = _Bench(engine.problem(chain, LoadCase(POSTURE, 1.0)))

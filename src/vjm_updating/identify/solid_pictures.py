@@ -25,6 +25,10 @@ LOADS = ("force along x", "force along y", "force along z", "moment about x", "m
 COLOURS = ("#56B4E9", "#E69F00", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7", "#999999")
 
 
+TRIED = 100
+"""Triangles of a face, about, of which a visible one is sought for its number."""
+
+
 def numbered_faces(faces: Sequence[Face]) -> bytes:
     """A PNG file of a drawing seen from two sides, every face in a colour with its number."""
     with figure(0.5 * PAGE_WIDTH * SIZE[1] / SIZE[0] + 0.3) as (fig, axes):
@@ -61,20 +65,35 @@ def _faces_from(faces: Sequence[Face], view: tuple[float, float, float]) -> np.n
 
 
 def _seen(faces: Sequence[Face], view: Array) -> tuple[Array, list[str]]:
-    """Where to write the numbers of the faces on the side of the viewer: on the triangle nearest to the centre."""
+    """Where to write the numbers of the faces that are seen: on the visible triangle nearest to the centre."""
     places, texts = [], []
     toward = view / np.linalg.norm(view)
-    every = np.concatenate([face.triangles.reshape(-1, 3) for face in faces])
-    middle = every.mean(axis=0)
+    every = np.concatenate([face.triangles for face in faces])
+    size = float(np.linalg.norm(np.ptp(every.reshape(-1, 3), axis=0)))
     for face in faces:
         centres = face.triangles.mean(axis=1)
-        nearest = centres[int(np.argmin(np.linalg.norm(centres - face.centre, axis=1)))]
-        hidden = (nearest - middle) @ toward < -0.05 * float(np.ptp(every @ toward))
-        if not hidden:
+        order = np.argsort(np.linalg.norm(centres - face.centre, axis=1))
+        # evenly through the face, the centre first
+        tried = order[:: max(1, len(order) // TRIED)]
+        seen = next((centres[k] for k in tried if not _covered(centres[k], toward, every, 1e-6 * size)), None)
+        if seen is not None:
             # a little in front of the face, which hides what lies on it
-            places.append(nearest + 0.02 * float(np.linalg.norm(np.ptp(every, axis=0))) * toward)
+            places.append(seen + 0.02 * size * toward)
             texts.append(str(face.number) if not face.name else f"{face.number} {face.name}")
     return np.array(places).reshape(-1, 3), texts
+
+
+def _covered(point: Array, toward: Array, triangles: Array, near: float) -> bool:
+    """Whether a triangle ``(k, 3, 3)`` lies between a point and a viewer far away (Möller and Trumbore's test)."""
+    a, e1, e2 = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    p = np.cross(toward, e2)
+    det = np.sum(e1 * p, axis=1)
+    met = det != 0.0
+    det = np.where(met, det, 1.0)
+    u = np.sum((point - a) * p, axis=1) / det
+    q = np.cross(point - a, e1)
+    v, t = q @ toward / det, np.sum(e2 * q, axis=1) / det
+    return bool(np.any(met & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t > near)))
 
 
 def load_pictures(found: SolidCompliance, tip: Tip) -> bytes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
@@ -14,6 +13,7 @@ from vjm.io.errors import one_line
 from vjm.io.fields import Turns, VectorMM
 from vjm.io.schema import Label
 from vjm.io.sections import Table
+from vjm.io.toml_parsing import parse_toml
 from vjm_updating.experiment.sheet import SheetError
 
 Sigma = Annotated[float, Field(gt=0.0, le=1e6)]
@@ -102,7 +102,7 @@ class PoseSheet(Table):
 def kind_of_sheet(path: Path) -> str:
     """What ``kind`` a sheet says; empty where it says none or cannot be read, which its reader refuses."""
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        content = parse_toml(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError):
         return ""
     kind = content.get("kind", "")
@@ -116,12 +116,12 @@ def read_pose_sheet(path: Path) -> PoseSheet:
         SheetError: no such file, no TOML, or no sheet of poses; one line.
     """
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        content = parse_toml(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise SheetError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise SheetError(f"{path.name}: not UTF-8 text; save it as UTF-8") from error
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise SheetError(f"{path.name}: not valid TOML: {error}") from error
     try:
         sheet = PoseSheet.model_validate(content)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from importlib import resources
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from vjm.io.findings import Grade, ImplausibleError, refuse
-from vjm.io.manipulator_file import manipulators
+from vjm.io.manipulator_file import load_model, manipulators
 from vjm.io.model_file import ModelFileError, library, load_chain
 from vjm.io.model_plausibility import findings_of
 from vjm.model.lumped import LumpedModel
@@ -57,7 +58,12 @@ home = { shoulder = 0.3 }
 """
 
 
+TEMPLATES = Path(__file__).parents[3] / "validation/vjm_validation/cli/templates"
+
+
 def library_text(name: str) -> str:
+    if name.startswith("new "):
+        return (TEMPLATES / f"{name[4:]}.toml").read_text(encoding="utf-8").replace('"NAME"', '"machine"')
     return resources.files("vjm").joinpath("models", f"{name}.toml").read_text(encoding="utf-8")
 
 
@@ -163,6 +169,49 @@ MISTAKES = {
 }  # fmt: skip
 
 
+MODULUS, LENGTH, GEAR = (
+    "youngs_modulus_MPa = 70000.0", "length_mm = 500.0", "compliance_rad_per_Nmm = 5e-8"
+)  # fmt: skip
+MISTAKES |= {
+    "modulus in GPa": ("new arm", MODULUS, "youngs_modulus_MPa = 70.0", "is it in GPa"),
+    "modulus in Pa": ("new arm", MODULUS, "youngs_modulus_MPa = 7e10", "in Pa or GPa"),
+    "modulus in ksi": ("new chain", MODULUS, "youngs_modulus_MPa = 10150.0", "ksi"),
+    "modulus in kgf/mm²": ("new chain", MODULUS, "youngs_modulus_MPa = 7138.0", "kgf/mm²"),
+    "steel's density": (
+        "new arm", "density_kg_per_m3 = 2700.0", "density_kg_per_m3 = 7850.0", "the density another material's"
+    ),
+    "density in g/cm³": ("new arm", "density_kg_per_m3 = 2700.0", "density_kg_per_m3 = 2.7", "g/cm³"),
+    "length in m": ("new arm", LENGTH, "length_mm = 0.5", "is it in metres"),
+    "length in cm": ("new arm", LENGTH, "length_mm = 50.0", "cm or inches"),
+    "column in inches": ("pinned-column", "length_mm = 299.085", "length_mm = 11.775", "cm or inches"),
+    "strip in inches": (
+        "pinned-column", "width_mm = 25.4              # 1 in\nthickness_mm = 3.175",
+        "width_mm = 1.0\nthickness_mm = 0.125", "as of a wire",
+    ),
+    "tube in cm": (
+        "new arm", "diameter_mm = 80.0\nwall_mm = 4.0", "diameter_mm = 8.0\nwall_mm = 0.4", "under the weight"
+    ),
+    "gear in deg": ("new arm", GEAR, "compliance_rad_per_Nmm = 2.9e-6", "or degrees"),
+    "bearing as stiffness": (
+        "new arm", "lateral_rad_per_Nmm = [1e-9, 1e-9]", "lateral_rad_per_Nmm = [1e9, 1e9]", "sag"
+    ),
+    "payload in g": ("new arm", "mass_kg = 5.0", "mass_kg = 5000.0", "is it in g"),
+    "base in m": ("new arm", "position_mm = [0.0, 0.0, 0.0]", "position_mm = [0.0, 0.0, 0.8]", "is it in metres"),
+    "link in m": ("ur10", "[-612.0, 0.0, 0]", "[-0.612, 0.0, 0.0]", "is it in metres"),
+    "centre in 0.1 mm": (
+        "new arm", "centre_of_mass_mm = [180.0, 0.0, 0.0]", "centre_of_mass_mm = [1800.0, 0.0, 0.0]", "another unit"
+    ),
+    "small degrees": (
+        "new chain", "bent = { q1 = 0.4, q2 = -0.4 }", "bent = { q1 = 2.0, q2 = -2.0 }", "is it in degrees"
+    ),
+    "preload": (
+        "new chain", "# stiffness_Nmm_per_rad = 1e5\n# preload_Nmm = 2e3", "stiffness_Nmm_per_rad = 100.0\n"
+        "preload_Nmm = 2e3", "in N m",
+    ),
+    "yield stress in GPa": ("pinned-column", "yield_stress_MPa = 241.3", "yield_stress_MPa = 0.2413", "in GPa"),
+}  # fmt: skip
+
+
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_in_a_library_model_is_named(name, tmp_path):
     model, old, new, words = MISTAKES[name]
@@ -260,3 +309,28 @@ def test_strict_refuses_what_is_doubtful(tmp_path):
     refuse(findings)
     with pytest.raises(ImplausibleError, match=r"metres.*--strict"):
         refuse(findings, strict=True)
+
+
+PLATFORM = (
+    ("min_mm = [-73.65, -73.65, -73.65]\nmax_mm = [126.35, 126.35, 126.35]",
+     "min_mm = [126.35, 126.35, 126.35]\nmax_mm = [-73.65, -73.65, -73.65]", "are they swapped"),
+    ("min_mm = [-73.65, -73.65, -73.65]\nmax_mm = [126.35, 126.35, 126.35]",
+     "min_mm = [-0.07, -0.07, -0.07]\nmax_mm = [0.12, 0.12, 0.12]", "is it in metres"),
+    ("Q1 = [-73.65, -73.65, -73.65]", "Q1 = [-0.07365, -0.07365, -0.07365]", "is it in metres"),
+    ("Q1 = [-73.65, -73.65, -73.65]", "Q1 = [0.0, 0.0, 0.0, 30.0, 0.0, 0.0]", "is it in degrees"),
+    ("position_mm = [-310.0, 0.0, 0.0]", "position_mm = [-0.31, 0.0, 0.0]", "is it in metres"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "words"), PLATFORM)
+def test_a_mistake_in_a_platform_is_named(old, new, words, tmp_path):
+    text = library_text("new platform")
+    assert old in text
+    file = tmp_path / "platform.toml"
+    file.write_text(text.replace(old, new, 1), encoding="utf-8")
+    try:
+        load_model(file)
+        said = [str(finding) for finding in findings_of(file)]
+    except ModelFileError as refused:
+        said = [str(refused)]
+    assert any(words in line for line in said), said

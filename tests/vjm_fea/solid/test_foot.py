@@ -11,7 +11,7 @@ from vjm.model.load_case import LoadCase
 from vjm.model.parts import Section
 from vjm.rotations import rotate_matrix6, shift_compliance
 from vjm.vjm_engine import VjmEngine
-from vjm_fea import ExudynEngine
+from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_fea.solid.compliance import Base, Ends, Tip, answer
 from vjm_fea.solid.drawing import drawing
 from vjm_fea.solid.elasticity import ElasticSolid, Material

@@ -13,7 +13,7 @@ from vjm_fea.solid.drawing import drawing
 from vjm_fea.solid.elasticity import Material
 from vjm_fea.solid.identify import SolidTask, identify
 from vjm_output.off_screen import why_not_rendered
-from vjm_updating.identify.solid_pictures import load_pictures, numbered_faces, wrench_picture
+from vjm_updating.identify.solid_pictures import _seen, load_pictures, numbered_faces, wrench_picture
 
 FOLDER = Path(__file__).parents[3] / "validation/vjm_validation/examples/parts"
 
@@ -78,3 +78,26 @@ def test_faces_are_drawn_with_their_numbers():
     left, right = np.array_split(image, 2, axis=1)
     assert inked(left) > 0.05
     assert inked(right) > 0.05
+
+
+def test_the_number_of_a_tubes_inside_stands_on_its_inside(tmp_path):
+    """From an end only a part of it is seen, and nothing lies between it and the viewer."""
+    gmsh_or_skip()
+
+    def tube(occ):
+        hole = occ.addCylinder(0, 0, 0, 40, 0, 0, 15)
+        occ.cut([(3, occ.addCylinder(0, 0, 0, 40, 0, 0, 20))], [(3, hole)])
+
+    with drawing(drawn(tmp_path / "tube.step", tube)) as opened:
+        faces = opened.faces
+    inside = min((face for face in faces if np.ptp(face.triangles[..., 0]) > 1.0), key=lambda face: face.area)
+    toward = np.array([1.0, -1.4, 0.9]) / np.linalg.norm([1.0, -1.4, 0.9])
+    places, texts = _seen(faces, toward)
+    assert len(texts) == len(set(texts)) == 3
+    place = places[texts.index(str(inside.number))]
+    # the way back along the view first meets the inside, at 15 mm from the axis
+    back = place - 0.02 * np.linalg.norm([40.0, 40.0, 40.0]) * toward
+    assert np.hypot(back[1], back[2]) == pytest.approx(15.0, abs=0.6)
+    assert back @ [0.0, toward[1], toward[2]] < 0.0
+    # from across, it is not seen at all
+    assert str(inside.number) not in _seen(faces, np.array([0.0, -1.0, 0.0]))[1]

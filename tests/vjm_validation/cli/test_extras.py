@@ -1,5 +1,6 @@
 """A command says which optional extra it lacks, and what needs none runs without them."""
 
+import json
 import re
 import subprocess
 import sys
@@ -8,6 +9,7 @@ from importlib import resources
 from pathlib import Path
 
 import pytest
+from helpers.solids import gmsh_or_skip
 
 from vjm_validation.cli.main import EXTRAS, lacking
 
@@ -22,17 +24,20 @@ BLOCKED = (
     "distributed",
     "pandas",
 )
-WITHOUT = f"""
+SOLID = ("gmsh", "skfem", "pypardiso")
+SOLID_WORDS = ["--youngs", "70000", "--poisson", "0.33", "--base", "base", "--tip", "tip"]
+PARTS = Path(__file__).parents[3] / "validation/vjm_validation/examples/parts"
+WITHOUT = """
 import sys
-for name in {BLOCKED!r}:
+for name in %r:
     sys.modules[name] = None
 from vjm_validation.cli.main import run
 sys.exit(run(sys.argv[1:]))
 """
 
 
-def bare(*arguments):
-    return subprocess.run([sys.executable, "-c", WITHOUT, *arguments], capture_output=True, text=True)
+def bare(*arguments, without=(*BLOCKED, *SOLID)):
+    return subprocess.run([sys.executable, "-c", WITHOUT % (without,), *arguments], capture_output=True, text=True)
 
 
 def test_a_path_needs_no_extra():
@@ -41,9 +46,22 @@ def test_a_path_needs_no_extra():
     assert "bifurcation" in done.stdout
 
 
+def test_a_part_from_its_drawing_needs_the_extra_solid_alone():
+    gmsh_or_skip()
+    words = [*SOLID_WORDS, "--accuracy", "20", "--json"]
+    done = bare("identify", "--solid", str(PARTS / "l-bracket.step"), *words, without=BLOCKED)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["volume_mm3"] > 0.0
+    # the list stands before the picture, for which the extra `report` is needed
+    assert "tip" in bare("show", str(PARTS / "l-bracket.step"), without=BLOCKED).stdout
+
+
 @pytest.mark.parametrize(
     ("extra", "arguments"),
     [
+        ("solid", ["identify", "--solid", str(PARTS / "l-bracket.step"), *SOLID_WORDS]),
+        ("solid", ["show", str(PARTS / "l-bracket.step")]),
+        ("solid", ["check", str(PARTS / "bracket-arm.toml")]),
         ("fea", ["curve", "orthoglide-chain", "--posture", "A", "--to", "1", "--engine", "exudyn"]),
         ("report", ["curve", "orthoglide-chain", "--posture", "A", "--to", "1", "--plot", "path.png"]),
     ],

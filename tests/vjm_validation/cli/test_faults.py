@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 import zipfile
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 from helpers.command import in_a_process, validate
 
-from vjm.io.files import FolderInUseError, locked
+from vjm.io.files import FolderInUseError, locked, write_whole
 from vjm.io.model_file import load_chain
 from vjm.io.path_files import load_path, save_path
 from vjm.model.load_case import LoadCase
@@ -139,3 +140,30 @@ def test_a_sheet_nested_deeply_is_one_line(tmp_path):
     finished = validate("calibrate", str(tmp_path / "d.csv"), "--sheet", str(sheet), "--out", str(tmp_path / "o"))
     assert finished.status == 2
     assert "Traceback" not in finished.err
+
+
+@pytest.mark.parametrize("redirection", [">&-", ">&- 2>&-"])
+def test_a_closed_output_is_no_error(redirection, tmp_path):
+    program = f"{sys.executable} -c 'from vjm_validation.cli.main import main; main()'"
+    words = f"new arm {tmp_path}/arm.toml {redirection}"
+    done = subprocess.run(["/bin/sh", "-c", f"{program} {words}"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "arm.toml").exists()
+
+
+def test_a_device_is_written_to_and_not_replaced(tmp_path):
+    """A full device says so; a pipe gets the content; a link stays one."""
+    with pytest.raises(OSError, match="No space left"):
+        write_whole(Path("/dev/full"), "x")
+    assert Path("/dev/full").is_char_device()
+    pipe, got = tmp_path / "pipe", []
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: got.append(pipe.read_text()))
+    reader.start()
+    write_whole(pipe, "content")
+    reader.join(timeout=20.0)
+    assert got == ["content"]
+    (tmp_path / "link").symlink_to("target")
+    write_whole(tmp_path / "link", "content")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "target").read_text() == "content"

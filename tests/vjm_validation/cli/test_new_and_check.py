@@ -115,3 +115,18 @@ def test_a_sheet_is_read_as_it_is_and_goes_with_readings(tmp_path):
     data.write_text("\n".join(rows) + "\n")
     assert run(["diagnose", str(data), "--sheet", str(file), "--out", str(tmp_path / "out")]) == 0
     assert json.loads((tmp_path / "out" / "diagnosis.json").read_text())["verdict"] == "none"
+
+
+def test_a_platform_that_does_not_reach_its_pose_or_does_not_close_is_an_error(tmp_path):
+    file = tmp_path / "robot.toml"
+    assert validate("new", "platform", str(file)).status == 0
+    text = file.read_text()
+    file.write_text(text.replace("Q2 = [126.35, 126.35, 126.35]", "Q2 = [1263.5, 126.35, 126.35]"))
+    done = validate("check", str(file))
+    assert (done.status, done.out) == (2, "")
+    assert "the pose 1263.5,126.35,126.35,0,0,0 is out of reach" in done.err
+    file.write_text(text.replace("[0.0, -310.0, 0.0]", "[0.0, -31.0, 0.0]"))
+    done = validate("check", str(file))
+    assert done.status == 2
+    assert "leg 'y' does not close at home" in done.err
+    assert len(done.err.splitlines()) == 1

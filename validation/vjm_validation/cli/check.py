@@ -7,6 +7,7 @@ from vjm.io.manipulator_file import load_manipulator
 from vjm.io.model_file import load_chain, read_document
 from vjm.io.model_report import errors_of, summary_of
 from vjm.platform.manipulator import Manipulator
+from vjm.platform.rigid import PoseError, inverse_kinematics
 from vjm_output import terminal
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.options import Model
@@ -18,6 +19,11 @@ def check_(model: Model, *, strict: Strict = False) -> int:
     console = terminal.console()
     if read_document(model).content.get("kind") == "manipulator":
         machine = load_manipulator(model)
+        unreached = _unreached(machine)
+        for line in unreached:
+            terminal.error(line)
+        if unreached:
+            return BAD_INPUT
         considered(model, strict)
         console.print(terminal.two_columns(f"{machine.name}: {machine.title}", dict(_platform(machine))))
         return OK
@@ -33,6 +39,17 @@ def check_(model: Model, *, strict: Strict = False) -> int:
     considered(model, strict)
     console.print(terminal.two_columns(f"{chain.name}: {chain.title}", _merged(summary_of(chain))))
     return OK
+
+
+def _unreached(machine: Manipulator) -> list[str]:
+    """Why the rigid machine does not close at home, or which of its poses it cannot take."""
+    lines: dict[str, None] = {}
+    for pose in machine.poses.values():
+        try:
+            inverse_kinematics(machine, pose)
+        except PoseError as error:
+            lines[str(error)] = None
+    return list(lines)
 
 
 def _merged(rows: list[tuple[str, str]]) -> dict[str, str]:

@@ -21,7 +21,6 @@ from vjm_updating.identify.documents import IdentificationDocument
 from vjm_updating.identify.matrix_file import matrix_names
 from vjm_updating.identify.path_file import build_path, is_path
 from vjm_updating.identify.solid_part import solid_document
-from vjm_updating.identify.solid_pictures import load_pictures, wrench_picture
 from vjm_updating.identify.solid_stress import stress_document
 from vjm_validation.cli import pages
 from vjm_validation.cli.doubts import Strict, considered
@@ -109,6 +108,9 @@ def identify_solid(options: SolidOptions, *, json: bool) -> int:
     else:
         solid_text.show(terminal.console(), document)
     if options.pictures is not None:
+        # matplotlib is an extra, which numbers do not need
+        from vjm_updating.identify.solid_pictures import load_pictures, wrench_picture
+
         files = {f"{task.path.stem}-{tip}.png": load_pictures(found, tip) for tip in found.bounds}
         if wrench is not None:
             files[f"{task.path.stem}-wrench.png"] = wrench_picture(found, next(reversed(found.bounds)), wrench)

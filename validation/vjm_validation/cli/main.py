@@ -119,6 +119,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command and exit with its status."""
     # whoever stops a run politely gets what Ctrl-C gives: finished work stays, and one line says so
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if sys.stdout is None or sys.stderr is None:
+        # closed by whoever started the command: what is printed goes nowhere, files are written all the same
+        nowhere = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (for the rest of the process)
+        sys.stdout, sys.stderr = sys.stdout or nowhere, sys.stderr or nowhere
     words = sys.argv[1:] if arguments is None else arguments
     if words and words[0] in FEW_PATHS and "--help" not in words and interpreted_meanwhile():
         terminal.error("note: interpreted for once, while the kernels are compiled in the background")

@@ -11,7 +11,6 @@ from vjm.io.files import check_writable, write_whole
 from vjm_fea.solid.drawing import drawing
 from vjm_output import terminal
 from vjm_output.off_screen import why_not_rendered
-from vjm_updating.identify.solid_pictures import numbered_faces
 
 
 def show_drawing(path: Path, out: Path | None, unit_mm: float = 1.0) -> int:
@@ -37,6 +36,9 @@ def show_drawing(path: Path, out: Path | None, unit_mm: float = 1.0) -> int:
     if reason:
         terminal.console().print(f"no picture: this machine cannot render ({reason})", soft_wrap=True)
         return 0
+    # matplotlib is an extra, which the list does not need
+    from vjm_updating.identify.solid_pictures import numbered_faces
+
     check_writable(file.parent)
     write_whole(file, numbered_faces(faces))
     terminal.console().print(f"picture: {file}", soft_wrap=True, highlight=False)

@@ -1,0 +1,123 @@
+"""Sound tests of machines of several kinds, made by the lumped model under each sheet's noise and tolerances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from helpers.command import validate
+
+from vjm.io.model_file import load_chain
+from vjm.model.chain import Chain
+from vjm.model.load_case import LoadCase
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.experiment.channels import POSE, WRENCH
+
+SHEET = """[test]
+title = "{name}"
+model = "{model}"
+[model]
+link_segments = 8
+[postures]
+{postures}
+[instrument.{moved}]
+noise = {moved_noise}
+zero = {moved_noise}
+scale = 0.001
+[instrument.{loaded}]
+noise = {loaded_noise}
+zero = {loaded_noise}
+scale = 0.003
+[instrument.{across}]
+noise = {loaded_noise}
+zero = {loaded_noise}
+[tolerance]
+link_length_mm = 0.2
+modulus_rel = 0.02
+"""
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A machine and how it is tested.
+
+    Attributes:
+        model: of the library, or ``new`` and a kind of `validate new`.
+        moved: the displacement that is imposed, mm.
+        loaded: force along it.
+        across: another channel of the wrench.
+        ramps: by posture, where the displacement goes.
+        noises: of displacement and wrench.
+    """
+
+    model: str
+    moved: str
+    loaded: str
+    across: str
+    ramps: tuple[str, ...]
+    noises: tuple[float, float]
+
+
+RIGS = {
+    "chain": Rig("new chain", "ux_mm", "fx_N", "fy_N", ("straight:x:0.5", "bent:x:-2"), (0.001, 2.0)),
+    "arm": Rig("new arm", "uz_mm", "fz_N", "fx_N", ("home:z:-10", "stretched:z:-10"), (0.005, 1.0)),
+    "planar-2r": Rig(
+        "planar-2r", "uy_mm", "fy_N", "fx_N", ("bent:y:8", "folded:y:8", "stretched:y:8"), (0.005, 1.0)
+    ),
+    "ur10": Rig("ur10", "uz_mm", "fz_N", "fy_N", ("work:z:-5",), (0.005, 1.0)),
+    "column": Rig("pinned-column", "ux_mm", "fx_N", "fy_N", ("straight:x:-0.02",), (0.0002, 1.0)),
+}
+"""Tests by name."""
+
+
+def made(name: str, folder: Path, seed: int = 0) -> Path:
+    """Make a test: ``DATA.csv`` and ``SHEET.toml`` in a folder of its name.
+
+    Args:
+        name: of `RIGS`.
+        folder: where the folder comes.
+        seed: of noise and tolerances.
+    """
+    rig, out = RIGS[name], folder / name
+    out.mkdir(parents=True, exist_ok=True)
+    model = rig.model
+    if model.startswith("new "):
+        model = f"{name}.toml"
+        _run("new", rig.model.split()[1], str(out / model))
+    chain = load_chain(out / model if model.endswith(".toml") else model)
+    labels = dict.fromkeys(ramp.split(":")[0] for ramp in rig.ramps)
+    postures = "\n".join(f"{label} = {[float(q) for q in chain.postures[label]]}" for label in labels)
+    names = {"moved": rig.moved, "loaded": rig.loaded, "across": rig.across}
+    noises = dict(zip(("moved_noise", "loaded_noise"), rig.noises, strict=True))
+    sheet = out / "SHEET.toml"
+    sheet.write_text(SHEET.format(name=name, model=model, postures=postures, **names, **noises), encoding="utf-8")
+    if not chain.beams:
+        _by_stiffness(rig, chain, out / "DATA.csv", seed)
+        return out
+    ramps = [word for ramp in rig.ramps for word in ("--ramp", ramp)]
+    test = ["--test", str(sheet), "--seed", str(seed), "--out", str(out / "made")]
+    _run("simulate", str(out / model) if model.endswith(".toml") else model, *test, *ramps)
+    (out / "DATA.csv").write_bytes((out / "made" / "readings.csv").read_bytes())
+    return out
+
+
+def _by_stiffness(rig: Rig, chain: Chain, data: Path, seed: int) -> None:
+    """Readings of an arm of rigid links, which `validate simulate` does not take: stiffness times displacement."""
+    rng, lines = np.random.default_rng(seed), [f"time_s,posture,{rig.moved},{rig.loaded},{rig.across}"]
+    k, rows = POSE.index(rig.moved), [WRENCH.index(name) for name in (rig.loaded, rig.across)]
+    for ramp in rig.ramps:
+        label, _, end = ramp.split(":")
+        K = VjmEngine(1).problem(chain, LoadCase(label, 1.0)).unloaded().stiffness
+        assert K is not None
+        for u in np.linspace(0.0, float(end), 25):
+            f = K[rows, k] * u + rig.noises[1] * rng.standard_normal(2)
+            read = u + rig.noises[0] * rng.standard_normal()
+            lines.append(f"{10 * len(lines)},{label},{read:.4f},{f[0]:.2f},{f[1]:.2f}")
+    data.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _run(*words: str) -> None:
+    done = validate(*words)
+    if done.status:
+        raise RuntimeError(f"validate {' '.join(words)}: {done.err}")
