@@ -9,10 +9,12 @@ from vjm.continuation.arc_length import trace
 from vjm.continuation.imperfections import buckling_shape
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Path
+from vjm.model.assembly import WideCouplingError
 from vjm.model.chain import FOOT, Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.model.parts import Placement
+from vjm.tree.lumped_tree import LumpedTree
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,13 @@ class VjmEngine:
         Raises:
             ValueError: a beam that is to be split has no section, or there is none of a name.
         """
-        return LumpedModel(self.split(chain))
+        split = self.split(chain)
+        if split.is_tree:
+            return LumpedTree(split)
+        try:
+            return LumpedModel(split)
+        except WideCouplingError:
+            return LumpedTree(split)
 
     def split(self, chain: Chain) -> Chain:
         """The chain with its beams split into this engine's springs.

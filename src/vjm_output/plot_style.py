@@ -1,10 +1,9 @@
-"""How the report draws and writes: colours and marks of engines and events, numbers, figures."""
+"""How the report draws: colours and marks of engines and events, figures."""
 
 from __future__ import annotations
 
 import hashlib
 import io
-import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 from vjm.continuation.path import EventKind
@@ -26,12 +26,11 @@ FROZEN = "vjm-unloaded-jacobian"
 LINEAR = "vjm-linear"
 MSA = "msa"
 
-DASH = "\u2013"
-"""What stands where there is no value."""
-
 PAGE_WIDTH = 7.4
 """Width of a figure, inches: the text width of a journal page."""
 DPI = 180
+READABLE = 4.5
+"""Contrast of a text, WCAG 2.2, success criterion 1.4.3."""
 
 
 @dataclass(frozen=True)
@@ -93,51 +92,24 @@ def engine_style(label: str) -> EngineStyle:
     return ENGINES.get(label, EngineStyle("#666666", "-", 1.2, 2.0, label))
 
 
+def text_colour(colour: str) -> str:
+    """A colour darkened until a text in it is read on white: WCAG 2.2 asks for a contrast of 4.5, lines for 3."""
+    red, green, blue = to_rgb(colour)
+    while 1.05 / (_luminance(red, green, blue) + 0.05) < READABLE:
+        red, green, blue = 0.98 * red, 0.98 * green, 0.98 * blue
+    return str(to_hex((red, green, blue)))
+
+
+def _luminance(*colour: float) -> float:
+    """Relative luminance of an sRGB colour, each part of which is 0 to 1."""
+    linear = (part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in colour)
+    return sum(share * part for share, part in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
+
+
 def engine_order(label: str) -> tuple[int, str]:
     """Sorting key: the order of `ENGINES`, engines that it does not know last, by name."""
     known = list(ENGINES)
     return (known.index(label) if label in ENGINES else len(known), label)
-
-
-def missing(value: object) -> bool:
-    """Whether a value is absent: None or not a finite number."""
-    return value is None or (isinstance(value, float) and not math.isfinite(value))
-
-
-def number(value: object, digits: int = 4) -> str:
-    """A number with significant digits as people write it: 8849, 0.1544, 3.0×10⁻¹²; a dash for none.
-
-    Booleans become words, texts and whole numbers stay as they are.
-    """
-    if missing(value):
-        return DASH
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return _real(float(value), digits)
-    return str(value).replace("-", "−") if isinstance(value, int) else str(value)
-
-
-def _real(value: float, digits: int) -> str:
-    if value == 0.0:
-        return "0"
-    # the exponent of the rounded value: 9.9996 has the exponent of 10.00
-    exponent = int(f"{value:.{digits - 1}e}".partition("e")[2])
-    if -4 <= exponent < 7:
-        return f"{value:.{max(0, digits - 1 - exponent)}f}".replace("-", "−")
-    mantissa, _, power = f"{value:.{min(digits, 3) - 1}e}".partition("e")
-    raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"{mantissa}×10{raised}".replace("-", "−")
-
-
-def percent(fraction: float, digits: int = 2) -> str:
-    """A fraction as a percentage, without sign: 0.13 %; below 0.001 % said so."""
-    return "less than 0.001 %" if abs(fraction) < 1e-5 else f"{number(100.0 * abs(fraction), digits)} %"
-
-
-def listed(words: list[str]) -> str:
-    """Words as a sentence lists them: A, B and C."""
-    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
 @dataclass(frozen=True)

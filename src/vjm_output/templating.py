@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import re
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib import resources
@@ -12,9 +13,11 @@ from typing import Any
 import jinja2
 from markupsafe import Markup, escape
 
-from vjm_output.plot_style import Picture, number
+from vjm_output.number_text import number
+from vjm_output.plot_style import Picture
 from vjm_output.plot_svg import Vector
 
+CODE = re.compile("`([^`]+)`")
 SHORT_TABLE = 12
 """Rows up to which a table of the record is unfolded."""
 
@@ -35,6 +38,7 @@ def environment(package: str) -> jinja2.Environment:
     )
     result.filters["number"] = number
     result.filters["given"] = lambda value: number(None) if value is None else f"{value:g}"
+    result.filters["prose"] = _prose
     result.filters["data_uri"] = _data_uri
     result.filters["inline_svg"] = _inline_svg
     result.filters["csv_uri"] = _csv_uri
@@ -48,6 +52,11 @@ def environment(package: str) -> jinja2.Environment:
     result.globals["short_table"] = SHORT_TABLE
     result.globals["units"] = {"K": "N/mm", "F": "N", "d": "mm"}
     return result
+
+
+def _prose(text: str) -> Markup:
+    """Words with what stands between backticks as code, as Markdown has it."""
+    return Markup(CODE.sub(r"<code>\1</code>", str(escape(text))))
 
 
 def _data_uri(picture: Picture) -> str:

@@ -41,7 +41,8 @@ MEANING = {
     "peak_memory_MB": "resident memory of a process that runs the paper's experiment",
     "curve_first_s": "`validate curve orthoglide-chain --posture A --to -4`, first after the installation, which "
     "compiles the kernels",
-    "curve_uncompiled_s": "the same where `python -m vjm.warm_up` was left out",
+    "curve_uncompiled_s": "the same where `python -m vjm.warm_up` was left out: interpreted, while another process "
+    "compiles",
     "curve_later_s": "the same once more",
 }
 """What each row is, in the table's order. Rows of ``bench.json`` without a requirement may have none."""

@@ -269,3 +269,33 @@ def test_a_cantilever_without_a_limit_keeps_to_its_ramp(engine):
     assert by_arc.points[-1].ramp == pytest.approx(150.0, abs=1e-6)
     assert by_arc.points[-1].displacement == pytest.approx(by_ramp.points[-1].displacement, abs=1e-7)
     assert not by_arc.events
+
+
+def test_a_path_that_begins_with_the_load_squared_goes_to_the_side_of_its_load():
+    # Lee's frame, its loaded point watched sideways: both signs of the load move it there
+    section, quarter = Section(EA=4.32e7, GJ=1.44e10, EIy=1.44e10, EIz=1.44e7), turn(AXES["z"], 0.5 * np.pi)
+    parts = (
+        PassiveJoint("base", AXES["z"]), Beam("column", 120.0, section=section),
+        RigidOffset("corner", np.linalg.inv(quarter)), Beam("near", 24.0, section=section),
+        Beam("far", 96.0, section=section), PassiveJoint("end", AXES["z"]),
+    )  # fmt: skip
+    frame_of_lee = Chain("lee", parts, base=quarter, postures={"-": np.zeros(2)})
+    load = Load((0.0, -1.0, 0.0, 0.0, 0.0, 0.0), part="near", at=1.0)
+    watched = PointControl("near", 1.0, (1.0, 0.0, 0.0))
+    path = ExudynEngine(elements=8).trace(
+        frame_of_lee, LoadCase("-", 90.0, axis="load", loads=(load,), control=watched)
+    )
+    assert path.events[-1].kind is EventKind.LIMIT
+    # by shooting, see the verification case lee-frame; eight elements a beam err by 1.6e-4
+    assert path.events[-1].force == pytest.approx(18556.7275, rel=5e-4)
+    assert "what steers only watches" in path.stopped
+
+
+@either
+def test_a_gauge_across_a_perfect_column_is_named_as_what_does_not_move(engine):
+    bar = Beam("bar", 100.0, section=Section(EA=2e7, GJ=1e6, EIy=2e7, EIz=1e6))
+    column = Chain("column", (bar,), postures={"-": np.zeros(0)})
+    across = PointControl("bar", 1.0, (0.0, 1.0, 0.0))
+    load = Load((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    case = LoadCase("-", 20.0, axis="load", free=COMPONENTS, loads=(load,), control=across)
+    assert "what steers the path does not move along it" in engine(4).trace(column, case).stopped

@@ -31,6 +31,7 @@ PAGES = [
 STEP = re.compile(
     r"^```\{code-block\} *\w*\n:caption: (?P<file>\S+)\n\n?(?P<content>.*?)^```$"
     r"|^```(?:python|\{code-block\} python)\n(?P<program>.*?)^```$"
+    r"|^```text\n(?P<output>.*?)^```$"
     r"|^```.*?^```$"
     r"|^    (?P<command>validate \w.*?)(?:  #.*)?$",
     re.DOTALL | re.MULTILINE,
@@ -40,6 +41,8 @@ SLOW = re.compile(
     r"^validate (all|map|diagnose|calibrate|identify (orthoglide|.*--solid)|(check|show) parts/|buckling .*exudyn)"
 )
 """Steps that take more than two seconds or so."""
+LAST_DIGITS = 1e-3
+"""Of a number that a page shows."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +66,10 @@ def steps(page: Path) -> list[Step]:
     found = [
         Step("file", match["content"], match["file"]) if match["file"]
         else Step("program", match["program"]) if match["program"]
+        else Step("output", match["output"]) if match["output"]
         else Step("command", match["command"])
         for match in STEP.finditer(page.read_text(encoding="utf-8"))
-        if match["file"] or match["program"] or match["command"]
+        if any(match.groupdict().values())
     ]  # fmt: skip
     if page.parent.parent == EXAMPLES:
         return [Step("command", f"validate example {page.parent.name}"), *found]
@@ -77,9 +81,14 @@ def name(page: Path) -> str:
 
 
 def follow(page: Path, todo: list[Step], capfd: pytest.CaptureFixture[str]) -> None:
+    printed = ""
     for step in todo:
         if step.kind == "file":
             Path(step.file).write_text(step.text, encoding="utf-8")
+        elif step.kind == "output":
+            # before any command it is a file's text
+            if printed:
+                promised(step.text, printed)
         elif step.kind == "program":
             program(step.text, capfd)
         else:
@@ -88,11 +97,36 @@ def follow(page: Path, todo: list[Step], capfd: pytest.CaptureFixture[str]) -> N
                 words = [words[0], "--help"]
             status = run(words)
             said = capfd.readouterr()
+            printed = said.out + said.err
             # a test of acceptance that fails is an answer, too
             assert status == 0, f"{name(page)}: {step.text}: status {status}: {said.err}"
             if step.placeholder:
                 options = re.findall(r"(?<![\w-])--[a-z][a-z-]*", step.text)
                 assert [option for option in options if option not in said.out] == [], step.text
+
+
+def promised(block: str, printed: str) -> None:
+    """Hold what a page shows of a command's output to what it prints: each line, some columns of it."""
+    lines = [words(line) for line in printed.splitlines()]
+    for line in filter(None, map(words, block.splitlines())):
+        starts = [(k, at) for k, own in enumerate(lines) for at in range(len(own) - len(line) + 1)]
+        assert any(all(map(alike, line, lines[k][at : at + len(line)])) for k, at in starts), (
+            f"{' '.join(line)}\nis not in\n{printed}"
+        )
+
+
+def words(line: str) -> list[str]:
+    return [word.rstrip(";") for word in re.sub(r"[│┃━─]", " ", line).split()]
+
+
+def alike(shown: str, printed: str) -> bool:
+    """Whether two words are one, or the same number but for its last digits, which hang on the processor."""
+    if shown == printed:
+        return True
+    try:
+        return float(shown) == pytest.approx(float(printed), rel=LAST_DIGITS)
+    except ValueError:
+        return False
 
 
 def program(text: str, capfd: pytest.CaptureFixture[str]) -> None:

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from vjm.continuation.direction import Direction
 from vjm.continuation.path import EventKind, Path
 from vjm.engines import FROZEN
+from vjm.io.findings import Finding, Grade
 from vjm_validation.comparison import force_difference, shape_difference
 from vjm_validation.metrics import PathMetrics, path_metrics
 from vjm_validation.studies.discovery_results import CAUSE, DiscoveryStudy
@@ -56,6 +57,16 @@ def at_most(name: str, value: float, limit: float, unit: str = "") -> Acceptance
     return AcceptanceRow(
         name=name, requirement=f"at most {limit:g}{unit}", value=value, passed=bool(value <= limit)
     )
+
+
+MODEL_ROW = "model"
+"""Name of the row about the model file itself."""
+
+
+def model_rows(findings: Iterable[Finding]) -> list[AcceptanceRow]:
+    """The model file says nothing doubtful: what a mistaken one computes tells nothing of the paper."""
+    doubtful = [str(finding) for finding in findings if finding.grade is not Grade.NOTED]
+    return [none_of(MODEL_ROW, "nothing in its file is doubtful", doubtful)]
 
 
 def solver_rows(paths: Mapping[Key, Path]) -> list[AcceptanceRow]:

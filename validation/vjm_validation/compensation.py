@@ -21,7 +21,6 @@ from vjm.tree.compensation import compensated_arm, rotations_of
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import DoubtRow
-from vjm_output.plot_style import figure, png
 from vjm_validation.loaded_stiffness import held_by_itself
 from vjm_validation.tool_path import ToolPath
 
@@ -157,17 +156,3 @@ def write_commands(document: CompensationDocument, file: Path) -> None:
             row += [float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))]
         table.writerow([k + 1, *(f"{value:.12g}" for value in row)])
     write_whole(file, stream.getvalue())
-
-
-def picture(document: CompensationDocument) -> bytes:
-    """A PNG: the error left along the path by each model."""
-    colours = {"rigid": "#8C8C8C", "linear": "#D55E00", "loaded": "#0072B2"}
-    with figure(3.2, 1) as (fig, (ax,)):
-        at = np.arange(1, document.poses + 1)
-        for name in MODELS:
-            error = np.linalg.norm(np.array(document.errors[name])[:, :3], axis=1)
-            # a logarithmic axis has no zero; a nanometre is none
-            ax.semilogy(at, np.maximum(error, 1e-6), "o-", ms=3, color=colours[name], label=name)
-        ax.set(xlabel="pose", ylabel="error of the loaded end, mm", title=f"{document.model}, {document.engine}")
-        fig.legend(loc="outside upper right", ncols=3)
-        return png(fig)

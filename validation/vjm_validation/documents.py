@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from math import isnan
+
 from pydantic import BaseModel, ConfigDict
 
-from vjm_output.documents import DoubtRow, Matrix
+from vjm import __version__
+from vjm.continuation.path import EventKind, Path, travel
+from vjm.io.findings import Finding
+from vjm.io.load_cases import words
+from vjm_output.documents import DoubtRow, Matrix, doubt_rows
 from vjm_validation.metrics import PathMetrics
 from vjm_validation.yielding import YieldRow
 
@@ -71,5 +78,128 @@ class StiffnessDocument(BaseModel):
     """Largest scaled component of the equilibrium equations."""
     events: list[str]
     """Critical points that the chain passed on the way."""
+    doubts: list[DoubtRow] = []
+    """What is implausible about the model."""
+
+
+class CurvePointRow(BaseModel):
+    """One equilibrium of a path."""
+
+    model_config = ConfigDict(frozen=True)
+
+    ramp: float
+    """The driven displacement's magnitude, or the load factor."""
+    force: float
+    """Magnitude of the driven component of the wrench, or the load factor."""
+    stiffness: float
+    """Derivative of the force by the ramp."""
+    displacement: list[float]
+    """Of the end-effector: shift and rotation vector, world axes."""
+    wrench: list[float]
+    """That the machine needs at the end-effector, world axes."""
+    eigenvalue_relative: float | None
+    """Smallest eigenvalue of the second variation over that of the unloaded machine; null where not computed."""
+    unstable: int | None
+    """Number of negative eigenvalues; null where not computed."""
+
+
+class CurveEventRow(BaseModel):
+    """A critical point of a path."""
+
+    model_config = ConfigDict(frozen=True)
+
+    kind: EventKind
+    at: float
+    """The ramp there."""
+    force: float
+    """Of the driven component, or the load factor."""
+    stiffness_before: float | None
+    """At 0.99 of the path up to there; null for a bend-over."""
+    stiffness_after: float | None
+    """At 1.01 of it, on the stable branch; null likewise."""
+
+
+class CurveDocument(BaseModel):
+    """What ``validate curve --json`` prints."""
+
+    model_config = ConfigDict(frozen=True)
+
+    model: str
+    model_sha256: str
+    version: str
+    engine: str
+    posture: str
+    load_case: dict[str, str]
+    """As in the first line of a curve file."""
+    points: list[CurvePointRow]
+    events: list[CurveEventRow]
+    complete: bool
+    """Whether the path reached its end."""
+    stopped: str
+    """Why it did not; empty where it did."""
+    doubts: list[DoubtRow] = []
+    """What is implausible about the model."""
+
+
+def curve_document(path: Path, doubts: Iterable[Finding] = ()) -> CurveDocument:
+    """A path as a document."""
+    rows = zip(path.points, path.force.tolist(), path.eigenvalue_relative.tolist(), strict=True)
+    return CurveDocument(
+        model=path.model,
+        model_sha256=path.model_sha256,
+        version=__version__,
+        engine=path.engine,
+        posture=path.load_case.posture,
+        load_case=words(path.load_case),
+        points=[
+            CurvePointRow(
+                ramp=p.ramp,
+                force=force,
+                stiffness=p.tangent,
+                displacement=p.displacement.tolist(),
+                wrench=p.wrench.tolist(),
+                eigenvalue_relative=None if isnan(relative) else relative,
+                unstable=None if p.unstable < 0 else p.unstable,
+            )
+            for p, force, relative in rows
+        ],
+        events=[
+            CurveEventRow(
+                kind=event.kind,
+                at=travel(path, event.point) if event.point else event.s,
+                force=event.force,
+                stiffness_before=event.stiffness_before,
+                stiffness_after=event.stiffness_after,
+            )
+            for event in path.events
+        ],
+        complete=path.complete,
+        stopped=path.stopped,
+        doubts=doubt_rows(doubts),
+    )
+
+
+class MapRowsDocument(BaseModel):
+    """What ``validate map --json`` prints: every pose with its values."""
+
+    model_config = ConfigDict(frozen=True)
+
+    model: str
+    model_sha256: str
+    version: str
+    engine: str
+    quantity: str
+    columns: list[str]
+    """Of ``values``."""
+    places_mm: list[list[float | None]]
+    """x, y and z of the tool in the world, of a platform from home; null where it is not reached."""
+    joints: dict[str, list[float | None]]
+    """Of an arm: coordinates of each joint, pose by pose; empty for a platform."""
+    values: list[list[float | None]]
+    """Null where there is none, or where it is infinite."""
+    status: list[str]
+    """``ok``, or why there is no value."""
+    files: list[str]
+    """That were written."""
     doubts: list[DoubtRow] = []
     """What is implausible about the model."""

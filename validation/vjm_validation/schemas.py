@@ -22,7 +22,7 @@ from vjm_updating.maps.documents import MapDocument, MapTaskDocument
 from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.simulate.command import Truth
 from vjm_validation.compensation import CompensationDocument
-from vjm_validation.documents import BucklingDocument, StiffnessDocument
+from vjm_validation.documents import BucklingDocument, CurveDocument, MapRowsDocument, StiffnessDocument
 from vjm_validation.studies.own_machine_rows import OwnMachineSummary
 from vjm_validation.studies.table2_document import Table2Document
 from vjm_validation.summary import Summary
@@ -34,6 +34,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         "summary.schema.json": schema(Summary),
         "own-machine.schema.json": schema(OwnMachineSummary),
         "buckling.schema.json": schema(BucklingDocument),
+        "curve.schema.json": schema(CurveDocument),
         "compensation.schema.json": schema(CompensationDocument),
         "stiffness.schema.json": schema(StiffnessDocument),
         "identification.schema.json": schema(IdentificationDocument),
@@ -44,6 +45,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         "pose-diagnosis.schema.json": schema(PoseDiagnosis),
         "table2.schema.json": schema(Table2Document),
         "map.schema.json": schema(MapDocument),
+        "map-rows.schema.json": schema(MapRowsDocument),
         "map-task.schema.json": schema(MapTaskDocument),
         "truth.schema.json": schema(Truth),
         "manipulator.schema.json": manipulator_schema(),

@@ -15,7 +15,8 @@ from vjm.model.load_case import LoadCase, PointControl
 from vjm.rotations import Array, frame
 from vjm_fea.common import branches
 from vjm_fea.common.beam_statics import BeamStatics
-from vjm_fea.common.linearized_statics import Border, Tangent
+from vjm_fea.common.beginning import begun
+from vjm_fea.common.linearized_statics import Border, Tangent, Verdict
 from vjm_fea.common.points import Place
 
 MAX_ITERATIONS = 25
@@ -28,8 +29,8 @@ SURE = 1e-2
 critical points, where the stiffness is small, a state within the tolerance may still be far off."""
 STEPS_OF_CONSTANT_LOADS = 1e-3
 """Smallest share of the constant loads that is put on at once."""
-ROUNDINGS = 64.0
-"""Units in the last place of a position by which a residual may be wrong."""
+ROUNDINGS = 16.0
+"""Units in the last place of positions and turns by which a residual may be wrong."""
 ON_PATH = 1e-11
 """Error of the condition beside equilibrium, in units of turns and of the chain's length."""
 
@@ -88,9 +89,8 @@ class BeamProblem:
         self.label, self.load_case, self.stations, self.statics = label, load_case, stations, statics
         extent = float(np.ptp(statics.shape(statics.initial), axis=0).max(initial=0.0))
         self.length = max(chain.characteristic_length, extent)
-        # positions are known to some units in the last place, and forces no better than the stiffest motion has it
-        stiffest = float(statics.unit[: statics.motions].min())
-        self.tolerance = max(tolerance, ROUNDINGS * np.finfo(float).eps * self.length / stiffest)
+        self.tolerance = tolerance
+        self._rounding = ROUNDINGS * np.finfo(float).eps * statics.extent(self.length)
         self._watched = watched
         self._known: tuple[Array, Tangent] | None = None
         if watched is not None and watched.body is None:
@@ -112,9 +112,8 @@ class BeamProblem:
         Raises:
             NoConvergenceError: they are more than the chain bears.
         """
-        state = self.statics.initial
-        if self.statics.applied_loads.constant.any():
-            state = self._settled()
+        laden = self.statics.applied_loads.constant.any()
+        state = self._settled() if laden else self.statics.initial
         return self._equilibrium(0.0, *self._newton(state))
 
     def solve(self, s: float, start: Equilibrium, slope: Array | None = None) -> Equilibrium:
@@ -125,13 +124,14 @@ class BeamProblem:
         """
         if self.load_case.by_arc:
             return self._on_arc(s, start, self.tangent(start) if slope is None else slope)
+        steered = isinstance(self.load_case.control, PointControl)
         if slope is not None:
             state = self.statics.states.normalised(start.state + slope * (s - start.s))
-        elif isinstance(self.load_case.control, PointControl):
-            state = start.state
+        elif steered:
+            state = self._begun(s, start) if start.s == 0.0 else start.state
         else:
             state = self._advanced(start.state, s - start.s)
-        if isinstance(self.load_case.control, PointControl):
+        if steered:
             return self._equilibrium(s, *self._newton(state, lambda at: self._point_border(at, s)))
         return self._equilibrium(s, *self._newton(self._ramped_to(state, s)))
 
@@ -201,11 +201,7 @@ class BeamProblem:
         return tangent.by_ramp(self.drive, self.statics.ramped(state))
 
     def bordered(self, state: Array, border: Callable[[Array], Border]) -> tuple[Array, int, float]:
-        """Equilibrium with one condition more, and the ramp that it takes: regular at critical points.
-
-        Raises:
-            NoConvergenceError: none was found.
-        """
+        """Equilibrium with one condition more, and the ramp that it takes: regular at critical points."""
         return self._newton(state, border)
 
     def equilibrium(self, s: float, state: Array, iterations: int = 0, error: float = 0.0) -> Equilibrium:
@@ -222,18 +218,19 @@ class BeamProblem:
         """Equilibrium with what is held as in ``state``, or with one condition more and the ramp free."""
         statics = self.statics
         tangent: Tangent | None = None
-        error, polished = np.inf, False
+        error, polished, tolerance = np.inf, False, self.tolerance
         for iteration in range(MAX_ITERATIONS + 1):
             r = statics.residual(state)[statics.free]
             error = float(np.max(np.abs(r), initial=0.0))
             condition = border(state) if border is not None else None
-            if error < self.tolerance and (condition is None or abs(condition.missing) < ON_PATH):
-                if polished or error < SURE * self.tolerance:
+            if error < tolerance and (condition is None or abs(condition.missing) < ON_PATH):
+                if polished or error < SURE * tolerance:
                     return state, iteration, error
                 polished = True
             if not error < DIVERGED:
                 break
             tangent = statics.tangent(state, like=tangent)
+            tolerance = max(self.tolerance, tangent.rounding(self._rounding))
             try:
                 if condition is None:
                     state = statics.moved_freely(state, tangent.solve(-r))
@@ -306,6 +303,19 @@ class BeamProblem:
         row[point.motions] = along @ point.jacobian[:3]
         return row * self.statics.unit
 
+    def _begun(self, s: float, start: Equilibrium) -> Array:
+        """A state near the first ``s``, see `vjm_fea.common.beginning.begun`."""
+        by_ramp = self.by_ramp(start.state, self.exact(start.state))
+        try:
+            rate = self.exact(start.state).solve(-by_ramp)
+        except np.linalg.LinAlgError:
+            return start.state
+
+        def at(ramp: float) -> Array:
+            return self._newton(self._ramped_to(self._advanced(start.state, ramp), ramp))[0]
+
+        return begun(s, rate, self._point_row(start.state)[self.statics.free], at, self._gone, start.state)
+
     def _point_border(self, state: Array, s: float) -> Border:
         return Border((s - self._gone(state)) / self.length, self._point_row(state) / self.length, 0.0)
 
@@ -319,7 +329,7 @@ class BeamProblem:
                 self.statics.share = min(share + step, 1.0)
                 try:
                     there = self._newton(state)[0]
-                    lost = self._verdict(there, self.statics.tangent(there))[1] > 0
+                    lost = self._verdict(there, self.statics.tangent(there)).unstable > 0
                 except NoConvergenceError:
                     lost = True
                 if not lost:
@@ -338,19 +348,19 @@ class BeamProblem:
     def _softest(self) -> float:
         """Eigenvalue nearest zero of the chain at rest."""
         share, self.statics.share = self.statics.share, 0.0
-        values = self.statics.tangent(self.statics.initial).stability()
+        values, _ = self.statics.tangent(self.statics.initial).stability()
         self.statics.share = share
         return float(np.abs(values).min(initial=np.inf)) if len(values) else 0.0
 
-    def _verdict(self, state: Array, tangent: Tangent) -> tuple[float, int]:
-        """Eigenvalue that decides on stability, and how many are negative, see `Tangent.verdict`."""
+    def _verdict(self, state: Array, tangent: Tangent) -> Verdict:
+        """See `Tangent.verdict`."""
         return tangent.verdict(self.device(state), NEUTRAL * self._softest)
 
     def _equilibrium(
         self, s: float, state: Array, iterations: int, error: float, end_condition: Array | None = None
     ) -> Equilibrium:
         tangent = self.exact(state)
-        eigenvalue, unstable = self._verdict(state, tangent)
+        verdict = self._verdict(state, tangent)
         try:
             K = self.statics.end_stiffness(tangent)
         except np.linalg.LinAlgError:
@@ -367,14 +377,15 @@ class BeamProblem:
             displacement=displacement,
             wrench=self.statics.wrench(state),
             tangent=self._tangent_stiffness(state, tangent, K),
-            eigenvalue=eigenvalue,
-            unstable=unstable,
+            eigenvalue=verdict.eigenvalue,
+            unstable=verdict.unstable,
             iterations=iterations,
             residual=error,
             shape=self.statics.shape(state),
             state=state,
             stiffness=K,
             ramp=ramp if end_condition is None else s,
+            rounding=verdict.rounding,
         )
 
     def _tangent_stiffness(self, state: Array, tangent: Tangent, K: Array) -> float:

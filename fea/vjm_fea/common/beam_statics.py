@@ -97,6 +97,16 @@ class BeamStatics(ABC):
         """
         return np.full(self.states.others, np.inf)
 
+    def extent(self, length: float) -> Array:
+        """Size ``(m + c,)``, scaled, of what the state holds of the motions: a length, and one for turns.
+
+        Args:
+            length: of the chain, mm.
+        """
+        size = np.zeros(len(self.unit))
+        size[: 6 * self.states.bodies] = np.tile(np.repeat([length, 1.0], 3), self.states.bodies)
+        return size / self.unit
+
     # --- states -------------------------------------------------------------------------------------------
 
     def moved(self, state: Array, motion: Array, ramp: float = 0.0) -> Array:

@@ -16,6 +16,8 @@ ROUNDING = 1e-11
 REAL = 1e-7
 """Imaginary part of an eigenvalue, over its magnitude, up to which it is real: two that nearly meet split
 by the root of rounding."""
+SMALL = float(np.sqrt(np.finfo(float).eps))
+"""Eigenvalue over the largest one below which a solver leaves less than half of its digits."""
 COINCIDENT = 1e-3
 """Two eigenvalues vanish together where the second is below this fraction of the third."""
 
@@ -26,12 +28,53 @@ def is_real(values: Array) -> np.ndarray:
     return result
 
 
+class Verdict(NamedTuple):
+    """On stability.
+
+    Attributes:
+        eigenvalue: the smallest.
+        unstable: how many are negative.
+        rounding: by which the smallest may be wrong, where it is hardly told; else zero.
+    """
+
+    eigenvalue: float
+    unstable: int
+    rounding: float
+
+
 class Border(NamedTuple):
     """A condition beside equilibrium, linearised in scaled motions: ``row · δx + at_ramp δramp = missing``."""
 
     missing: float
     row: Array
     at_ramp: float
+
+
+def _symmetric_modes(K: Array, *, vectors: bool = True) -> tuple[Array, Array, float]:
+    """Eigenvalues ``(k,)``, increasing, unit eigenvectors ``(k, k)``, and by how much the smallest may be wrong.
+
+    Solvers know an eigenvalue to a rounding of the largest one. Chains with very short elements have far smaller
+    ones that the stiffness's own entries still tell: those below the root of rounding are renewed by the method of
+    Rayleigh and Ritz on their eigenvectors, of which errors enter as their squares, with products in extended
+    precision.
+
+    Args:
+        K: ``(k, k)``.
+        vectors: whether the eigenvectors are wanted; else they are empty.
+    """
+    if not vectors:
+        values = np.asarray(eigvalsh(K, check_finite=False), dtype=float)
+        if not np.abs(values).min() < SMALL * np.abs(values).max():
+            return values, np.empty((0, 0)), 0.0
+    values, V = eigh(K, check_finite=False)
+    soft = np.abs(values) < SMALL * np.abs(values).max()
+    if soft.any():
+        own = V[:, soft].astype(np.longdouble)
+        among, turned = eigh((own.T @ (K.astype(np.longdouble) @ own)).astype(float), check_finite=False)
+        values[soft], V[:, soft] = among, V[:, soft] @ turned
+    # entries are rounded one by one: as many independent errors
+    rounding = np.finfo(float).eps * float(np.linalg.norm(V[:, 0, None] * K * V[:, 0])) if soft.any() else 0.0
+    return values, V, rounding
 
 
 @dataclass(frozen=True)
@@ -67,6 +110,10 @@ class Tangent:
         """
         result: Array = np.asarray(np.linalg.solve(self._free, right), dtype=float)
         return result
+
+    def rounding(self, motions: Array) -> float:
+        """Largest error of the free coordinates' residual by errors ``(m + c,)`` of the state."""
+        return float(np.max(np.abs(self.J[self.free]) @ motions, initial=0.0))
 
     def by_ramp(self, drive: Array, load: Array) -> Array:
         """Derivative ``(f,)`` of the free coordinates' residual by the ramp.
@@ -122,8 +169,10 @@ class Tangent:
         N = qr(C, check_finite=False)[0][:, C.shape[1] :]
         return N.T @ K @ N, N
 
-    def stability(self, device: Array | None = None) -> Array:
+    def stability(self, device: Array | None = None) -> tuple[Array, float]:
         """Eigenvalues ``(k,)`` of the stiffness that the constraints leave: increasing, or complex.
+
+        Where they are symmetric and the smallest is hardly told, also by how much rounding may have changed it.
 
         Where loads are not conservative there may be complex ones: they pass no zero, and what they do in time
         (flutter) is not a matter of statics.
@@ -133,36 +182,37 @@ class Tangent:
         """
         K, _ = self._modal(device)
         if not len(K):
-            return np.zeros(0)
+            return np.zeros(0), 0.0
         if self.symmetric:
-            return np.asarray(eigvalsh(0.5 * (K + K.T), check_finite=False), dtype=float)
-        return np.asarray(eigvals(K, check_finite=False))
+            values, _, rounding = _symmetric_modes(0.5 * (K + K.T), vectors=False)
+            return values, rounding
+        return np.asarray(eigvals(K, check_finite=False)), 0.0
 
-    def verdict(self, device: Array | None, neutral: float) -> tuple[float, int]:
-        """Smallest eigenvalue of the stiffness that the constraints leave, and how many are negative.
+    def verdict(self, device: Array | None, neutral: float) -> Verdict:
+        """Whether the stiffness that the constraints leave is positive.
 
-        Where they leave no motion at all, as in a cantilever of one element, nan and none. Where loads are not
+        Where they leave no motion at all, as in a cantilever of one element: nan and none. Where loads are not
         conservative, the eigenvalue nearest zero, complex or not, see `vjm.statics.stability.stability`.
 
         Args:
             device: see `stability`.
             neutral: eigenvalue up to which a motion costs nothing.
         """
-        values = self.stability(device)
+        values, rounding = self.stability(device)
         if not len(values):
-            return float("nan"), 0
+            return Verdict(float("nan"), 0, 0.0)
         real = values[is_real(values)].real
         negative = int(np.count_nonzero(real < -neutral))
         if self.symmetric:
-            return float(values[0]), negative
+            return Verdict(float(values[0]), negative, rounding)
         nearest = values[np.argmin(np.abs(values))]
-        return float(-abs(nearest) if nearest in real[real < 0.0] else abs(nearest)), negative
+        return Verdict(float(-abs(nearest) if nearest in real[real < 0.0] else abs(nearest)), negative, 0.0)
 
     def critical_modes(self, device: Array | None = None) -> list[Array]:
         """Unit vectors ``(f,)`` of the motions whose eigenvalue is nearest zero: one, or two together."""
         K, N = self._modal(device)
         if self.symmetric:
-            values, V = eigh(0.5 * (K + K.T), check_finite=False)
+            values, V, _ = _symmetric_modes(0.5 * (K + K.T))
         else:
             values, V = eig(K, check_finite=False)
             real = is_real(values)

@@ -11,3 +11,7 @@ exu: Any = exudyn
 items: Any = exudyn.itemInterface
 Item = Any
 """The number of a node, marker or object in Exudyn's system."""
+Description = Any
+"""What Exudyn makes a node, marker or object from, or its settings."""
+System = Any
+"""A main system of Exudyn."""

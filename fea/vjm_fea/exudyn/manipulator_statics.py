@@ -91,8 +91,8 @@ class ManipulatorStatics(Statics):
         Raises:
             ValueError: there is no such element.
         """
-        self._set(self._full(self._without(state) if self._has_extra(state) else state))
-        mbs = self.system.mbs
+        self._whole.set(self._full(self._without(state) if self._has_extra(state) else state))
+        mbs = self.system.assembly.whole
         for number in range(mbs.systemData.NumberOfObjects()):
             if [int(n) for n in mbs.GetObject(number).get("nodeNumbers", [])] == [root, tip]:
                 output = exu.OutputVariableType.ForceLocal

@@ -17,8 +17,9 @@ from vjm_fea.common.mesh import Mesh
 from vjm_fea.common.points import NO_POINTS
 from vjm_fea.common.quaternions import quaternion
 from vjm_fea.exudyn.backend import items
+from vjm_fea.exudyn.bodies import Rigid, leaders_of
 from vjm_fea.exudyn.joint_kinds import crossing
-from vjm_fea.exudyn.system import ExudynSystem, Rigid
+from vjm_fea.exudyn.system import ExudynSystem
 
 LOCKED = (1, 1, 1, 1, 1, 1)
 CLOSED = 1e-7
@@ -65,7 +66,7 @@ class ManipulatorSystem(ExudynSystem):
         self._begin(mesh)
         self._points = NO_POINTS
         self._open = None
-        ground = Rigid(-1, self.mbs.AddObject(items.ObjectGround()), np.eye(4))
+        ground = Rigid(-1, self.assembly.rigid(items.ObjectGround()), np.eye(4))
         self._bodies = {BASE: ground}
         for name in robot.bodies:
             # in the world's axes, as an end-effector's node is
@@ -81,9 +82,9 @@ class ManipulatorSystem(ExudynSystem):
         self.end_condition = self._add_hand(end_condition) if end_condition else self.tool
         self.reference = np.array([np.concatenate([T[:3, 3], quaternion(T[:3, :3])]) for T in self._frames])
         self.connected = sorted(self._connected)
-        self.leaders = self._groups()
+        self.leaders = leaders_of(len(self._frames), self._locked, {self.tool, self.end_condition})
         self.pieces = [replace(p, body=self._leader(p.body)) for p in self.pieces]
-        self.mbs.Assemble()
+        self.assembly.close()
 
     def _add_leg(self, pose: RigidPose, leg: Leg, index: int) -> None:
         robot = pose.manipulator
@@ -145,8 +146,8 @@ class ManipulatorSystem(ExudynSystem):
             self._joint(self._marker(end, self._frame), self._marker(body, place), LOCKED)
         elif self._open is not None:
             connect, self._open = self._open, None
-            connect(self._marker(body, self._open_at))
             self._rigid = body
+            connect(self._marker(body, self._open_at))
             waiting, self._waiting = self._waiting, []
             for mark in waiting:
                 mark()

@@ -32,6 +32,7 @@ class ExudynProblem(BeamProblem):
                 no point of the chain; a load case that the engine does not know.
         """
         refuse_imperfection(label, load_case)
+        chain.refuse_tree(label)
         chain = chain.at(load_case.posture)
         system = ExudynSystem(
             chain, chain.posture(load_case.posture), mesh, wanted(load_case), hand_joints(chain, load_case)

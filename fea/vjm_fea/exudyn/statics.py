@@ -6,8 +6,9 @@ and scaled, so that mm and rad, forces and moments, are comparable.
 
 Exudyn's Jacobian leaves out how the joints' reactions change with the motion, ``∂(Cᵀλ)/∂x``. Newton's method
 forgives that; a stability eigenvalue and a tangent stiffness do not, where a loaded joint sits on a rigid arm
-or carries a moment. So the columns of the nodes on which joints and springs act are central differences of
-the residual, which has everything in it.
+or carries a moment. So what joints and springs add to the columns of their nodes are central differences of their
+residual, which has everything in it. Beams, whose Jacobian is exact, are left out of it: a position is known to a
+rounding of its distance from the origin, which a short element turns into forces larger than the difference.
 
 Nodes of one rigid piece go with the one that leads it: what they put up acts on that one, by the principle of
 virtual work, and no constraint is left that would need multipliers.
@@ -29,7 +30,8 @@ from vjm_fea.common.linearized_statics import Tangent
 from vjm_fea.common.points import Moving, Place, on_body
 from vjm_fea.common.quaternions import product, rates, rotation_matrices
 from vjm_fea.common.states import States
-from vjm_fea.exudyn.backend import exu
+from vjm_fea.exudyn.backend import Description, System, exu
+from vjm_fea.exudyn.matrix_spring import RelativeMotion
 from vjm_fea.exudyn.system import ExudynSystem
 
 DIFFERENCE = 1e-5
@@ -48,6 +50,39 @@ class _Full(NamedTuple):
     places: Array
     levers: Array
     numbers: Array
+
+
+class _Evaluated:
+    """One of Exudyn's systems at any place of its nodes.
+
+    Attributes:
+        multipliers: number c.
+    """
+
+    def __init__(self, mbs: System, settings: Description, reference: Array) -> None:
+        self._mbs, self._settings, self._reference = mbs, settings, reference
+        self._solver = exu.MainSolverStatic()
+        self._solver.InitializeSolver(mbs, settings)
+        self.multipliers = int(self._solver.GetAEsize())
+
+    def set(self, full: _Full) -> None:
+        """Put the nodes there."""
+        data = self._mbs.systemData
+        data.SetODE2Coordinates((full.places - self._reference).ravel())
+        data.SetAECoordinates(full.numbers[: self.multipliers])
+
+    def residual(self, full: _Full) -> Array:
+        """Forces that the system puts up ``(7 n,)`` and errors of joints ``(c,)``."""
+        self.set(full)
+        self._solver.ComputeNewtonResidual(self._mbs, self._settings)
+        # Exudyn's residual holds the negative of the internal forces
+        return -np.array(self._solver.GetSystemResidual())
+
+    def jacobian(self, full: _Full) -> Array:
+        """Exudyn's own Jacobian ``(7 n + c, 7 n + c)``."""
+        self.set(full)
+        self._solver.ComputeNewtonJacobian(self._mbs, self._settings)
+        return -np.array(self._solver.GetSystemJacobian())
 
 
 class Statics(BeamStatics):
@@ -79,9 +114,12 @@ class Statics(BeamStatics):
         self._settings = exu.SimulationSettings()
         self._settings.solution.file.write = False
         self._settings.staticSolver.verboseMode = 0
-        self._solver = exu.MainSolverStatic()
-        self._solver.InitializeSolver(system.mbs, self._settings)
-        multipliers = int(self._solver.GetAEsize())
+        self._whole, self._unmeshed = (
+            _Evaluated(mbs, self._settings, system.reference)
+            for mbs in (system.assembly.whole, system.assembly.unmeshed)
+        )
+        # constraints beside Exudyn have theirs behind Exudyn's own
+        multipliers = self._whole.multipliers + len(system.constraints)
         self._lead(system)
         bodies = len(self._leading)
         self.motions = 6 * bodies
@@ -93,7 +131,7 @@ class Statics(BeamStatics):
         self.free = np.setdiff1d(np.arange(self.motions + multipliers), self.held)
         self._columns = np.ravel([range(6 * n, 6 * n + 6) for n in system.connected]).astype(int)
         full = self._full(self.initial)
-        J = self._assembled(full, rates(full.places[:, 3:]))
+        J = self._with_springs(self._assembled(self._whole, full, rates(full.places[:, 3:])), full)
         own = np.diag(J)[: 6 * self.nodes]
         # of the elements themselves: a stiff one at the end of a long rigid arm makes the arm's turns far stiffer
         steps, self.energy = self._scale(own, np.tile([False] * 3 + [True] * 3, self.nodes), length)
@@ -154,7 +192,8 @@ class Statics(BeamStatics):
     def node_forces(self, state: Array) -> Array:
         """Forces and moments ``(n, 6)`` that elements and joints put up at every node, world axes."""
         full = self._full(state)
-        return self._reduced(self._raw_residual(full), rates(full.places[:, 3:]))[: 6 * self.nodes].reshape(-1, 6)
+        r = self._reduced(self._whole.residual(full), rates(full.places[:, 3:]))[: 6 * self.nodes].reshape(-1, 6)
+        return r + self._spring_forces(full)
 
     # --- nodes that are led -------------------------------------------------------------------------------
 
@@ -184,23 +223,70 @@ class Statics(BeamStatics):
 
     def _inner(self, state: Array) -> Array:
         full = self._full(state)
-        r = self._reduced(self._raw_residual(full), rates(full.places[:, 3:]))
-        return self._led(r, full)
+        r = self._reduced(self._whole.residual(full), rates(full.places[:, 3:]))
+        r[: 6 * self.nodes] += self._spring_forces(full).ravel()
+        places = np.vstack([full.places, self._ground])
+        errors = [constraint.error(places) for constraint in self.system.constraints]
+        return self._led(np.concatenate([r, errors]), full)
+
+    def _spring_forces(self, full: _Full) -> Array:
+        """Forces and moments ``(n, 6)`` of what stands beside Exudyn at the nodes, world axes."""
+        result = np.zeros((self.nodes + 1, 6))
+        places = np.vstack([full.places, self._ground])
+        for spring in self.system.springs:
+            result[list(spring.nodes)] += spring.gradient(places)
+        for motion, forces in self._constraint_forces(full):
+            result[list(motion.nodes)] += motion.gradient(places, forces)
+        return result[:-1]
+
+    def _constraint_forces(self, full: _Full) -> list[tuple[RelativeMotion, Array]]:
+        """Forces ``(6,)`` of constraints on the coordinates of each relative motion."""
+        torques = full.numbers[self._whole.multipliers :]
+        return [
+            (motion, torque * weight * np.eye(6)[k])
+            for torque, constraint in zip(torques, self.system.constraints, strict=True)
+            for motion, k, weight in constraint.terms
+        ]
+
+    def _with_springs(self, J: Array, full: _Full) -> Array:
+        """The nodes' tangent with what stands beside Exudyn ``(6 n + c, 6 n + c)``."""
+        size, places = len(J), np.vstack([full.places, self._ground])
+        result = np.zeros((size + len(self.system.constraints),) * 2)
+        result[:size, :size] = J
+        for motion, forces in [(spring, None) for spring in self.system.springs] + self._constraint_forces(full):
+            second = motion.second(places, forces).reshape(2, 6, 2, 6)
+            for i, k in np.ndindex(2, 2):
+                a, b = motion.nodes[i], motion.nodes[k]
+                if a >= 0 and b >= 0:
+                    result[6 * a : 6 * a + 6, 6 * b : 6 * b + 6] += second[i, :, k]
+        for row, constraint in enumerate(self.system.constraints, start=size):
+            for motion, k, weight in constraint.terms:
+                slopes = motion.gradient(places, weight * np.eye(6)[k])
+                for node, slope in zip(motion.nodes, slopes, strict=True):
+                    if node >= 0:
+                        result[row, 6 * node : 6 * node + 6] += slope
+                        result[6 * node : 6 * node + 6, row] += slope
+        return result
 
     def _stiffness(self, state: Array, like: Tangent | None) -> tuple[Array, Array | None]:
         full = self._full(state)
         E = rates(full.places[:, 3:])
-        J = self._assembled(full, E)
+        J = self._assembled(self._whole, full, E)
         n = 6 * self.nodes
-        own = J[:n, self._columns]
-        added = self._differences(full, E) - own if like is None or like.added is None else like.added
+        if like is None or like.added is None:
+            own = self._assembled(self._unmeshed, full, E)[:n, self._columns]
+            added = self._differences(full, E) - own
+        else:
+            added = like.added
         J[:n, self._columns] += added
         # all of it is taken at fixed axes of the quaternions; that these turn adds half a cross product with the
         # moment that elements and joints put up
-        r = self._reduced(self._raw_residual(full), E)[:n].reshape(-1, 6)
+        r = self._reduced(self._whole.residual(full), E)[:n].reshape(-1, 6)
         for node in np.flatnonzero(r[:, 3:].any(axis=1)).tolist():
             turns = slice(6 * node + 3, 6 * node + 6)
             J[turns, turns] -= 0.5 * skew(r[node, 3:])
+        J = self._with_springs(J, full)
+        r = r + self._spring_forces(full)
         J = self._carried(J, full)
         # the levers of nodes that are led turn with their leaders
         for node, body in self._following:
@@ -209,7 +295,7 @@ class Statics(BeamStatics):
         return J, added
 
     def _differences(self, full: _Full, E: Array) -> Array:
-        """Columns ``(6 n, k)`` of the nodes' tangent by central differences of the residual."""
+        """Columns ``(6 n, k)`` of the tangent of joints and springs by central differences of their residual."""
         result = np.empty((6 * self.nodes, len(self._columns)))
         for i, column in enumerate(self._columns.tolist()):
             node, axis = divmod(column, 6)
@@ -220,7 +306,7 @@ class Statics(BeamStatics):
             else:
                 step[node, 3:] = size * E[node, :, axis - 3]
             ahead, behind = (
-                self._raw_residual(_Full(full.places + sign * step, full.levers, full.numbers))
+                self._unmeshed.residual(_Full(full.places + sign * step, full.levers, full.numbers))
                 for sign in (1.0, -1.0)
             )
             result[:, i] = self._reduced(ahead - behind, E)[: 6 * self.nodes] / (2.0 * size)
@@ -228,27 +314,14 @@ class Statics(BeamStatics):
 
     # --- Exudyn -------------------------------------------------------------------------------------------
 
-    def _set(self, full: _Full) -> None:
-        data = self.system.mbs.systemData
-        data.SetODE2Coordinates((full.places - self.system.reference).ravel())
-        data.SetAECoordinates(full.numbers)
-
-    def _raw_residual(self, full: _Full) -> Array:
-        self._set(full)
-        self._solver.ComputeNewtonResidual(self.system.mbs, self._settings)
-        # Exudyn's residual holds the negative of the internal forces
-        return -np.array(self._solver.GetSystemResidual())
-
     def _reduced(self, r: Array, E: Array) -> Array:
         forces = r[: 7 * self.nodes].reshape(-1, 7)
         moments = np.einsum("kab,ka->kb", E, forces[:, 3:])
         return np.concatenate([np.column_stack([forces[:, :3], moments]).ravel(), r[7 * self.nodes :]])
 
-    def _assembled(self, full: _Full, E: Array) -> Array:
+    def _assembled(self, system: _Evaluated, full: _Full, E: Array) -> Array:
         """Exudyn's own Jacobian ``(6 n + c, 6 n + c)`` in shifts and turns of all nodes, unscaled."""
-        self._set(full)
-        self._solver.ComputeNewtonJacobian(self.system.mbs, self._settings)
-        J7 = -np.array(self._solver.GetSystemJacobian())
+        J7 = system.jacobian(full)
         blocks = np.zeros((self.nodes, 7, 6))
         blocks[:, :3, :3] = np.eye(3)
         blocks[:, 3:, 3:] = E

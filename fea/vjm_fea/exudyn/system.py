@@ -9,47 +9,25 @@ of stress.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from vjm.continuation.path import StationLabel
 from vjm.model.chain import FOOT, Chain
-from vjm.model.joints import ElementarySpring, HeldJoint, elementary_springs
+from vjm.model.joints import ActuatedJoint, CoupledJoint, ElementarySpring, HeldJoint, elementary_springs
 from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
 from vjm.rotations import Array, frame, inverse_frame, translation, turn
 from vjm_fea.common.end_condition import joint_axes
 from vjm_fea.common.mesh import Mesh, lumped_mass
 from vjm_fea.common.points import NO_POINTS, Piece, Place, find
 from vjm_fea.common.quaternions import quaternion
+from vjm_fea.exudyn.assembly import Assembly
 from vjm_fea.exudyn.backend import Item, exu, items
+from vjm_fea.exudyn.bodies import Rigid, Station, between, leaders_of
 from vjm_fea.exudyn.joint_kinds import PRISMATIC, REVOLUTE, UNIVERSAL, axes_with, crossing
-
-
-@dataclass(frozen=True)
-class Rigid:
-    """A rigid piece.
-
-    Attributes:
-        node: index of its node, −1 for the ground.
-        item: number of the object that carries markers.
-        reference: frame ``(4, 4)`` of the node in the reference configuration.
-    """
-
-    node: int
-    item: Item
-    reference: Array
-
-
-@dataclass(frozen=True)
-class Station:
-    """A material point of which the shape is made: ``offset`` ``(3,)`` mm in the axes of the node."""
-
-    label: StationLabel
-    node: int
-    offset: Array
-
+from vjm_fea.exudyn.matrix_spring import LinearConstraint, MatrixSpring, RelativeMotion, held_by, is_coupled
 
 Connect = Callable[[Item], None]
 """Closes a joint that is open at its far side, given the marker there."""
@@ -59,13 +37,15 @@ class ExudynSystem:
     """The assembled system and where things are in it.
 
     Attributes:
-        mbs: Exudyn's main system.
+        assembly: the systems of Exudyn.
         reference: coordinates ``(n, 7)`` of the nodes in the reference configuration: position in mm, unit
             quaternion.
         connected: nodes on which joints or springs act, increasing.
         leaders: ``(n,)`` for every node the one that leads its rigid piece, −1 on the ground.
         stations: in the order along the chain.
         pieces: where points and masses are.
+        springs: of six directions, which stand beside Exudyn.
+        constraints: of joints coupled as bent and of rigid directions of such springs, likewise.
         tool: node of the end-effector, in the world's axes in the reference configuration.
         end_condition: node of the support of the end-effector; the same where nothing of its pose is free.
         end: frame ``(4, 4)`` of the end-effector in the reference configuration.
@@ -73,16 +53,16 @@ class ExudynSystem:
 
     def _begin(self, mesh: Mesh) -> None:
         """An empty system, to be filled with bodies."""
-        exu.config.printToConsole = False
-        # the container owns the system: without it the system dies
-        self._container = exu.SystemContainer()
-        self.mbs = self._container.AddSystem()
+        self.assembly = Assembly()
         self.mesh = mesh
         self._frames: list[Array] = []
         self._connected: set[int] = set()
         self._locked: list[tuple[int, int]] = []
         self.stations: list[Station] = []
         self.pieces: list[Piece] = []
+        self.springs: list[MatrixSpring] = []
+        self.constraints: list[LinearConstraint] = []
+        self._own: dict[str, tuple[RelativeMotion, int]] = {}
         self._waiting: list[Callable[[], None]] = []
 
     def __init__(
@@ -109,11 +89,10 @@ class ExudynSystem:
             raise ValueError(
                 f"{chain.name}: {len(chain.joints)} passive joints but {len(q)} coordinates in the posture"
             )
-        chain.refuse_tree("exudyn")
         self._begin(mesh)
         self._chain, self._points = chain, points
         self._frame = chain.base
-        self._rigid = Rigid(-1, self.mbs.AddObject(items.ObjectGround()), np.eye(4))
+        self._rigid = Rigid(-1, self.assembly.rigid(items.ObjectGround()), np.eye(4))
         self._open: Connect | None = None
         angles = iter(np.asarray(q, dtype=float))
         parts = list(chain.parts)
@@ -133,9 +112,9 @@ class ExudynSystem:
         self.end_condition = self._add_hand(end_condition) if end_condition else self.tool
         self.reference = np.array([np.concatenate([T[:3, 3], quaternion(T[:3, :3])]) for T in self._frames])
         self.connected = sorted(self._connected)
-        self.leaders = self._groups()
+        self.leaders = leaders_of(len(self._frames), self._locked, {self.tool, self.end_condition})
         self.pieces = [replace(p, body=self._leader(p.body)) for p in self.pieces]
-        self.mbs.Assemble()
+        self.assembly.close()
 
     # --- parts --------------------------------------------------------------------------------------------
 
@@ -151,8 +130,14 @@ class ExudynSystem:
                     self._add_drive(part)
             case HeldJoint():
                 self._frame = self._frame @ part.motion(part.held_at)
+                if isinstance(part, ActuatedJoint) and is_coupled(part.matrix):
+                    self._add_matrix(part.matrix)
+                    return
+                if isinstance(part, CoupledJoint) and part.as_bent:
+                    self._follow(part)
+                    part = replace(part, as_bent=False)
                 for spring in elementary_springs(part, "exudyn"):
-                    self._add_sprung(spring)
+                    self._add_sprung(spring, part)
             case Beam() if self.mesh.foot_spring and part.name == FOOT:
                 self._add_spring(part)
             case Beam():
@@ -172,7 +157,7 @@ class ExudynSystem:
             data.stiffnessMatrix = self.mesh.section_stiffness(section, h, beam.name)
             T = root @ translation([stop * beam.length, 0.0, 0.0])
             following = self._node(T)
-            self.mbs.AddObject(
+            self.assembly.beam(
                 items.ObjectBeamGeometricallyExact(nodeNumbers=[node, following], length=h, sectionData=data)
             )
             node = following
@@ -207,7 +192,7 @@ class ExudynSystem:
         stiffness = np.linalg.inv(compliance)
 
         def connect(behind: Item) -> None:
-            self.mbs.AddObject(
+            self.assembly.rigid(
                 items.RigidBodySpringDamper(
                     markerNumbers=[before, behind], stiffness=stiffness, useIntrinsicFormulation=True
                 )
@@ -223,7 +208,7 @@ class ExudynSystem:
 
         def connect(behind: Item) -> None:
             self._joint(before, behind, PRISMATIC)
-            self.mbs.AddObject(
+            self.assembly.rigid(
                 items.RigidBodySpringDamper(
                     markerNumbers=[before, behind], stiffness=np.diag([1.0 / drive.compliance] + [0.0] * 5)
                 )
@@ -231,21 +216,51 @@ class ExudynSystem:
 
         self._leave_open(at, connect)
 
-    def _add_sprung(self, spring: ElementarySpring) -> None:
+    def _add_sprung(self, spring: ElementarySpring, part: HeldJoint) -> None:
         column = 0 if spring.slides else 2
         at = self._frame @ frame(axes_with(spring.axis, column))
-        before = self._marker(self._at(), at)
+        rigid = self._at()
+        before = self._marker(rigid, at)
         stiffness, offset = np.zeros(6), np.zeros(6)
         where = column if spring.slides else 3 + column
         stiffness[where], offset[where] = 1.0 / spring.compliance, spring.stretch
 
         def connect(behind: Item) -> None:
+            if spring.slides == part.slides and np.array_equal(spring.axis, part.axis):
+                self._own[part.name] = RelativeMotion(*between(rigid, self._rigid, at)), 0 if spring.slides else 5
             self._joint(before, behind, PRISMATIC if spring.slides else REVOLUTE)
-            self.mbs.AddObject(
+            self.assembly.rigid(
                 items.RigidBodySpringDamper(
                     markerNumbers=[before, behind], stiffness=np.diag(stiffness), offset=offset.tolist()
                 )
             )  # fmt: skip
+
+        self._leave_open(at, connect)
+
+    def _follow(self, joint: CoupledJoint) -> None:
+        """Move by what the springs of others add about or along their own axes."""
+        rigid = self._at()
+        others = [(*self._own[name], ratio) for name, ratio in joint.ratios if name in self._own]
+        if not others:
+            return
+        at = self._frame @ frame(axes_with(joint.axis, 0 if joint.slides else 2))
+        before = self._marker(rigid, at)
+
+        def connect(behind: Item) -> None:
+            self._joint(before, behind, PRISMATIC if joint.slides else REVOLUTE)
+            own = RelativeMotion(*between(rigid, self._rigid, at)), 0 if joint.slides else 5, -1.0
+            self.constraints.append(LinearConstraint((own, *others)))
+
+        self._leave_open(at, connect)
+
+    def _add_matrix(self, compliance: Array) -> None:
+        """A spring of six directions in the axes of the chain frame."""
+        before, at = self._at(), self._frame
+
+        def connect(_: Item) -> None:
+            spring, rigid = held_by(*between(before, self._rigid, at), compliance)
+            self.springs.append(spring)
+            self.constraints += rigid
 
         self._leave_open(at, connect)
 
@@ -299,25 +314,13 @@ class ExudynSystem:
             self._locked.append((before, self._rigid.node))
         return self._rigid
 
-    def _groups(self) -> list[int]:
-        """Leader ``(n,)`` of every node's rigid piece: −1 on the ground, the support or the tool."""
-        leaders = list(range(len(self._frames)))
-        for a, b in self._locked:
-            old, new = leaders[b], leaders[a] if a >= 0 else -1
-            leaders = [new if leader == old else leader for leader in leaders]
-        for first in {self.tool, self.end_condition}:
-            old = leaders[first]
-            if old >= 0:
-                leaders = [first if leader == old else leader for leader in leaders]
-        return leaders
-
     def _leader(self, node: int) -> int | None:
         """Leader of a node's rigid piece; None on the ground."""
         leader = self.leaders[node] if node >= 0 else -1
         return leader if leader >= 0 else None
 
     def _node(self, T: Array) -> int:
-        self.mbs.AddNode(
+        self.assembly.node(
             items.NodeRigidBodyEP(
                 referenceCoordinates=[*T[:3, 3], *quaternion(T[:3, :3])],
                 # unit quaternions are kept by the solver, which turns them by rotation vectors
@@ -329,7 +332,7 @@ class ExudynSystem:
 
     def _carrier(self, node: int, T: Array) -> Rigid:
         # statics: the mass means nothing, but Exudyn wants one
-        item = self.mbs.AddObject(items.ObjectRigidBody(mass=1.0, inertia=[1, 1, 1, 0, 0, 0], nodeNumber=node))
+        item = self.assembly.rigid(items.ObjectRigidBody(mass=1.0, inertia=[1, 1, 1, 0, 0, 0], nodeNumber=node))
         return Rigid(node, item, T)
 
     def _marker(self, rigid: Rigid, T: Array) -> Item:
@@ -337,14 +340,14 @@ class ExudynSystem:
         local = inverse_frame(rigid.reference) @ T
         if rigid.node >= 0:
             self._connected.add(rigid.node)
-        return self.mbs.AddMarker(
+        return self.assembly.marker(
             items.MarkerBodyRigid(
                 bodyNumber=rigid.item, localHT=exu.HT(rotation=local[:3, :3], translation=local[:3, 3])
             )
         )
 
     def _joint(self, before: Item, behind: Item, constrained: tuple[int, ...]) -> None:
-        self.mbs.AddObject(
+        self.assembly.rigid(
             items.GenericJoint(
                 markerNumbers=[before, behind], constrainedAxes=list(constrained)
             )

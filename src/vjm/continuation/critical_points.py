@@ -16,9 +16,11 @@ from scipy.optimize import brentq
 
 from vjm.continuation.path import Equilibrium
 from vjm.continuation.problem import Problem
-from vjm.errors import NoConvergenceError
+from vjm.errors import NoConvergenceError, UndecidedError
 from vjm.rotations import Array
 
+KNOWN = 1e-4
+"""Share of its value to which a critical point is promised to be located."""
 VANISHED = 1e-4
 """Eigenvalue at a critical point, over those at both sides: more has not passed zero."""
 
@@ -56,6 +58,7 @@ def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium, tolerance: flo
     """The point between a stable and an unstable one where the smallest eigenvalue passes zero.
 
     Raises:
+        UndecidedError: rounding leaves its place open.
         NoConvergenceError: it does not pass zero but jumps: the two are not on one path, or none passes zero at
             all, see `only_a_pair`.
     """
@@ -75,6 +78,13 @@ def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium, tolerance: flo
             return math.copysign(p.eigenvalue, -1.0 if lost else 1.0)
 
     critical = locate(problem, a, b, value, tolerance)
+    uncertain, sharp = critical.rounding * (b.s - a.s), abs(b.eigenvalue - a.eigenvalue) * critical.s
+    if uncertain > KNOWN * sharp:
+        share = uncertain / max(sharp, uncertain)
+        raise UndecidedError(
+            f"rounding leaves the critical value uncertain by {share:.1g} of it, for some elements are very short: "
+            "take fewer elements, or joints with springs instead of very short beams"
+        )
     if abs(critical.eigenvalue) > vanished:
         raise NoConvergenceError("the smallest eigenvalue jumps")
     return critical

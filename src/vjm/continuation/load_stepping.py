@@ -16,7 +16,7 @@ import numpy as np
 from vjm.continuation.critical_points import WithoutPairs, bifurcation, locate, only_a_pair
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
 from vjm.continuation.problem import Problem
-from vjm.errors import NoConvergenceError
+from vjm.errors import NoConvergenceError, UndecidedError
 from vjm.model.load_case import LoadCase, PointControl
 from vjm.rotations import Array
 
@@ -177,6 +177,8 @@ class _Trace:
             if there.unstable > 0 and here.unstable <= 0:
                 try:
                     critical = bifurcation(self.problem, here, there, EVENT_TOLERANCE * self.length)
+                except UndecidedError as failure:
+                    return f"whether stability is lost beyond {here.s:.6g} is undecided: {failure}"
                 except NoConvergenceError as failure:
                     if only_a_pair(self.problem, here, there):
                         critical = None

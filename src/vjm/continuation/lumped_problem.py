@@ -50,8 +50,6 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
         if bow is not None:
             loaded = loaded.bent(loaded.natural + bow)
             self._x0 = self._x0 + bow
-        # springs that are strained in the posture as drawn
-        self._preload = (loaded.natural - self._x0) * np.isin(np.arange(loaded.size), loaded.elastic)
         as_drawn = bow is None and not self._end_condition.joints
         pose = self._end_condition.tool if as_drawn else loaded.kinematics(self._x0).end
         stations = tuple(StationLabel(s.part, s.fraction) for s in model.stations)
@@ -64,7 +62,7 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
 
     def at_rest(self) -> Configuration[LumpedModel]:
         """The posture as drawn, under the loads that act all along, see `LoadedProblem.at_rest`."""
-        if np.any(self._loading.constant) or np.any(self._preload):
+        if np.any(self._loading.constant) or self.model.strained(self._x0):
             return self._settled()
         return Configuration(self.model, self._x0, np.zeros(6), 0.0, 0)
 
@@ -136,10 +134,11 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
     def _settled(self) -> Configuration[LumpedModel]:
         """The drawn pose under the constant loads and the springs' preloads, which are put on step by step."""
         loaded = self.model.under(self._loading.gradual())
+        strained = loaded.strained(self._x0)
         at, step = Configuration(loaded, self._x0, np.zeros(6), 0.0, 0, 0.0), 1.0
         while at.load < 1.0:
             load = min(at.load + step, 1.0)
-            model = loaded.bent(loaded.natural - (1.0 - load) * self._preload) if np.any(self._preload) else loaded
+            model = loaded.eased(self._x0, load) if strained else loaded
             try:
                 there = solve_newton(model, self._pose0, at.x, at.wrench, load=load)
                 lost = stability(there).unstable > 0

@@ -48,6 +48,7 @@ class Equilibrium:
         shape: positions ``(k, 3)`` of the stations, mm, world.
         state: the engine's own coordinates ``(n,)``.
         ramp: the driven displacement's magnitude or the load factor; the path parameter itself where not given.
+        rounding: by which the eigenvalue may be wrong, as far as the engine says.
     """
 
     s: float
@@ -62,6 +63,7 @@ class Equilibrium:
     state: Array
     stiffness: Array | None = None
     ramp: float = float("nan")
+    rounding: float = 0.0
 
     def __repr__(self) -> str:
         stable = "unstable" if self.unstable > 0 else "stable" if self.unstable == 0 else "stability not computed"

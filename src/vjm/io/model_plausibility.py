@@ -7,13 +7,11 @@ hardly is. Each rule names part and key, what was found and the likely mistake.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from vjm.io.checks import EXCHANGED, SWAPPED, bending_apart, fits_exchanged
 from vjm.io.drawn_plausibility import drawings
 from vjm.io.errors import printed
 from vjm.io.fields import Turns
@@ -29,6 +27,7 @@ from vjm.io.joint_tables import (
     PayloadTable,
 )
 from vjm.io.manipulator_file import KIND, ManipulatorFile, leg_documents
+from vjm.io.matrix_plausibility import matrices
 from vjm.io.model_file import read_document
 from vjm.io.schema import BeamTable, ModelFile
 from vjm.io.sections import Shape, StiffnessSection
@@ -42,8 +41,9 @@ TORSION = (0.003, 0.6)
 isotropic section that narrows when pulled has at most 0.5."""
 SPRING = 0.02
 """Length of a beam over that of the machine up to which it may stand for the spring of a joint."""
-TINY_MM = 0.5
-"""Length of a vector below which it is taken for metres."""
+TINY_MM, LEAST_MM = 0.5, 1e-3
+"""Lengths of a vector between which it is taken for metres: 500 mm, and 1 mm, the least that a link has. What is
+shorter still is no length in any unit, but what a fit leaves of a zero."""
 ODD_DRIVES = {"mm/N": (1e-8, 0.1), "rad/(N mm)": (1e-14, 1e-3)}
 """Compliances of drives outside: a block of steel of 1 m² is 5e-8 mm/N over 1 cm; a drive of 0.1 mm/N moves by 1 mm
 under 10 N, and one of 1e-3 rad/(N mm) by a radian under 1 N at 1 m."""
@@ -189,39 +189,39 @@ def stubby(model: ModelFile) -> Iterator[Found]:
         )
 
 
-def matrices(model: ModelFile) -> Iterator[Found]:
-    """A section that fits its part's matrix with its axes exchanged, or with its end offset in millimetres."""
-    for table, beam in _beams(model):
-        if beam.section is None or beam.compliance is None:
-            continue
-        where, given = f"part '{table.name}'", beam.tip_compliance()
-        own = bending_apart(given, beam.beam_compliance())
-        if fits_exchanged(beam):
-            yield Grade.DOUBTFUL, f"{where}, section", EXCHANGED
-        elif own > SWAPPED and np.any(beam.end_offset):
-            longer = replace(beam, end_offset=1000.0 * beam.end_offset)
-            if bending_apart(given, longer.beam_compliance()) < 0.5 * own:
-                yield (
-                    Grade.DOUBTFUL,
-                    f"{where}, end_offset_mm",
-                    "the matrix fits the section with an offset a thousand times as long: is it in metres?",
-                )
-
-
 def _tiny(where: str, vector: list[float]) -> Iterator[Found]:
     size = float(np.linalg.norm(vector))
-    if 0.0 < size < TINY_MM:
+    if LEAST_MM <= size < TINY_MM:
         yield Grade.DOUBTFUL, where, f"{vector} is {printed(size, 3)} mm long: is it in metres? Give mm"
 
 
+def _bodies(model: ModelFile) -> dict[str, float]:
+    """Longest rigid piece of the body that each rigid piece is of, mm, by the piece's name."""
+    longest: dict[str, float] = {}
+    body: list[str] = []
+    for part in model.parts:
+        if not isinstance(part, Offset) or part.after is not None:
+            body = []
+        if isinstance(part, Offset):
+            body.append(part.name)
+            longest[part.name] = float(np.linalg.norm(part.translation_mm))
+            longest |= dict.fromkeys(body, max(longest[name] for name in body))
+    return longest
+
+
 def offsets(model: ModelFile) -> Iterator[Found]:
-    """Rigid arms of less than half a millimetre, which are metres."""
+    """Rigid arms of less than half a millimetre, which are metres.
+
+    Pieces of one rigid body come in one unit: beside a long piece a tiny one is a correction, such as calibrations
+    write.
+    """
     yield from _tiny("[base] position_mm", model.base.position_mm)
+    longest = _bodies(model)
     for part in model.parts:
         where = f"part '{part.name}'"
         if isinstance(part, BeamTable):
             yield from _tiny(f"{where}, end_offset_mm", part.end_offset_mm)
-        elif isinstance(part, Offset):
+        elif isinstance(part, Offset) and longest[part.name] < TINY_MM:
             yield from _tiny(f"{where}, translation_mm", part.translation_mm)
         if isinstance(part, Offset | PayloadTable) and part.centre_of_mass_mm is not None:
             yield from _tiny(f"{where}, centre_of_mass_mm", part.centre_of_mass_mm)

@@ -6,21 +6,17 @@ on with what another one was before an upgrade. So each is kept together with a 
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 
+from vjm.kernels.first_use import PACKAGE, ROOMS, digest_of
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 # its type stubs lack the options that follow
 njit: Any = numba.njit
-
-PACKAGE = Path(__file__).parents[1]
-ROOMS = ("kernels", "tree", "platform", "sensitivity")
-"""Folders of `vjm` with kernels that others call."""
 
 
 def kernel(function: Function) -> Function:
@@ -39,15 +35,5 @@ def _kept_with_all_sources(compiled: Function, function: Function) -> Function:
     kept = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
     if kept is not None:
         folder = Path(function.__code__.co_filename).parent
-        kept._source_stamp = (kept._source_stamp, _digest(folder))
+        kept._source_stamp = (kept._source_stamp, digest_of((*(PACKAGE / room for room in ROOMS), folder)))
     return compiled
-
-
-@lru_cache(maxsize=16)
-def _digest(folder: Path) -> str:
-    """Hash of the contents of the rooms' files and of those in a folder of one's own."""
-    found = hashlib.sha256()
-    for place in dict.fromkeys([*(PACKAGE / room for room in ROOMS), folder]):
-        for file in sorted(place.glob("*.py")):
-            found.update(file.read_bytes())
-    return found.hexdigest()

@@ -19,6 +19,10 @@ from vjm.model.springs import BeamColumnSpring, LinearSpring, Spring
 from vjm.rotations import AXES, Array, frame, rotation_from_vector, translation
 
 
+class WideCouplingError(ValueError):
+    """A coupling as bent spans more than one block of springs."""
+
+
 @dataclass(frozen=True)
 class Station:
     """A point of the machine that moves with the rigid link behind a joint.
@@ -200,7 +204,7 @@ class Assembly:
         """Make one block of all springs from a coordinate on: a block's joints stand together in the kernels.
 
         Raises:
-            ValueError: there is more between than fits a block.
+            WideCouplingError: there is more between than fits a block.
         """
         merged: list[Array] = []
         first = self.size
@@ -212,9 +216,9 @@ class Assembly:
                 first = -1
                 break
         if first < 0 or any(coordinate < c for c in self.passive):
-            raise ValueError(
+            raise WideCouplingError(
                 f"joint '{joint}': between it and what it is coupled to lie more than {LARGEST_BLOCK} spring "
-                f"coordinates, a passive joint or a beam, which paths do not take: write coupling = 'as commanded'"
+                f"coordinates, a passive joint or a beam: vjm takes it, else write coupling = 'as commanded'"
             )
         self.springs.append(LinearSpring(block_diag(*merged)))
 

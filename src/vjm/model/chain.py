@@ -175,15 +175,20 @@ class Chain:
             parts.append(replace(part, value=float(stands)) if isinstance(part, HeldJoint) else part)
         return replace(self, parts=tuple(parts))
 
+    @property
+    def is_tree(self) -> bool:
+        """Whether it has branches, or springs between two parts."""
+        return bool(self.after or self.point_springs)
+
     def refuse_tree(self, what: str) -> None:
         """For whatever takes parts in series only.
 
         Raises:
             ValueError: the machine has branches, or springs between two parts.
         """
-        if self.after or self.point_springs:
+        if self.is_tree:
             why = "branches" if self.after else "springs between two parts"
-            raise ValueError(f"{self.name}: {what} is for parts in series, but it has {why}; vjm.tree takes it")
+            raise ValueError(f"{self.name}: {what} is for parts in series, but it has {why}; engine vjm takes it")
 
     @property
     def characteristic_length(self) -> float:

@@ -93,7 +93,7 @@ def held(model: LumpedModel, load_case: LoadCase) -> EndCondition:
     free = _in_order(load_case)
     while free:
         joints = tuple(PassiveJoint(f"support-{name}", AXES[name[-1]], slides=len(name) == 1) for name in free)
-        there = LumpedModel(_extended(chain, load_case.posture, tool, joints))
+        there = type(model)(_extended(chain, load_case.posture, tool, joints))
         loose = _loose(there, len(joints), np.concatenate([q, np.zeros(len(joints))]))
         if loose is None:
             x = there.configuration(there.chain.posture(load_case.posture))
@@ -176,15 +176,15 @@ def _loose(model: LumpedModel, joints: int, q: Array) -> Array | None:
 
 
 def _scaled(model: LumpedModel, k: Kinematics) -> Array:
-    """Jacobian ``(6, n_q)`` of the passive joints, dimensionless."""
-    own = model.passive
-    unit = np.repeat([model.chain.characteristic_length, 1.0], 3)
-    J: Array = k.jacobian[:, own] * model.coordinate_scale[own] / unit[:, None]
+    """Derivative ``(6 + s, n_q)`` by the passive joints of the pose and of what stretches, dimensionless."""
+    own, length = model.passive, model.chain.characteristic_length
+    unit = np.concatenate([np.repeat([length, 1.0], 3), np.full(len(model.chain.point_springs), length)])
+    J: Array = np.vstack([k.jacobian, model.stretching(k)])[:, own] * model.coordinate_scale[own] / unit[:, None]
     return J
 
 
 def _rank(model: LumpedModel, k: Kinematics) -> int:
-    """Number of independent motions that the passive joints give the end-effector."""
+    """Number of independent motions by which the passive joints move the end-effector or stretch a spring."""
     if not len(model.passive):
         return 0
     values = np.linalg.svd(_scaled(model, k), compute_uv=False)

@@ -85,8 +85,7 @@ class LumpedModel:
     def __init__(self, chain: Chain) -> None:
         self.chain = chain
         self.applied_loads = NO_LOADS
-        chain.refuse_tree("an equilibrium path")
-        built = Assembly(chain)
+        built = self._assembled()
         self.size = built.size
         self.springs: list[Spring] = built.springs
         self.stations: list[Station] = built.stations
@@ -105,6 +104,11 @@ class LumpedModel:
         self.tail = built.rigid
         self._skew: Array = np.cross(self.axis[:, None, :], np.eye(3)).transpose(0, 2, 1)
         self._skew2 = self._skew @ self._skew
+
+    def _assembled(self) -> Assembly:
+        """The chain's joints and bodies."""
+        self.chain.refuse_tree("this engine")
+        return Assembly(self.chain)
 
     @property
     def name(self) -> str:
@@ -138,6 +142,16 @@ class LumpedModel:
     def bent(self, natural: Array) -> LumpedModel:
         """The same model with springs that are free of stress at the coordinates ``natural`` (n,)."""
         return self._changed(natural=natural, arrays=self.arrays._replace(natural=natural / self.coordinate_scale))
+
+    def strained(self, x: Array) -> bool:
+        """Whether a spring is under stress at the coordinates ``x`` (n,)."""
+        return bool(np.any((self.natural - x)[self.elastic]))
+
+    def eased(self, x: Array, share: float) -> LumpedModel:
+        """The same model with springs under a share of the stress that they have at the coordinates ``x`` (n,)."""
+        natural = self.natural.copy()
+        natural[self.elastic] -= (1.0 - share) * (self.natural - x)[self.elastic]
+        return self.bent(natural)
 
     def _changed(self, **attributes: object) -> LumpedModel:
         model = copy(self)
@@ -266,6 +280,10 @@ class LumpedModel:
         J[:3] = np.where(self.joint_rotary[:, None], np.cross(axes, lever), axes).T
         J[3:, self.joint_rotary] = axes[self.joint_rotary].T
         return Kinematics(end, behind, axes, self.joint_rotary, J, self.drive, J @ self.drive)
+
+    def stretching(self, kinematics: Kinematics) -> Array:
+        """Derivative ``(s, n)`` of the lengths of springs between points: a chain has none."""
+        return np.zeros((0, self.size))
 
     def shape(self, kinematics: Kinematics) -> Array:
         """Positions ``(k, 3)`` of the stations in the world, mm."""

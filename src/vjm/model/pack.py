@@ -81,6 +81,9 @@ def packed(model: SpringChain) -> PackedModel:
         beam.append(b7)
         c += width
     joint_block = block_of[joint_coordinate.astype(int)] if model.size else np.zeros(0, dtype=int)
+    # a joint that slides and follows one that turns, or the other way, has other units than its coordinate
+    joint_unit = np.where(model.joint_rotary, 1.0, length)
+    factor = model.drive[np.arange(len(model.drive)), joint_coordinate.astype(int)]
     # 0, 1, 2 for the unit vectors x, y, z, else −1
     unit_vector = (model.axis[:, None, :] == np.eye(3)).all(axis=2)
     along = np.where(unit_vector.any(axis=1), unit_vector.argmax(axis=1), -1).astype(np.int64)
@@ -94,7 +97,7 @@ def packed(model: SpringChain) -> PackedModel:
         R0=R0,
         p0=np.ascontiguousarray(p0),
         coordinate=joint_coordinate.astype(np.int64),
-        factor=model.drive[np.arange(len(model.drive)), joint_coordinate.astype(int)].copy(),
+        factor=factor * coordinate[joint_coordinate.astype(int)] / joint_unit,
         kind=np.array(kind, dtype=np.int64),
         first=np.array([*first, model.size], dtype=np.int64),
         joints=np.searchsorted(joint_block, np.arange(len(kind) + 1)).astype(np.int64),

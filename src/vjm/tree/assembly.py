@@ -11,7 +11,7 @@ import numpy as np
 
 from vjm.model.assembly import Assembly, Piece
 from vjm.model.chain import Chain
-from vjm.model.joints import CoupledJoint, HeldJoint, SprungJoint
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
 from vjm.model.parts import Beam, Part, PassiveJoint
 from vjm.model.springs import BeamColumnSpring, LinearSpring
 from vjm.rotations import Array, frame, translation
@@ -29,28 +29,19 @@ class Site:
     frame: Array
 
 
-class TreeAssembly(Assembly):
-    """The joints and bodies of a machine, parents before children.
+class BranchedAssembly(Assembly):
+    """The joints and bodies of a machine, parents before children, its held joints standing where they are.
 
     Attributes:
         parent: joint before each joint, −1 for the base.
-        held: name of the part that gives a joint its coordinate, by the index of the joint.
-        share: of that coordinate that the joint stands at, where it is not the whole.
-        grows: joint that gives a beam-column spring its length, by the spring's first coordinate.
         begins: where each part begins, held joints behind what deflects in them, by name.
         ends: where each part ends.
-        rests: coordinates of sprung joints with a rest position of their own: the part's name and that position.
     """
 
     def __init__(self, chain: Chain) -> None:
         self.parent: list[int] = []
-        self.held: dict[int, str] = {}
-        self.share: dict[int, float] = {}
-        self.grows: dict[int, int] = {}
-        self._pushing = chain.pushing
         self.begins: dict[str, Site] = {"": Site(-1, np.eye(4))}
         self.ends: dict[str, Site] = {"": Site(-1, chain.base)}
-        self.rests: dict[int, tuple[str, float]] = {}
         self._after = chain.after
         self._last = -1
         self._open = ""
@@ -78,6 +69,36 @@ class TreeAssembly(Assembly):
         super()._joint(axis, coordinate, factor, rotary=rotary)
         self._last = len(self.rotary) - 1
 
+    def _add_passive(self, joint: PassiveJoint) -> None:
+        super()._add_passive(joint)
+        self.begins[joint.name] = Site(self._last, self.rigid)
+
+    def _add_springs(self, joint: ActuatedJoint | SprungJoint | CoupledJoint) -> None:
+        super()._add_springs(joint)
+        self.begins[self._open] = Site(self._last, self.rigid)
+
+    def _merge(self, coordinate: int, joint: str) -> None:
+        """Nothing: in a tree a coordinate may drive joints anywhere."""
+
+
+class TreeAssembly(BranchedAssembly):
+    """The same with held joints that stand at coordinates of their own.
+
+    Attributes:
+        held: name of the part that gives a joint its coordinate, by the index of the joint.
+        share: of that coordinate that the joint stands at, where it is not the whole.
+        grows: joint that gives a beam-column spring its length, by the spring's first coordinate.
+        rests: coordinates of sprung joints with a rest position of their own: the part's name and that position.
+    """
+
+    def __init__(self, chain: Chain) -> None:
+        self.held: dict[int, str] = {}
+        self.share: dict[int, float] = {}
+        self.grows: dict[int, int] = {}
+        self._pushing = chain.pushing
+        self.rests: dict[int, tuple[str, float]] = {}
+        super().__init__(chain)
+
     def _stand(self, name: str, axis: Array, *, rotary: bool) -> None:
         self._joint(axis, -1, 0.0, rotary=rotary)
         self.held[self._last] = name
@@ -92,7 +113,6 @@ class TreeAssembly(Assembly):
         self._stand(joint.name, joint.axis, rotary=not joint.slides)
         self._own[joint.name] = self.size
         super()._add_passive(joint)
-        self.begins[joint.name] = Site(self._last, self.rigid)
 
     def _own_spring(self, joint: HeldJoint, compliance: float) -> None:
         if self._last < 0 or self.held.get(self._last) != joint.name:
@@ -110,10 +130,6 @@ class TreeAssembly(Assembly):
             self.natural[self.size - 1] = joint.stretch
         else:
             self.rests[self.size - 1] = (joint.name, joint.rest)
-
-    def _add_springs(self, joint: object) -> None:
-        super()._add_springs(joint)  # type: ignore[arg-type]
-        self.begins[self._open] = Site(self._last, self.rigid)
 
     def _add_beam(self, beam: Beam) -> None:
         if not beam.free_length:
@@ -150,9 +166,6 @@ class TreeAssembly(Assembly):
         nowhere, here = float("nan"), np.zeros(3)
         piece = Piece(part, nowhere, nowhere, self._last, here, here, mass, weight_at=here, grows=self._last)
         self.pieces.append(piece)
-
-    def _merge(self, coordinate: int, joint: str) -> None:
-        """Nothing: in a tree a coordinate may drive joints anywhere."""
 
 
 def commands(

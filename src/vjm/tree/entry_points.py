@@ -203,6 +203,53 @@ def equilibria_of(
 
 
 @entry
+def linearize(
+    model: TreeArrays, natural: Floats, x: Floats, end_wrench: Floats, body: Floats, residual: Floats,
+    forces: Floats, tangent: Floats, jacobians: Floats, wrenches: Floats, points: Floats, R: Floats, p: Floats,
+) -> None:  # fmt: skip
+    """All that there is to know of a machine with one end frame and no held joints at coordinates ``x`` (n,).
+
+    Args:
+        model: the machine; its loads that do not follow are those at this state.
+        natural: ``(n,)`` coordinates at which springs are free of stress.
+        x: ``(n,)`` where.
+        end_wrench: ``(1, 6)`` on the end frame.
+        body: ``(l, 6)`` loads that follow, in their bodies' axes.
+        residual: ``(n,)`` written, as all that follow.
+        forces: ``(n,)`` of all loads on the coordinates.
+        tangent: ``(n, n)`` derivative of ``-residual``.
+        jacobians: ``(1 + l, 6, n)`` of the end frame and of the loaded points.
+        wrenches: ``(l, 6)`` on these points, world axes.
+        points: ``(1 + l, 3)`` where they are.
+        R: ``(m + 1, 3, 3)`` and
+        p: ``(m + 1, 3)`` the frames behind the joints, and last the end frame.
+    """
+    work = workspace(model)
+    work.body[:, :] = body
+    evaluate(model, np.zeros(len(model.parent)), natural, x, end_wrench, 1.0, work, True)
+    residual[:], forces[:], tangent[:, :] = work.r, work.t, work.A
+    m = len(model.parent)
+    R[:m], p[:m], R[m], p[m], points[0] = work.R, work.p, work.end_R[0], work.end_p[0], work.end_p[0]
+    jacobian(model, work, model.end_joint[0], work.end_p[0])
+    jacobians[0] = work.J
+    for k in range(len(model.load_joint)):
+        j = model.load_joint[k]
+        for a in range(3):
+            points[1 + k, a] = work.p[j, a]
+            for b in range(3):
+                points[1 + k, a] += work.R[j, a, b] * model.load_offset[k, b]
+        jacobian(model, work, j, points[1 + k])
+        jacobians[1 + k] = work.J
+        for half in range(0, 6, 3):
+            for a in range(3):
+                wrenches[k, half + a] = model.load[k, half + a]
+                if model.follows[k]:
+                    wrenches[k, half + a] = 0.0
+                    for b in range(3):
+                        wrenches[k, half + a] += work.R[j, a, b] * body[k, half + b]
+
+
+@entry
 def residuals_of(
     model: TreeArrays,
     commands: Floats,

@@ -15,7 +15,7 @@ from vjm.model.parts import PassiveJoint
 from vjm.model.springs import BeamColumnSpring, LinearSpring, Spring
 from vjm.rotations import Array
 from vjm.tree.arrays import TreeArrays
-from vjm.tree.assembly import Site, TreeAssembly, commands
+from vjm.tree.assembly import BranchedAssembly, Site, TreeAssembly, commands
 
 Gravity = tuple[float, float, float]
 
@@ -190,10 +190,10 @@ class TreeModel:
     def _bare(self) -> TreeArrays:
         built = self._built
         before = np.array(built.before).reshape(-1, 4, 4)
-        kind, first, K, beam = _blocks(built)
+        kind, first, K, beam = spring_blocks(built)
         grows = np.array([built.grows.get(int(c), -1) for c in first[:-1]], dtype=np.int64)
         sites = [self._end(name) for name in self.ends]
-        joint, point, law = self._point_springs()
+        joint, point, law = point_springs(self.chain, built)
         nothing = np.zeros(0, dtype=np.int64)
         return TreeArrays(
             parent=np.array(built.parent, dtype=np.int64),
@@ -230,23 +230,25 @@ class TreeModel:
                 unit[coordinate] = reach
         return unit
 
-    def _point_springs(self) -> tuple[np.ndarray, Array, Array]:
-        joints, points, laws = [], [], []
-        for spring in self.chain.point_springs:
-            for part, point in zip(spring.parts, np.asarray(spring.points, dtype=float), strict=True):
-                site = self._built.begins[part]
-                joints.append(site.joint)
-                points.append(site.frame[:3, :3] @ point + site.frame[:3, 3])
-            laws.append((spring.stiffness, spring.free_length, spring.preload))
-        count = len(laws)
-        return (
-            np.array(joints, dtype=np.int64).reshape(count, 2),
-            np.array(points).reshape(count, 2, 3),
-            np.array(laws, dtype=float).reshape(count, 3),
-        )
+
+def point_springs(chain: Chain, built: BranchedAssembly) -> tuple[np.ndarray, Array, Array]:
+    """Joints ``(s, 2)``, points ``(s, 2, 3)`` and laws ``(s, 3)`` of a machine's springs between points."""
+    joints, points, laws = [], [], []
+    for spring in chain.point_springs:
+        for part, point in zip(spring.parts, np.asarray(spring.points, dtype=float), strict=True):
+            site = built.begins[part]
+            joints.append(site.joint)
+            points.append(site.frame[:3, :3] @ point + site.frame[:3, 3])
+        laws.append((spring.stiffness, spring.free_length, spring.preload))
+    count = len(laws)
+    return (
+        np.array(joints, dtype=np.int64).reshape(count, 2),
+        np.array(points).reshape(count, 2, 3),
+        np.array(laws, dtype=float).reshape(count, 3),
+    )
 
 
-def _blocks(built: TreeAssembly) -> tuple[np.ndarray, np.ndarray, Array, Array]:
+def spring_blocks(built: BranchedAssembly) -> tuple[np.ndarray, np.ndarray, Array, Array]:
     """Kinds, first coordinates, stiffnesses and beam data of the blocks of springs, passive joints among them."""
     kind: list[int] = []
     first = [0]

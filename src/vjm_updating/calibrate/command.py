@@ -10,10 +10,10 @@ from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
 from vjm.model.load_case import LoadCase
 from vjm_output.documents import as_json, doubt_rows
+from vjm_output.optional_page import page_of
 from vjm_updating.calibrate.design import parsed_ramps
 from vjm_updating.calibrate.document import Calibration
 from vjm_updating.calibrate.fit import fit
-from vjm_updating.calibrate.page import write_page
 from vjm_updating.calibrate.problem import Problem, problem_of
 from vjm_updating.calibrate.results import results
 from vjm_updating.experiment import Measurement, read_measurement
@@ -75,8 +75,8 @@ def calibrate(
 
     Args:
         task: see `prepare`.
-        out: folder for `DOCUMENT`, `MODEL` and `PAGE`; all are written at the end or none. A model of an earlier
-            calibration is removed where this one writes none.
+        out: folder for `DOCUMENT`, `MODEL` and, where the extra ``report`` is installed, `PAGE`; all are written
+            at the end or none. A model or a page of an earlier calibration is removed where this one writes none.
         figure: that the next experiment is to make certain, see `vjm_updating.calibrate.design.in_view`.
         force: whether a model that does not explain the readings is written.
         progress: called with how many of `STAGES` are done.
@@ -95,8 +95,14 @@ def calibrate(
     if not written:
         document = document.model_copy(update={"calibrated_model": ""})
     progress(2)
-    page = write_page(task.measurement, found, document)
-    files = {out / DOCUMENT: as_json(document), out / PAGE: page}
+
+    def page() -> str:
+        # matplotlib takes a second to import, and is an extra
+        from vjm_updating.calibrate.page import write_page
+
+        return write_page(task.measurement, found, document)
+
+    files = {out / DOCUMENT: as_json(document), **page_of(out / PAGE, page)}
     if written:
         files[out / MODEL] = (
             model if document.fit.fits else f"# It does not explain its own readings: see {DOCUMENT}.\n{model}"

@@ -187,3 +187,10 @@ class Calibration(Row):
     versions: dict[str, str]
     hashes: dict[str, str]
     doubts: list[DoubtRow] = Field([], description="what is implausible about readings, sheet or model")
+
+    def __repr__(self) -> str:
+        """A few lines; `vjm_updating.calibrate.summary_text.fit_report` has the whole."""
+        rows = [f"{row.name} = {row.value:.5g} ± {row.std:.2g} {row.unit}" for row in self.parameters]
+        return "\n ".join([f"<Calibration of {self.model}, {self.engine}: {self.fit.statement}", *rows]) + ">"
+
+    __str__ = __repr__

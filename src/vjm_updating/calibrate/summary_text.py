@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from io import StringIO
 
 from rich.box import SIMPLE
+from rich.console import Console
 from rich.table import Table
 
-from vjm_output.plot_style import number
+from vjm_output.number_text import number
 from vjm_updating.calibrate.document import Calibration, CandidateRow, FigureRow
 
 DIGITS = 5
+WIDTH = 120
+"""Columns of `fit_report`."""
 
 
 def tables(document: Calibration) -> list[Table | str]:
@@ -26,6 +30,15 @@ def tables(document: Calibration) -> list[Table | str]:
     found.append(_figures("What the calibrated machine will do", document.predictions.calibrated))
     found += _next(document)
     return found
+
+
+def fit_report(document: Calibration) -> str:
+    """Fit, parameters with their uncertainty, predictions and what to measure next, as the command prints them."""
+    console = Console(width=WIDTH, file=StringIO(), markup=False, color_system=None)
+    for item in tables(document):
+        console.print(item, soft_wrap=isinstance(item, str))
+    assert isinstance(console.file, StringIO)
+    return console.file.getvalue()
 
 
 def _table(title: str, columns: Sequence[str]) -> Table:

@@ -11,6 +11,7 @@ from vjm import __version__
 from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
 from vjm_output.documents import as_json, doubt_rows
+from vjm_output.optional_page import page_of
 from vjm_updating.diagnose.contrasts import contrasts
 from vjm_updating.diagnose.critical import Critical
 from vjm_updating.diagnose.document import (
@@ -35,7 +36,6 @@ from vjm_updating.diagnose.fitting import Fit
 from vjm_updating.diagnose.kind_of_test import HoldOut, KindOfTest
 from vjm_updating.diagnose.kinds import kind_of
 from vjm_updating.diagnose.mistaken import with_mistakes
-from vjm_updating.diagnose.page import write_page
 from vjm_updating.diagnose.preprocess import Prepared, possible, prepare, refresh
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import Search
@@ -74,7 +74,8 @@ def diagnose(
     Args:
         data: readings, CSV.
         sheet: test sheet, TOML.
-        out: folder for `DOCUMENT`, `MODEL` and `PAGE`; all are written at the end or none.
+        out: folder for `DOCUMENT`, `MODEL` and, where the extra ``report`` is installed, `PAGE`; all are written
+            at the end or none.
         plug_ins: files with effects of one's own, see docs/effects.md.
         only: the causes that are thought possible; all where none is given.
         without: causes that are not.
@@ -128,8 +129,15 @@ def diagnose(
     chosen = verdict.members[0].fit if verdict.members else prepared.null
     found = estimates(prepared.fitter, chosen, 0.0)
     model = extended_text(measurement, prepared.fitter, chosen, verdict.kind, found)
-    page = write_page(measurement, prepared, chosen, document)
-    write_together({out / DOCUMENT: as_json(document), out / MODEL: model, out / PAGE: page})
+
+    def page() -> str:
+        # matplotlib takes a second to import, and is an extra
+        from vjm_updating.diagnose.page import write_page
+
+        return write_page(measurement, prepared, chosen, document)
+
+    files = {out / DOCUMENT: as_json(document), out / MODEL: model}
+    write_together(files | page_of(out / PAGE, page))
     return document
 
 

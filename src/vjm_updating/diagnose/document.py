@@ -35,7 +35,7 @@ class FoldRow(Row):
     """Errors of readings that were held out together."""
 
     name: str
-    readings: int
+    readings: int = Field(description="forces that were read; a reading of three components has three")
     force: float = Field(description="root mean square of what was read, N")
     rmse_before: float
     rmse_after: float

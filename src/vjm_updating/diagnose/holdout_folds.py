@@ -19,7 +19,7 @@ class Fold:
 
     Attributes:
         name: posture, direction, cycle, or the first of the marks.
-        readings: how many.
+        readings: how many forces were read; a reading of three components has three.
         force: root mean square of the forces that were read, N.
         before: of the nominal model's errors.
         after: of the extended model's, which had not seen them.

@@ -11,7 +11,7 @@ from vjm.io.drawn_plausibility import STUBBY, THIN
 from vjm.rotations import Array
 from vjm_fea.solid.compliance import Base, Tip
 from vjm_fea.solid.identify import Bound, SolidCompliance
-from vjm_output.plot_style import number, percent
+from vjm_output.number_text import number, percent
 from vjm_updating.identify.candidates import Target
 from vjm_updating.identify.documents import BeamDocument
 from vjm_updating.identify.results import beam_document, scaling, searches

@@ -12,7 +12,8 @@ from vjm_fea.solid.compliance import Tip
 from vjm_fea.solid.elasticity import von_mises
 from vjm_fea.solid.faces import Face
 from vjm_fea.solid.identify import SolidCompliance
-from vjm_output.plot_style import PAGE_WIDTH, figure, number, png
+from vjm_output.number_text import number
+from vjm_output.plot_style import PAGE_WIDTH, figure, png
 
 SIZE = (1100, 850)
 """Of a rendered panel, pixels."""

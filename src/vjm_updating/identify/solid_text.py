@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from vjm.io.errors import printed
-from vjm_output.plot_style import number, percent
+from vjm_output.number_text import number, percent
 from vjm_output.terminal import two_columns
 from vjm_updating.identify.documents import BeamDocument
 from vjm_updating.identify.solid_documents import BoundDocument, SolidDocument, StressDocument

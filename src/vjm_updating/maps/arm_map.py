@@ -14,6 +14,7 @@ import numpy as np
 from vjm import __version__
 from vjm.io.files import write_whole
 from vjm.model.chain import Chain
+from vjm.model.load_case import Load
 from vjm.rotations import Array
 from vjm.tree.compensation import near
 from vjm.tree.equilibria import equilibria, unloaded_frames
@@ -108,6 +109,7 @@ def map_arm(
     *,
     wrench: Sequence[float] = (0.0,) * 6,
     gravity: Gravity | None = None,
+    loads: Sequence[Load] = (),
     end: str = "",
 ) -> ArmMap:
     """Evaluate a quantity at every point of a grid, all equilibria in one batch.
@@ -121,6 +123,7 @@ def map_arm(
         posture: label.
         wrench: ``(6,)`` on the end, N, N mm.
         gravity: m/s².
+        loads: on parts, in full.
         end: name of the end frame; the first where it is empty.
 
     Raises:
@@ -141,7 +144,7 @@ def map_arm(
         on_ends = np.zeros((len(model.ends), 6))
         on_ends[index] = wrench
         stiff = quantity is Quantity.STIFFNESS
-        found = equilibria(model, q[reached], gravity=gravity, wrench=on_ends, compliance=stiff)
+        found = equilibria(model, q[reached], gravity=gravity, wrench=on_ends, loads=loads, compliance=stiff)
         tool[reached] = unloaded_frames(model, q[reached])[1][:, index]
         if stiff:
             assert found.compliance is not None

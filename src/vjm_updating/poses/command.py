@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from vjm import __version__
 from vjm.io.errors import did_you_mean
-from vjm.io.files import check_writable, write_whole
+from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
 from vjm.io.model_file import build_chain
 from vjm.io.urdf_text import urdf_text
 from vjm.rotations import Array, rotation_vector
 from vjm_output.documents import as_json, doubt_rows
+from vjm_output.optional_page import page_of
 from vjm_updating.poses import document as rows
 from vjm_updating.poses.calibrated import calibrated_document, calibrated_text
 from vjm_updating.poses.contrasts import contrasts, correlations
@@ -24,7 +25,6 @@ from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.ladder import Step, climb
 from vjm_updating.poses.measurement import PoseMeasurement, read_pose_measurement
 from vjm_updating.poses.next_postures import next_postures
-from vjm_updating.poses.page import page
 from vjm_updating.poses.plausibility import check_count, check_units, considered, mistaken
 from vjm_updating.poses.readings import read_candidates
 from vjm_updating.poses.sheet import PoseSheet
@@ -126,9 +126,8 @@ def diagnose_poses(
         next=verdict.next,
     )  # fmt: skip
     progress("report")
-    _write(
-        out, (DIAGNOSIS, DIAGNOSIS_PAGE, EXTENDED), found, page(measurement.sheet, study, steps, found), model, urdf
-    )
+    files = {DIAGNOSIS: as_json(found), EXTENDED: model, URDF: urdf}
+    _write(out, files, DIAGNOSIS_PAGE, measurement.sheet, study, steps, found)
     return found
 
 
@@ -176,14 +175,8 @@ def calibrate_poses(
     found = rows.PoseCalibration(**common | {"doubts": doubt_rows(findings)})
     steps = [Step("", first, ()), Step(", ".join(hypothesis.names), last, ())]
     progress("report")
-    _write(
-        out,
-        (CALIBRATION, CALIBRATION_PAGE, CALIBRATED),
-        found,
-        page(measurement.sheet, study, steps, found),
-        model,
-        urdf,
-    )
+    files = {CALIBRATION: as_json(found), CALIBRATED: model, URDF: urdf}
+    _write(out, files, CALIBRATION_PAGE, measurement.sheet, study, steps, found)
     return found
 
 
@@ -202,10 +195,23 @@ def _meaning(sheet: PoseSheet) -> str:
 
 
 def _write(
-    out: Path, names: tuple[str, str, str], document: rows.PoseCalibration, html: str, model: str, urdf: str
+    out: Path,
+    files: Mapping[str, str],
+    name: str,
+    sheet: PoseSheet,
+    study: Study,
+    steps: Sequence[Step],
+    found: rows.PoseCalibration,
 ) -> None:
-    for name, content in zip((*names, URDF), (as_json(document), html, model, urdf), strict=True):
-        write_whole(out / name, content)
+    """The files by name, and the page where it can be drawn."""
+
+    def made() -> str:
+        # matplotlib takes a second to import, and is an extra
+        from vjm_updating.poses.page import page
+
+        return page(sheet, study, steps, found)
+
+    write_together({out / file: content for file, content in files.items()} | page_of(out / name, made))
 
 
 def _common(

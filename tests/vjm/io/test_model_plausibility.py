@@ -182,6 +182,40 @@ def test_section_axes_against_the_matrix(tmp_path):
     assert any("swapped" in line and "'foot'" in line for line in found), found
 
 
+@pytest.mark.parametrize("factor", [1.5, 1 / 1.5])
+def test_a_matrix_of_another_modulus_than_its_section(factor, tmp_path):
+    rows = (factor * compliance_of_link()).tolist()
+    (said,) = said_of(with_link_matrix(rows), tmp_path)
+    assert said.startswith("doubtful")
+    # (20) has 1.06 of what its section gives in one of the four entries, which makes 1.015 of their mean
+    told = float(re.search(r"is (\S+) times as compliant in bending", said)[1])
+    assert told == pytest.approx(1.015 * factor, rel=2e-3)  # three digits are printed
+    assert "modulus" in said
+
+
+def test_a_matrix_that_differs_in_one_direction_from_its_section(tmp_path):
+    matrix = compliance_of_link().copy()
+    # bending in one plane only, as if the bar were less deep
+    for i, j in ((2, 2), (2, 4), (4, 2), (4, 4)):
+        matrix[i, j] *= 2.0
+    (said,) = said_of(with_link_matrix(matrix.tolist()), tmp_path)
+    assert "(3,3) is 2.1" in said  # (20) has 1.06 of what its section gives there
+
+
+def compliance_of_link():
+    (link,) = (beam for beam in load_chain("orthoglide-chain").beams if beam.name == "link")
+    return link.compliance
+
+
+def with_link_matrix(rows):
+    """The paper's chain with another matrix of its link."""
+    text = library_text("orthoglide-chain")
+    link = text.index('name = "link"')
+    start = text.index("compliance = [", link)
+    end = text.index("\n]\n", start)
+    return f"{text[:start]}compliance = {rows}{text[end + 2 :]}"
+
+
 def test_a_tube_of_ten_tonnes_is_impossible(tmp_path):
     found = said_of(BEAM.replace("mass_kg = 1.5", "mass_kg = 10000.0"), tmp_path)
     assert found[0].startswith("refused")
@@ -201,6 +235,21 @@ def test_a_tube_of_ten_tonnes_is_impossible(tmp_path):
 def test_a_vector_in_metres(old, new, tmp_path):
     found = said_of(BEAM.replace(old, new), tmp_path)
     assert any("is it in metres" in line for line in found), found
+
+
+def test_a_correction_beside_its_link_is_not_in_metres(tmp_path):
+    """As calibrations write the errors of a joint's frame; alone between two joints it is doubted."""
+    piece = '[[parts]]\nkind = "link"\nname = "correction"\ntranslation_mm = [0.1, 0.0, -0.04]\n'
+    before = BEAM.index('[[parts]]\nkind = "link"')
+    assert said_of(BEAM[:before] + piece + BEAM[before:], tmp_path) == []
+    first = BEAM.index("[[parts]]")
+    (said,) = said_of(BEAM[:first] + piece + BEAM[first:], tmp_path)
+    assert "'correction'" in said
+    # what a fit leaves of a zero is no length in any unit
+    assert (
+        said_of(BEAM[:first] + piece.replace("0.1,", "4e-9,").replace("-0.04", "0.0") + BEAM[first:], tmp_path)
+        == []
+    )
 
 
 def test_strict_refuses_what_is_doubtful(tmp_path):

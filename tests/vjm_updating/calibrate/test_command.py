@@ -12,6 +12,8 @@ import pytest
 from helpers.command import GAUGE_SHEET
 
 from vjm_updating.calibrate.command import DOCUMENT, MODEL, PAGE
+from vjm_updating.calibrate.document import Calibration
+from vjm_updating.calibrate.summary_text import fit_report
 from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas
 
@@ -53,6 +55,9 @@ def test_the_command_writes_three_files(files, capsys):
     printed = capsys.readouterr().out
     for word in ("link.EIz", "95 % interval", "Which posture next", "D x -6"):
         assert word in printed
+    found = Calibration.model_validate(document)
+    assert fit_report(found).split() == printed[: printed.index("page:")].split()
+    assert len(repr(found).splitlines()) == 1 + len(NAMES)
     assert run(["buckling", str(out / MODEL), "--posture", "A", "--direction", "-", "--engine", "vjm-4"]) == 0
 
 

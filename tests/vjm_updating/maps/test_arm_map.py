@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import csv
+import json
 
+import jsonschema
 import numpy as np
 import pytest
 
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint
+from vjm.model.load_case import Load
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.equilibria import equilibria
@@ -18,6 +21,7 @@ from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.arm_map import UNREACHED, map_arm, write_arm_map
 from vjm_updating.maps.evaluate import Quantity
 from vjm_validation.cli.main import run
+from vjm_validation.schemas import schemas
 
 C, L = 1e-8, 400.0
 
@@ -80,6 +84,34 @@ def test_the_command_takes_an_arm(tmp_path, capsys):
     words = ["map", "ur10", "--posture", "work", "--grid", "elbow=1:2:5", "--out", str(tmp_path / "map")]
     assert run(words) == 0
     assert "ur10, vjm-4, stiffness: 5 of 5 poses" in capsys.readouterr().out
+
+
+def test_a_map_as_a_document_under_a_load_on_a_part(tmp_path, capsys):
+    words = ["map", "planar-2r", "--posture", "bent", "--grid", "elbow=0.5:1.5:3", "--quantity", "deflection"]
+    assert run([*words, "--load", "fore@0.5:0,-40,0", "--out", str(tmp_path / "map"), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    jsonschema.validate(document, schemas()["map-rows.schema.json"])
+    model = TreeModel(load_chain("planar-2r").refined(4))
+    assert document["status"] == ["ok"] * 3
+    for k, elbow in enumerate((0.5, 1.0, 1.5)):
+        q = model.posture("bent").copy()
+        q[model.joints.index("elbow")] = elbow
+        at = equilibria(model, q, loads=[Load((0.0, -40.0, 0.0, 0.0, 0.0, 0.0), "fore", 0.5)])
+        assert document["joints"]["elbow"][k] == elbow
+        assert document["values"][k][:6] == pytest.approx(at.deflection[0, 0].tolist(), abs=1e-9)
+
+
+def test_the_page_of_a_map_has_joints_and_units(tmp_path, capsys):
+    page = tmp_path / "map.html"
+    words = ["map", "planar-2r", "--posture", "bent", "--grid", "elbow=0.5:1.5:3", "--report", str(page)]
+    assert run([*words, "--out", str(tmp_path / "map")]) == 0
+    text = page.read_text()
+    for word in (
+        "3 of 3 poses have an answer; smallest stiffness against a force from",
+        ">elbow<",
+        ">kt_min, N/mm<",
+    ):
+        assert word in text
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers.command import in_a_process, validate
 
+from vjm import LoadCase, load, trace
 from vjm.io.path_files import read_curve
 from vjm_validation.schemas import schemas
 
@@ -42,6 +43,21 @@ def test_curve_writes_the_path(tmp_path):
     assert path.engine == "vjm-paper"
     assert path.s[-1] == 2.0
     assert path.force[-1] == pytest.approx(2706.5, rel=1e-4)
+
+
+def test_a_curve_as_a_document_is_its_file():
+    words = ("curve", "orthoglide-chain", "--posture", "A", "--to", "2", "--engine", "vjm-paper", "--json")
+    finished = validate(*words)
+    assert finished.status == 0, finished.err
+    document = json.loads(finished.out)
+    jsonschema.validate(document, schemas()["curve.schema.json"])
+    path = trace(load("orthoglide-chain"), LoadCase("A", to=2.0), engine="vjm-paper")
+    assert [point["force"] for point in document["points"]] == path.force.tolist()
+    assert [point["stiffness"] for point in document["points"]] == [p.tangent for p in path.points]
+    (event,) = document["events"]
+    assert (event["kind"], event["force"]) == ("bifurcation", path.critical.force)
+    assert event["at"] == pytest.approx(path.critical.s, rel=1e-12)  # displacement and arc of one straight ramp
+    assert document["complete"]
 
 
 def test_buckling_prints_one_document_and_nothing_else():

@@ -34,6 +34,8 @@ def test_an_arm_s_path(square, tmp_path, capsys):
         str(out),
         "--plot",
         str(plot),
+        "--report",
+        str(tmp_path / "page.html"),
     ]
     assert run([*words, "--json"]) == 0
     document = CompensationDocument.model_validate(json.loads(capsys.readouterr().out))
@@ -45,6 +47,9 @@ def test_an_arm_s_path(square, tmp_path, capsys):
     assert float(rows[1]["loaded.elbow"]) == pytest.approx(document.commands["loaded"][1][1], abs=1e-11)
     assert float(rows[2]["rigid.error_mm"]) == pytest.approx(np.linalg.norm(document.errors["rigid"][2][:3]))
     assert plot.stat().st_size > 5000
+    page = (tmp_path / "page.html").read_text()
+    assert "compensation along 3 poses" in page
+    assert f"the rigid {left['rigid'].largest_mm:.3g} mm" in page
 
 
 def test_a_platform_s_path(tmp_path, capsys):

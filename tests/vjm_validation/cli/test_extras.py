@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -44,7 +45,7 @@ def test_a_path_needs_no_extra():
     ("extra", "arguments"),
     [
         ("fea", ["curve", "orthoglide-chain", "--posture", "A", "--to", "1", "--engine", "exudyn"]),
-        ("report", ["calibrate", "none.csv", "--sheet", "none.toml", "--out", "none"]),
+        ("report", ["curve", "orthoglide-chain", "--posture", "A", "--to", "1", "--plot", "path.png"]),
     ],
 )
 def test_a_command_names_the_extra_that_it_lacks(extra, arguments):
@@ -52,6 +53,23 @@ def test_a_command_names_the_extra_that_it_lacks(extra, arguments):
     assert done.returncode == 2
     (line,) = [line for line in done.stderr.splitlines() if line.startswith("validate:")]
     assert f"vjm-stiffness[{extra}]" in line
+
+
+def test_a_calibration_without_what_draws_writes_all_but_its_page(tmp_path):
+    (tmp_path / "calibration.html").write_text("of an earlier run")
+    folder = resources.files("vjm_validation") / "examples/soft-springs"
+    done = bare(
+        "calibrate", str(folder / "readings.csv"), "--sheet", str(folder / "sheet.toml"), "--out", str(tmp_path)
+    )
+    assert done.returncode == 0, done.stderr
+    assert "no page: it needs jinja2 and matplotlib: pip install 'vjm-stiffness[report]'" in done.stdout
+    assert {file.name for file in tmp_path.iterdir()} == {"calibration.json", "calibrated-model.toml"}
+
+
+@pytest.mark.parametrize("command", ["diagnose", "compensate", "compare", "list"])
+def test_a_command_is_loaded_without_an_extra(command):
+    done = bare(command, "--help")
+    assert done.returncode == 0, done.stderr
 
 
 def test_an_unknown_module_is_no_extra():

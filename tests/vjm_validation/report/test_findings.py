@@ -5,8 +5,11 @@ from dataclasses import replace
 import pytest
 
 from vjm.continuation.direction import Direction
-from vjm_output.plot_style import listed, number, percent
+from vjm.io.findings import Finding, Grade
+from vjm_output.number_text import listed, number, percent
+from vjm_validation.acceptance import model_rows
 from vjm_validation.report.findings import findings
+from vjm_validation.report.first_screen import wrong_in_the_paper
 from vjm_validation.report.iteration_words import iterations
 from vjm_validation.report.lumping_figures import PLACES
 from vjm_validation.report.lumping_words import tip_rotation
@@ -108,6 +111,18 @@ def test_a_failed_acceptance_row_comes_first(run):
     assert first.title.startswith("1 of 2 acceptance rows failed")
     assert first.sentences == ("agreement: required within 1 %, found 0.2500.",)
     assert all(f.tone != "failed" for f in findings(run)[1:])
+
+
+def test_a_doubtful_model_is_a_failed_row_and_ends_what_is_said_of_the_paper(run):
+    noted, doubted = (Finding(grade, "model.toml: part 'bar', compliance", "1.5 times as compliant")
+                      for grade in (Grade.NOTED, Grade.DOUBTFUL))  # fmt: skip
+    assert [row.passed for row in model_rows([noted])] == [True]
+    assert wrong_in_the_paper(run)
+    (row,) = model_rows([noted, doubted])
+    assert row.passed is False
+    assert row.value == str(doubted)
+    run.summary["acceptance"] = [row.model_dump()]
+    assert wrong_in_the_paper(run) == ()
 
 
 def test_table_ii_counts_only_what_can_be_compared(run):

@@ -194,7 +194,7 @@ def test_a_failed_row_is_prominent(run, bare, tmp_path):
     )
     text = write_report(run, tmp_path).read_text()
     assert text.index('class="finding print failed"') < text.index('class="finding print agrees"')
-    assert "FAILED: 1 of 3 checks that were run do not hold." in text
+    assert "FAILED: 1 of 3 checks that were run does not hold." in text
     assert '<tr class="bad">' in text
     assert text.count("<script>") == 1
     assert "&lt;script&gt;residuals&lt;/script&gt;: required a &lt; b, found –." in text

@@ -15,7 +15,8 @@ from vjm.model.parts import Placement
 from vjm.platform.problem import ManipulatorEngine
 from vjm.vjm_engine import VjmEngine
 from vjm_output import off_screen
-from vjm_output.plot_style import PAGE_WIDTH, Margins, figure, number
+from vjm_output.number_text import number
+from vjm_output.plot_style import PAGE_WIDTH, Margins, figure
 from vjm_validation.report.figures import (
     Window,
     difference_to,

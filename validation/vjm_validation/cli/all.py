@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path as FilePath
@@ -14,7 +15,7 @@ from vjm.io.errors import did_you_mean
 from vjm.io.files import locked
 from vjm.io.findings import Finding
 from vjm_output import terminal
-from vjm_validation.acceptance import AcceptanceRow
+from vjm_output.documents import as_json
 from vjm_validation.cli import tables
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, acceleration
@@ -24,11 +25,14 @@ from vjm_validation.cli.options import (
     processes,
 )
 from vjm_validation.cli.status import INTERRUPTED, NOT_ACCEPTED, OK, UsageError
+from vjm_validation.comparison_names import COMPARISONS
 from vjm_validation.report.printing import chromium, print_page
 from vjm_validation.studies.force_directions import DIRECTIONS, parsed_directions
 from vjm_validation.studies.own_machine import Request
+from vjm_validation.studies.own_machine_rows import OwnMachineSummary
 from vjm_validation.studies.own_machine_run import run_own
-from vjm_validation.studies.run_all import COMPARISONS, Options, run_all
+from vjm_validation.studies.run_all import Options, run_all
+from vjm_validation.summary import Summary
 from vjm_validation.verification.library import library as cases
 
 
@@ -68,6 +72,7 @@ def all_(
     steps: Annotated[int | None, Parameter(help="Equal steps of every path; 4000 is the paper's grid.")] = None,
     strict: Strict = False,
     pdf: Annotated[bool, Parameter(negative="", help="Print the report to report.pdf too, by Chromium.")] = False,
+    json: Annotated[bool, Parameter(negative="", help="Print summary.json and nothing else.")] = False,
 ) -> int:
     """Run every comparison of the paper and write the report, or that of a machine of your own."""
     if pdf and not chromium():
@@ -85,8 +90,9 @@ def all_(
                 model, posture, parsed_directions(direction), force, to, acceleration(gravity), jobs=processes(jobs)
             ),
             folder,
-            pdf,
             doubts,
+            pdf=pdf,
+            json=json,
         )
     if posture or direction or force is not None or to is not None or gravity:
         raise UsageError("--posture, --direction, --force, --to and --gravity are for a MODEL: name one")
@@ -101,36 +107,40 @@ def all_(
     positive("--steps", steps)
     options = Options(folder, processes(jobs), quick, only, steps, _command(quick, only, steps))
     try:
-        with locked(folder), terminal.progress() as progress:
+        with locked(folder), terminal.progress(quiet=json) as progress:
             summary = run_all(options, progress)
     except KeyboardInterrupt:
         terminal.error(
             f"interrupted; what is finished is in {folder}: `validate all --out {folder}` goes on from there"
         )
         return INTERRUPTED
-    return _said(summary.acceptance, folder, pdf)
+    return _said(summary, folder, pdf=pdf, json=json)
 
 
-def _own(request: Request, folder: FilePath, pdf: bool, doubts: Sequence[Finding]) -> int:
+def _own(request: Request, folder: FilePath, doubts: Sequence[Finding], *, pdf: bool, json: bool) -> int:
     words = ["validate", "all", request.model]
     words += ["--posture", *request.postures] if request.postures else []
     words += [f"--direction={each}" for each in request.directions] if request.directions != DIRECTIONS else []
     words += [f"--force={request.force:g}"] if request.force else []
     words += [f"--to={request.reach:g}"] if request.reach else []
     words += [f"--gravity={','.join(f'{g:g}' for g in request.gravity)}"] if request.gravity else []
-    with locked(folder), terminal.progress() as progress:
+    with locked(folder), terminal.progress(quiet=json) as progress:
         summary = run_own(request, folder, shlex.join(words), progress, doubts)
-    return _said(summary.acceptance, folder, pdf)
+    return _said(summary, folder, pdf=pdf, json=json)
 
 
-def _said(rows: Sequence[AcceptanceRow], folder: FilePath, pdf: bool) -> int:
-    console = terminal.console()
-    console.print(tables.acceptance_table(rows))
-    console.print(f"report: {folder / 'index.html'}", soft_wrap=True)
+def _said(summary: Summary | OwnMachineSummary, folder: FilePath, *, pdf: bool, json: bool) -> int:
     if pdf:
         print_page(folder / "index.html", folder / "report.pdf")
-        console.print(f"printed: {folder / 'report.pdf'}", soft_wrap=True)
-    return OK if all(row.passed is not False for row in rows) else NOT_ACCEPTED
+    if json:
+        sys.stdout.write(as_json(summary))
+    else:
+        console = terminal.console()
+        console.print(tables.acceptance_table(summary.acceptance))
+        console.print(f"report: {folder / 'index.html'}", soft_wrap=True)
+        if pdf:
+            console.print(f"printed: {folder / 'report.pdf'}", soft_wrap=True)
+    return OK if all(row.passed is not False for row in summary.acceptance) else NOT_ACCEPTED
 
 
 def _command(quick: bool, only: Sequence[str], steps: int | None) -> str:

@@ -121,7 +121,7 @@ def buckling_(
 
 
 def _content(paths: list[Path], document: BucklingDocument) -> pages.Content:
-    from vjm_output.plot_style import number
+    from vjm_output.number_text import number
     from vjm_validation.report.command_figures import path_pictures
     from vjm_validation.report.tables import Table
 

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 
 from vjm_output import terminal
 from vjm_output.documents import as_json
+from vjm_output.optional_page import page_line
 from vjm_updating.calibrate.command import PAGE, STAGES, calibrate, prepare
 from vjm_updating.calibrate.summary_text import tables
 from vjm_updating.poses.command import calibrate_poses
@@ -73,7 +74,7 @@ def calibrate_(
     console = terminal.console()
     for item in tables(document):
         console.print(item, soft_wrap=isinstance(item, str))
-    console.print(f"page: {out / PAGE}", soft_wrap=True)
+    console.print(page_line(out / PAGE), soft_wrap=True)
     if status != OK:
         look = shlex.join(["validate", "diagnose", str(data), "--sheet", str(sheet), "--out", str(out)])
         console.print(
@@ -115,5 +116,5 @@ def _by_poses(
     console = terminal.console()
     for line in lines_of_poses(document):
         console.print(line, soft_wrap=True)
-    console.print(f"page: {out / PAGE}", soft_wrap=True)
+    console.print(page_line(out / PAGE), soft_wrap=True)
     return 0

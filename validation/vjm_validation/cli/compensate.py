@@ -10,15 +10,16 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from vjm.engines import EngineOptions, engine_by_name
-from vjm.io.files import check_writable, write_whole
+from vjm.io.files import check_writable
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
+from vjm_validation.cli import pages
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, acceleration
 from vjm_validation.cli.options import Json, Model, Posture, Segments, segments_of
 from vjm_validation.cli.status import OK, UsageError
-from vjm_validation.compensation import compensation, picture, write_commands
+from vjm_validation.compensation import CompensationDocument, compensation, write_commands
 from vjm_validation.load_any_model import loaded, postures
 from vjm_validation.tool_path import read_tool_path
 
@@ -35,8 +36,9 @@ def compensate_(
     engine: Annotated[str, Parameter(help="vjm, vjm-paper or vjm-<n>.")] = "vjm",
     segments: Segments = None,
     out: Annotated[Path | None, Parameter(help="CSV of the coordinates by each model.")] = None,
-    plot: Annotated[Path | None, Parameter(help="PNG of the errors left along the path.")] = None,
     json: Json = False,
+    plot: pages.Plot = None,
+    report: pages.Report = None,
     strict: Strict = False,
 ) -> int:
     """Find the joint coordinates that put the loaded tool where it should be, along a path."""
@@ -48,20 +50,19 @@ def compensate_(
         raise UsageError(f"--engine {engine}: compensation takes vjm, vjm-paper or vjm-<n>")
     if posture is not None:
         postures(machine, (posture,))
-    for file, suffix in ((out, ".csv"), (plot, ".png")):
-        if file is not None:
-            if file.suffix != suffix:
-                raise UsageError(f"{file}: write a name that ends in {suffix}")
-            check_writable(file.parent)
+    pages.check(plot, report)
+    if out is not None:
+        if out.suffix != ".csv":
+            raise UsageError(f"--out {out}: write a name that ends in .csv")
+        check_writable(out.parent)
     document = compensation(
         machine, solver, read_tool_path(path), gravity=acceleration(gravity), posture=posture or "", end=end
     ).model_copy(update={"doubts": doubt_rows(doubts)})
     if out is not None:
         write_commands(document, out)
-    if plot is not None:
-        write_whole(plot, picture(document))
     if json:
         sys.stdout.write(as_json(document))
+        pages.draw(plot, report, lambda: _content(document), None)
         return OK
     table = Table(title=f"{document.model}, {document.engine}: error of the loaded end at {document.poses} poses")
     for column in ("joints by the model", "largest, mm", "mean, mm", "largest, rad"):
@@ -70,7 +71,29 @@ def compensate_(
         table.add_row(name, f"{left.largest_mm:.4g}", f"{left.mean_mm:.4g}", f"{left.largest_rad:.4g}")
     console = terminal.console()
     console.print(table)
-    for file in (out, plot):
-        if file is not None:
-            console.print(f"{file}", soft_wrap=True)
+    if out is not None:
+        console.print(f"{out}", soft_wrap=True)
+    pages.draw(plot, report, lambda: _content(document), console)
     return OK
+
+
+def _content(document: CompensationDocument) -> pages.Content:
+    from vjm_validation.report.command_figures import compensation_picture
+    from vjm_validation.report.tables import Table as PageTable
+
+    left = document.left
+    rows = [(name, *(f"{v:.4g}" for v in (e.largest_mm, e.mean_mm, e.largest_rad))) for name, e in left.items()]
+    errors = PageTable(
+        "Error of the loaded end", ("joints by the model", "largest, mm", "mean, mm", "largest, rad"), tuple(rows)
+    )
+    commands = PageTable(
+        "Joints by the loaded model",
+        ("pose", *document.joints),
+        tuple((str(k + 1), *(f"{v:.9g}" for v in row)) for k, row in enumerate(document.commands["loaded"])),
+    )
+    title = f"{document.model}, {document.engine}: compensation along {document.poses} poses"
+    verdict = (
+        f"The loaded model leaves {left['loaded'].largest_mm:.3g} mm, the linear "
+        f"{left['linear'].largest_mm:.3g} mm, the rigid {left['rigid'].largest_mm:.3g} mm."
+    )
+    return pages.Content(title, verdict, [compensation_picture(document)], [errors, commands])

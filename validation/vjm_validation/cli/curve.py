@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path as FilePath
 from typing import Annotated, Literal
 
@@ -13,6 +14,7 @@ from vjm.io.files import check_writable
 from vjm.io.path_files import write_curve
 from vjm.model.parts import Placement
 from vjm_output import terminal
+from vjm_output.documents import as_json
 from vjm_validation.cli import pages, tables
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, parsed_load_case
@@ -20,6 +22,7 @@ from vjm_validation.cli.options import (
     FootSegments,
     Force,
     Free,
+    Json,
     Model,
     PlacementOption,
     Posture,
@@ -32,6 +35,7 @@ from vjm_validation.cli.options import (
     with_shear,
     within_reach,
 )
+from vjm_validation.documents import curve_document
 from vjm_validation.load_any_model import loaded, postures
 
 
@@ -68,6 +72,7 @@ def curve_(
         float, Parameter(help="mm of bow in the shape of the buckling mode, free of stress.")
     ] = 0.0,
     csv: Annotated[FilePath | None, Parameter(help="Write the path to this file.")] = None,
+    json: Json = False,
     plot: pages.Plot = None,
     report: pages.Report = None,
     strict: Strict = False,
@@ -75,7 +80,7 @@ def curve_(
     """Trace one load path and show it."""
     positive("--steps", steps)
     chain, whole = loaded(model, shear=with_shear(shear))
-    considered(model, strict)
+    doubts = considered(model, strict)
     label = postures(chain, (posture,) if posture else ())[0]
     load_case = parsed_load_case(
         label, to, axis=axis, force=force, steps=steps, branch={"+": 1, "-": -1, "0": 0}[branch], free=free,
@@ -86,10 +91,14 @@ def curve_(
     pages.check(plot, report)
     if csv is not None:
         check_writable(csv.parent)
-    with terminal.progress() as progress:
+    with terminal.progress(quiet=json) as progress:
         path = solver.trace(chain, load_case, lambda done: progress("path", round(100 * done), 100))
     if csv is not None:
         write_curve(path, csv)
+    if json:
+        sys.stdout.write(as_json(curve_document(path, doubts)))
+        pages.draw(plot, report, lambda: _content(path), None)
+        return gave_up([path])
     console = terminal.console()
     console.print(tables.path_table(path))
     for line in tables.event_lines(path):

@@ -12,6 +12,7 @@ from cyclopts import Parameter
 
 from vjm_output import terminal
 from vjm_output.documents import as_json
+from vjm_output.optional_page import page_line
 from vjm_updating.diagnose.command import PAGE, diagnose
 from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.diagnose.summary_text import lines
@@ -80,5 +81,5 @@ def diagnose_(
     console = terminal.console()
     for line in lines_of_poses(document) if isinstance(document, PoseDiagnosis) else lines(document):
         console.print(line, soft_wrap=True)
-    console.print(f"page: {out / PAGE}", soft_wrap=True)
+    console.print(page_line(out / PAGE), soft_wrap=True)
     return 0

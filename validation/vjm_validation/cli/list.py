@@ -7,7 +7,7 @@ from vjm.io.manipulator_file import manipulators
 from vjm.io.model_file import library
 from vjm_output import terminal
 from vjm_validation.cli.status import OK
-from vjm_validation.studies.run_all import COMPARISONS
+from vjm_validation.comparison_names import COMPARISONS
 from vjm_validation.verification.library import library as cases
 
 

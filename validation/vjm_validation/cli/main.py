@@ -10,17 +10,26 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cyclopts import App, CycloptsError, UnusedCliTokensError
+from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
 from vjm import __version__
 from vjm.errors import NoConvergenceError
 from vjm.io.solid_provider import provide
+from vjm.kernels.first_use import interpreted_meanwhile
 from vjm_output import terminal
 from vjm_validation.cli.examples import epilogue
 from vjm_validation.cli.status import BAD_INPUT, GAVE_UP, INTERRUPTED, OK
 
 if TYPE_CHECKING:
     from vjm.io.solid_compliance import SolidResult, SolidTable
+
+
+def _default(value: object) -> str | None:
+    """A default as help shows it; none where nothing is asked unless it is said."""
+    if value is None or value is False or value == "" or value == ():
+        return None
+    return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+
 
 app = App(
     name="validate",
@@ -29,6 +38,7 @@ app = App(
     result_action="return_value",
     # said and answered in `run`
     suppress_keyboard_interrupt=False,
+    default_parameter=Parameter(negative_iterable=(), show_default=_default),
     # what stands in brackets, such as vjm-<n>f<m>, is meant as it is written
     help_format="plaintext",
     help_epilogue="`validate COMMAND --help` shows a command's options with examples; docs/ has a page on each. "
@@ -75,6 +85,8 @@ def _compute(path: Path, table: SolidTable, key: str) -> SolidResult:
 provide(_compute)
 
 
+FEW_PATHS = ("curve", "stiffness", "buckling")
+"""Commands that are done, interpreted, before the kernels are compiled."""
 EXTRAS = {
     "exudyn": "fea",
     "matplotlib": "report",
@@ -107,7 +119,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command and exit with its status."""
     # whoever stops a run politely gets what Ctrl-C gives: finished work stays, and one line says so
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    status = run(sys.argv[1:] if arguments is None else arguments)
+    words = sys.argv[1:] if arguments is None else arguments
+    if words and words[0] in FEW_PATHS and "--help" not in words and interpreted_meanwhile():
+        terminal.error("note: interpreted for once, while the kernels are compiled in the background")
+    status = run(words)
     try:
         sys.stdout.flush()
     except BrokenPipeError:

@@ -6,32 +6,41 @@ import os
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
 
+from vjm import __version__
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.files import locked
+from vjm.io.findings import Finding
 from vjm.io.manipulator_file import load_manipulator, load_model
 from vjm.model.chain import Chain
+from vjm.model.load_case import Load
 from vjm.plain_numbers import plain_number
+from vjm.platform.manipulator import Manipulator
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
+from vjm_output.documents import as_json, doubt_rows
 from vjm_updating.maps.arm_map import map_arm, write_arm_map
 from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
-from vjm_updating.maps.output import write_map
+from vjm_updating.maps.output import SHOWN, TITLES, write_map
 from vjm_updating.maps.pose_grid import parsed_grid
 from vjm_updating.maps.run import Map, run_map
 from vjm_validation.cli import pages
 from vjm_validation.cli.doubts import Strict, considered
-from vjm_validation.cli.load_case_options import GravityOption, acceleration
+from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
+from vjm_validation.cli.options import Json
+from vjm_validation.documents import MapRowsDocument
 from vjm_validation.load_any_model import postures
 from vjm_validation.loaded_stiffness import held_by_itself
 
 INTERRUPTED = 130
+UNITS = {"_N_per_mm": "N/mm", "_Nmm_per_rad": "N mm/rad", "_mm": "mm", "_rad": "rad", "_N": "N"}
+"""Endings of columns, the longer ones first."""
 REFINED = "vjm-4"
 """Springs a beam by default: critical loads of a pinned column within 1e-3, at a quarter of the cost of 16."""
 
@@ -60,6 +69,8 @@ def map_(
     jobs: Annotated[int, Parameter(help="Processes; one a core by default.")] = 0,
     scheduler: Annotated[str, Parameter(help="Address of a Dask scheduler instead, such as tcp://host:8786.")] = "",
     out: Annotated[Path | None, Parameter(help="Folder; a map that was cut off goes on there.")] = None,
+    load: LoadOption = (),
+    json: Json = False,
     plot: pages.Image = None,
     report: pages.Report = None,
     strict: Strict = False,
@@ -76,18 +87,19 @@ def map_(
     pages.check(plot, report, pages.IMAGES)
     folder = out or Path("reports") / "maps" / f"{target.name}-{quantity}-{time.strftime('%Y%m%d-%H%M%S')}"
     if isinstance(target, Chain):
-        considered(model, strict)
-        arm = _of_arm(target, springs, quantity, grid, posture, wrench, acceleration(gravity), end, folder)
-        return _said(arm, plot, report)
-    if posture or gravity or end:
-        raise ValueError("--posture, --gravity and --end are for maps of arms: leave them out")
+        doubts = considered(model, strict)
+        loads = [parsed_load(text) for text in load]
+        arm = _of_arm(target, springs, quantity, grid, posture, wrench, acceleration(gravity), loads, end, folder)
+        return _said(arm, doubts, plot, report, json=json)
+    if posture or gravity or load or end:
+        raise ValueError("--posture, --gravity, --load and --end are for maps of arms: leave them out")
     machine = load_manipulator(model)
     doubts = considered(model, strict)
     wanted = Map(
         machine, springs, quantity, parsed_grid(grid, machine), _wrench(wrench, quantity), most, tuple(doubts)
     )
     try:
-        with locked(folder), terminal.progress() as progress:
+        with locked(folder), terminal.progress(quiet=json) as progress:
             result = run_map(
                 wanted, folder, jobs or len(os.sched_getaffinity(0)), scheduler,
                 lambda done, total: progress("poses", done, total),
@@ -99,9 +111,8 @@ def map_(
         return INTERRUPTED
     places = result.map.grid.poses()[:, :3]
     files = write_map(result, folder)
-    return _said(
-        Mapped(machine.name, springs.label, quantity, places, result.values, result.why, files), plot, report
-    )
+    found = Mapped(machine, springs.label, quantity, places, result.values, result.why, files)
+    return _said(found, doubts, plot, report, json=json)
 
 
 @dataclass(frozen=True)
@@ -109,22 +120,24 @@ class Mapped:
     """A map as it is shown.
 
     Attributes:
-        name: of the machine.
+        machine: whose map it is.
         engine: label.
         quantity: what was asked.
         places: ``(g, 3)`` of the platform or tool, mm.
         values: ``(g, k)`` in the order of `COLUMNS`.
         why: ``ok``, or why there is no value.
         files: that were written.
+        joints: of an arm, ``(g,)`` coordinates of each.
     """
 
-    name: str
+    machine: Chain | Manipulator
     engine: str
     quantity: Quantity
     places: np.ndarray
     values: np.ndarray
     why: Sequence[str]
     files: Sequence[Path]
+    joints: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 def _of_arm(
@@ -135,25 +148,32 @@ def _of_arm(
     posture: str,
     wrench: str,
     gravity: tuple[float, float, float] | None,
+    loads: Sequence[Load],
     end: str,
     folder: Path,
 ) -> Mapped:
     if not held_by_itself(chain):
         raise ValueError(f"{chain.name}: is a single chain that swings, and this needs a manipulator or an arm")
     label = postures(chain, (posture,) if posture else ())[0]
-    load = (0.0,) * 6 if not wrench and gravity else _wrench(wrench, quantity)
+    on_end = (0.0,) * 6 if not wrench and (gravity or loads) else _wrench(wrench, quantity)
     with locked(folder):
-        found = map_arm(chain, springs, quantity, grid, label, wrench=load, gravity=gravity, end=end)
+        found = map_arm(chain, springs, quantity, grid, label, wrench=on_end, gravity=gravity, loads=loads, end=end)
         files = write_arm_map(found, folder)
-    return Mapped(chain.name, springs.label, quantity, found.tool, found.values, found.why, files)
+    joints = dict(zip(found.joints, found.q.T, strict=True))
+    return Mapped(chain, springs.label, quantity, found.tool, found.values, found.why, files, joints)
 
 
-def _said(found: Mapped, plot: Path | None, report: Path | None) -> int:
-    """What a map holds, in some lines."""
+def _said(found: Mapped, doubts: Sequence[Finding], plot: Path | None, report: Path | None, *, json: bool) -> int:
+    """What a map holds, in some lines or as a document."""
+    if json:
+        sys.stdout.write(as_json(_document(found, doubts)))
+        pages.draw(plot, report, lambda: _content(found), None)
+        return 0
     console = terminal.console()
     solved = sum(each == OK for each in found.why)
     console.print(
-        f"{found.name}, {found.engine}, {found.quantity}: {solved} of {len(found.why)} poses", soft_wrap=True
+        f"{found.machine.name}, {found.engine}, {found.quantity}: {solved} of {len(found.why)} poses",
+        soft_wrap=True,
     )
     for k, column in enumerate(COLUMNS[found.quantity]):
         finite = found.values[np.isfinite(found.values[:, k]), k]
@@ -169,25 +189,62 @@ def _said(found: Mapped, plot: Path | None, report: Path | None) -> int:
     return 0
 
 
+def _document(found: Mapped, doubts: Sequence[Finding]) -> MapRowsDocument:
+    def numbers(values: np.ndarray) -> list[float | None]:
+        return [float(v) if np.isfinite(v) else None for v in values]
+
+    return MapRowsDocument(
+        model=found.machine.name,
+        model_sha256=found.machine.sha256,
+        version=__version__,
+        engine=found.engine,
+        quantity=str(found.quantity),
+        columns=list(COLUMNS[found.quantity]),
+        places_mm=[numbers(row) for row in found.places],
+        joints={name: numbers(values) for name, values in found.joints.items()},
+        values=[numbers(row) for row in found.values],
+        status=list(found.why),
+        files=[str(file) for file in found.files],
+        doubts=doubt_rows(doubts),
+    )
+
+
 def _content(found: Mapped) -> pages.Content:
+    from vjm_output.number_text import number
     from vjm_output.plot_style import Drawing, Picture
     from vjm_validation.report.tables import Table
 
     titles = {"map.png": "The map", "render.png": "Planes through the middle of the workspace"}
+    what = TITLES[found.quantity]
+    caption = f"{what[:1].upper()}{what[1:]}; where there is none, nothing is drawn. One colour scale."
     pictures = [
-        Picture(file.stem, Drawing(file.read_bytes()), titles[file.name], f"{found.quantity}; one colour scale.")
+        Picture(file.stem, Drawing(file.read_bytes()), titles[file.name], caption)
         for file in found.files
         if file.name in titles
     ]
+    joints = np.array([*found.joints.values()]).reshape(len(found.joints), len(found.why)).T
+    cells = np.hstack([joints, found.places, found.values])
     rows = [
-        (*(f"{v:.6g}" for v in place), *("–" if np.isnan(v) else f"{v:.6g}" for v in values), why)
-        for place, values, why in zip(found.places, found.values, found.why, strict=True)
+        (*("∞" if np.isinf(v) else number(float(v)) for v in row), why)
+        for row, why in zip(cells, found.why, strict=True)
     ]
-    names = COLUMNS[found.quantity]
-    table = Table("Every pose", ("x, mm", "y, mm", "z, mm", *names, "status"), tuple(rows), words=0)
+    header = (*found.joints, "x, mm", "y, mm", "z, mm", *map(_with_unit, COLUMNS[found.quantity]), "status")
     solved = sum(why == OK for why in found.why)
-    title = f"{found.name}, {found.engine}: {found.quantity}"
-    return pages.Content(title, f"{solved} of {len(found.why)} poses have an answer.", pictures, [table])
+    title = f"{found.machine.name}, {found.engine}: {found.quantity}"
+    verdict = f"{solved} of {len(found.why)} poses have an answer"
+    shown = found.values[:, SHOWN[found.quantity]]
+    if np.isfinite(shown).any():
+        low, high = (number(float(edge(shown[np.isfinite(shown)]))) for edge in (np.min, np.max))
+        verdict += f"; {what.replace(',', f' from {low} to {high}', 1)}"
+    return pages.Content(title, f"{verdict}.", pictures, [Table("Every pose", header, tuple(rows), words=0)])
+
+
+def _with_unit(column: str) -> str:
+    """``kt_min_N_per_mm`` as ``kt_min, N/mm``."""
+    for ending, unit in UNITS.items():
+        if column.endswith(ending):
+            return f"{column.removesuffix(ending)}, {unit}"
+    return column
 
 
 def _wrench(text: str, quantity: Quantity) -> tuple[float, ...]:

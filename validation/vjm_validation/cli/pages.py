@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from vjm.io.files import check_writable, write_whole
+from vjm_output.optional_page import why_no_page
 from vjm_validation.cli.status import UsageError
 
 if TYPE_CHECKING:
@@ -54,14 +55,16 @@ def check(plot: Path | None, report: Path | None, endings: Sequence[str] = ENDIN
         endings: that the figure can have; `IMAGES` for what is no line plot.
 
     Raises:
-        UsageError: an ending that is none of these.
+        UsageError: an ending that is none of these, or what draws is not installed.
         OSError: the folder cannot be written to.
     """
     if plot is not None and plot.suffix not in endings:
         why = "this figure is no line plot: " if plot.suffix in ENDINGS else ""
         raise UsageError(f"--plot {plot}: {why}write a file that ends in {' or '.join(endings)}")
-    for file in (plot, report):
+    for option, file in (("--plot", plot), ("--report", report)):
         if file is not None:
+            if why := why_no_page():
+                raise UsageError(f"{option} {file}: {why}")
             check_writable(file.parent)
 
 

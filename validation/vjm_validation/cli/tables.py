@@ -139,7 +139,8 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
         console.print(_row("  not moved by, N N mm", wrench))
     for event in document.events:
         console.print(event)
-    after = "" if document.iterations is None else f" after {document.iterations} iterations"
+    count = document.iterations
+    after = "" if count is None else f" after {count} iteration{'' if count == 1 else 's'}"
     relative = document.eigenvalue_relative
     eigenvalue = "" if relative is None else f", smallest eigenvalue {_number(relative, 4)} of that unloaded"
     state = "stable" if document.stable else "unstable"

@@ -9,7 +9,9 @@ from matplotlib.axes import Axes
 
 from vjm.continuation.path import Path
 from vjm.rotations import Array
-from vjm_output.plot_style import ENGINES, EVENT_MARKERS, Picture, drawing_of, engine_style, figure, number
+from vjm_output.number_text import number
+from vjm_output.plot_style import ENGINES, EVENT_MARKERS, Picture, drawing_of, engine_style, figure
+from vjm_validation.compensation import MODELS, CompensationDocument
 
 FREE = 1e-9
 """Of the largest diagonal entry of its unit, below which an axis is free."""
@@ -120,3 +122,21 @@ def _colours(paths: Sequence[Path]) -> list[str]:
     if len(set(engines)) == len(engines) and all(engine in ENGINES for engine in engines):
         return [engine_style(engine).colour for engine in engines]
     return [COLOURS[k % len(COLOURS)] for k in range(len(paths))]
+
+
+def compensation_picture(document: CompensationDocument) -> Picture:
+    """The error left along the path by each model."""
+    colours = {"rigid": "#8C8C8C", "linear": "#D55E00", "loaded": "#0072B2"}
+    with figure(3.2, 1) as (fig, (ax,)):
+        at = np.arange(1, document.poses + 1)
+        for name in MODELS:
+            error = np.linalg.norm(np.array(document.errors[name])[:, :3], axis=1)
+            # a logarithmic axis has no zero; a nanometre is none
+            ax.semilogy(at, np.maximum(error, 1e-6), "o-", ms=3, color=colours[name], label=name)
+        ax.set(xlabel="pose", ylabel="error of the loaded end, mm")
+        fig.legend(loc="outside upper right", ncols=3)
+        drawing = drawing_of(fig)
+    return Picture(
+        "compensation", drawing, f"{document.model}, {document.engine}: error left along the path",
+        "Distance of the loaded end from where it should be, by the model that the joints were computed with.",
+    )  # fmt: skip

@@ -6,18 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from vjm.continuation.path import Path
-from vjm_output.plot_style import (
-    EVENT_MARKERS,
-    FE,
-    PAPER,
-    REFINED,
-    Picture,
-    drawing_of,
-    engine_style,
-    figure,
-    number,
-    percent,
-)
+from vjm_output.number_text import number, percent
+from vjm_output.plot_style import EVENT_MARKERS, FE, PAPER, REFINED, Picture, drawing_of, engine_style, figure
 from vjm_validation.report.tables import Table
 from vjm_validation.report.words import Finding, Tone
 from vjm_validation.studies.discovery_results import CAUSE, Discovery, DiscoveryStudy
@@ -106,7 +96,7 @@ def discovery_tables(rows: Discovery) -> list[Table]:
         Table("Critical forces, N", header, critical),
         Table(
             "Error of forces held out, root mean square, N",
-            ("held out", "readings", "force", "sheet's model", EXTENDED, "over the force"),
+            ("held out", "forces", "force, N", "sheet's model", EXTENDED, "over the force"),
             held,
         ),
     ]

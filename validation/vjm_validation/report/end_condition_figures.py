@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 
 from vjm.continuation.imperfections import ImperfectionCurve
 from vjm.continuation.path import EventKind, Path, travel
-from vjm_output.plot_style import EVENT_MARKERS, FE, REFINED, Picture, drawing_of, figure, listed, number, percent
+from vjm_output.number_text import listed, number, percent
+from vjm_output.plot_style import EVENT_MARKERS, FE, REFINED, Picture, drawing_of, figure
 from vjm_validation.metrics import path_metrics
 from vjm_validation.report.words import SHARP, Finding, Tone
 from vjm_validation.studies.end_conditions import END_CONDITIONS, HINGED_LOAD

@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from vjm.continuation.direction import Direction
 from vjm.continuation.path import Path
 from vjm.rotations import Array
+from vjm_output.number_text import number
 from vjm_output.plot_style import (
     EVENT_MARKERS,
     FE,
@@ -29,7 +30,6 @@ from vjm_output.plot_style import (
     engine_order,
     engine_style,
     figure,
-    number,
 )
 from vjm_validation.studies.study_results import Run
 
@@ -165,7 +165,7 @@ def difference_picture(posture: str, panels: Mapping[Direction, Mapping[str, Pat
             ax.set_yticks([sign * v for v in (0.1, 1.0, 10.0, 100.0, 1000.0) for sign in (-1, 1)] + [0.0])
             ax.yaxis.set_major_formatter(lambda v, _: f"{v:+g}".replace("-", "−") if v else "0")
             ax.minorticks_off()
-        axes[0].set_ylabel(f"force less that of {FE}, % of the norm")
+        axes[0].set_ylabel(f"force less {FE}'s, % of the norm")
         legend(fig, axes, events=False)
         content = drawing_of(fig)
     return Picture(

@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from vjm.continuation.direction import Direction
-from vjm_output.plot_style import FE, FROZEN, LINEAR, MSA, PAPER, REFINED, listed, number, percent
+from vjm_output.number_text import listed, number, percent
+from vjm_output.plot_style import FE, FROZEN, LINEAR, MSA, PAPER, REFINED
 from vjm_validation.report.discovery_chapter import discovery
 from vjm_validation.report.end_condition_figures import end_conditions
 from vjm_validation.report.figures import worst_difference

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from vjm.continuation.direction import Direction
-from vjm_output.plot_style import DASH, FE, PAPER, engine_order, listed, number, percent
-from vjm_validation.acceptance import CURVE_AGREEMENT, LOAD_AGREEMENT
+from vjm_output.number_text import DASH, listed, number, percent
+from vjm_output.plot_style import FE, PAPER, engine_order
+from vjm_validation.acceptance import CURVE_AGREEMENT, LOAD_AGREEMENT, MODEL_ROW
 from vjm_validation.report.figures import posture_paths, postures, worst_difference
 from vjm_validation.report.words import SHARP, engine_metrics
 from vjm_validation.studies.study_results import Run
@@ -101,9 +102,12 @@ def not_run_because(summary: Mapping[str, Any]) -> list[str]:
         for row in summary.get(key, ()):
             if row["passed"] is None:
                 why = str(row.get("not_run") or row.get("value") or "no reason given")
-                # the same reason is told with what was refused in front of it
-                for begin in ("not run: ", "refused: ", "opensees: "):
-                    why = why.removeprefix(begin)
+                # the same reason is told with and without what was refused in front of it
+                for begin in ("not run: ", "refused: "):
+                    why = why.replace(begin, "")
+                engine = row.get("engine")
+                if engine and not why.startswith(f"{engine}: "):
+                    why = f"{engine}: {why}"
                 reasons[why] = reasons.get(why, 0) + 1
     ordered = sorted(reasons.items(), key=lambda item: -item[1])
     return [f"{why} ({count} {'check' if count == 1 else 'checks'})" for why, count in ordered[:SHOWN]]
@@ -140,7 +144,8 @@ def verdict(rows: list[Count], notes: Iterable[str] = ()) -> tuple[str, str]:
     if not rows:
         return "note", "Nothing was checked in this run"
     if failed:
-        return "failed", f"FAILED: {failed} of {passed + failed} checks that were run do not hold"
+        verb = "does" if failed == 1 else "do"
+        return "failed", f"FAILED: {failed} of {passed + failed} checks that were run {verb} not hold"
     left = f"; {not_run} were not run" if not_run else ""
     out = "; parts of the run were left out" if any(notes) else ""
     return ("agrees" if not left + out else "differs"), f"All {passed} checks that were run passed{left}{out}"
@@ -182,7 +187,10 @@ TOLERANCES = f"{percent(LOAD_AGREEMENT)} of the critical force and {percent(CURV
 
 
 def wrong_in_the_paper(run: Run) -> tuple[str, ...]:
-    """Two sentences, or fewer where the run does not show it."""
+    """Two sentences, or fewer where the run does not show it; none where the model file is doubtful."""
+    rows = run.summary.get("acceptance", ())
+    if any(row["name"] == MODEL_ROW and row["passed"] is False for row in rows):
+        return ()
     pulled, pushed = (engine_metrics(run, direction, PAPER) for direction in Direction)
     real_pulled, real_pushed = (engine_metrics(run, direction, FE) for direction in Direction)
     artefact = [

@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from vjm.statics.equilibrium import TOLERANCE
-from vjm_output.plot_style import Picture, drawing_of, figure, number
+from vjm_output.number_text import number
+from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_validation.report.iteration_words import USUAL
 from vjm_validation.studies.iterations import LIMIT, LOOSE, NOISE, STEP_MM
 from vjm_validation.studies.study_results import IterationPoint, IterationStudy, Run

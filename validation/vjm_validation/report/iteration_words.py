@@ -7,7 +7,7 @@ from math import inf, isfinite
 from statistics import median
 
 from vjm.statics.equilibrium import TOLERANCE
-from vjm_output.plot_style import listed, number, percent
+from vjm_output.number_text import listed, number, percent
 from vjm_validation.report.words import Finding, Tone
 from vjm_validation.studies.iterations import LIMIT, LOOSE, NOISE, STEP_MM
 from vjm_validation.studies.study_results import IterationPoint, IterationStudy, Run

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from vjm_output.plot_style import Picture, drawing_of, figure, listed, number
+from vjm_output.number_text import listed, number
+from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_validation.report.words import Finding, Tone
 from vjm_validation.studies.study_results import Run
 from vjm_validation.verification.families import MESHED, TITLES

@@ -9,6 +9,7 @@ from matplotlib.lines import Line2D
 from vjm.continuation.direction import Direction
 from vjm.continuation.path import Path
 from vjm.model.parts import Placement
+from vjm_output.number_text import number
 from vjm_output.plot_style import (
     FE,
     PAPER,
@@ -18,7 +19,7 @@ from vjm_output.plot_style import (
     engine_order,
     engine_style,
     figure,
-    number,
+    text_colour,
 )
 from vjm_validation.report.figures import draw_force
 from vjm_validation.studies.study_results import Key, LumpingStudy, Run
@@ -136,7 +137,7 @@ def _name_critical(ax: Axes, label: str, path: Path, sign: int) -> None:
         textcoords="offset points",
         va="top",
         fontsize=8,
-        color=engine_style(label).colour,
+        color=text_colour(engine_style(label).colour),
     )
 
 
@@ -162,7 +163,7 @@ def _critical_against_springs(ax: Axes, tension: LumpingStudy | None, compressio
                 ax.plot(never, edge, marker, color=colour, ms=6.5, clip_on=False, zorder=5)
                 ax.annotate(
                     "never", (never[0], top / 1e3), xytext=(7, -2), textcoords="offset points",
-                    va="top", fontsize=7.5, color=colour,
+                    va="top", fontsize=7.5, color=text_colour(colour),
                 )  # fmt: skip
     counts = sorted({n for study in studies for _, n, _ in study.rows})
     ax.set(xscale="log", yscale="log", xlabel="springs in the bar", ylabel="critical force, kN")

@@ -147,7 +147,6 @@ def page(title: str, shown: Geometry) -> str:
         "lines": lines,
         "labels": [{"text": text, "at": at.tolist()} for text, at in labels(shown)],
         "centre": (0.5 * (shown.points.max(axis=0) + shown.points.min(axis=0))).tolist(),
-        "extent": shown.extent,
     }
     kinds = [(kind, COLOURS[kind]) for kind in (BEAM, RIGID, BODY, ELASTIC_JOINT, PASSIVE, STIFF)]
     template = environment("vjm_validation.report").get_template("view.html.j2")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vjm_output.plot_style import percent
+from vjm_output.number_text import percent
 from vjm_validation.report.words import Finding, Tone
 from vjm_validation.studies.printed_matrices import PrintedMatrices
 from vjm_validation.studies.study_results import Run

@@ -10,8 +10,9 @@ from matplotlib.axes import Axes
 from vjm.continuation.path import Path as LoadPath
 from vjm.continuation.path import travel
 from vjm.io.files import write_whole
+from vjm_output.number_text import number, percent
 from vjm_output.off_screen import why_not_rendered
-from vjm_output.plot_style import Drawing, Picture, drawing_of, engine_style, figure, number, percent
+from vjm_output.plot_style import Drawing, Picture, drawing_of, engine_style, figure
 from vjm_output.templating import environment
 from vjm_validation.report.machine_geometry import geometry
 from vjm_validation.report.machine_view import rendered

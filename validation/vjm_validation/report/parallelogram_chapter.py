@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from vjm_output.plot_style import DASH, Picture, drawing_of, figure, number, percent
+from vjm_output.number_text import DASH, number, percent
+from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_validation.report.tables import Table
 from vjm_validation.report.words import Finding, Tone
 from vjm_validation.studies.parallelogram import Element, Robot, Study

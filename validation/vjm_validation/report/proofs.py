@@ -9,16 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from vjm.continuation.direction import Direction
-from vjm_output.plot_style import (
-    FE,
-    FE_FOOT_SPRING,
-    FOOT_SPRING,
-    REFINED,
-    Picture,
-    drawing_of,
-    figure,
-    number,
-)
+from vjm_output.number_text import number
+from vjm_output.plot_style import FE, FE_FOOT_SPRING, FOOT_SPRING, REFINED, Picture, drawing_of, figure
 from vjm_validation.report.figures import Window, draw_force, legend, posture_paths, postures
 from vjm_validation.studies.study_results import Run
 

@@ -12,19 +12,8 @@ from vjm.continuation.direction import Direction
 from vjm.continuation.path import Equilibrium, Event, Path
 from vjm.model.chain import Chain
 from vjm.rotations import Array
-from vjm_output.plot_style import (
-    FE,
-    PAGE_WIDTH,
-    PAPER,
-    REFINED,
-    Drawing,
-    Picture,
-    engine_style,
-    figure,
-    listed,
-    number,
-    png,
-)
+from vjm_output.number_text import listed, number
+from vjm_output.plot_style import FE, PAGE_WIDTH, PAPER, REFINED, Drawing, Picture, engine_style, figure, png
 from vjm_validation.report.figures import postures
 from vjm_validation.report.scenes import Draw, turnable
 from vjm_validation.report.skeleton import (

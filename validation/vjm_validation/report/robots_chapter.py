@@ -4,20 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from vjm_output.plot_style import (
-    DASH,
-    FE,
-    FOOT_SPRING,
-    PAPER,
-    REFINED,
-    Picture,
-    drawing_of,
-    engine_style,
-    figure,
-    listed,
-    number,
-    percent,
-)
+from vjm_output.number_text import DASH, listed, number, percent
+from vjm_output.plot_style import FE, FOOT_SPRING, PAPER, REFINED, Picture, drawing_of, engine_style, figure
 from vjm_validation.comparison import force_difference
 from vjm_validation.report.figures import draw_force, legend
 from vjm_validation.report.tables import Table
@@ -42,7 +30,7 @@ AGREEMENT = 0.005
 """Relative difference up to which the robot's stiffness and critical forces are said to agree."""
 SHOWN = 1e-6
 """Of a row's scale: what is less is none."""
-COMMAND = "validate all --only robots"
+COMMAND = "`validate all --only robots`."
 
 
 def robots(run: Run) -> Finding | None:
@@ -66,9 +54,9 @@ def robots(run: Run) -> Finding | None:
     ]
     mobility = [f"{row.robot} at {row.pose}" for row in rows.mobility if not row.holds]
     sentences.append(
-        f"Mobility, constraints too many and rank of K are not theory's in {listed(mobility)}."
+        f"Mobility, degree of overconstraint and rank of K are not theory's in {listed(mobility)}."
         if mobility
-        else "Mobility, constraints too many and rank of K are theory's in every pose of all robots."
+        else "Mobility, degree of overconstraint and rank of K are theory's in every pose of all robots."
     )
     return Finding(Tone.AGREES if agree else Tone.DIFFERS, title, tuple(sentences))
 
@@ -218,7 +206,7 @@ def _mobility(rows: Robots) -> Table:
         for found in [(row.freedom, row.overconstraint, row.rank)]
     ]
     caption = f"Mobility, found and by theory (in brackets). Made by {COMMAND}"
-    header = ("robot", "pose", "freedom", "constraints too many", "rank of K, drives held")
+    header = ("robot", "pose", "freedom", "degree of overconstraint", "rank of K, drives held")
     return Table(caption, header, tuple(table), words=2)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from vjm.continuation.direction import Direction
 from vjm.continuation.path import EventKind
-from vjm_output.plot_style import listed, number
+from vjm_output.number_text import listed, missing, number
 from vjm_validation.studies.study_results import Run
 
 Metrics = Mapping[str, Any]
@@ -54,8 +54,9 @@ def engine_metrics(run: Run, direction: Direction, label: str) -> dict[str, Metr
 
 
 def at_critical(metrics: Metrics) -> str:
-    """Kind and place of a critical point."""
-    return f"{metrics['critical']} at {number(metrics['F_cr'])} N, {number(metrics['d_cr'])} mm"
+    """Kind and place of a critical point; engines that know no displacement there tell none."""
+    place = "" if missing(metrics["d_cr"]) else f", {number(metrics['d_cr'])} mm"
+    return f"{metrics['critical']} at {number(metrics['F_cr'])} N{place}"
 
 
 def critical_points(metrics: Mapping[str, Metrics]) -> str:

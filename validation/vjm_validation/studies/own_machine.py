@@ -136,7 +136,8 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
         found.stiffness = _stiffness(request, machine, labels, lumped)
     if not platform and (machine.after or machine.point_springs):
         found.notes.append(
-            "a machine with branches or springs between points has equilibria here, but no load paths"
+            "of a machine with branches or springs between points this shows equilibria; for its load paths take "
+            "`validate curve` and `validate buckling`"
         )
         found.loads = _tree_rows(request, found, lumped, labels)
         return found

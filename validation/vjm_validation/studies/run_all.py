@@ -14,6 +14,7 @@ from vjm.continuation.path import Path
 from vjm.engines import engine_by_name
 from vjm.io.files import check_writable, write_whole
 from vjm.io.model_file import load_chain
+from vjm.io.model_plausibility import findings_of
 from vjm.model.chain import Chain
 from vjm.model.parts import Placement
 from vjm_output.documents import as_json
@@ -22,9 +23,11 @@ from vjm_validation.acceptance import (
     discovery_rows,
     end_rows,
     ladder_rows,
+    model_rows,
     robot_rows,
     solver_rows,
 )
+from vjm_validation.comparison_names import COMPARISONS
 from vjm_validation.studies import parallelogram, robots
 from vjm_validation.studies.end_conditions import end_condition_study
 from vjm_validation.studies.iterations import iteration_study
@@ -38,19 +41,6 @@ from vjm_validation.summary import Summary, summarise
 from vjm_validation.verification.study import Verification, verify
 
 MODEL = "orthoglide-chain"
-COMPARISONS = {
-    "chain": "force-displacement paths of every engine in postures A to D, both directions",
-    "table2": "every figure of the paper's Table II, and what the rounding of its inputs can reach",
-    "link_lumping": "critical force against number and placement of the bar's springs",
-    "end_conditions": "critical points under dead loads and with free rotations, and what imperfections cost",
-    "matrices": "the beams behind the printed matrices (19), (20), and what Table II implies for them",
-    "parallelogram": "two bars at their distance against the paper's one of double stiffness",
-    "robots": "whole robots against finite elements: stiffness, critical forces, errors of assembly, mobility",
-    "discovery": "finite elements' readings under the paper's model, diagnosed: what is wrong, and the gain",
-    "iterations": "iterations of the paper's (13) and of Newton-Raphson along the paper's paths",
-    "verification": "cases with a known answer on every engine, and three engines on the paper's chain",
-}
-"""What ``--only`` can pick."""
 STUDIED_POSTURE = "A"
 END_ENGINES = ("vjm-16f16", "exudyn")
 """Of the end conditions: the lumped one first."""
@@ -64,7 +54,7 @@ class Options:
         out: the run's folder.
         jobs: processes.
         quick: without the reach of the rounding, postures A and B only.
-        only: names of `COMPARISONS` and of verification cases; empty for all comparisons.
+        only: names of comparisons and of verification cases; empty for all comparisons.
         steps: equal steps of every path; None where they adapt.
         command: how to run it again.
     """
@@ -155,6 +145,7 @@ def run_all(options: Options, progress: Progress) -> Summary:
             notes.append("--quick: verification without the cases that take long, and A and B only of the engines")
 
     acceptance = [
+        *model_rows(findings_of(MODEL)),
         *solver_rows(run.paths),
         *agreement_rows(run.paths),
         *end_rows(run.end_conditions),
