@@ -251,15 +251,18 @@ class Search:
 
     def _fit(self, moves: Iterable[Move]) -> None:
         """Fit the most promising hypotheses: larger ones that may be better than the best, others as good."""
-        fitted = 0
+        fitted, missed = 0, 0.0
         for move in sorted(moves, key=lambda move: move.promise):
             best = min(self.tried.values(), key=lambda r: r.criterion)
             rival = RIVAL if len(move.labels) <= len(best.labels) else 0.0
-            hopeful = move.promise - move.unsure < best.criterion + rival
+            # what the first order has missed of one it may miss of the next
+            hopeful = move.promise - max(move.unsure, missed) < best.criterion + rival
             wanted = hopeful and (fitted < WIDTH or move.unsure == np.inf)
             if wanted and move.labels not in self.tried and not self._beaten(move):
                 self._try(move)
                 fitted += 1
+                if move.labels in self.tried and move.promise > -np.inf:
+                    missed = max(missed, move.promise - self.tried[move.labels].criterion)
 
     def _beaten(self, move: Move) -> bool:
         """Whether an earlier search found a hypothesis nearer to nothing than to the best.
