@@ -48,7 +48,7 @@ class Misfit:
 
 @dataclass(frozen=True)
 class Block:
-    """One question of what is left: its name, and the unit vectors ``(n, k)`` of the whitened readings in which it would be seen."""
+    """One question of what is left: its name, and the directions of whitened readings ``(n, k)`` that would show it."""
 
     name: str
     directions: Array
