@@ -48,7 +48,7 @@ class Misfit:
 
 @dataclass(frozen=True)
 class Block:
-    """One question of what is left: its name, and the directions of whitened readings ``(n, k)`` that would show it."""
+    """One question of what is left: its name, and the whitened directions ``(n, k)`` that would show it."""
 
     name: str
     directions: Array
