@@ -22,13 +22,14 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from vjm.analysis import Buckling, LoadedStiffness, Machine, buckling, stiffness, trace
+    from vjm.analysis import Buckling, Machine, buckling, stiffness, trace
     from vjm.continuation.path import Equilibrium, Event, EventKind, Path
     from vjm.engines import EngineOptions, engine_by_name
     from vjm.errors import NoConvergenceError
     from vjm.io.errors import ModelFileError
     from vjm.io.manipulator_file import load_model as load
     from vjm.io.path_files import read_curve, write_curve
+    from vjm.loaded_stiffness import LoadedStiffness
     from vjm.model.chain import Chain
     from vjm.model.load_case import Load, LoadCase, PointControl
     from vjm.platform.manipulator import Manipulator
@@ -45,7 +46,7 @@ _HOME = {
     "EventKind": "vjm.continuation.path",
     "Load": "vjm.model.load_case",
     "LoadCase": "vjm.model.load_case",
-    "LoadedStiffness": "vjm.analysis",
+    "LoadedStiffness": "vjm.loaded_stiffness",
     "Machine": "vjm.analysis",
     "Manipulator": "vjm.platform.manipulator",
     "ModelFileError": "vjm.io.errors",

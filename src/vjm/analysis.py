@@ -13,13 +13,11 @@ from vjm.continuation.path import Path, travel
 from vjm.engine import Engine
 from vjm.engines import EngineOptions, engine_by_name, for_model
 from vjm.errors import NoConvergenceError
+from vjm.loaded_stiffness import DISPLACEMENT, WRENCH, LoadedStiffness, held_by_itself, of_free_end, under_wrench
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.platform.manipulator import Manipulator
-from vjm.rotations import Array, displacement_between
-from vjm.statics.equilibrium import solve_under_wrench
-from vjm.statics.stability import free_stability
-from vjm.statics.stiffness import loaded_stiffness, unloaded_stiffness
+from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:
@@ -31,81 +29,6 @@ Machine: TypeAlias = Chain | Manipulator
 DEFAULTS = EngineOptions()
 NEARLY_NOTHING = 1e-6
 """mm: end of a path of which only the unloaded beginning is wanted."""
-DISPLACEMENT, WRENCH = "displacement", "wrench"
-"""What is imposed on the end-effector."""
-
-
-@dataclass(frozen=True, repr=False)
-class LoadedStiffness:
-    """A stable loaded equilibrium with its stiffness, world axes.
-
-    Attributes:
-        model: name.
-        model_sha256: hash of its file.
-        engine: label.
-        posture: label.
-        control: what is imposed: ``displacement`` or ``wrench``.
-        displacement: ``(6,)`` of the end-effector: translation and rotation vector, mm and rad.
-        wrench: ``(6,)`` on the end-effector, N and N mm.
-        loaded: ``(6, 6)`` K^F of eq. (18), N/mm, N, N mm.
-        unloaded: ``(6, 6)`` K of eq. (5).
-        eigenvalue: smallest of the second variation, in units of the engine's energy scale; nan if not computed.
-        iterations: of the solver.
-        residual: largest scaled component of the equilibrium equations.
-        events: critical points that were passed on the way, in words.
-        eigenvalue_relative: the same eigenvalue over that of the unloaded machine, as a path has it: 1 unloaded, 0
-            at a critical point; nan if not computed.
-    """
-
-    model: str
-    model_sha256: str
-    engine: str
-    posture: str
-    control: str
-    displacement: Array
-    wrench: Array
-    loaded: Array
-    unloaded: Array
-    eigenvalue: float
-    iterations: int
-    residual: float
-    events: tuple[str, ...] = ()
-    eigenvalue_relative: float = float("nan")
-
-    def __repr__(self) -> str:
-        from vjm.notebook import rounded
-
-        diagonal, wrench = rounded(np.diag(self.loaded)), rounded(self.wrench)
-        return (
-            f"<LoadedStiffness {self.model}, posture {self.posture}, {self.engine}, imposed {self.control}\n"
-            f" wrench {wrench} N, N mm\n"
-            f" diagonal of K^F {diagonal} N/mm, N mm/rad>"
-        )
-
-    def _repr_html_(self) -> str:
-        from vjm.notebook import stiffness_html
-
-        return stiffness_html(self)
-
-    def to_frame(self) -> DataFrame:
-        """The loaded matrix as a pandas DataFrame, rows wrench components, columns displacements.
-
-        Raises:
-            ImportError: pandas is not installed.
-        """
-        from vjm.notebook import stiffness_frame
-
-        return stiffness_frame(self)
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """The diagonals of K and K^F side by side, as ratios.
-
-        Raises:
-            ImportError: matplotlib is not installed.
-        """
-        from vjm.notebook import stiffness_plot
-
-        return stiffness_plot(self, ax)
 
 
 @dataclass(frozen=True, repr=False)
@@ -214,6 +137,9 @@ def stiffness(
     wrench: Sequence[float] | None = None,
     engine: str | Engine = "vjm",
     options: EngineOptions = DEFAULTS,
+    gravity: Gravity | None = None,
+    loads: Sequence[Load] = (),
+    end: str = "",
 ) -> LoadedStiffness:
     """The loaded equilibrium of a machine and its 6×6 stiffness, eq. (18), beside the unloaded one, eq. (5).
 
@@ -224,9 +150,14 @@ def stiffness(
         wrench: ``(6,)`` on the free end-effector, dead; N and N mm, world axes.
         engine: as for `trace`.
         options: likewise.
+        gravity: ``(3,)`` m/s², world axes: the parts have their weight. This and what follows is for machines that
+            carry their free end, arms and trees, and not for an imposed displacement.
+        loads: on parts.
+        end: name of the end frame; the first if left out.
 
     Raises:
-        ValueError: both are given, or not six numbers, no such posture, or the engine computes no 6×6 stiffness.
+        ValueError: both are given, or not six numbers, no such posture, end frame or part, the engine computes no
+            6×6 stiffness, or weight and loads are for a machine that cannot carry them.
         NoConvergenceError: there is no stable equilibrium; the message says how far it came.
 
     Example:
@@ -244,9 +175,18 @@ def stiffness(
         raise ValueError(f"{control} must be six finite numbers, got {list(given)}")
     label = posture or _labels(machine)[0]
     solver = engine_by_name(engine, options, machine) if isinstance(engine, str) else engine
-    if wrench is not None and isinstance(machine, Chain) and isinstance(solver, VjmEngine):
+    by_vjm = isinstance(machine, Chain) and isinstance(solver, VjmEngine)
+    if displacement is None and by_vjm and held_by_itself(machine):
+        return of_free_end(machine, solver, label, values, gravity=gravity, loads=loads, end=end)
+    if gravity is not None or loads or end:
+        why = "has passive joints or another engine" if displacement is None else "is held at the displacement"
+        raise ValueError(
+            f"gravity, loads and an end frame are for machines that carry their free end by vjm; {machine.name} "
+            f"{why}: follow a load case (`validate curve`)"
+        )
+    if wrench is not None and by_vjm:
         # a single chain swings under its passive joints: Newton on the free end goes where no straight path does
-        return _under_wrench(machine, solver, label, values)
+        return under_wrench(machine, solver, label, values)
     return _traced(machine, for_model(solver, machine), label, control, values)
 
 
@@ -346,34 +286,3 @@ def _straight(posture: str, control: str, values: tuple[float, ...]) -> LoadCase
     if control == DISPLACEMENT:
         return LoadCase(posture, 1.0, axis=values)
     return LoadCase(posture, 1.0, "load", loads=(Load(values),), free=COMPONENTS)
-
-
-def _under_wrench(chain: Chain, engine: VjmEngine, posture: str, wrench: tuple[float, ...]) -> LoadedStiffness:
-    """The stable equilibrium of the free end-effector under a dead wrench ``(6,)`` N, N mm."""
-    chain = chain.at(posture)
-    model = engine.model(chain)
-    x = model.configuration(chain.posture(posture))
-    at = solve_under_wrench(model, np.array(wrench, dtype=float), x)
-    rest = solve_under_wrench(model, np.zeros(6), x)
-    moved = displacement_between(model.kinematics(x).end, at.kinematics.end)
-    verdict = free_stability(at)
-    if verdict.unstable:
-        raise NoConvergenceError(
-            f"under this wrench the free end-effector has an equilibrium, but it is unstable in "
-            f"{verdict.unstable} motions; hold the pose with --displacement instead"
-        )
-    return LoadedStiffness(
-        model=chain.name,
-        model_sha256=chain.sha256,
-        engine=engine.label,
-        posture=posture,
-        control=WRENCH,
-        displacement=moved,
-        wrench=at.wrench,
-        loaded=loaded_stiffness(at),
-        unloaded=unloaded_stiffness(model, chain.posture(posture)),
-        eigenvalue=verdict.eigenvalue,
-        iterations=at.iterations,
-        residual=at.residual,
-        eigenvalue_relative=verdict.eigenvalue / free_stability(rest).eigenvalue,
-    )

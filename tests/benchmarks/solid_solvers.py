@@ -58,7 +58,7 @@ def block(unknowns: int, folder: Path) -> int:
     sys.path.insert(0, str(Path(__file__).parents[1]))
     from helpers.solids import drawn, prism
 
-    from vjm_fea.solid.compliance import Ends, _loads_and_support, face_centre
+    from vjm_fea.solid.compliance import Ends, face_centre, loads_and_support
     from vjm_fea.solid.drawing import drawing
     from vjm_fea.solid.elasticity import ElasticSolid, Material
 
@@ -66,7 +66,7 @@ def block(unknowns: int, folder: Path) -> int:
     size = 3.55 * (303_300 / unknowns) ** (1.0 / 3.0)
     with drawing(path) as opened:
         solid = ElasticSolid(opened.mesh(size), Material(70000.0, 0.33))
-    loads, kept = _loads_and_support(solid, Ends((1,), (2,)), face_centre(solid, (2,)))
+    loads, kept = loads_and_support(solid, Ends((1,), (2,)), face_centre(solid, (2,)))
     upper = scipy.sparse.csr_matrix(scipy.sparse.triu(solid.stiffness()[kept][:, kept]))
     upper.sort_indices()
     scipy.sparse.save_npz(folder / "upper.npz", upper, compressed=False)

@@ -91,6 +91,33 @@ def test_stiffness_by_displacement_and_by_wrench_agree(chain):
         vjm.stiffness(chain, "A", displacement=[1.0])
 
 
+def test_an_arm_carries_wrench_weight_and_loads():
+    arm = vjm.load("planar-2r")
+    force = (0.0, -10.0, 0.0, 0.0, 0.0, 0.0)
+    found = vjm.stiffness(arm, "stretched", wrench=force)
+    x, y = 900.0 + found.displacement[0], found.displacement[1]
+    # the shoulder's torque is the force's moment about it, at the place to which the tool has gone
+    assert found.torques["shoulder"] == pytest.approx(10.0 * x, rel=1e-9)
+    assert y < 0.0
+    step = (0.0, -10.01, 0.0, 0.0, 0.0, 0.0)
+    further = vjm.stiffness(arm, "stretched", wrench=step).displacement - found.displacement
+    # the solver stops at 1e-8 mm
+    assert found.loaded_compliance[:, 1] * -0.01 == pytest.approx(further, abs=1e-7)
+    assert np.allclose(found.loaded @ found.loaded_compliance, np.eye(6), atol=1e-8)
+    heavy = vjm.stiffness(arm, "stretched", gravity=(0.0, -9.81, 0.0))
+    assert heavy.torques["shoulder"] > 0.0 == heavy.wrench[1]
+    with pytest.raises(ValueError, match="machines that carry their free end"):
+        vjm.stiffness(vjm.load("orthoglide-chain"), gravity=(0.0, 0.0, -9.81))
+
+
+def test_an_arm_that_some_wrench_does_not_move_is_infinitely_stiff():
+    found = vjm.stiffness(vjm.load("ur10"), "stretched", wrench=(0.0, 0.0, -100.0, 0.0, 0.0, 0.0))
+    assert np.all(np.isinf(found.loaded))
+    assert len(found.rigid) >= 1
+    moved = found.rigid @ found.loaded_compliance
+    assert np.abs(moved[:, :3]).max() < 1e-9 * np.abs(found.displacement[:3]).max()
+
+
 def test_buckling_says_what_its_paths_say(chain):
     found = vjm.buckling(chain, ["A"], engine="vjm-paper")
     assert [row["critical"] for row in found.rows()] == ["bifurcation", None]

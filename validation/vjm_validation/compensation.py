@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 
 from vjm import __version__
 from vjm.io.files import write_whole
+from vjm.loaded_stiffness import held_by_itself
 from vjm.model.chain import Chain
 from vjm.platform.compensation import compensated
 from vjm.platform.manipulator import Manipulator
@@ -21,7 +22,6 @@ from vjm.tree.compensation import compensated_arm, rotations_of
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import DoubtRow
-from vjm_validation.loaded_stiffness import held_by_itself
 from vjm_validation.tool_path import ToolPath
 
 MODELS = ("rigid", "linear", "loaded")

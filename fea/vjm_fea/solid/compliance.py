@@ -100,7 +100,7 @@ def answer(solid: ElasticSolid, ends: Ends, tip: Tip, stiffness: scipy.sparse.cs
     upper = solid.stiffness() if stiffness is None else stiffness
     at = face_centre(solid, ends.tip) if ends.at is None else np.asarray(ends.at, dtype=float)
     tip_nodes = solid.mesh.face_nodes(ends.tip)
-    loads, kept = _loads_and_support(solid, ends, at)
+    loads, kept = loads_and_support(solid, ends, at)
     n = solid.mesh.unknowns
     if tip is Tip.RIGID:
         moved = components(tip_nodes)
@@ -129,7 +129,7 @@ def answer(solid: ElasticSolid, ends: Ends, tip: Tip, stiffness: scipy.sparse.cs
     return Answer(0.5 * (C + C.T), fitted, left_out, u)
 
 
-def _loads_and_support(solid: ElasticSolid, ends: Ends, at: Array) -> tuple[Array, Indices]:
+def loads_and_support(solid: ElasticSolid, ends: Ends, at: Array) -> tuple[Array, Indices]:
     """Nodal forces ``(3 n, 6)`` of the unit wrenches and the displacements that are not held."""
     loads = spread(solid, ends.tip, at)
     base = solid.mesh.face_nodes(ends.base)

@@ -47,7 +47,9 @@ class Misfit:
 
 
 @dataclass(frozen=True)
-class _Block:
+class Block:
+    """One question of what is left: its name, and the whitened directions ``(n, k)`` that would show it."""
+
     name: str
     directions: Array
 
@@ -65,7 +67,7 @@ def misfit(fitter: Fitter, fit: Fit) -> Misfit:
     p = np.asarray(chi2.sf(squares, freedom))
     worst = int(np.argmin(p))
     # the rank of the least p among its draws; far out in its tail it goes with the p itself
-    least = _least(blocks, max(float(p[worst]), 2.0 * TAIL))
+    least = least_p_values(blocks, max(float(p[worst]), 2.0 * TAIL))
     rank = float((np.count_nonzero(least <= p[worst]) + 1) / (DRAWS + 1))
     if rank <= 20.0 / DRAWS:
         rank = min(rank, float(p[worst] * TAIL / np.quantile(least, TAIL)))
@@ -93,7 +95,7 @@ def _strained(fit: Fit) -> tuple[float, str]:
     return min(1.0, 2.0 * min(together, alone)), words
 
 
-def _least(blocks: Sequence[_Block], level: float) -> Array:
+def least_p_values(blocks: Sequence[Block], level: float) -> Array:
     """The least p-value of blocks ``(DRAWS,)`` where nothing is wrong; one where it is larger than a level."""
     directions = np.column_stack([b.directions for b in blocks])
     # a rank among draws needs no more digits than these
@@ -109,7 +111,7 @@ def _least(blocks: Sequence[_Block], level: float) -> Array:
     return result
 
 
-def _together(blocks: Sequence[_Block], space: Projection) -> tuple[float, int]:
+def _together(blocks: Sequence[Block], space: Projection) -> tuple[float, int]:
     """Squares of the residual in the span of blocks, and its dimension."""
     if not blocks:
         return 0.0, 0
@@ -118,7 +120,7 @@ def _together(blocks: Sequence[_Block], space: Projection) -> tuple[float, int]:
     return float(np.sum((U.T @ space.residual) ** 2)), U.shape[1]
 
 
-def _blocks(fitter: Fitter, space: Projection, shapes: Array, names: Sequence[str]) -> list[_Block]:
+def _blocks(fitter: Fitter, space: Projection, shapes: Array, names: Sequence[str]) -> list[Block]:
     """Shapes ``(n, k)`` of a kind as they show in each channel, by the kinds in their names."""
     observed = fitter.forward.observed
     kinds = list(dict.fromkeys(name.partition(": ")[2] for name in names))
@@ -137,7 +139,7 @@ def _blocks(fitter: Fitter, space: Projection, shapes: Array, names: Sequence[st
             columns = columns[:, size > 0.05 * before]
             if columns.shape[1]:
                 U, values, _ = np.linalg.svd(columns, full_matrices=False)
-                result.append(_Block(f"{channel}: {kind}", U[:, values > 0.05 * values[0]]))
+                result.append(Block(f"{channel}: {kind}", U[:, values > 0.05 * values[0]]))
     return result
 
 

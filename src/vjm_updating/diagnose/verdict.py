@@ -86,7 +86,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
         sure = min(SUREST, 1.0 - min(doubt, rest.strained))
         return Verdict("unknown", (), (), sure, _others(weights, []), rest)
     if not best.labels:
-        return Verdict("none", (), (), _quiet(search, rest), _others(weights, [best]), rest)
+        return Verdict("none", (), (), surely_nothing(search, rest), _others(weights, [best]), rest)
     rivals: list[Ranked] = []
     for rival in sorted(weights, key=lambda r: r.criterion):
         if not rival.labels or rival.criterion > best.criterion + RIVAL or len(rivals) == RIVALS:
@@ -110,7 +110,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
     # what the misfit test nearly rejects is less sure
     sure *= float(np.clip(doubt / 0.02, 0.3, 1.0)) * FURTHER ** (len(members[0].labels) - 1)
     places = [
-        tuple(r for r, w in weights.items() if _elsewhere(r, member) and w >= AS_LIKELY * weights[member])
+        tuple(r for r, w in weights.items() if in_other_places(r, member) and w >= AS_LIKELY * weights[member])
         for member in members
     ]
     return Verdict(
@@ -187,7 +187,7 @@ def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:
     return {r: float(v) for r, v in zip(ranked, w / w.sum(), strict=True)}
 
 
-def _quiet(search: Search, rest: Misfit) -> float:
+def surely_nothing(search: Search, rest: Misfit) -> float:
     """How sure it is that there is nothing: the nearer an alarm came, the likelier something faint is there."""
     least = min((s.p for s in search.first), default=1.0)
     odds = FAINT_ODDS + FAINT_SLOPE * float(np.log10(max(least, search.alarm) / search.alarm))
@@ -195,7 +195,7 @@ def _quiet(search: Search, rest: Misfit) -> float:
     return float(expit(odds)) * (0.5 + 0.5 * min(1.0, rest.p / 0.05))
 
 
-def _elsewhere(ranked: Ranked, member: Ranked) -> bool:
+def in_other_places(ranked: Ranked, member: Ranked) -> bool:
     """Whether a hypothesis has a member's causes in other places."""
     same = ranked.causes == member.causes and len(ranked.labels) == len(member.labels)
     return same and ranked.labels != member.labels and ranked.fit.converged

@@ -52,7 +52,7 @@ def _faces_from(faces: Sequence[Face], view: tuple[float, float, float]) -> np.n
             )
             if border.n_points:
                 plotter.add_mesh(border, color="black", line_width=2)
-        places, texts = _seen(faces, np.asarray(view))
+        places, texts = face_numbers(faces, np.asarray(view))
         plotter.add_point_labels(
             places, texts, font_size=26, shape_color="white", shape_opacity=0.8, always_visible=False, point_size=1
         )
@@ -64,7 +64,7 @@ def _faces_from(faces: Sequence[Face], view: tuple[float, float, float]) -> np.n
         plotter.close()
 
 
-def _seen(faces: Sequence[Face], view: Array) -> tuple[Array, list[str]]:
+def face_numbers(faces: Sequence[Face], view: Array) -> tuple[Array, list[str]]:
     """Where to write the numbers of the faces that are seen: on the visible triangle nearest to the centre."""
     places, texts = [], []
     toward = view / np.linalg.norm(view)

@@ -9,7 +9,7 @@ from vjm_updating.calibrate.noise import memory_of
 from vjm_updating.diagnose.chi_bar_squared import Cone
 from vjm_updating.diagnose.critical import knee
 from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero
-from vjm_updating.diagnose.model_adequacy import DRAWS, _Block, _least
+from vjm_updating.diagnose.model_adequacy import DRAWS, Block, least_p_values
 from vjm_updating.diagnose.noise_model import USUAL, estimate_memory
 from vjm_updating.diagnose.screening import Projection, Score, best_pairs, threshold
 
@@ -60,8 +60,8 @@ def test_a_pair_explains_what_least_squares_do():
 
 def test_the_least_p_of_blocks_is_exact_below_a_level():
     basis = np.linalg.qr(np.random.default_rng(1).standard_normal((80, 30)))[0]
-    blocks = [_Block("", basis[:, 3 * k : 3 * k + 3]) for k in range(10)]
-    whole, tail = _least(blocks, 1.0), _least(blocks, 0.04)
+    blocks = [Block("", basis[:, 3 * k : 3 * k + 3]) for k in range(10)]
+    whole, tail = least_p_values(blocks, 1.0), least_p_values(blocks, 0.04)
     np.testing.assert_array_equal(tail[whole < 0.04], whole[whole < 0.04])
     assert (tail[whole > 0.04] == 1.0).all()
     # of ten independent blocks; three standard errors of as many draws, a seventh of what is expected

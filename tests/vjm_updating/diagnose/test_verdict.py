@@ -10,7 +10,15 @@ from vjm_updating.diagnose.instrument import InstrumentZero, ThermalDrift
 from vjm_updating.diagnose.model_adequacy import Misfit
 from vjm_updating.diagnose.parameters import coordinates
 from vjm_updating.diagnose.scored_hypothesis import Ranked
-from vjm_updating.diagnose.verdict import PAYS, Verdict, _elsewhere, _quiet, left_by_laws, needless, proved
+from vjm_updating.diagnose.verdict import (
+    PAYS,
+    Verdict,
+    in_other_places,
+    left_by_laws,
+    needless,
+    proved,
+    surely_nothing,
+)
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.actuator_hardening import RATIO, ActuatorHardening
 
@@ -78,12 +86,12 @@ def test_causes_that_are_more_likely_wrong_than_right_are_not_named(confidence, 
 
 def test_nothing_is_less_sure_the_nearer_an_alarm_came():
     def sure(least, rest):
-        return _quiet(SimpleNamespace(first=[SimpleNamespace(p=least)], alarm=1e-3), Misfit(rest, 0.0, ""))
+        return surely_nothing(SimpleNamespace(first=[SimpleNamespace(p=least)], alarm=1e-3), Misfit(rest, 0.0, ""))
 
     # more likely than not that something faint is there; hardly any chance of it; no effect to test
     assert sure(1e-3, 1.0) < 0.5 < sure(0.05, 1.0) < sure(0.9, 1.0) < 0.9
     assert sure(0.9, 0.01) < sure(0.9, 1.0)
-    assert _quiet(SimpleNamespace(first=[], alarm=1e-3), Misfit(1.0, 0.0, "")) == sure(1.0, 1.0)
+    assert surely_nothing(SimpleNamespace(first=[], alarm=1e-3), Misfit(1.0, 0.0, "")) == sure(1.0, 1.0)
 
 
 def test_a_cause_may_sit_in_another_place():
@@ -92,11 +100,11 @@ def test_a_cause_may_sit_in_another_place():
         found.fit.converged = converged
         return found
 
-    assert _elsewhere(at("fx_N"), at("ux_mm"))
-    assert not _elsewhere(at("fx_N"), at("fx_N"))
-    assert not _elsewhere(at("fx_N", converged=False), at("ux_mm"))
+    assert in_other_places(at("fx_N"), at("ux_mm"))
+    assert not in_other_places(at("fx_N"), at("fx_N"))
+    assert not in_other_places(at("fx_N", converged=False), at("ux_mm"))
     # two places at once are another hypothesis
-    assert not _elsewhere(at("fx_N", "fz_N"), at("ux_mm"))
+    assert not in_other_places(at("fx_N", "fz_N"), at("ux_mm"))
 
 
 @pytest.mark.parametrize("size", [0.5, 1.0, 3.0])

@@ -13,7 +13,7 @@ from vjm_fea.solid.drawing import drawing
 from vjm_fea.solid.elasticity import Material
 from vjm_fea.solid.identify import SolidTask, identify
 from vjm_output.off_screen import why_not_rendered
-from vjm_updating.identify.solid_pictures import _seen, load_pictures, numbered_faces, wrench_picture
+from vjm_updating.identify.solid_pictures import face_numbers, load_pictures, numbered_faces, wrench_picture
 
 FOLDER = Path(__file__).parents[3] / "validation/vjm_validation/examples/parts"
 
@@ -92,7 +92,7 @@ def test_the_number_of_a_tubes_inside_stands_on_its_inside(tmp_path):
         faces = opened.faces
     inside = min((face for face in faces if np.ptp(face.triangles[..., 0]) > 1.0), key=lambda face: face.area)
     toward = np.array([1.0, -1.4, 0.9]) / np.linalg.norm([1.0, -1.4, 0.9])
-    places, texts = _seen(faces, toward)
+    places, texts = face_numbers(faces, toward)
     assert len(texts) == len(set(texts)) == 3
     place = places[texts.index(str(inside.number))]
     # the way back along the view first meets the inside, at 15 mm from the axis
@@ -100,4 +100,4 @@ def test_the_number_of_a_tubes_inside_stands_on_its_inside(tmp_path):
     assert np.hypot(back[1], back[2]) == pytest.approx(15.0, abs=0.6)
     assert back @ [0.0, toward[1], toward[2]] < 0.0
     # from across, it is not seen at all
-    assert str(inside.number) not in _seen(faces, np.array([0.0, -1.0, 0.0]))[1]
+    assert str(inside.number) not in face_numbers(faces, np.array([0.0, -1.0, 0.0]))[1]

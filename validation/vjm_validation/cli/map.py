@@ -18,6 +18,7 @@ from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.files import locked
 from vjm.io.findings import Finding
 from vjm.io.manipulator_file import load_manipulator, load_model
+from vjm.loaded_stiffness import held_by_itself
 from vjm.model.chain import Chain
 from vjm.model.load_case import Load
 from vjm.plain_numbers import plain_number
@@ -36,7 +37,6 @@ from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acce
 from vjm_validation.cli.options import Json
 from vjm_validation.documents import MapRowsDocument
 from vjm_validation.load_any_model import postures
-from vjm_validation.loaded_stiffness import held_by_itself
 
 INTERRUPTED = 130
 UNITS = {"_N_per_mm": "N/mm", "_Nmm_per_rad": "N mm/rad", "_mm": "mm", "_rad": "rad", "_N": "N"}

@@ -10,16 +10,13 @@ from cyclopts import Parameter
 
 from vjm.analysis import stiffness
 from vjm.engines import engine_by_name
-from vjm.model.chain import Chain
 from vjm.model.parts import Placement
-from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
 from vjm_validation.cli import pages, tables
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
 from vjm_validation.cli.options import (
-    ZERO,
     FootSegments,
     Json,
     Model,
@@ -35,7 +32,7 @@ from vjm_validation.cli.options import (
 from vjm_validation.cli.status import OK, UsageError
 from vjm_validation.documents import StiffnessDocument
 from vjm_validation.load_any_model import loaded, postures
-from vjm_validation.loaded_stiffness import held_by_itself, of_free_end, stiffness_document
+from vjm_validation.loaded_stiffness import stiffness_document
 
 
 def stiffness_(
@@ -70,27 +67,15 @@ def stiffness_(
     doubts = considered(model, strict)
     solver = engine_by_name(engine, engine_options(segments, foot_segments, placement), chain)
     label = postures(chain, (posture,) if posture else ())[0]
-    if (
-        displacement is None
-        and isinstance(chain, Chain)
-        and isinstance(solver, VjmEngine)
-        and held_by_itself(chain)
-    ):
-        document = of_free_end(
-            chain, solver, label, six("--wrench", wrench or ZERO), gravity=acceleration(gravity),
-            loads=[parsed_load(text) for text in load], end=end,
-        )  # fmt: skip
-    elif gravity or load or end:
-        raise UsageError(
-            f"--gravity, --load and --end are for machines that carry their free end by vjm; {chain.name} "
-            f"{'has passive joints' if displacement is None else 'is held at --displacement'}: see `validate curve`"
-        )
-    elif wrench is not None:
-        document = stiffness_document(stiffness(chain, label, wrench=six("--wrench", wrench), engine=solver))
-    else:
-        numbers = six("--displacement", displacement or ZERO)
-        within_reach("--displacement", chain, numbers)
-        document = stiffness_document(stiffness(chain, label, displacement=numbers, engine=solver))
+    if displacement is not None:
+        within_reach("--displacement", chain, six("--displacement", displacement))
+    found = stiffness(
+        chain, label,
+        displacement=None if displacement is None else six("--displacement", displacement),
+        wrench=None if wrench is None else six("--wrench", wrench),
+        engine=solver, gravity=acceleration(gravity), loads=[parsed_load(text) for text in load], end=end,
+    )  # fmt: skip
+    document = stiffness_document(found)
     document = document.model_copy(update={"doubts": doubt_rows(doubts)})
     if json:
         sys.stdout.write(as_json(document))

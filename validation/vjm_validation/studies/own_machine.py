@@ -13,6 +13,7 @@ from vjm.batch import Failure, Task, trace_all
 from vjm.continuation.path import EventKind, Path, travel
 from vjm.engine import Engine
 from vjm.engines import EngineOptions, engine_by_name
+from vjm.loaded_stiffness import held_by_itself
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, RAMP, TO_LIMIT, Load, LoadCase
 from vjm.platform.manipulator import Manipulator
@@ -22,7 +23,6 @@ from vjm.tree.equilibria import Equilibria, equilibria
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_validation.load_any_model import loaded, postures
-from vjm_validation.loaded_stiffness import held_by_itself
 from vjm_validation.metrics import path_metrics
 from vjm_validation.studies.force_directions import DIRECTIONS, unit_of
 from vjm_validation.studies.own_machine_rows import ConvergenceRow, CriticalRow, LoadRow, StiffnessRow

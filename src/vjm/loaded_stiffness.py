@@ -1,0 +1,236 @@
+"""A loaded equilibrium with its stiffness, and those of end-effectors that nothing holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vjm.errors import NoConvergenceError
+from vjm.model.chain import Chain
+from vjm.model.load_case import Load
+from vjm.rotations import Array, displacement_between
+from vjm.statics.equilibrium import solve_under_wrench
+from vjm.statics.stability import free_stability
+from vjm.statics.stiffness import loaded_stiffness, unloaded_stiffness
+from vjm.tree.equilibria import Equilibria, equilibria, largest_residual
+from vjm.tree.model import Gravity, TreeModel
+from vjm.vjm_engine import VjmEngine
+
+if TYPE_CHECKING:
+    from vjm.notebook import Axes, DataFrame
+
+DISPLACEMENT, WRENCH = "displacement", "wrench"
+"""What is imposed on the end-effector."""
+NO_COMPLIANCE = 1e-12
+"""Over the largest: eigenvalue of a compliance that is none."""
+
+
+@dataclass(frozen=True, repr=False)
+class LoadedStiffness:
+    """A stable loaded equilibrium with its stiffness, world axes.
+
+    Attributes:
+        model: name.
+        model_sha256: hash of its file.
+        engine: label.
+        posture: label.
+        control: what is imposed: ``displacement`` or ``wrench``.
+        displacement: ``(6,)`` of the end-effector: translation and rotation vector, mm and rad.
+        wrench: ``(6,)`` on the end-effector, N and N mm.
+        loaded: ``(6, 6)`` K^F of eq. (18), N/mm, N, N mm.
+        unloaded: ``(6, 6)`` K of eq. (5).
+        eigenvalue: smallest of the second variation, in units of the engine's energy scale; nan if not computed.
+        iterations: of the solver; None if not counted.
+        residual: largest scaled component of the equilibrium equations.
+        events: critical points that were passed on the way, in words.
+        eigenvalue_relative: the same eigenvalue over that of the unloaded machine, as a path has it: 1 unloaded, 0
+            at a critical point; nan if not computed.
+        end: name of the end frame; empty where the machine names none.
+        gravity: ``(3,)`` m/s², where the parts have their weight.
+        loaded_compliance: ``(6, 6)`` inverse of K^F, mm/N, 1/N, rad/(N mm), of a machine that carries its free end;
+            where a wrench moves nothing, K^F is infinite and this is not.
+        unloaded_compliance: ``(6, 6)`` inverse of K, likewise.
+        rigid: ``(k, 6)`` unit wrenches that move nothing.
+        torques: what holds each joint of such a machine, N mm or N, by its name.
+    """
+
+    model: str
+    model_sha256: str
+    engine: str
+    posture: str
+    control: str
+    displacement: Array
+    wrench: Array
+    loaded: Array
+    unloaded: Array
+    eigenvalue: float
+    iterations: int | None
+    residual: float
+    events: tuple[str, ...] = ()
+    eigenvalue_relative: float = float("nan")
+    end: str = ""
+    gravity: Gravity | None = None
+    loaded_compliance: Array | None = None
+    unloaded_compliance: Array | None = None
+    rigid: Array | None = None
+    torques: Mapping[str, float] | None = None
+
+    def __repr__(self) -> str:
+        from vjm.notebook import rounded
+
+        diagonal, wrench = rounded(np.diag(self.loaded)), rounded(self.wrench)
+        return (
+            f"<LoadedStiffness {self.model}, posture {self.posture}, {self.engine}, imposed {self.control}\n"
+            f" wrench {wrench} N, N mm\n"
+            f" diagonal of K^F {diagonal} N/mm, N mm/rad>"
+        )
+
+    def _repr_html_(self) -> str:
+        from vjm.notebook import stiffness_html
+
+        return stiffness_html(self)
+
+    def to_frame(self) -> DataFrame:
+        """The loaded matrix as a pandas DataFrame, rows wrench components, columns displacements.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        from vjm.notebook import stiffness_frame
+
+        return stiffness_frame(self)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The diagonals of K and K^F side by side, as ratios.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        from vjm.notebook import stiffness_plot
+
+        return stiffness_plot(self, ax)
+
+
+def under_wrench(chain: Chain, engine: VjmEngine, posture: str, wrench: tuple[float, ...]) -> LoadedStiffness:
+    """The stable equilibrium of the free end-effector under a dead wrench ``(6,)`` N, N mm."""
+    chain = chain.at(posture)
+    model = engine.model(chain)
+    x = model.configuration(chain.posture(posture))
+    at = solve_under_wrench(model, np.array(wrench, dtype=float), x)
+    rest = solve_under_wrench(model, np.zeros(6), x)
+    moved = displacement_between(model.kinematics(x).end, at.kinematics.end)
+    verdict = free_stability(at)
+    if verdict.unstable:
+        raise NoConvergenceError(
+            f"under this wrench the free end-effector has an equilibrium, but it is unstable in "
+            f"{verdict.unstable} motions; hold the pose with --displacement instead"
+        )
+    return LoadedStiffness(
+        model=chain.name,
+        model_sha256=chain.sha256,
+        engine=engine.label,
+        posture=posture,
+        control=WRENCH,
+        displacement=moved,
+        wrench=at.wrench,
+        loaded=loaded_stiffness(at),
+        unloaded=unloaded_stiffness(model, chain.posture(posture)),
+        eigenvalue=verdict.eigenvalue,
+        iterations=at.iterations,
+        residual=at.residual,
+        eigenvalue_relative=verdict.eigenvalue / free_stability(rest).eigenvalue,
+    )
+
+
+def held_by_itself(chain: Chain) -> bool:
+    """Whether a machine carries a wrench on its free end: no passive joint, or branches that close none."""
+    return not chain.joints or bool(chain.after or chain.point_springs)
+
+
+def of_free_end(
+    chain: Chain,
+    engine: VjmEngine,
+    posture: str,
+    wrench: Sequence[float],
+    *,
+    gravity: Gravity | None = None,
+    loads: Sequence[Load] = (),
+    end: str = "",
+) -> LoadedStiffness:
+    """The equilibrium of a machine whose end frame is free, under a dead wrench, weight and loads on its parts.
+
+    Args:
+        chain: arm or tree; springs between points and couplings as bent are welcome.
+        engine: that splits its beams.
+        posture: label.
+        wrench: ``(6,)`` N, N mm on the end frame.
+        gravity: m/s².
+        loads: on parts, in full.
+        end: name of the end frame; the first where it is empty.
+
+    Raises:
+        NoConvergenceError: there is no equilibrium near, or it is unstable.
+        ValueError: no such end frame, posture or part.
+    """
+    model = TreeModel(engine.split(chain))
+    if end and end not in model.ends:
+        raise ValueError(f"{chain.name} has no end frame '{end}' (it has {', '.join(model.ends)})")
+    index = model.ends.index(end) if end else 0
+    on_ends = np.zeros((len(model.ends), 6))
+    on_ends[index] = wrench
+    q = model.posture(posture)
+    at = equilibria(model, q, gravity=gravity, wrench=on_ends, loads=loads)
+    if not at.found[0]:
+        raise NoConvergenceError(f"{chain.name}, posture {posture}: no equilibrium was found under these loads")
+    if not at.stable[0]:
+        raise NoConvergenceError(f"{chain.name}, posture {posture}: the equilibrium under these loads is unstable")
+    unloaded = equilibria(model, q)
+    (K, C, rigid), (K0, C0, _) = (_of_end(each, index, model.reach) for each in (at, unloaded))
+    return LoadedStiffness(
+        model=chain.name,
+        model_sha256=chain.sha256,
+        engine=engine.label,
+        posture=posture,
+        control=WRENCH,
+        displacement=at.deflection[0, index],
+        wrench=np.array(wrench, dtype=float),
+        loaded=K,
+        unloaded=K0,
+        eigenvalue=float("nan"),
+        iterations=None,
+        residual=largest_residual(at, gravity=gravity, wrench=on_ends, loads=loads),
+        end=model.ends[index],
+        gravity=gravity,
+        loaded_compliance=C,
+        unloaded_compliance=C0,
+        rigid=rigid,
+        torques=dict(zip(model.joints, at.torques[0].tolist(), strict=True)),
+    )
+
+
+def _of_end(at: Equilibria, end: int, length: float) -> tuple[Array, Array, Array]:
+    """Stiffness and compliance ``(6, 6)`` of an end frame, and the wrenches that move nothing."""
+    assert at.stiffness is not None
+    assert at.compliance is not None
+    K, C = at.stiffness[0, end], at.compliance[0, end]
+    rigid = rigid_wrenches(C, length) if np.all(np.isfinite(C)) else np.zeros((0, 6))
+    # what rounding leaves of a compliance that is none has an inverse, which means nothing
+    return (np.full((6, 6), np.inf) if len(rigid) else K), C, rigid
+
+
+def rigid_wrenches(compliance: Array, length: float) -> Array:
+    """Unit wrenches ``(k, 6)`` that move nothing: the null space of a compliance ``(6, 6)``.
+
+    Args:
+        compliance: mm/N, 1/N, rad/(N mm).
+        length: mm, by which moments become forces.
+    """
+    unit = np.repeat([1.0, length], 3)
+    values, vectors = np.linalg.eigh(0.5 * (compliance + compliance.T) * unit[:, None] * unit)
+    # beside rounding of 1e-16 there are compliances down to those of stiff bearings, 1e-7 of the largest
+    found: Array = (vectors[:, np.abs(values) < NO_COMPLIANCE * values[-1]] * unit[:, None]).T
+    found[np.abs(found) < 1e-9 * np.abs(found).max(axis=1, keepdims=True)] = 0.0
+    return found / np.abs(found).max(axis=1, keepdims=True)
