@@ -260,7 +260,7 @@ def test_files_that_a_page_names_are_there(page: Path):
 
 
 def _program(link: Path) -> Path:
-    """What a link leads to; for a page of the gallery, which the site's builder makes, the program it is made of."""
+    """What a link leads to; for a page of the gallery, which the builder makes, the program it is made of."""
     if link.parent.name != "gallery_built":
         return link
     return link.parent.with_name("gallery") / f"{link.stem}.py"
