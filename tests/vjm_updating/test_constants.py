@@ -90,7 +90,7 @@ SHOWN = {
     "calibrate/figures": "MOST_NAMED EDGE STRONG",
     "calibrate/parameters": "MATRIX",
     "calibrate/results": "SOURCES",
-    "calibrate/summary_text": "DIGITS",
+    "calibrate/summary_text": "DIGITS WIDTH",
 }
 """What a page or a line of text shows."""
 

@@ -38,13 +38,25 @@ def load(name: str) -> Any:  # noqa: ANN401
 
 @contextmanager
 def kept_signals() -> Iterator[None]:
-    """Put Python's answers to Ctrl-C and to a polite end back, which gmsh replaces by its own at its start."""
-    yield
-    if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGINT, signal.SIGTERM):
-            handler = signal.getsignal(number)
+    """Put Python's answers to Ctrl-C and to a polite end back, which gmsh replaces by its own at its start.
+
+    A signal that comes meanwhile waits until then.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    waiting = hasattr(signal, "pthread_sigmask")  # not on Windows
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers) if waiting else set()
+    handlers = {number: signal.getsignal(number) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
             if handler is not None:
                 signal.signal(number, handler)
+        if waiting:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 _left: list[threading.Event] = []
