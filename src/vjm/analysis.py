@@ -175,18 +175,18 @@ def stiffness(
         raise ValueError(f"{control} must be six finite numbers, got {list(given)}")
     label = posture or _labels(machine)[0]
     solver = engine_by_name(engine, options, machine) if isinstance(engine, str) else engine
-    by_vjm = isinstance(machine, Chain) and isinstance(solver, VjmEngine)
-    if displacement is None and by_vjm and held_by_itself(machine):
-        return of_free_end(machine, solver, label, values, gravity=gravity, loads=loads, end=end)
+    if displacement is None and isinstance(machine, Chain) and isinstance(solver, VjmEngine):
+        if held_by_itself(machine):
+            return of_free_end(machine, solver, label, values, gravity=gravity, loads=loads, end=end)
+        if wrench is not None and gravity is None and not loads and not end:
+            # it swings under its passive joints: Newton on the free end goes where no straight path does
+            return under_wrench(machine, solver, label, values)
     if gravity is not None or loads or end:
         why = "has passive joints or another engine" if displacement is None else "is held at the displacement"
         raise ValueError(
             f"gravity, loads and an end frame are for machines that carry their free end by vjm; {machine.name} "
             f"{why}: follow a load case (`validate curve`)"
         )
-    if wrench is not None and by_vjm:
-        # a single chain swings under its passive joints: Newton on the free end goes where no straight path does
-        return under_wrench(machine, solver, label, values)
     return _traced(machine, for_model(solver, machine), label, control, values)
 
 
