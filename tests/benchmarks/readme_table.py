@@ -26,8 +26,16 @@ MEANING = {
     "critical_load_error_n8": "the same with 8",
     "critical_load_order": "pinned column against P (1 − P/EA) = π² EI/L², least of the doublings from 2 to 8 "
     "springs",
+    "follower_over_dead_16_springs": "a path under a force that follows the tool over one under a dead force, "
+    "16 springs",
+    "follower_over_dead_64_springs": "the same with 64",
+    "moment_over_dead_16_springs": "likewise under a moment, 16 springs",
+    "moment_over_dead_64_springs": "the same with 64",
     "calibrate_600_readings_s": "a calibration on 3 postures with 200 readings of 6 channels each, files to page",
     "diagnose_600_readings_s": "a diagnosis of 600 readings, files to page",
+    "diagnose_500_poses_2_markers_s": "500 tracked postures of a 7R arm with two markers, seven families of causes",
+    "calibrate_500_poses_2_markers_s": "a calibration of the same",
+    "diagnose_1500_poses_s": "1,500 tracked postures of a 6R arm, all families",
     "platform_equilibria_a_minute": "platforms on the paper's chains with inverse kinematics, stiffness and "
     "stability, two processes",
     "platform_equilibrium_us": "processor time of one of these",

@@ -133,7 +133,9 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path, command):
     file.write_text(file.read_text().replace("accuracy_percent = 2.0", "accuracy_percent = 0.01"))
     ends = ["--base", "base", "--tip", "tip", "--accuracy", "0.01", "--pictures", ".", "--json"]
     words = ["identify", "--solid", "l-bracket.step", *MATERIAL, *ends]
-    code = "from vjm_validation.cli.main import main; main()"
+    # a shell starts its background jobs with this signal ignored, and so would be what a test in one starts
+    handled = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    code = f"{handled}; from vjm_validation.cli.main import main; main()"
     process = subprocess.Popen(
         [sys.executable, "-c", code, *(words if command == "identify" else ["check", file.name])],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
