@@ -20,8 +20,6 @@ from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
-
 PACKAGE = Path(__file__).parents[1]
 ROOMS = ("kernels", "tree", "platform", "sensitivity")
 """Folders of `vjm` with kernels that others call."""
@@ -95,6 +93,9 @@ def interpreted_meanwhile() -> bool:
         stderr=subprocess.DEVNULL, start_new_session=True,
     )  # fmt: skip
     os.environ[PLAIN] = "1"
+    # every command begins here, its help too, and few get this far
+    import numpy as np
+
     # as the compiled kernels take it, which have no warnings
     np.seterr(all="ignore")
     threading.Thread(target=_begin_anew, args=(helper,), daemon=True).start()
