@@ -137,8 +137,12 @@ def judge(study: Study, steps: Sequence[Step], findings: Sequence[Finding]) -> P
     else:
         kind = "class" if alternatives else "named"
     doing = NEXT["data"] if doubtful else NEXT[rest.kind]
-    said = (*findings, *([jumped] if jumped is not None else weight_reversed(study, last) if not doubtful else []))
-    return PoseVerdict(kind, causes, alternatives, explained, rest, said, doing)
+    said = [*findings]
+    if jumped is not None:
+        said.append(jumped)
+    elif not doubtful:
+        said += weight_reversed(study, last)
+    return PoseVerdict(kind, causes, alternatives, explained, rest, tuple(said), doing)
 
 
 def scatter(state: State) -> float:

@@ -16,7 +16,6 @@ from vjm.plain_numbers import plain_number, whole_number
 from vjm_output import terminal
 from vjm_validation.cli.status import GAVE_UP, OK, UsageError
 
-ZERO = "0,0,0,0,0,0"
 MOST = 100_000
 """Of springs, elements and steps: more fit in no memory, and tell nothing that these do not."""
 

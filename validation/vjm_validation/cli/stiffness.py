@@ -67,16 +67,14 @@ def stiffness_(
     doubts = considered(model, strict)
     solver = engine_by_name(engine, engine_options(segments, foot_segments, placement), chain)
     label = postures(chain, (posture,) if posture else ())[0]
-    if displacement is not None:
-        within_reach("--displacement", chain, six("--displacement", displacement))
+    imposed = None if displacement is None else six("--displacement", displacement)
+    if imposed is not None:
+        within_reach("--displacement", chain, imposed)
     found = stiffness(
-        chain, label,
-        displacement=None if displacement is None else six("--displacement", displacement),
-        wrench=None if wrench is None else six("--wrench", wrench),
+        chain, label, displacement=imposed, wrench=None if wrench is None else six("--wrench", wrench),
         engine=solver, gravity=acceleration(gravity), loads=[parsed_load(text) for text in load], end=end,
     )  # fmt: skip
-    document = stiffness_document(found)
-    document = document.model_copy(update={"doubts": doubt_rows(doubts)})
+    document = stiffness_document(found).model_copy(update={"doubts": doubt_rows(doubts)})
     if json:
         sys.stdout.write(as_json(document))
     else:
