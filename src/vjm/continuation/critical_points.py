@@ -46,7 +46,14 @@ def locate(
     def at(s: float) -> float:
         if s not in seen:
             near = min(seen.values(), key=lambda p: abs(p.s - s))
-            seen[s] = problem.solve(s, near, slope)
+            try:
+                seen[s] = problem.solve(s, near, slope)
+            except NoConvergenceError:
+                # a curved path may lie far from its chord: in steps half as long
+                if abs(s - near.s) < tolerance:
+                    raise
+                at(0.5 * (near.s + s))
+                return at(s)
         return value(seen[s])
 
     root = brentq(at, a.s, b.s, xtol=tolerance, rtol=1e-12)
