@@ -40,7 +40,7 @@ from vjm_updating.diagnose.preprocess import Prepared, possible, prepare, refres
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import Search
 from vjm_updating.diagnose.transfer import transfer
-from vjm_updating.diagnose.verdict import STRAINED, Verdict, judge, proved
+from vjm_updating.diagnose.verdict import Verdict, judge, proved
 from vjm_updating.experiment import Measurement, read_measurement
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.mistakes import mended, mistakes_of
@@ -251,7 +251,7 @@ def _residual_words(verdict: Verdict) -> str:
     if verdict.doubt:
         return verdict.doubt
     rest = verdict.rest
-    if rest.strained < min(STRAINED, rest.p):
+    if rest.strained < rest.p:
         return f"what fits best takes {rest.farthest}"
     return f"what is left has the shape '{rest.worst or 'rough'}', strength {rest.left**0.5:.1f}"
 

@@ -36,7 +36,6 @@ def response(fitter: Fitter, fit: Fit) -> Array:
     for i, c in enumerate(own):
         if (c.kind, c.subject) in released:
             z[i] = c.mean
-    fitter.anchor = None
     without = fitter.evaluate(own, z, ())
     if without is None:
         return np.zeros_like(fit.at.residual)

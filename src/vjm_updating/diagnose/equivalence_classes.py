@@ -33,15 +33,14 @@ def distance(fitter: Fitter, truth: Fit, other: Fit) -> float:
         other: that is refitted to them, nuisances and all.
     """
     freed = {release_key(effect) for effect in truth.hypothesis}
-    _, weight = prior(other.found, other.at.z)
-    off = other.at.z - np.array([c.mean for c in other.found])
+    pull, weight = prior(other.found, other.at.z)
     for i, c in enumerate(fitter.nuisances):
         if (c.kind, c.subject) not in freed:
             # what the truth's own nuisances do is no part of the question
-            off[i] -= truth.at.z[i]
+            pull[i] -= weight[i] * truth.at.z[i]
     apart = fitter.whitening.flat(other.at.residual - truth.at.residual)
     held = weight > 0.0
-    r = np.concatenate([apart, (off * weight)[held]])
+    r = np.concatenate([apart, pull[held]])
     columns = np.vstack([fitter.whitening.flat(other.jacobian), np.diag(weight)[held]])
     size = np.linalg.norm(columns, axis=0)
     free = np.array([c.sigma != 0.0 for c in other.found]) & (size > 0.0)

@@ -133,13 +133,12 @@ def _told(
     own = Fitter(Forward(made), fitter.nuisances, replace(fitter.whitening, memory=memory, present=made.present))
     shown, slopes = [], []
     for fit in fits:
-        own.anchor = None
         at = own.evaluate(fit.found, fit.at.z, fit.hypothesis)
         if at is None:
             return []
         shown.append(at)
         # the first one's readings are what others must make up
-        slopes.append(own.slopes(fit.found, at, fit.hypothesis, fresh=True) if len(shown) > 1 else np.zeros(0))
+        slopes.append(own.slopes(fit.found, at, fit.hypothesis) if len(shown) > 1 else np.zeros(0))
     to = max(ends) if max(ends) > 0.0 else min(ends)
     path = f"{name} to {to:.4g} mm, out, held and back" + (f", {times} times" if times > 1 else "")
     told = []

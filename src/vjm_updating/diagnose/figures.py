@@ -47,7 +47,6 @@ class Before:
 def nominal(prepared: Prepared) -> Before:
     """The nominal model's residuals."""
     fitter, null = prepared.fitter, prepared.null
-    fitter.anchor = None
     at = fitter.evaluate(null.found, np.zeros(len(null.found)), ())
     return Before(None if at is None else at.residual, null.at.residual)
 

@@ -16,6 +16,7 @@ from vjm_updating.diagnose.forward import Evaluation
 from vjm_updating.diagnose.normal_equations import inverse
 from vjm_updating.diagnose.residual_basis import driven_place
 from vjm_updating.diagnose.test_data import Observed
+from vjm_updating.diagnose.trust_region import best_fit
 
 BLOCK = 12
 """Neighbouring readings that a bootstrap draws together."""
@@ -77,8 +78,7 @@ def split_of(observed: Observed) -> Split:
 def refitted_without(fitter: Fitter, fit: Fit, own: np.ndarray) -> Evaluation | None:
     """All readings under a refit in full that has not seen those of ``own`` (n,); None where the machine fails."""
     less = _without(fitter, own)
-    found = less.fit(fit.hypothesis, fit.at.z[: len(fitter.nuisances)], fit.values, fresh=True)
-    fitter.anchor = None
+    found = best_fit(less, fit.hypothesis, fit.at.z[: len(fitter.nuisances)], fit.values)
     return None if found is None else fitter.evaluate(found.found, found.at.z, fit.hypothesis)
 
 
@@ -92,7 +92,6 @@ def _without(fitter: Fitter, own: np.ndarray) -> Fitter:
 
 def _as_drawn(fitter: Fitter, fit: Fit) -> Array:
     """Residual ``(n, 6)`` of the machine as drawn."""
-    fitter.anchor = None
     at = fitter.evaluate(fitter.nuisances, np.zeros(len(fitter.nuisances)), ())
     return fit.at.residual if at is None else at.residual
 
@@ -121,9 +120,7 @@ def unsure(fitter: Fitter, fit: Fit, split: Split) -> Array:
     What the rest leaves open of the parameters, the sheet's tolerances among them, to first order. No model can be
     expected to predict better than this and the reading's own noise.
     """
-    usual, fitter.anchor = fitter.machine_slopes, None
-    steep = fitter.slopes(fit.found, fit.at, fit.hypothesis, fresh=True)
-    fitter.machine_slopes = usual
+    steep = fitter.slopes(fit.found, fit.at, fit.hypothesis)
     free = np.array([c.sigma != 0.0 for c in fit.found])
     result = np.zeros_like(fit.at.residual)
     for number in np.unique(split.fold):

@@ -15,6 +15,7 @@ from vjm_updating.diagnose.holdout import Gain, Split, refitted_without, unsure
 from vjm_updating.diagnose.holdout_folds import Fold
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import RIVAL, Search
+from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.mechanisms.effect import Effect
 
 THIRD = 3
@@ -43,8 +44,8 @@ def completed(search: Search, best: Ranked) -> Ranked:
     fitter.forward.observed = with_noise_found(fitter.forward.observed, best.fit)
     fitter.weigh(best.fit.at)
     m = len(fitter.nuisances)
-    search.null = fitter.fit((), search.null.at.z[:m], [], fresh=True) or search.null
-    again = [fitter.fit(r.fit.hypothesis, r.fit.at.z[:m], r.fit.values, fresh=True) for r in near]
+    search.null = best_fit(fitter, (), search.null.at.z[:m], []) or search.null
+    again = [best_fit(fitter, r.fit.hypothesis, r.fit.at.z[:m], r.fit.values) for r in near]
     found = [search.ranked(fit) for fit in (search.null, *again) if fit is not None]
     search.tried = {r.labels: r for r in found}
     return min((r for r in found if r.labels), key=lambda r: r.criterion)
@@ -56,7 +57,7 @@ def _with(search: Search, base: Ranked, effect: Effect) -> None:
     m = len(fitter.nuisances)
     hypothesis = (*fit.hypothesis, effect)
     found = [
-        fitter.fit(hypothesis, begin, [*fit.values, list(trial)])
+        best_fit(fitter, hypothesis, begin, [*fit.values, list(trial)])
         for trial in effect.trials()
         for begin in (fit.at.z[:m], np.zeros(m))
     ]

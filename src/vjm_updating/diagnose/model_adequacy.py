@@ -57,9 +57,8 @@ class Block:
 def misfit(fitter: Fitter, fit: Fit) -> Misfit:
     """Test a fit's residual."""
     space = projection(fitter, fit)
-    observed = fitter.forward.observed
-    smooth = _blocks(fitter, space, *smooth_shapes(observed))
-    blocks = [*smooth, *_blocks(fitter, space, *sudden_shapes(observed))]
+    smooth = _blocks(fitter, space, *smooth_shapes(fitter.forward.observed))
+    blocks = blocks_of(fitter, space, smooth)
     if not blocks:
         return Misfit(1.0, 0.0, "", *_strained(fit))
     squares = np.array([float(np.sum((b.directions.T @ space.residual) ** 2)) for b in blocks])
@@ -78,6 +77,13 @@ def misfit(fitter: Fitter, fit: Fit) -> Misfit:
     left = max(together - size, float(squares[worst]) - int(freedom[worst]), beyond, 0.0)
     named = blocks[worst].name if total < 0.05 and rank <= large else ""
     return Misfit(total, left, named, *_strained(fit))
+
+
+def blocks_of(fitter: Fitter, space: Projection, smooth: Sequence[Block] | None = None) -> list[Block]:
+    """All shapes by kind and channel: smooth ones, made anew where none are given, and sudden ones."""
+    observed = fitter.forward.observed
+    first = _blocks(fitter, space, *smooth_shapes(observed)) if smooth is None else smooth
+    return [*first, *_blocks(fitter, space, *sudden_shapes(observed))]
 
 
 def _strained(fit: Fit) -> tuple[float, str]:

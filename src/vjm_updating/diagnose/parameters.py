@@ -84,13 +84,15 @@ def release_key(effect: Effect) -> tuple[str, str] | None:
     return None
 
 
-def bent(effect: Effect) -> bool:
-    """Whether an effect is known by a slope that says little of what it really explains.
+def sizeless(effect: Effect) -> bool:
+    """Whether an effect either is or is not, as a spring that is split."""
+    return release_key(effect) is None and not effect.quantities()
 
-    That of a part's modulus or length is another one at large sizes; what either is or is not has no size.
-    """
+
+def linear(effect: Effect) -> bool:
+    """Whether readings are linear in an effect, so that its slope tells all of it: an instrument's zero and scale."""
     key = release_key(effect)
-    return not effect.quantities() if key is None else key[0] in ("modulus", "length")
+    return key is not None and key[0] in ("zero", "scale")
 
 
 def afar(effect: Effect, nuisances: Sequence[Coordinate], begin: Array) -> list[Array]:

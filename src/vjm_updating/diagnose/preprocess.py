@@ -10,7 +10,7 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.io.errors import did_you_mean
 from vjm.rotations import Array
-from vjm_updating.diagnose.fitting import Fit, Fitter, prior
+from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.forward import Evaluation
 from vjm_updating.diagnose.kind_of_test import KindOfTest
 from vjm_updating.diagnose.kinds import kind_of
@@ -20,6 +20,7 @@ from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates
 from vjm_updating.diagnose.residual_basis import smooth_shapes
 from vjm_updating.diagnose.screening import STRONG, Signature, Signed, signed
 from vjm_updating.diagnose.test_data import Observed
+from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.diagnose.whitening import Whitening, weighed
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
@@ -119,7 +120,6 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
         return None
     readings, whitening, branches = fitter.forward.observed, fitter.whitening, dict(fitter.forward.branches)
     _leave_out(fitter, kind, everything, np.zeros_like(everything.present), best.at)
-    fitter.anchor = None
     whole = fitter.evaluate(best.found, best.at.z, best.hypothesis)
     # of samples left out a fit does not say what should have been read
     load = np.zeros(everything.present.shape) if whole is None else loads(everything, whole.residual)
@@ -137,7 +137,7 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
         wild = found
         _leave_out(fitter, kind, everything, wild != 0.0, at)
         # wild samples bend a fit and hide the noise's memory, and then their neighbours look wild
-        fit = choose_branches(fitter, fitter.fit(best.hypothesis, at.z[:m], best.values, fresh=True) or best)
+        fit = choose_branches(fitter, best_fit(fitter, best.hypothesis, at.z[:m], best.values) or best)
         remember(fitter, fit, ())
         at = fit.at
     same = everything.noise is prepared.all.noise
@@ -160,11 +160,11 @@ def _fitted(fitter: Fitter, *near: Array) -> Fit:
     Raises:
         NoConvergenceError: the nominal machine has no equilibrium at the readings.
     """
-    null = fitter.fit((), np.zeros(len(fitter.nuisances)), [], fresh=True)
+    null = best_fit(fitter, (), np.zeros(len(fitter.nuisances)), [])
     if null is None:
         raise NoConvergenceError("the nominal machine has no equilibrium at the readings")
     for start in near:
-        other = fitter.fit((), start, [])
+        other = best_fit(fitter, (), start, [])
         if other is not None and other.objective < null.objective - 0.5:
             null = other
     return null
@@ -192,15 +192,16 @@ def remember(fitter: Fitter, base: Fit, shown: Sequence[Signature]) -> None:
     observed, whitening = fitter.forward.observed, fitter.whitening
     smooth, _ = smooth_shapes(observed)
     own = [s.change for s in shown if s.change is not None]
-    off, weight = prior(base.found, base.at.z)
-    known = weight > 0.0
+    sigma = np.array([c.sigma for c in base.found])
+    off = base.at.z - np.array([c.mean for c in base.found])
+    known = (sigma > 0.0) & np.isfinite(sigma)
     J = whitening.instant(base.jacobian)
     shapes = [J[:, :, ~known], np.repeat(smooth[:, None, :], 6, axis=1)]
     if own:
         shapes.append(whitening.instant(np.stack(own, axis=-1)))
-    sheet = J[:, :, known] / weight[known]
+    sheet = J[:, :, known] * sigma[known]
     # as it were at the sheet's own values
-    instant = whitening.instant(base.at.residual) - sheet @ off[known]
+    instant = whitening.instant(base.at.residual) - J[:, :, known] @ off[known]
     sheet = np.concatenate([sheet, whitening.instant(whitening.slow)], axis=2)
     memory = estimate_memory(observed.memory, instant, np.concatenate(shapes, axis=2), observed.present, sheet)
     fitter.whitening = replace(whitening, memory=memory)

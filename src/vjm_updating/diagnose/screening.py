@@ -18,8 +18,8 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.chi_bar_squared import Cone
-from vjm_updating.diagnose.fitting import Fit, Fitter, prior
-from vjm_updating.diagnose.parameters import coordinates, release_key, start
+from vjm_updating.diagnose.fitting import Fit, Fitter, Held, prior
+from vjm_updating.diagnose.parameters import coordinates, release_key, sizeless, start
 from vjm_updating.mechanisms.effect import Effect
 
 FALSE_ALARMS = 0.004
@@ -115,11 +115,11 @@ class Score:
 def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Signature]:
     """The signatures of effects about a fit."""
     result = []
-    own = fitter.of_machine
+    own, held = fitter.of_machine, None
     if float(np.abs(base.at.z[own]).max(initial=0.0)) < ORDINARY:
         # what the machine's own nuisances do beside the effect cancels: the nominal machine's tables serve all fits
-        fitter.anchor = np.zeros(len(own))
-    here = fitter.evaluate(base.found, base.at.z, base.hypothesis) or base.at
+        held = Held(np.zeros(len(own)), fitter.machine_slopes(base))
+    here = fitter.evaluate(base.found, base.at.z, base.hypothesis, held=held) or base.at
     for effect in effects:
         if release_key(effect) is not None:
             result.append(Signature(effect, (1.0,), None, one_sided=False))
@@ -131,7 +131,7 @@ def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Sig
         m = len(fitter.nuisances)
         for trial in effect.trials():
             z = start(found, hypothesis, base.at.z[:m], [*base.values, trial])
-            at = fitter.evaluate(found, z, hypothesis)
+            at = fitter.evaluate(found, z, hypothesis, held=held)
             if at is not None:
                 change = here.residual - at.residual
                 result.append(Signature(effect, tuple(trial), change, one_sided=sided))
@@ -227,8 +227,11 @@ def scores(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> lis
         effect = kept[0].effect
         cone = Cone.of(U.T @ columns, one_sided=all(s.one_sided for s in kept), vector=effect.extent > 1)
         left = U.T @ space.residual
-        mixture = float(cone.explained(left[:, None])[0])
-        result.append(Score(effect, float(left @ left), mixture, starts, U, cone))
+        explained, mixture = float(left @ left), float(cone.explained(left[:, None])[0])
+        if sizeless(effect):
+            # all of it or nothing
+            explained = mixture = float((2.0 * z * size - size**2).max())
+        result.append(Score(effect, explained, mixture, starts, U, cone))
     return sorted(result, key=lambda score: -score.explained + 2.0 * score.cone.dimension)
 
 
@@ -280,7 +283,7 @@ def best_pairs(space: Projection, found: Sequence[Score], count: int) -> list[tu
     own = [np.arange(end - score.cone.dimension, end) for score, end in zip(found, ends, strict=True)]
     result = []
     for (i, a), (j, b) in combinations(enumerate(found), 2):
-        if a.effect.cause == b.effect.cause:
+        if a.effect.cause == b.effect.cause or sizeless(a.effect) or sizeless(b.effect):
             continue
         both = np.concatenate([own[i], own[j]])
         # singular values of both together, and what their span explains

@@ -18,7 +18,7 @@ from vjm_updating.diagnose.discrepancy import discrepancy, softened
 from vjm_updating.diagnose.evidence import Costs, choice, criterion
 from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.model_adequacy import Misfit, misfit
-from vjm_updating.diagnose.parameters import Hypothesis, afar, bent, release_key, towards_nothing
+from vjm_updating.diagnose.parameters import Hypothesis, afar, linear, release_key, sizeless, towards_nothing
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.screening import (
     STRONG,
@@ -31,6 +31,7 @@ from vjm_updating.diagnose.screening import (
     signatures,
     threshold,
 )
+from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.mechanisms.effect import Effect
 
 WIDTH, BEAM, PAIRS = 8, 3, 3
@@ -102,6 +103,7 @@ class Search:
     first: list[Score] = field(default_factory=list, init=False)
     _near_null: Fit = field(init=False)
     _something: bool = field(default=True, init=False)
+    _upright: bool = field(default=True, init=False)
     _signatures: list[tuple[Fit, list[Signature]]] = field(default_factory=list, init=False)
     _beside: dict[frozenset[str], tuple[Fit, list[Score]]] = field(default_factory=dict, init=False)
     _exact_ones: set[frozenset[str]] = field(default_factory=set, init=False)
@@ -111,6 +113,7 @@ class Search:
         null = self.tried[frozenset()] = self.ranked(self.null)
         # what causes do beside nuisances that were dragged far along says little
         self._near_null = self.fitter.near(self.null, STRAINED)
+        self._upright = self._near_null is self.null
         self.first = self._scores(replace(null, fit=self._near_null))
         self.alarm = threshold(self.first)
         self._something = any(score.p < self.alarm for score in self.first) or self._is_wrong(self.null)
@@ -200,8 +203,8 @@ class Search:
                 # of a part one cause by one law: a gauge that drifts, by one
                 continue
             starts = [[*base.fit.values, v] for v in score.starts]
-            # of what is known by a slope that says little, all is possible where there is something at all
-            sure = base.labels or not self._something or not bent(score.effect)
+            # a slope at nothing says little of a large cause, where there is something at all
+            sure = base.labels or not self._something or (self._upright and linear(score.effect))
             unsure = FIRST_ORDER * score.explained if sure else np.inf
             hypothesis = (*base.fit.hypothesis, score.effect)
             promise = base.criterion - score.mixture + self._least_cost(base.fit.hypothesis, score.effect)
@@ -288,15 +291,15 @@ class Search:
             starts, begins = [earlier.fit.values], [earlier.fit.at.z[:m]]
         elif not base.hypothesis:
             begins += afar(hypothesis[-1], self.fitter.nuisances, begin)
-        target = np.inf if move.unsure == np.inf else self._worth_reaching(base)
-        enough = move.promise + move.unsure
+        target = self._worth_reaching(base)
+        enough, borrowed = move.promise + move.unsure, self.fitter.machine_slopes(base)
         best: Fit | None = None
         for z, values in product(begins, starts):
-            best = _lower(best, self.fitter.fit(hypothesis, z, values, rough=True, target=target))
+            best = _lower(best, best_fit(self.fitter, hypothesis, z, values, borrowed=borrowed, target=target))
             if best is not None and best.objective < enough:
                 break
         contains = {e.label for e in base.hypothesis} < move.labels
-        if best is None or (contains and best.objective > base.objective):
+        if best is None or (contains and best.objective > base.objective and not sizeless(hypothesis[-1])):
             best = _lower(best, self._from_base(hypothesis, base, move.starts[0]))
         if best is not None:
             self.tried[move.labels] = self.ranked(best)
@@ -315,7 +318,8 @@ class Search:
             known.get(effect.label) or towards_nothing(effect, own, FAINT)
             for effect, own in zip(hypothesis, values, strict=True)
         ]
-        return self.fitter.fit(hypothesis, base.at.z[: len(self.fitter.nuisances)], begin, rough=True)
+        own = base.at.z[: len(self.fitter.nuisances)]
+        return best_fit(self.fitter, hypothesis, own, begin, borrowed=self.fitter.machine_slopes(base))
 
     def _polished(self, size: int) -> list[Ranked]:
         """Hypotheses of one size, the best first; those that may be the best by exact fits."""
@@ -330,16 +334,9 @@ class Search:
         """The exact fit, by how the machine's own nuisances act beside the hypothesis' causes."""
         self._exact_ones.add(ranked.labels)
         m = len(self.fitter.nuisances)
-        fit = self._exact(ranked.fit.hypothesis, ranked.fit.at.z[:m], ranked.fit.values)
+        fit = best_fit(self.fitter, ranked.fit.hypothesis, ranked.fit.at.z[:m], ranked.fit.values)
         if fit is not None and fit.objective < ranked.fit.objective + RIVAL:
             self.tried[ranked.labels] = self.ranked(fit)
-
-    def _exact(self, hypothesis: Hypothesis, begin: Array, values: Sequence[Sequence[float]]) -> Fit | None:
-        """A fit with slopes by the machine's nuisances of its own; the others keep theirs."""
-        slopes = self.fitter.machine_slopes
-        fit = self.fitter.fit(hypothesis, begin, values, fresh=True)
-        self.fitter.machine_slopes = slopes
-        return fit
 
     def ranked(self, fit: Fit) -> Ranked:
         """A fit with what it is worth."""

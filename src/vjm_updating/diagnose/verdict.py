@@ -6,28 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import expit
-from scipy.stats import chi2
 
 from vjm_updating.diagnose.equivalence_classes import best_verdict
-from vjm_updating.diagnose.evidence import size_covariance, would_not_show
-from vjm_updating.diagnose.fitting import Fitter
 from vjm_updating.diagnose.model_adequacy import Misfit
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import RIVAL, Search
+from vjm_updating.diagnose.unmodelled import unmodelled
 
-MISFIT, DOUBTFUL = 0.001, 0.01
-"""Chance of calling a right model wrong: the sheet's, and one with causes, since what no catalogue has may be as
-likely as they are and is often half explained by one, or explained by a law of a shape that it never has."""
-STRAINED = 1e-6
-"""Chance of nuisances so far from the sheet's below which the model is wrong, however well it then fits."""
 PAYS = 6.6
 """Fall of the objective for which a law with a parameter more is preferred: one in a hundred does so by chance."""
 RIVALS = 12
 """Hypotheses that are compared with the best at most."""
 FURTHER = 0.85
 """How sure a further cause is: several explain an unmodelled cause, too (docs/hidden-effects.md)."""
-LIKELY = 0.5
-"""Confidence below which causes are not named: they are more likely wrong than right."""
 ANY_CLASS = 0.45
 """Share of a class's own probability that its confidence keeps (docs/hidden-effects.md)."""
 AS_LIKELY = 0.1
@@ -74,19 +65,18 @@ def judge(search: Search, best: Ranked) -> Verdict:
     fitter = search.fitter
     best = search.settled(best)
     rest = search.rest(best.fit)
-    explained = search.null.objective - best.fit.objective
-    doubt = left_by_laws(rest, explained, search.costs.law_error) if best.labels else rest.p
-    ended = best.fit.converged or not best.labels
-    wrong = doubt < (DOUBTFUL if best.labels else MISFIT) or rest.strained < STRAINED or not ended
-    if best.labels and not wrong:
+    # among as many causes as the catalogue has
+    choice = 2.0 * float(np.log(len({effect.cause for effect in search.effects}) or 1))
+    strange = search.null.objective + unmodelled(fitter, search.null) + choice
+    if best.labels:
         for near in [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]:
             search.settled(near)
     weights = _weights(search, best)
-    if wrong:
-        sure = min(SUREST, 1.0 - min(doubt, rest.strained))
-        return Verdict("unknown", (), (), sure, _others(weights, []), rest)
+    unknown = float(expit(0.5 * (best.criterion - strange)))
+    if unknown > 0.5:
+        return Verdict("unknown", (), (), min(SUREST, unknown), _others(weights, []), rest)
     if not best.labels:
-        return Verdict("none", (), (), surely_nothing(search, rest), _others(weights, [best]), rest)
+        return Verdict("none", (), (), surely_nothing(search), _others(weights, [best]), rest)
     rivals: list[Ranked] = []
     for rival in sorted(weights, key=lambda r: r.criterion):
         if not rival.labels or rival.criterion > best.criterion + RIVAL or len(rivals) == RIVALS:
@@ -95,7 +85,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
         if (
             rival.fit.converged
             and all(rival.causes != m.causes for m in rivals)
-            and not needless(fitter, best, rival)
+            and not any(needless(other, rival) for other in (best, *rivals))
         ):
             rivals.append(rival)
     # and in whichever place it is, it is that cause
@@ -107,8 +97,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
     kind = "class" if len(members) > 1 else "named"
     if kind == "class":
         sure = ANY_CLASS + (1.0 - ANY_CLASS) * sure
-    # what the misfit test nearly rejects is less sure
-    sure *= float(np.clip(doubt / 0.02, 0.3, 1.0)) * FURTHER ** (len(members[0].labels) - 1)
+    sure *= (1.0 - unknown) * FURTHER ** (len(members[0].labels) - 1)
     places = [
         tuple(r for r, w in weights.items() if in_other_places(r, member) and w >= AS_LIKELY * weights[member])
         for member in members
@@ -122,22 +111,6 @@ def judge(search: Search, best: Ranked) -> Verdict:
         rest,
         tuple(places),
     )
-
-
-def left_by_laws(rest: Misfit, explained: float, law_error: float) -> float:
-    """Chance of what a fit leaves where its causes are right and their laws are so to some per cent.
-
-    What is left is noise, or a zero-mean Gaussian discrepancy in proportion to what the causes explain, whichever
-    makes it more likely.
-
-    Args:
-        rest: what the fit leaves.
-        explained: squares that its causes explain.
-        law_error: relative error of the laws, standard deviation.
-    """
-    if rest.left <= 0.0 or explained <= 0.0 or law_error == 0.0:
-        return rest.p
-    return max(rest.p, float(chi2.sf(rest.left / (law_error**2 * explained), 1)))
 
 
 def proved(verdict: Verdict, before: float, after: float, expected: float) -> Verdict:
@@ -154,8 +127,6 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
     """
     if after > before and after > BY_CHANCE * expected:
         return _unknown(verdict, ACCIDENT, "predicts what was held out worse than no cause does")
-    if verdict.confidence < LIKELY:
-        return _unknown(verdict, 1.0 - verdict.confidence, f"is right with {verdict.confidence:.2f} only")
     return verdict
 
 
@@ -166,17 +137,14 @@ def _unknown(verdict: Verdict, sure: float, why: str) -> Verdict:
     return Verdict("unknown", (), (), sure, (*named, *verdict.others), verdict.rest, doubt=doubt)
 
 
-def needless(fitter: Fitter, best: Ranked, rival: Ranked) -> bool:
-    """Whether a rival says the same with more causes, or with a parameter more that would show and does not pay."""
+def needless(best: Ranked, rival: Ranked) -> bool:
+    """Whether a rival says the same with more causes, or with a parameter more that does not pay."""
     if len(rival.labels) > len(best.labels) or rival.labels > best.labels:
         return True
     if rival.fit.objective <= best.fit.objective - PAYS:
         return False
-    others, A = best.causes - rival.causes, fitter.normal(rival.fit)
-    return any(
-        others.intersection(effect.contains) and not would_not_show(effect, size_covariance(A, rival.fit, i))
-        for i, effect in enumerate(rival.fit.hypothesis)
-    )
+    others = best.causes - rival.causes
+    return any(others.intersection(effect.contains) for effect in rival.fit.hypothesis)
 
 
 def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:
@@ -187,12 +155,11 @@ def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:
     return {r: float(v) for r, v in zip(ranked, w / w.sum(), strict=True)}
 
 
-def surely_nothing(search: Search, rest: Misfit) -> float:
+def surely_nothing(search: Search) -> float:
     """How sure it is that there is nothing: the nearer an alarm came, the likelier something faint is there."""
     least = min((s.p for s in search.first), default=1.0)
     odds = FAINT_ODDS + FAINT_SLOPE * float(np.log10(max(least, search.alarm) / search.alarm))
-    # a misfit makes it less sure
-    return float(expit(odds)) * (0.5 + 0.5 * min(1.0, rest.p / 0.05))
+    return float(expit(odds))
 
 
 def in_other_places(ranked: Ranked, member: Ranked) -> bool:

@@ -27,6 +27,11 @@ class TwoWays(Effect):
     cause = "tension_compression_asymmetry"
     title = "a stiffness differs between pull and push"
 
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """The part's compliance: in tests that pull only, or push only, it is the same."""
+        return (f"{self.part}_compliance",)
+
     def quantities(self) -> tuple[Quantity, ...]:
         """Pull stiffness over push stiffness, and which way is as drawn."""
         return (RATIO, AS_DRAWN)

@@ -205,7 +205,7 @@ def _strength(nominal: _Machine, machine: _Machine) -> tuple[float, float, float
     fitter.weigh(at)
     change = np.where(observed.present, machine.wrench(rest) - nominal.wrench(rest), 0.0)
     known = np.diag([1.0 if c.sigma > 0.0 else 0.0 for c in found])
-    strength, left = left_over(fitter, change, fitter.slopes(found, at, (), fresh=True), known, found)
+    strength, left = left_over(fitter, change, fitter.slopes(found, at, ()), known, found)
     left = np.where(observed.present, left, 0.0)
     k = int(np.argmax(np.abs(left).max(axis=0) / observed.noise.wrench))
     return strength, float(np.abs(change[:, k]).max()), float(np.abs(left[:, k]).max()), WRENCH[k]
