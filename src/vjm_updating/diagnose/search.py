@@ -13,7 +13,6 @@ from itertools import product
 import numpy as np
 from scipy.stats import chi2
 
-from vjm.rotations import Array
 from vjm_updating.diagnose.discrepancy import discrepancy, softened
 from vjm_updating.diagnose.evidence import Costs, choice, criterion
 from vjm_updating.diagnose.fitting import Fit, Fitter

@@ -1,9 +1,9 @@
 """The hypothesis that a cause acts which no catalogue has: shapes without a name, each kind of its own size.
 
 What the sheet's tolerances leave is then noise and zero-mean Gaussian shapes: smooth ones along the ramp, in time,
-while held, between the ways, and sudden ones (`vjm_updating.diagnose.residual_basis`). A kind may act in a channel or
-not, as likely as not; of its size nothing is known, and it is integrated out. What remains is an evidence like any
-cause's, so that nothing but the posterior says whether a cause is named.
+while held, between the ways, and sudden ones (`vjm_updating.diagnose.residual_basis`). A kind may act in a channel
+or not, as likely as not; of its size nothing is known, and it is integrated out. What remains is an evidence like
+any cause's, so that nothing but the posterior says whether a cause is named.
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ from vjm_updating.diagnose.experiment import FURTHER, MOST, SHORT_OF, WANTED, Pr
 from vjm_updating.diagnose.parameters import Coordinate
 from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.test_data import observe
+from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.experiment import read_measurement
 
 SHEET = """
@@ -62,7 +63,7 @@ def pulled(tmp_path_factory):
     for cause in CLASS:
         effect = next(e for e in prepared.effects if e.cause == cause)
         values = VALUES[cause][: len(effect.quantities())]
-        found[cause] = prepared.fitter.fit((effect,), start, [values])
+        found[cause] = best_fit(prepared.fitter, (effect,), start, [values])
         assert found[cause] is not None
     return prepared, found
 
