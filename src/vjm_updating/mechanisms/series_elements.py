@@ -34,11 +34,13 @@ class History:
         time: s ``(n,)``; zero where there is no clock.
         begins: ``(n,)`` whether a reading is the first of a posture: what has a memory is fresh there.
         line: unit vector ``(n, 3)`` along the link of each reading's unloaded posture, from root to tip.
+        lever: from the base's origin to the end-effector where it stands ``(n, 3)``, mm, world axes.
     """
 
     time: Array
     begins: np.ndarray
     line: Array
+    lever: Array
 
 
 Law = Callable[[Array, History], tuple[Array, Array]]
@@ -73,6 +75,29 @@ class AlongAxis:
     def motion(self, wrench: Array, history: History) -> Array:
         """The whole chain moves."""
         return np.tile(np.concatenate([self.axis, np.zeros(3)]), (len(wrench), 1))
+
+
+@dataclass(frozen=True)
+class AboutAxis:
+    """A part before all joints that turns about an axis of the world through the base's origin.
+
+    The element's extension is the turn, and what drives it the moment about the axis.
+
+    Attributes:
+        axis: unit vector.
+    """
+
+    axis: tuple[float, float, float]
+
+    def force(self, wrench: Array, history: History) -> Array:
+        """Moment about the axis, N mm: ``axis · (m + r × f)``."""
+        result: Array = np.einsum("ij,ij->i", wrench, self.motion(wrench, history))
+        return result
+
+    def motion(self, wrench: Array, history: History) -> Array:
+        """The whole chain turns."""
+        axis = np.broadcast_to(self.axis, history.lever.shape)
+        return np.hstack([np.cross(axis, history.lever), axis])
 
 
 @dataclass(frozen=True)
@@ -177,6 +202,7 @@ def balance(
     low, high = -np.broadcast_to(most, (n, e)).copy(), np.broadcast_to(most, (n, e)).copy()
     bracketed = np.array([not element.smooth for element in elements])
     own, slopes, motions = pose, np.zeros((n, e)), np.zeros((n, e, 6))
+    lever = float(np.abs(history.lever).max())
     for _ in range(ITERATIONS):
         gap = np.empty((n, e))
         for i, element in enumerate(elements):
@@ -184,7 +210,7 @@ def balance(
             motions[:, i] = element.place.motion(wrench, history)
             wanted, slopes[:, i] = element.law(force, history)
             gap[:, i] = wanted - x[:, i]
-        size = np.abs(motions[:, :, :3]).max(axis=(0, 2))
+        size = np.maximum(np.abs(motions[:, :, :3]), lever * np.abs(motions[:, :, 3:])).max(axis=(0, 2))
         # a reading that is in balance stays: what rounding makes of its next step may lie outside its bracket
         still = (np.abs(gap) * size < TOLERANCE).all(axis=1, keepdims=True)
         if still.all():

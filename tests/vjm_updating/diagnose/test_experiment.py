@@ -42,7 +42,11 @@ modulus_rel = 0.02
 """
 PULL = 1.0
 CLASS = ("actuator_compliance", "base_compliance", "joint_clearance")
-VALUES = {"actuator_compliance": [4e-5], "base_compliance": [4e-5, 1.0, 1.0], "joint_clearance": [0.05, 0.0, 8.0]}
+VALUES = {
+    "actuator_compliance": [4e-5],
+    "base_compliance": [4e-5, 1.0, 1.0, 1.0],
+    "joint_clearance": [0.05, 0.0, 8.0],
+}
 
 
 @pytest.fixture(scope="module")
