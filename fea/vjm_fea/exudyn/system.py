@@ -125,9 +125,8 @@ class ExudynSystem:
                 R, p = self._frame[:3, :3], self._frame[:3, 3]
                 self._piece(part.name, p, R @ part.transform[:3, 3], part.mass, centre=p + R @ part.centre_of_mass)
                 self._frame = self._frame @ part.transform
-            case Mount(slides=False):
-                if part.compliance > 0.0:
-                    self._add_sprung(ElementarySpring(part.axis, slides=False, compliance=part.compliance), part)
+            case Mount(slides=False) if part.compliance > 0.0:
+                self._add_sprung(ElementarySpring(part.axis, slides=False, compliance=part.compliance), part)
             case Actuator() | Mount():
                 if part.compliance > 0.0:
                     self._add_drive(part)

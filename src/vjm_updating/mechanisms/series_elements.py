@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.rotations import Array
+from vjm.rotations import Array, skew
 from vjm_updating.mechanisms.history_kernel import decaying, flowing
 
 TOLERANCE = 1e-7
@@ -81,7 +81,8 @@ class AlongAxis:
 class AboutAxis:
     """A part before all joints that turns about an axis of the world through the base's origin.
 
-    The element's extension is the turn, and what drives it the moment about the axis.
+    The element's extension is the turn, and what drives it the moment of the end-effector's wrench about the axis;
+    the turn under the chain's own weight, which hardly changes along a ramp, is not in it.
 
     Attributes:
         axis: unit vector.
@@ -96,8 +97,9 @@ class AboutAxis:
 
     def motion(self, wrench: Array, history: History) -> Array:
         """The whole chain turns."""
-        axis = np.broadcast_to(self.axis, history.lever.shape)
-        return np.hstack([np.cross(axis, history.lever), axis])
+        result = np.empty((len(history.lever), 6))
+        result[:, :3], result[:, 3:] = history.lever @ skew(self.axis).T, self.axis
+        return result
 
 
 @dataclass(frozen=True)
@@ -218,7 +220,7 @@ def balance(
         gap = np.where(still, 0.0, gap)
         low, high = np.where(gap > 0.0, np.maximum(low, x), low), np.where(gap < 0.0, np.minimum(high, x), high)
         # 1 + slope bᵀ K b
-        reach = np.einsum("nei,nij,nfj->nef", motions, stiffness, motions)
+        reach = motions @ stiffness @ motions.transpose(0, 2, 1)
         matrix = np.eye(e) + slopes[:, :, None] * reach
         new = x + np.linalg.solve(matrix, gap[:, :, None])[:, :, 0]
         outside = ((new <= low) | (new >= high)) & bracketed & ~still
@@ -234,9 +236,9 @@ def balance(
         worst = float(np.max(np.abs(gap) * size))
         raise NoConvergenceError(f"elements in series are {worst:.2g} mm off balance after {ITERATIONS} steps")
     # (1 + K S)⁻¹ K with S = Σ slope b bᵀ
-    give = np.einsum("ne,nei,nej->nij", slopes, motions, motions)
+    give = motions.transpose(0, 2, 1) @ (slopes[:, :, None] * motions)
     scale = np.repeat([1.0, 1e2], 3)
-    inner = np.eye(6) + np.einsum("nij,njk->nik", stiffness, give)
+    inner = np.eye(6) + stiffness @ give
     together = np.linalg.solve(inner * scale[:, None] ** -1 * scale, stiffness * scale[:, None] ** -1)
     return Balance(own, wrench, together * scale[:, None], x)
 
