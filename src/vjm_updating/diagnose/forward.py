@@ -129,7 +129,8 @@ class Forward:
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
         limit = sum((np.asarray(effect.friction(v)) for effect, v in own), np.zeros(1))
         if limit.any():
-            wrench, stiffness = self._with_friction(look, tables, place, elements, limit)
+            presliding = max(effect.presliding(v) for effect, v in own)
+            wrench, stiffness = self._with_friction(look, tables, place, elements, limit, presliding)
         else:
             found_ = balance(look, place, elements, observed.history)
             wrench, stiffness = found_.wrench, found_.stiffness
@@ -224,13 +225,14 @@ class Forward:
         place: Array,
         elements: Sequence[Element],
         limit: Array,
+        presliding: float,
     ) -> tuple[Array, Array]:
         """The equilibrium with friction, whose torques follow from the chain's own displacements."""
         observed = self.observed
         extra = np.zeros((len(place), 6))
         own = place
         for _ in range(ROUNDS if elements else 1):
-            extra = self._friction(tables, own, limit)
+            extra = self._friction(tables, own, limit, presliding)
 
             def with_extra(u: Array, extra: Array = extra) -> tuple[Array, Array]:
                 W, K = look(u)
@@ -241,7 +243,11 @@ class Forward:
         return found.wrench, found.stiffness
 
     def _friction(
-        self, tables: Sequence[tuple[np.ndarray, Array, Table, Table]], own: Array, limit: Array
+        self,
+        tables: Sequence[tuple[np.ndarray, Array, Table, Table]],
+        own: Array,
+        limit: Array,
+        presliding: float,
     ) -> Array:
         n = len(own)
         joints = len(tables[0][2].problem.model.passive)
@@ -256,7 +262,7 @@ class Forward:
                 for target, values in zip((free, give, bear), table.yielding, strict=True):
                     target[at] = table.linear(values, np.abs(s[on]))
                 rest[at] = table.yielding[0][0]
-        tau = friction_torques(free, give, limit, self.observed.history.begins, rest)
+        tau = friction_torques(free, give, limit, self.observed.history.begins, rest, presliding)
         result: Array = np.einsum("nij,nj->ni", bear, tau)
         return result
 

@@ -43,14 +43,18 @@ modulus_rel = 0.02
 """
 PULL = 1.0
 CLASS = ("actuator_compliance", "base_compliance", "joint_clearance")
-VALUES = {"actuator_compliance": [4e-5], "base_compliance": [4e-5, 1.0, 1.0], "joint_clearance": [0.05, 0.0, 8.0]}
+VALUES = {
+    "actuator_compliance": [5e-5],
+    "base_compliance": [5e-5, 1.0, 1.0, 1.0],
+    "joint_clearance": [0.05, 0.0, 8.0],
+}
 
 
 @pytest.fixture(scope="module")
 def pulled(tmp_path_factory):
     """One pull in posture A, of a machine with a soft drive."""
     folder = tmp_path_factory.mktemp("pulled")
-    chain = load_chain("orthoglide-chain").with_actuator_compliance(4e-5)
+    chain = load_chain("orthoglide-chain").with_actuator_compliance(5e-5)
     path = VjmEngine(8).trace(chain, LoadCase("A", PULL))
     u = np.linspace(0.0, PULL, 30)
     force = np.interp(u, path.s, path.force) + 2.0 * np.random.default_rng(1).standard_normal(len(u))
