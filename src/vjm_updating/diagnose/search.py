@@ -162,6 +162,10 @@ class Search:
             ranked = self.tried[ranked.labels]
         return ranked
 
+    def singles(self) -> list[Move]:
+        """Every cause alone, to first order."""
+        return self._forward(self.tried[frozenset()])
+
     def _significant(self, ranked: Ranked) -> bool:
         """Whether what causes explain is rare without any, over the whole catalogue."""
         gain = max(self.null.objective - ranked.fit.objective, 0.0)
