@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero, size_of
+from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero, ThermalDrift, size_of
 from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.mechanisms.effect import Effect, Quantity
 from vjm_updating.mechanisms.link_length import LinkLength
@@ -96,9 +96,8 @@ def sizeless(effect: Effect) -> bool:
 
 
 def linear(effect: Effect) -> bool:
-    """Whether readings are linear in an effect, so that a slope tells all of it: an instrument's zero, a scale."""
-    key = release_key(effect)
-    return key is not None and key[0] in ("zero", "scale")
+    """Whether readings are linear in an effect's size, so that slopes tell all of it: errors of the instruments."""
+    return isinstance(effect, InstrumentZero | InstrumentScale | ThermalDrift)
 
 
 def afar(effect: Effect, nuisances: Sequence[Coordinate], begin: Array) -> list[Array]:

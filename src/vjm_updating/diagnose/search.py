@@ -104,7 +104,6 @@ class Search:
     first: list[Score] = field(default_factory=list, init=False)
     _near_null: Fit = field(init=False)
     _something: bool = field(default=True, init=False)
-    _upright: bool = field(default=True, init=False)
     _signatures: list[tuple[Fit, list[Signature]]] = field(default_factory=list, init=False)
     _beside: dict[frozenset[str], tuple[Fit, list[Score]]] = field(default_factory=dict, init=False)
     _exact_ones: set[frozenset[str]] = field(default_factory=set, init=False)
@@ -114,7 +113,6 @@ class Search:
         null = self.tried[frozenset()] = self.ranked(self.null)
         # what causes do beside nuisances that were dragged far along says little
         self._near_null = self.fitter.near(self.null, STRAINED)
-        self._upright = self._near_null is self.null
         self.first = self._scores(replace(null, fit=self._near_null))
         self.alarm = threshold(self.first)
         self._something = any(score.p < self.alarm for score in self.first) or self._is_wrong(self.null)
@@ -209,7 +207,7 @@ class Search:
                 continue
             starts = [[*base.fit.values, v] for v in score.starts]
             # a slope at nothing says little of a large cause, where there is something at all
-            told = base.labels or not self._something or (self._upright and linear(score.effect))
+            told = base.labels or not self._something or linear(score.effect)
             hypothesis = (*base.fit.hypothesis, score.effect)
             promise = base.criterion - score.mixture + self._least_cost(base.fit.hypothesis, score.effect)
             moves.append(Move(hypothesis, base.fit, starts, promise, FIRST_ORDER * score.explained, not told))
@@ -267,7 +265,7 @@ class Search:
             wanted = move.surely or (hopeful and fitted < WIDTH)
             if wanted and move.labels not in self.tried and not self._beaten(move):
                 self._try(move)
-                fitted += 1
+                fitted += not move.surely
                 if move.labels in self.tried and move.promise > -np.inf:
                     missed = max(missed, move.promise - self.tried[move.labels].criterion)
 
