@@ -19,6 +19,7 @@ from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.friction_loop import friction_torques
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.path_table import HalfRay, Sheaf, Table, tabulate
+from vjm_updating.mechanisms.relaxation import OnRay, Relaxation, relaxed
 from vjm_updating.mechanisms.series_elements import Element, balance
 
 MARGIN = 1.05
@@ -26,7 +27,7 @@ MARGIN = 1.05
 KEPT = 600
 """Tables that are kept."""
 ROUNDS = 3
-"""Of friction and elements in turn."""
+"""Of friction, relaxation and elements in turn."""
 
 
 @dataclass(frozen=True)
@@ -128,8 +129,9 @@ class Forward:
         look, tables = self._lookup(machine, own if beside is None else _own(found, beside, hypothesis), place)
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
         limit = sum((np.asarray(effect.friction(v)) for effect, v in own), np.zeros(1))
-        if limit.any():
-            wrench, stiffness = self._with_friction(look, tables, place, elements, limit)
+        relaxing = [r for effect, v in own if (r := effect.relaxation(machine, v)) is not None]
+        if limit.any() or relaxing:
+            wrench, stiffness = self._with_history(look, tables, place, elements, limit, relaxing)
         else:
             found_ = balance(look, place, elements, observed.history)
             wrench, stiffness = found_.wrench, found_.stiffness
@@ -155,7 +157,7 @@ class Forward:
 
     def _lookup(
         self, machine: ModifiedChain, own: Sequence[tuple[Effect, Sequence[float]]], place: Array
-    ) -> tuple[Callable[[Array], tuple[Array, Array]], list[tuple[np.ndarray, Array, Table, Table]]]:
+    ) -> tuple[Callable[[Array], tuple[Array, Array]], list[OnRay]]:
         """Wrench and stiffness by displacement, and the rays' tables of both signs."""
         groups: dict[tuple[str, tuple[float, ...], int, int], list[int]] = {}
         for number, ray in enumerate(self.observed.rays):
@@ -217,20 +219,25 @@ class Forward:
             self._known_pulls[key] = bool(table.wrench[-1, :3] @ machine.line(posture) > 0.0)
         return self._known_pulls[key]
 
-    def _with_friction(
+    def _with_history(
         self,
         look: Callable[[Array], tuple[Array, Array]],
-        tables: Sequence[tuple[np.ndarray, Array, Table, Table]],
+        tables: Sequence[OnRay],
         place: Array,
         elements: Sequence[Element],
         limit: Array,
+        relaxing: Sequence[Relaxation],
     ) -> tuple[Array, Array]:
-        """The equilibrium with friction, whose torques follow from the chain's own displacements."""
+        """The equilibrium with friction and relaxing beams, which follow from the chain's own displacements."""
         observed = self.observed
         extra = np.zeros((len(place), 6))
         own = place
         for _ in range(ROUNDS if elements else 1):
-            extra = self._friction(tables, own, limit)
+            if limit.any():
+                extra = self._friction(tables, own, limit)
+            else:
+                extra = np.zeros((len(place), 6))
+            extra = sum((relaxed(tables, own, observed.history, r) for r in relaxing), extra)
 
             def with_extra(u: Array, extra: Array = extra) -> tuple[Array, Array]:
                 W, K = look(u)
@@ -240,9 +247,7 @@ class Forward:
             own = found.pose
         return found.wrench, found.stiffness
 
-    def _friction(
-        self, tables: Sequence[tuple[np.ndarray, Array, Table, Table]], own: Array, limit: Array
-    ) -> Array:
+    def _friction(self, tables: Sequence[OnRay], own: Array, limit: Array) -> Array:
         n = len(own)
         joints = len(tables[0][2].problem.model.passive)
         free, give, bear = np.zeros((n, joints)), np.zeros((n, joints, joints)), np.zeros((n, 6, joints))
