@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from vjm.continuation.path import EventKind
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
-from vjm.model.parts import Beam, PassiveJoint, Section
+from vjm.model.parts import Beam, Mount, PassiveJoint, Section
 from vjm.rotations import AXES
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_fea.opensees import OpenSeesEngine, available
@@ -74,8 +75,10 @@ def test_a_straight_column_is_pulled_like_a_rod(column):
     assert path.force[-1] == pytest.approx(EA / LENGTH, rel=1e-9)
 
 
+@pytest.mark.parametrize("mounts", [(), (Mount("frame", np.eye(3)[1], 1e-9, slides=False),)], ids=["", "mount"])
 @pytest.mark.parametrize("posture", "ABCD")
-def test_unloaded_stiffness_is_the_lumped_model_s(orthoglide, linear_stiffness, posture):
+def test_unloaded_stiffness_is_the_lumped_model_s(orthoglide, linear_stiffness, posture, mounts):
+    orthoglide = replace(orthoglide, parts=(*mounts, *orthoglide.parts))
     unloaded = OpenSeesEngine().problem(orthoglide, LoadCase(posture, 1.0)).unloaded()
     K = linear_stiffness(orthoglide.refined({"foot": 2, "link": 1}), orthoglide.posture(posture))
     # both are linear beam theory; two springs take the foot's section instead of its matrix

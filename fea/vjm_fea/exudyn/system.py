@@ -125,6 +125,8 @@ class ExudynSystem:
                 R, p = self._frame[:3, :3], self._frame[:3, 3]
                 self._piece(part.name, p, R @ part.transform[:3, 3], part.mass, centre=p + R @ part.centre_of_mass)
                 self._frame = self._frame @ part.transform
+            case Mount(slides=False) if part.compliance > 0.0:
+                self._add_sprung(ElementarySpring(part.axis, slides=False, compliance=part.compliance), part)
             case Actuator() | Mount():
                 if part.compliance > 0.0:
                     self._add_drive(part)
@@ -216,7 +218,7 @@ class ExudynSystem:
 
         self._leave_open(at, connect)
 
-    def _add_sprung(self, spring: ElementarySpring, part: HeldJoint) -> None:
+    def _add_sprung(self, spring: ElementarySpring, part: HeldJoint | Mount) -> None:
         column = 0 if spring.slides else 2
         at = self._frame @ frame(axes_with(spring.axis, column))
         rigid = self._at()

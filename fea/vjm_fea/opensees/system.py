@@ -110,7 +110,8 @@ class ChainSystem:
                     self._frame = self._frame @ part.transform
                 case Actuator() | Mount():
                     if part.compliance > 0.0:
-                        self._add_joint(part.axis, slides=True, stiffness=1.0 / part.compliance)
+                        slides = isinstance(part, Actuator) or part.slides
+                        self._add_joint(part.axis, slides=slides, stiffness=1.0 / part.compliance)
                 case HeldJoint():
                     self._frame = self._frame @ part.motion(part.held_at)
                     for spring in elementary_springs(part, "opensees"):

@@ -122,8 +122,10 @@ def msa_stiffness(chain: Chain, posture: Array) -> Array:
                 assembly.T = assembly.T @ turn(part.axis, next(q))
             case Actuator() | Mount():
                 if part.compliance > 0.0:
-                    world_axis = assembly.T[:3, :3] @ part.axis
-                    assembly.free(np.concatenate([world_axis, np.zeros(3)])[:, None], 1.0 / part.compliance)
+                    along, about = assembly.T[:3, :3] @ part.axis, np.zeros(3)
+                    if isinstance(part, Mount) and not part.slides:
+                        along, about = about, along
+                    assembly.free(np.concatenate([along, about])[:, None], 1.0 / part.compliance)
             case Beam():
                 _add_beam(assembly, part)
     n = assembly.K.shape[0]

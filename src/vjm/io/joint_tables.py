@@ -80,15 +80,29 @@ class ActuatorTable(PartTable):
 
 
 class MountTable(PartTable):
-    """What carries the chain and deflects along one axis: a frame, a guide."""
+    """What carries the chain and deflects along one axis or about it: a frame, a guide."""
 
     kind: Literal["mount"]
     axis: Axis
-    compliance_mm_per_N: Compliance  # noqa: N815
+    compliance_mm_per_N: Compliance | None = Field(None, description="along its axis")  # noqa: N815
+    compliance_rad_per_Nmm: Compliance | None = Field(  # noqa: N815
+        None, description="about its axis through the chain frame's origin, of a mount that turns"
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> MountTable:
+        if (self.compliance_mm_per_N is None) == (self.compliance_rad_per_Nmm is None):
+            has = "has no compliance" if self.compliance_mm_per_N is None else "slides and turns"
+            raise ValueError(
+                f"{has}: give compliance_mm_per_N, or compliance_rad_per_Nmm if it turns about its axis"
+            )
+        return self
 
     def part(self) -> parts.Mount:
         """The part that the table describes."""
-        return parts.Mount(self.name, self.axis, self.compliance_mm_per_N)
+        if self.compliance_rad_per_Nmm is not None:
+            return parts.Mount(self.name, self.axis, self.compliance_rad_per_Nmm, slides=False)
+        return parts.Mount(self.name, self.axis, self.compliance_mm_per_N or 0.0)
 
 
 class MovingTable(PartTable):

@@ -166,8 +166,10 @@ def offsets(model: ModelFile) -> Iterator[Found]:
 def drives(model: ModelFile) -> Iterator[Found]:
     """Drives that are softer or stiffer than any, and that sag under what they carry."""
     for part in model.parts:
-        if isinstance(part, ActuatorTable | MountTable):
-            key, unit, value = "compliance_mm_per_N", "mm/N", part.compliance_mm_per_N
+        if isinstance(part, MountTable) and part.compliance_rad_per_Nmm is not None:
+            key, unit, value = "compliance_rad_per_Nmm", "rad/(N mm)", part.compliance_rad_per_Nmm
+        elif isinstance(part, ActuatorTable | MountTable):
+            key, unit, value = "compliance_mm_per_N", "mm/N", part.compliance_mm_per_N or 0.0
         elif isinstance(part, ActuatedTable | CoupledTable):
             key, unit, value = (
                 ("compliance_mm_per_N", "mm/N", part.compliance_mm_per_N)

@@ -109,6 +109,8 @@ def elastic_parts(chain: Chain) -> list[tuple[str, str]]:
             case Beam():
                 kind = "section" if part.section is not None else "6×6 compliance"
                 found.append((part.name, f"beam of {printed(part.length)} mm, {kind}"))
+            case Mount(slides=False) if part.compliance > 0.0:
+                found.append((part.name, f"{printed(part.compliance)} rad/(N mm) about its axis"))
             case Actuator() | Mount() if part.compliance > 0.0:
                 found.append((part.name, f"{printed(part.compliance)} mm/N along its axis"))
             case SprungJoint():

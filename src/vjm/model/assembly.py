@@ -146,7 +146,7 @@ class Assembly:
                 self._add_springs(part)
             case Actuator() | Mount():
                 if part.compliance > 0.0:
-                    self._coordinate_joint(part.axis, rotary=False)
+                    self._coordinate_joint(part.axis, rotary=isinstance(part, Mount) and not part.slides)
                     self.springs.append(LinearSpring(np.array([[part.compliance]])))
             case Beam():
                 self._add_beam(part)

@@ -141,16 +141,18 @@ class Actuator:
 
 @dataclass(frozen=True)
 class Mount:
-    """What carries the chain and deflects along one axis: a frame, a guide.
+    """What carries the chain and deflects along one axis or about it: a frame, a guide.
 
     Attributes:
         axis: unit vector ``(3,)`` in the chain frame.
-        compliance: mm/N; zero for a rigid one.
+        compliance: mm/N, rad/(N mm) where it turns; zero for a rigid one.
+        slides: along the axis; else it turns about it, through the chain frame's origin.
     """
 
     name: str
     axis: Array
     compliance: float = 0.0
+    slides: bool = True
 
 
 @dataclass(frozen=True)

@@ -143,7 +143,7 @@ def observe_column(measurement: Measurement) -> Observed:
     own[0] = sheet.sigma(control).noise
     x = np.eye(6)[0]
     begins = np.arange(n) == 0
-    line = ModifiedChain(chain, measurement.engine).line(str(readings.posture[0]))
+    machine, posture = ModifiedChain(chain, measurement.engine), str(readings.posture[0])
     return Observed(
         measurement,
         readings,
@@ -152,7 +152,9 @@ def observe_column(measurement: Measurement) -> Observed:
         replace(noise, pose=own),
         (Ray(str(readings.posture[0]), x, x, np.arange(n)),),
         memory_of(readings.sequence, ~np.isnan(wrench)),
-        History(np.zeros(n), begins, np.tile(line, (n, 1))),
+        History(
+            np.zeros(n), begins, *(np.tile(v, (n, 1)) for v in (machine.line(posture), machine.lever(posture)))
+        ),
         None,
         None,
         {control: 0},

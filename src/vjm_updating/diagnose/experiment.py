@@ -221,7 +221,8 @@ def _observed(observed: Observed, posture: str, ends: tuple[float, ...]) -> Obse
         warmth = np.linspace(0.0, float(np.ptp(observed.warmth)), n)
     begins = np.zeros(n, dtype=bool)
     begins[0] = True
-    line = ModifiedChain(observed.measurement.chain, observed.measurement.engine).line(posture)
+    machine = ModifiedChain(observed.measurement.chain, observed.measurement.engine)
+    lever = machine.lever(posture) + pose[:, :3]
     values: dict[str, Array] = {name: pose[:, k] for k, name in enumerate(POSE) if name in observed.pose_channels}
     readings = Readings("next", np.arange(n), np.full(n, posture), np.ones(n, dtype=int), values)
     x = np.eye(6)[0]
@@ -238,7 +239,9 @@ def _observed(observed: Observed, posture: str, ends: tuple[float, ...]) -> Obse
         wrench=wrench,
         rays=(Ray(posture, x, x, np.arange(n)),),
         memory=memory_of(readings.sequence, ~np.isnan(wrench)),
-        history=History(np.zeros(n) if clock is None else clock, begins, np.tile(line, (n, 1))),
+        history=History(
+            np.zeros(n) if clock is None else clock, begins, np.tile(machine.line(posture), (n, 1)), lever
+        ),
         clock=clock,
         warmth=warmth,
         steady=steady,

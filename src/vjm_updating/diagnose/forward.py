@@ -129,9 +129,12 @@ class Forward:
         look, tables = self._lookup(machine, own if beside is None else _own(found, beside, hypothesis), place)
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
         limit = sum((np.asarray(effect.friction(v)) for effect, v in own), np.zeros(1))
-        relaxing = [r for effect, v in own if (r := effect.relaxation(machine, v)) is not None]
-        if limit.any() or relaxing:
-            wrench, stiffness = self._with_history(look, tables, place, elements, limit, relaxing)
+        histories = [self._relaxation(tables, r) for e, v in own if (r := e.relaxation(machine, v)) is not None]
+        if limit.any():
+            presliding = max(effect.presliding(v) for effect, v in own)
+            histories.append(lambda u: self._friction(tables, u, limit, presliding))
+        if histories:
+            wrench, stiffness = self._with_history(look, place, elements, histories)
         else:
             found_ = balance(look, place, elements, observed.history)
             wrench, stiffness = found_.wrench, found_.stiffness
@@ -222,32 +225,27 @@ class Forward:
     def _with_history(
         self,
         look: Callable[[Array], tuple[Array, Array]],
-        tables: Sequence[OnRay],
         place: Array,
         elements: Sequence[Element],
-        limit: Array,
-        relaxing: Sequence[Relaxation],
+        histories: Sequence[Callable[[Array], Array]],
     ) -> tuple[Array, Array]:
-        """The equilibrium with friction and relaxing beams, which follow from the chain's own displacements."""
-        observed = self.observed
-        extra = np.zeros((len(place), 6))
+        """The equilibrium with wrenches that follow from the history of the chain's own displacements."""
         own = place
         for _ in range(ROUNDS if elements else 1):
-            if limit.any():
-                extra = self._friction(tables, own, limit)
-            else:
-                extra = np.zeros((len(place), 6))
-            extra = sum((relaxed(tables, own, observed.history, r) for r in relaxing), extra)
+            extra = np.sum([history(own) for history in histories], axis=0)
 
             def with_extra(u: Array, extra: Array = extra) -> tuple[Array, Array]:
                 W, K = look(u)
                 return W + extra, K
 
-            found = balance(with_extra, place, elements, observed.history)
+            found = balance(with_extra, place, elements, self.observed.history)
             own = found.pose
         return found.wrench, found.stiffness
 
-    def _friction(self, tables: Sequence[OnRay], own: Array, limit: Array) -> Array:
+    def _relaxation(self, tables: Sequence[OnRay], relaxation: Relaxation) -> Callable[[Array], Array]:
+        return lambda own: relaxed(tables, own, self.observed.history, relaxation)
+
+    def _friction(self, tables: Sequence[OnRay], own: Array, limit: Array, presliding: float) -> Array:
         n = len(own)
         joints = len(tables[0][2].problem.model.passive)
         free, give, bear = np.zeros((n, joints)), np.zeros((n, joints, joints)), np.zeros((n, 6, joints))
@@ -261,7 +259,7 @@ class Forward:
                 for target, values in zip((free, give, bear), table.yielding, strict=True):
                     target[at] = table.linear(values, np.abs(s[on]))
                 rest[at] = table.yielding[0][0]
-        tau = friction_torques(free, give, limit, self.observed.history.begins, rest)
+        tau = friction_torques(free, give, limit, self.observed.history.begins, rest, presliding)
         result: Array = np.einsum("nij,nj->ni", bear, tau)
         return result
 

@@ -90,7 +90,7 @@ def sizeless(effect: Effect) -> bool:
 
 
 def linear(effect: Effect) -> bool:
-    """Whether readings are linear in an effect, so that its slope tells all of it: an instrument's zero and scale."""
+    """Whether readings are linear in an effect, so that a slope tells all of it: an instrument's zero, a scale."""
     key = release_key(effect)
     return key is not None and key[0] in ("zero", "scale")
 

@@ -13,7 +13,6 @@ from itertools import product
 import numpy as np
 from scipy.stats import chi2
 
-from vjm.rotations import Array
 from vjm_updating.diagnose.discrepancy import discrepancy, softened
 from vjm_updating.diagnose.evidence import Costs, choice, criterion
 from vjm_updating.diagnose.fitting import Fit, Fitter
@@ -60,7 +59,8 @@ class Move:
         base: fit of other causes, to begin at.
         starts: values of each effect, one list for each start.
         promise: its criterion to first order, with the least that it can cost.
-        unsure: by how much that may be off; infinite where a fit is to be made in any case.
+        unsure: by how much that may be off.
+        surely: whether it is to be fitted whatever the first order says.
     """
 
     hypothesis: Hypothesis
@@ -68,6 +68,7 @@ class Move:
     starts: Sequence[Sequence[Sequence[float]]]
     promise: float
     unsure: float
+    surely: bool = False
 
     @property
     def labels(self) -> frozenset[str]:
@@ -161,6 +162,10 @@ class Search:
             ranked = self.tried[ranked.labels]
         return ranked
 
+    def singles(self) -> list[Move]:
+        """Every cause alone, to first order."""
+        return self._forward(self.tried[frozenset()])
+
     def _significant(self, ranked: Ranked) -> bool:
         """Whether what causes explain is rare without any, over the whole catalogue."""
         gain = max(self.null.objective - ranked.fit.objective, 0.0)
@@ -204,11 +209,10 @@ class Search:
                 continue
             starts = [[*base.fit.values, v] for v in score.starts]
             # a slope at nothing says little of a large cause, where there is something at all
-            sure = base.labels or not self._something or (self._upright and linear(score.effect))
-            unsure = FIRST_ORDER * score.explained if sure else np.inf
+            told = base.labels or not self._something or (self._upright and linear(score.effect))
             hypothesis = (*base.fit.hypothesis, score.effect)
             promise = base.criterion - score.mixture + self._least_cost(base.fit.hypothesis, score.effect)
-            moves.append(Move(hypothesis, base.fit, starts, promise, unsure))
+            moves.append(Move(hypothesis, base.fit, starts, promise, FIRST_ORDER * score.explained, not told))
         return moves
 
     def _pairs(self, null: Ranked) -> list[Move]:
@@ -260,7 +264,7 @@ class Search:
             rival = RIVAL if len(move.labels) <= len(best.labels) else 0.0
             # what the first order has missed of one it may miss of the next
             hopeful = move.promise - max(move.unsure, missed) < best.criterion + rival
-            wanted = hopeful and (fitted < WIDTH or move.unsure == np.inf)
+            wanted = move.surely or (hopeful and fitted < WIDTH)
             if wanted and move.labels not in self.tried and not self._beaten(move):
                 self._try(move)
                 fitted += 1

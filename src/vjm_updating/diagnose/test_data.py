@@ -30,7 +30,7 @@ class Observed:
         noise: of one reading.
         rays: of the readings, by posture and run.
         memory: who precedes whom.
-        history: clock, postures, lines of the link.
+        history: clock, postures, lines of the link, levers of the base.
         clock: s since the first reading ``(n,)``, or None.
         warmth: K above the first reading ``(n,)``, or None.
         slots: index of the displacement that each of its channels is.
@@ -128,6 +128,7 @@ def observe(measurement: Measurement) -> Observed:
     own = tuple(Ray(r.posture.rpartition(" ")[0], r.direction, r.measure, r.index) for r in sorted_)
     machine = ModifiedChain(chain, measurement.engine)
     lines = {label: machine.line(label) for label in dict.fromkeys(readings.posture.tolist())}
+    levers = {label: machine.lever(label) for label in lines}
     begins = np.ones(len(readings), dtype=bool)
     begins[1:] = readings.posture[1:] != readings.posture[:-1]
     heat = readings.values.get(TEMPERATURE)
@@ -138,6 +139,7 @@ def observe(measurement: Measurement) -> Observed:
         np.zeros(len(readings)) if clock is None else clock,
         begins,
         np.array([lines[label] for label in readings.posture.tolist()]),
+        np.array([levers[label] for label in readings.posture.tolist()]) + pose[:, :3],
     )
     return Observed(
         measurement, readings, pose, wrench, noise, own,

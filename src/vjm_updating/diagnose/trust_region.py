@@ -26,7 +26,7 @@ LEARNT = 3.0
 """Fall of the squares from which a step tells more of the slopes than its rounding hides."""
 RENEWED = 3
 """Steps from one differentiation to the next; Broyden's updates do in between."""
-PATIENT, HOPE, LOST = 2, 5.0, 6
+PATIENT, HOPE, LOST = 2, 5.0, 8
 """A fit is given up after so many rounds where so many like the last would not reach its target; and where it has
 not reached it after so many."""
 ROUNDING = 0.3

@@ -1,9 +1,9 @@
 """The hypothesis that a cause acts which no catalogue has: shapes without a name, each kind of its own size.
 
 What the sheet's tolerances leave is then noise and zero-mean Gaussian shapes: smooth ones along the ramp, in time,
-while held, between the ways, and sudden ones (`vjm_updating.diagnose.residual_basis`). A kind may act in a channel or
-not, as likely as not; of its size nothing is known, and it is integrated out. What remains is an evidence like any
-cause's, so that nothing but the posterior says whether a cause is named.
+while held, between the ways, and sudden ones (`vjm_updating.diagnose.residual_basis`). Some one kind in some one
+channel is expected to act; of its size nothing is known, and it is integrated out. What remains is an evidence like
+any cause's, so that nothing but the posterior says whether a cause is named.
 """
 
 from __future__ import annotations
@@ -26,27 +26,35 @@ OVERLAP = 0.05
 
 
 def unmodelled(fitter: Fitter, null: Fit) -> float:
-    """What shapes without a name add to the objective of the sheet's tolerances alone."""
+    """What shapes without a name add to the objective of the sheet's tolerances alone.
+
+    A nuisance that lies where its sheet does not let it be is one of the shapes.
+    """
     own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, null.at))
     space = projection(own, null)
-    known, change = np.zeros((len(space.residual), 0)), 0.0
-    for block in blocks_of(own, space):
-        free = block.directions - known @ (known.T @ block.directions)
+    beyond = np.eye(len(space.residual))[:, sorted(set(space.released.values()))]
+    kinds = [block.directions for block in blocks_of(own, space)] + [d[:, None] for d in space.rest(beyond).T]
+    known = np.zeros((len(space.residual), 0))
+    found = []
+    for directions in kinds:
+        free = directions - known @ (known.T @ directions)
         U, sizes, _ = np.linalg.svd(free - known @ (known.T @ free), full_matrices=False)
         U = U[:, sizes > OVERLAP]
         known = np.column_stack([known, U])
-        change += kind_present(U.shape[1], float(np.sum((U.T @ space.residual) ** 2)))
-    return change
+        if U.shape[1]:
+            found.append((U.shape[1], float(np.sum((U.T @ space.residual) ** 2))))
+    return sum(kind_present(dimension, squares, 1.0 / (1 + len(found))) for dimension, squares in found)
 
 
-def kind_present(dimension: int, squares: float) -> float:
-    """Twice the negative logarithm of the evidence for a kind of shapes, over that of noise alone.
+def kind_present(dimension: int, squares: float, chance: float) -> float:
+    """Twice the negative logarithm of the evidence with a kind of shapes that may act, over that of noise alone.
 
     Args:
         dimension: of the space of its shapes.
         squares: of the whitened residual there.
+        chance: that it acts.
     """
     variance: Array = SIZES**2
     by_size = 0.5 * (squares * variance / (1.0 + variance) - dimension * np.log1p(variance))
     acts = np.logaddexp.reduce(by_size) - np.log(len(by_size))
-    return -2.0 * float(np.logaddexp(0.0, acts) - np.log(2.0))
+    return -2.0 * float(np.logaddexp(np.log1p(-chance), np.log(chance) + acts))

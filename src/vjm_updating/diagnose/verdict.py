@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import expit
+from scipy.special import expit, logit
 
 from vjm_updating.diagnose.equivalence_classes import best_verdict
 from vjm_updating.diagnose.model_adequacy import Misfit
@@ -13,26 +13,14 @@ from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import RIVAL, Search
 from vjm_updating.diagnose.unmodelled import unmodelled
 
-PAYS = 6.6
-"""Fall of the objective for which a law with a parameter more is preferred: one in a hundred does so by chance."""
 RIVALS = 12
 """Hypotheses that are compared with the best at most."""
-FURTHER = 0.85
-"""How sure a further cause is: several explain an unmodelled cause, too (docs/hidden-effects.md)."""
-ANY_CLASS = 0.45
-"""Share of a class's own probability that its confidence keeps (docs/hidden-effects.md)."""
 AS_LIKELY = 0.1
 """Probability over the likeliest's from which on a place counts as possible."""
-ACCIDENT = 0.7
-"""How sure it is that causes which predict what was held out worse than none are an accident."""
 BY_CHANCE = 2.0
 """Times a right model's expected error that its error may be: readings held out together are wrong together."""
-FAINT_ODDS, FAINT_SLOPE = -0.5, 0.72
-"""Logarithm of the odds that there is nothing where an alarm nearly came, and what each power of ten further off
-adds: causes of a strength of 1 or 2 cannot be seen (docs/hidden-effects.md)."""
-SUREST, SUREST_CAUSE = 0.93, 0.86
-"""No verdict is surer, for two causes may leave a shape that neither has; and none that names causes: what no
-catalogue has may look just like one of them (docs/hidden-effects.md)."""
+OFFSET, SLOPE = 0.0, 1.0
+"""Of the logarithm of the odds that a verdict is right over that of its posterior's (docs/hidden-effects.md)."""
 
 
 @dataclass(frozen=True)
@@ -74,9 +62,9 @@ def judge(search: Search, best: Ranked) -> Verdict:
     weights = _weights(search, best)
     unknown = float(expit(0.5 * (best.criterion - strange)))
     if unknown > 0.5:
-        return Verdict("unknown", (), (), min(SUREST, unknown), _others(weights, []), rest)
+        return Verdict("unknown", (), (), confidence(unknown), _others(weights, []), rest)
     if not best.labels:
-        return Verdict("none", (), (), surely_nothing(search), _others(weights, [best]), rest)
+        return Verdict("none", (), (), confidence(surely_nothing(search, strange)), _others(weights, [best]), rest)
     rivals: list[Ranked] = []
     for rival in sorted(weights, key=lambda r: r.criterion):
         if not rival.labels or rival.criterion > best.criterion + RIVAL or len(rivals) == RIVALS:
@@ -95,9 +83,6 @@ def judge(search: Search, best: Ranked) -> Verdict:
     own = np.array([total[m] for m in members])
     share = own / own.sum()
     kind = "class" if len(members) > 1 else "named"
-    if kind == "class":
-        sure = ANY_CLASS + (1.0 - ANY_CLASS) * sure
-    sure *= (1.0 - unknown) * FURTHER ** (len(members[0].labels) - 1)
     places = [
         tuple(r for r, w in weights.items() if in_other_places(r, member) and w >= AS_LIKELY * weights[member])
         for member in members
@@ -106,7 +91,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
         kind,
         tuple(members),
         tuple(float(v) for v in share),
-        min(SUREST_CAUSE, sure),
+        confidence(sure * (1.0 - unknown)),
         _others(weights, members),
         rest,
         tuple(places),
@@ -126,23 +111,27 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
         expected: of a right model.
     """
     if after > before and after > BY_CHANCE * expected:
-        return _unknown(verdict, ACCIDENT, "predicts what was held out worse than no cause does")
+        return _unknown(verdict, "predicts what was held out worse than no cause does")
     return verdict
 
 
-def _unknown(verdict: Verdict, sure: float, why: str) -> Verdict:
+def confidence(posterior: float) -> float:
+    """How often a verdict of such a posterior probability is right: laws are wrong in ways that no prior has."""
+    return float(expit(OFFSET + SLOPE * logit(np.clip(posterior, 1e-3, 1.0 - 1e-3))))
+
+
+def _unknown(verdict: Verdict, why: str) -> Verdict:
     """Instead of a verdict that names causes; they stay among what is less likely."""
     named = tuple(zip(verdict.members, verdict.probabilities, strict=True))
     doubt = f"{' + '.join(sorted(verdict.members[0].causes))} fits, but {why}"
+    sure = max(0.5, 1.0 - verdict.confidence)
     return Verdict("unknown", (), (), sure, (*named, *verdict.others), verdict.rest, doubt=doubt)
 
 
 def needless(best: Ranked, rival: Ranked) -> bool:
-    """Whether a rival says the same with more causes, or with a parameter more that does not pay."""
+    """Whether a rival that is no better says the same with more causes, or with a parameter more."""
     if len(rival.labels) > len(best.labels) or rival.labels > best.labels:
         return True
-    if rival.fit.objective <= best.fit.objective - PAYS:
-        return False
     others = best.causes - rival.causes
     return any(others.intersection(effect.contains) for effect in rival.fit.hypothesis)
 
@@ -155,11 +144,16 @@ def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:
     return {r: float(v) for r, v in zip(ranked, w / w.sum(), strict=True)}
 
 
-def surely_nothing(search: Search) -> float:
-    """How sure it is that there is nothing: the nearer an alarm came, the likelier something faint is there."""
-    least = min((s.p for s in search.first), default=1.0)
-    odds = FAINT_ODDS + FAINT_SLOPE * float(np.log10(max(least, search.alarm) / search.alarm))
-    return float(expit(odds))
+def surely_nothing(search: Search, strange: float) -> float:
+    """Posterior probability that there is nothing, beside single causes to first order and unknown ones.
+
+    Args:
+        search: that found nothing.
+        strange: criterion of an unknown cause.
+    """
+    others = np.array([*(move.promise for move in search.singles()), strange])
+    null = search.tried[frozenset()].criterion
+    return float(1.0 / (1.0 + np.sum(np.exp(-0.5 * (others - null)))))
 
 
 def in_other_places(ranked: Ranked, member: Ranked) -> bool:

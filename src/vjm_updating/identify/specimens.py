@@ -89,8 +89,11 @@ def series_compliance(chain: Chain) -> Array:
             own = rotate_matrix6(part.beam_compliance(), R @ part.own_frame)
             C += shift_compliance(own, T[:3, 3] - p - R @ part.tip)
         elif isinstance(part, Actuator | Mount):
-            along = np.append(R @ part.axis, np.zeros(3))
-            C += part.compliance * np.outer(along, along)
+            axis = R @ part.axis
+            moves = np.append(axis, np.zeros(3))
+            if isinstance(part, Mount) and not part.slides:
+                moves = np.append(np.cross(axis, T[:3, 3] - p), axis)
+            C += part.compliance * np.outer(moves, moves)
     return C
 
 

@@ -2,7 +2,7 @@
 
 An effect acts in up to four ways, each a method that by default does nothing: it changes the machine (`machine`),
 it puts elements with a law of their own in series with it (`elements`), it gives the passive joints friction
-(`friction`), or it changes the displacement that is imposed (`imposed`).
+(`friction`, `presliding`), or it changes the displacement that is imposed (`imposed`).
 """
 
 from __future__ import annotations
@@ -130,6 +130,10 @@ class Effect:
 
     def friction(self, values: Sequence[float]) -> Array | float:
         """Friction torque of the passive joints ``(n_q,)``, N mm; one number where all have the same."""
+        return 0.0
+
+    def presliding(self, values: Sequence[float]) -> float:
+        """Elastic turn of a joint, rad, at which its friction reaches its torque and it slips."""
         return 0.0
 
     def imposed(self, pose: Array, values: Sequence[float]) -> Array:

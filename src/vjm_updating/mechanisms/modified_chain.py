@@ -151,6 +151,13 @@ class ModifiedChain:
         result: Array = along / np.linalg.norm(along)
         return result
 
+    def lever(self, posture: str) -> Array:
+        """From the base's origin to the end-effector ``(3,)`` in the unloaded posture, mm, world axes."""
+        model = ModifiedChain(self.nominal, self.engine).model(posture)
+        end = model.kinematics(model.configuration(model.chain.posture(posture))).end
+        result: Array = end[:3, 3] - self.nominal.base[:3, 3]
+        return result
+
 
 def beam_of(chain: Chain, name: str) -> Beam:
     """A beam by its name."""

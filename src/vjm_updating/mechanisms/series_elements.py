@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.rotations import Array
+from vjm.rotations import Array, skew
 from vjm_updating.mechanisms.history_kernel import decaying, flowing
 
 TOLERANCE = 1e-7
@@ -34,11 +34,13 @@ class History:
         time: s ``(n,)``; zero where there is no clock.
         begins: ``(n,)`` whether a reading is the first of a posture: what has a memory is fresh there.
         line: unit vector ``(n, 3)`` along the link of each reading's unloaded posture, from root to tip.
+        lever: from the base's origin to the end-effector where it stands ``(n, 3)``, mm, world axes.
     """
 
     time: Array
     begins: np.ndarray
     line: Array
+    lever: Array
 
 
 Law = Callable[[Array, History], tuple[Array, Array]]
@@ -73,6 +75,31 @@ class AlongAxis:
     def motion(self, wrench: Array, history: History) -> Array:
         """The whole chain moves."""
         return np.tile(np.concatenate([self.axis, np.zeros(3)]), (len(wrench), 1))
+
+
+@dataclass(frozen=True)
+class AboutAxis:
+    """A part before all joints that turns about an axis of the world through the base's origin.
+
+    The element's extension is the turn, and what drives it the moment of the end-effector's wrench about the axis;
+    the turn under the chain's own weight, which hardly changes along a ramp, is not in it.
+
+    Attributes:
+        axis: unit vector.
+    """
+
+    axis: tuple[float, float, float]
+
+    def force(self, wrench: Array, history: History) -> Array:
+        """Moment about the axis, N mm: ``axis · (m + r × f)``."""
+        result: Array = np.einsum("ij,ij->i", wrench, self.motion(wrench, history))
+        return result
+
+    def motion(self, wrench: Array, history: History) -> Array:
+        """The whole chain turns."""
+        result = np.empty((len(history.lever), 6))
+        result[:, :3], result[:, 3:] = history.lever @ skew(self.axis).T, self.axis
+        return result
 
 
 @dataclass(frozen=True)
@@ -177,6 +204,7 @@ def balance(
     low, high = -np.broadcast_to(most, (n, e)).copy(), np.broadcast_to(most, (n, e)).copy()
     bracketed = np.array([not element.smooth for element in elements])
     own, slopes, motions = pose, np.zeros((n, e)), np.zeros((n, e, 6))
+    lever = float(np.abs(history.lever).max())
     for _ in range(ITERATIONS):
         gap = np.empty((n, e))
         for i, element in enumerate(elements):
@@ -184,7 +212,7 @@ def balance(
             motions[:, i] = element.place.motion(wrench, history)
             wanted, slopes[:, i] = element.law(force, history)
             gap[:, i] = wanted - x[:, i]
-        size = np.abs(motions[:, :, :3]).max(axis=(0, 2))
+        size = np.maximum(np.abs(motions[:, :, :3]), lever * np.abs(motions[:, :, 3:])).max(axis=(0, 2))
         # a reading that is in balance stays: what rounding makes of its next step may lie outside its bracket
         still = (np.abs(gap) * size < TOLERANCE).all(axis=1, keepdims=True)
         if still.all():
@@ -192,7 +220,7 @@ def balance(
         gap = np.where(still, 0.0, gap)
         low, high = np.where(gap > 0.0, np.maximum(low, x), low), np.where(gap < 0.0, np.minimum(high, x), high)
         # 1 + slope bᵀ K b
-        reach = np.einsum("nei,nij,nfj->nef", motions, stiffness, motions)
+        reach = motions @ stiffness @ motions.transpose(0, 2, 1)
         matrix = np.eye(e) + slopes[:, :, None] * reach
         new = x + np.linalg.solve(matrix, gap[:, :, None])[:, :, 0]
         outside = ((new <= low) | (new >= high)) & bracketed & ~still
@@ -208,9 +236,9 @@ def balance(
         worst = float(np.max(np.abs(gap) * size))
         raise NoConvergenceError(f"elements in series are {worst:.2g} mm off balance after {ITERATIONS} steps")
     # (1 + K S)⁻¹ K with S = Σ slope b bᵀ
-    give = np.einsum("ne,nei,nej->nij", slopes, motions, motions)
+    give = motions.transpose(0, 2, 1) @ (slopes[:, :, None] * motions)
     scale = np.repeat([1.0, 1e2], 3)
-    inner = np.eye(6) + np.einsum("nij,njk->nik", stiffness, give)
+    inner = np.eye(6) + stiffness @ give
     together = np.linalg.solve(inner * scale[:, None] ** -1 * scale, stiffness * scale[:, None] ** -1)
     return Balance(own, wrench, together * scale[:, None], x)
 

@@ -19,9 +19,10 @@ from vjm.engines import EngineOptions, engine_by_name
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
-from vjm.model.parts import Actuator, Mount, Part, PassiveJoint, Section
+from vjm.model.parts import Actuator, Part, PassiveJoint, Section
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.experiment.channels import POSE, WRENCH
+from vjm_updating.mechanisms.base_compliance import BaseCompliance
 from vjm_updating.mechanisms.gravity import Gravity
 from vjm_updating.mechanisms.link_bow import LinkBow
 from vjm_updating.mechanisms.load_misalignment import LoadMisalignment
@@ -103,8 +104,8 @@ class BeamMachine:
                 gravity = (x, y, z)
             elif effect.cause == "actuator_compliance":
                 chain = chain.with_actuator_compliance(_drive(chain).compliance + values[0])
-            elif effect.cause == "base_compliance":
-                chain = _on_springs(chain, values)
+            elif isinstance(effect, BaseCompliance):
+                chain = replace(chain, parts=(*effect.mounts(self.chain, values), *chain.parts))
         if bows:
             chain = _in_pieces(chain, bows)
         engine = engine_by_name(self.engine, EngineOptions(segments=1 if bows else ELEMENTS), chain)
@@ -161,18 +162,6 @@ def _drive(chain: Chain) -> Actuator:
     if not ahead or not isinstance(ahead[0], Actuator):
         raise ValueError("--hide actuator_compliance: the chain has no drive before its joints")
     return ahead[0]
-
-
-def _on_springs(chain: Chain, values: Sequence[float]) -> Chain:
-    """On a base that deflects along the world's axes."""
-    c, y, z = values
-    axes = chain.base[:3, :3].T
-    mounts = [
-        Mount(f"base {name}", axes[:, k], c * share)
-        for k, (name, share) in enumerate(zip("xyz", (1.0, y, z), strict=True))
-        if c * share > 0.0
-    ]
-    return replace(chain, parts=(*mounts, *chain.parts))
 
 
 def _in_pieces(chain: Chain, bows: Mapping[str, Sequence[float]]) -> Chain:

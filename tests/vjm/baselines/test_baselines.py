@@ -9,12 +9,15 @@ from scipy.integrate import solve_ivp
 from vjm.baselines import LinearEngine, MsaEngine, UnloadedJacobianEngine
 from vjm.baselines.msa import beam_element, msa_stiffness
 from vjm.continuation.path import EventKind
+from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
-from vjm.model.parts import Section
+from vjm.model.parts import Beam, Mount, RigidOffset, Section
+from vjm.rotations import translation
 from vjm.statics.equilibrium import Configuration
 from vjm.statics.stability import stability
 from vjm.statics.stiffness import loaded_stiffness, unloaded_stiffness
+from vjm_updating.identify.specimens import series_compliance
 
 SECTIONS = [Section(2e6, 3e7, 4e7, 5e7), Section(2e6, 3e7, 4e7, 5e7, 6e4, 7e4)]
 
@@ -170,3 +173,27 @@ def test_published_like_loads_of_frozen_geometry_are_made_by_an_euler_step(chain
     assert path.critical.force < F[0]
     if posture != "D":
         assert F[0] - path.critical.force < rate(np.zeros(6))[0] * step
+
+
+def test_mounts_that_slide_and_turn_deflect_what_they_carry():
+    along, about = (2e-5, 1e-5, 3e-5), (4e-10, 1e-10, 2e-10)
+    mounts = [Mount(f"to {a}", axis, c) for a, axis, c in zip("xyz", np.eye(3), along, strict=True)]
+    mounts += [
+        Mount(f"about {a}", axis, c, slides=False) for a, axis, c in zip("xyz", np.eye(3), about, strict=True)
+    ]
+    beam = Beam("bar", 120.0, section=SECTIONS[0])
+    shift = np.array([30.0, -50.0, 80.0])
+    chain = Chain("bracket", (*mounts, RigidOffset("arm", translation(shift)), beam), postures={"-": np.zeros(0)})
+    x, y, z = shift + 120.0 * np.eye(3)[0]
+    moved = np.eye(6)
+    moved[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    K = np.linalg.inv(beam.beam_compliance() + moved @ np.diag([*along, *about]) @ moved.T)
+    nothing = np.zeros(0)
+    size = np.abs(dimensionless(K)).max()
+    for found in (
+        msa_stiffness(chain, nothing),
+        unloaded_stiffness(LumpedModel(chain), nothing),
+        np.linalg.inv(series_compliance(chain)),
+    ):
+        # rounding: matrices of six rows
+        assert np.abs(dimensionless(found - K)).max() < 1e-11 * size

@@ -97,7 +97,12 @@ REFUSALS = {
     "springs of a link": ("springs", {"segments": 4}, "[springs]: unknown key 'segments'; did you mean 'link_segments'?"),
     "soft mount": (
         "parts/0", {"kind": "mount", "name": "frame", "axis": "x"},
-        "part 'frame': compliance_mm_per_N is missing: add it",
+        "part 'frame': has no compliance: give compliance_mm_per_N, or compliance_rad_per_Nmm if it turns about its axis",
+    ),
+    "mount that slides and turns": (
+        "parts/0",
+        {"kind": "mount", "name": "frame", "axis": "x", "compliance_mm_per_N": 1e-5, "compliance_rad_per_Nmm": 1e-9},
+        "part 'frame': slides and turns: give compliance_mm_per_N, or compliance_rad_per_Nmm if it turns about its axis",
     ),
     "format": ("format", 2, "format must be 1, got 2: this release reads no other"),
     "kind": (

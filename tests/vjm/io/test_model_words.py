@@ -91,40 +91,50 @@ def test_one_spring_has_no_shape():
         build_chain(document, "m.toml")
 
 
-def with_mounts(c, shares=(1.0, 1.0, 1.0)):
+def with_mounts(c, shares=(1.0, 1.0, 1.0), about=0.0):
     content = copy.deepcopy(ORTHOGLIDE)
     mounts = [
         {"kind": "mount", "name": f"frame-{a}", "axis": a, "compliance_mm_per_N": c * s}
         for a, s in zip("xyz", shares, strict=True)
     ]
+    if about:
+        mounts += [
+            {"kind": "mount", "name": f"turn-{a}", "axis": a, "compliance_rad_per_Nmm": about} for a in "xyz"
+        ]
     content["parts"] = [*mounts, *content["parts"]]
     return build_chain(content, "m.toml")
 
 
+@pytest.mark.parametrize(("c", "turning"), [(3e-5, 0.0), (2e-5, 8.0)])
 @pytest.mark.parametrize("posture", ["A", "B", "D"])
-def test_mounts_before_the_drive_are_a_base_that_gives_way(posture):
-    c, shares = 3e-5, (1.0, 2.0, 0.5)
+def test_mounts_before_the_drive_are_a_base_that_gives_way(posture, c, turning):
+    shares = (1.0, 2.0, 0.5)
     engine = VjmEngine(12)
-    path = engine.trace(with_mounts(c, shares), LoadCase(posture, 1.5))
     machine = ModifiedChain(load_chain("orthoglide-chain"), engine)
+    # the bar is the longest piece
+    about = c * turning / 310.0**2
+    path = engine.trace(with_mounts(c, shares, about), LoadCase(posture, 1.5))
     table = tabulate(machine, HalfRay(posture, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 2.0, 1), pulls=True)
 
     def look(u):
         W, K = table.at(u[:, 0])
         return W + np.einsum("nij,nj->ni", K[:, :, 1:], u[:, 1:]), K
 
-    elements = BaseCompliance().elements(machine, (c, shares[1], shares[2]))
-    history = History(np.zeros(1), np.ones(1, dtype=bool), np.array([[1.0, 0.0, 0.0]]))
-    found = balance(look, np.array([[1.5, 0, 0, 0, 0, 0]]), elements, history)
+    elements = BaseCompliance().elements(machine, (c, shares[1], shares[2], turning))
+    pose = np.array([[1.5, 0, 0, 0, 0, 0]])
+    lever = machine.lever(posture) + pose[:, :3]
+    history = History(np.zeros(1), np.ones(1, dtype=bool), np.array([[1.0, 0.0, 0.0]]), lever)
+    found = balance(look, pose, elements, history)
     # tables are linear across their ray
     assert np.abs(found.wrench[0] - last(path))[:3].max() < 1e-3 * np.abs(last(path)[:3]).max()
     rigid = engine.trace(load_chain("orthoglide-chain"), LoadCase(posture, 1.5))
     assert np.abs(last(rigid) - last(path))[0] > 0.05 * abs(last(path)[0])
 
 
-def test_finite_elements_have_the_mounts_too():
+@pytest.mark.parametrize("about", [0.0, 3e-10])
+def test_finite_elements_have_the_mounts_too(about):
     # so small that it does not matter in which order the foot's spring turns
-    chain, load_case = with_mounts(3e-5), LoadCase("A", 0.01)
+    chain, load_case = with_mounts(3e-5, about=about), LoadCase("A", 0.01)
     elements = ExudynEngine(foot_spring=True).trace(chain, load_case)
     assert last(elements)[0] == pytest.approx(last(VjmEngine(16).trace(chain, load_case))[0], rel=1e-3)
 

@@ -16,6 +16,7 @@ from vjm_updating.diagnose.estimates import Estimate
 from vjm_updating.diagnose.mark_selection import marks_gain
 from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.transfer import transfer
+from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.experiment import Readings, read_measurement
 from vjm_updating.mechanisms.column import Fibres, column_force, yield_curve
 from vjm_validation.cli.main import run
@@ -206,7 +207,7 @@ def test_a_mark_is_predicted_by_the_others_alone(tmp_path):
     files = made_column(tmp_path, 1.5, wrong={7: 40.0})
     prepared = prepare(observe_column(read_measurement(*files)))
     bow = next(effect for effect in prepared.effects if effect.cause == "link_bow")
-    fit = prepared.fitter.fit((bow,), np.zeros(len(prepared.fitter.nuisances)), [[1.0]])
+    fit = best_fit(prepared.fitter, (bow,), np.zeros(len(prepared.fitter.nuisances)), [[1.0]])
     gain, folds = marks_gain(prepared.fitter, prepared.null, fit)
     assert [fold.name for fold in folds] == ["marks 2, 5, 8, …", "marks 3, 6, 9, …", "marks 4, 7, 10, …"]
     # of thirteen marks one is off by 40 N
@@ -222,7 +223,7 @@ def test_what_belongs_to_the_rig_serves_another_specimen(tmp_path):
     known = {effect.label: effect for effect in prepared.effects}
     causes = (known["link_bow"], known["instrument_zero.fx_N"])
     start = np.zeros(len(prepared.fitter.nuisances))
-    fit = prepared.fitter.fit(causes, start, [[1.5], [0.0]])
+    fit = best_fit(prepared.fitter, causes, start, [[1.5], [0.0]])
     rows = {row.what: row.rmse for row in transfer(fit, read_measurement(*other))}
     assert set(rows) == {
         "nothing: the sheet's own model",

@@ -18,6 +18,7 @@ from vjm_updating.diagnose.critical import critical_points, knee
 from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.stress import fibre_of, first_yield
 from vjm_updating.diagnose.test_data import observe
+from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.experiment import read_measurement
 from vjm_updating.mechanisms.column import column_force
 from vjm_validation.cli.main import run
@@ -146,7 +147,7 @@ def test_the_critical_force_that_was_read_is_predicted_after(pushed_past_bucklin
     data, sheet, truth = pushed_past_buckling
     prepared = prepare(observe(read_measurement(data, sheet)))
     cause = next(effect for effect in prepared.effects if effect.cause == "link_compliance")
-    fit = prepared.fitter.fit((cause,), np.zeros(len(prepared.fitter.nuisances)), [[1.05]])
+    fit = best_fit(prepared.fitter, (cause,), np.zeros(len(prepared.fitter.nuisances)), [[1.05]])
     (pushed, pulled) = critical_points(prepared.fitter, prepared.null, fit)
     assert (pushed.direction, pulled.direction) == ("compression", "tension")
     # read off where two slopes meet, from readings 0.1 mm apart: 0.4 % off

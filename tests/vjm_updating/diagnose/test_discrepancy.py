@@ -81,7 +81,6 @@ def test_a_law_is_wrong_in_what_goes_beyond_the_tolerances_only(make, tmp_path):
     z = null.at.z.copy()
     z[at] = 2.0
     found = tuple(coordinates(fitter.nuisances, (effect,)))
-    fitter.anchor = None
     fit = replace(null, hypothesis=(effect,), found=found, at=fitter.evaluate(found, z, (effect,)))
     z[at] = 0.0
     raw = fitter.evaluate(fitter.nuisances, z, ()).residual - fit.at.residual

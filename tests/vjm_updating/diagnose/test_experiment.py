@@ -17,6 +17,7 @@ from vjm_updating.diagnose.experiment import FURTHER, MOST, SHORT_OF, WANTED, Pr
 from vjm_updating.diagnose.parameters import Coordinate
 from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.test_data import observe
+from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.experiment import read_measurement
 
 SHEET = """
@@ -42,14 +43,18 @@ modulus_rel = 0.02
 """
 PULL = 1.0
 CLASS = ("actuator_compliance", "base_compliance", "joint_clearance")
-VALUES = {"actuator_compliance": [4e-5], "base_compliance": [4e-5, 1.0, 1.0], "joint_clearance": [0.05, 0.0, 8.0]}
+VALUES = {
+    "actuator_compliance": [5e-5],
+    "base_compliance": [5e-5, 1.0, 1.0, 1.0],
+    "joint_clearance": [0.05, 0.0, 8.0],
+}
 
 
 @pytest.fixture(scope="module")
 def pulled(tmp_path_factory):
     """One pull in posture A, of a machine with a soft drive."""
     folder = tmp_path_factory.mktemp("pulled")
-    chain = load_chain("orthoglide-chain").with_actuator_compliance(4e-5)
+    chain = load_chain("orthoglide-chain").with_actuator_compliance(5e-5)
     path = VjmEngine(8).trace(chain, LoadCase("A", PULL))
     u = np.linspace(0.0, PULL, 30)
     force = np.interp(u, path.s, path.force) + 2.0 * np.random.default_rng(1).standard_normal(len(u))
@@ -62,7 +67,7 @@ def pulled(tmp_path_factory):
     for cause in CLASS:
         effect = next(e for e in prepared.effects if e.cause == cause)
         values = VALUES[cause][: len(effect.quantities())]
-        found[cause] = prepared.fitter.fit((effect,), start, [values])
+        found[cause] = best_fit(prepared.fitter, (effect,), start, [values])
         assert found[cause] is not None
     return prepared, found
 

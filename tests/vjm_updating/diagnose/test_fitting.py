@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vjm_updating.diagnose.fitting import MISSED_ROUGHLY
 from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.test_data import observe
+from vjm_updating.diagnose.trust_region import ENOUGH, ROUNDING, best_fit
 from vjm_updating.experiment import read_measurement
 
 REACH = 2.6
@@ -31,13 +31,12 @@ def test_a_fit_ends_at_the_same_place_wherever_it_begins(heavy):
         for values in ([3.0, 0.5], [1.0, 0.5]):
             begin = np.zeros(len(fitter.nuisances))
             begin[fitter.of_machine] = sigmas
-            fitter.machine_slopes = None
-            ends.append(fitter.fit((gravity,), begin, [values], fresh=True))
+            ends.append(best_fit(fitter, (gravity,), begin, [values]))
     assert None not in ends
     assert all(fit.converged for fit in ends)
     found = [fit.objective for fit in ends]
-    # a fit ends where a step brings less than 0.03; without tables of its own they end up to 0.5 apart
-    assert np.ptp(found) < 0.03
+    # a fit ends where a step brings less than that; without tables of its own they end up to 0.5 apart
+    assert np.ptp(found) < ENOUGH
 
 
 # the machine's slopes over what they are where the fit begins
@@ -46,10 +45,10 @@ def test_slopes_from_elsewhere_do_not_lead_uphill(heavy, wrong):
     fitter = heavy.fitter
     gravity = next(e for e in heavy.effects if e.cause == "gravity")
     begin = np.zeros(len(fitter.nuisances))
-    fitter.machine_slopes = None
-    best = fitter.fit((gravity,), begin, [[3.0, 0.5]], fresh=True)
-    fitter.machine_slopes = fitter.machine_slopes * np.array(wrong)
+    best = best_fit(fitter, (gravity,), begin, [[3.0, 0.5]])
     begin[fitter.of_machine] = 1.5
-    rough = fitter.fit((gravity,), begin, [[1.0, 0.5]], rough=True)
+    rough = best_fit(
+        fitter, (gravity,), begin, [[1.0, 0.5]], borrowed=fitter.machine_slopes(best) * np.array(wrong)
+    )
     assert rough.converged
-    assert rough.objective < best.objective + MISSED_ROUGHLY
+    assert rough.objective < best.objective + ROUNDING

@@ -14,6 +14,7 @@ from vjm_updating.diagnose.instrument import ThermalDrift
 from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates, start
 from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.test_data import observe
+from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.experiment import measurement as reading
 
 PER = 12
@@ -89,9 +90,9 @@ def test_the_next_experiment_counts_on_being_steered_as_steadily(make, tmp_path,
     prepared = prepare(observe(reading.read_measurement(files.data, files.sheet)))
     start_ = np.zeros(len(prepared.fitter.nuisances))
     fits = []
-    for cause, values in (("actuator_compliance", [3e-5]), ("base_compliance", [3e-5, 1.0, 1.0])):
+    for cause, values in (("actuator_compliance", [3e-5]), ("base_compliance", [3e-5, 1.0, 1.0, 1.0])):
         effect = next(e for e in prepared.effects if e.cause == cause)
-        fits.append(prepared.fitter.fit((effect,), start_, [values]))
+        fits.append(best_fit(prepared.fitter, (effect,), start_, [values]))
     told = propose(prepared.fitter, fits)
     observed = prepared.fitter.forward.observed
     assert observed.steady is not None

@@ -19,7 +19,8 @@ def given_way(N, values, compliance=0.0):
     """Extension beyond the model's own spring, and its slope."""
     machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(4))
     (element,) = ActuatorHardening(LARGEST, compliance).elements(machine, values)
-    return element.law(N, History(np.zeros(len(N)), np.zeros(len(N), dtype=bool), np.zeros((len(N), 3))))
+    nowhere = np.zeros((len(N), 3))
+    return element.law(N, History(np.zeros(len(N)), np.zeros(len(N), dtype=bool), nowhere, nowhere))
 
 
 @pytest.mark.parametrize(("ratio", "exponent"), [(0.3, 0.5), (0.3, 2.0), (4.0, 1.0), (4.0, 0.4)])

@@ -9,6 +9,7 @@ from vjm.errors import NoConvergenceError
 from vjm.io.model_file import load_chain
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
+from vjm_updating.mechanisms.base_compliance import BaseCompliance
 from vjm_updating.mechanisms.element_sites import foot
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.part_compliance import FootCompliance
@@ -36,7 +37,8 @@ def machine():
 def history_of(machine, posture, n, step=1.0):
     begins = np.zeros(n, dtype=bool)
     begins[0] = True
-    return History(step * np.arange(n), begins, np.tile(machine.line(posture), (n, 1)))
+    line, lever = (np.tile(v, (n, 1)) for v in (machine.line(posture), machine.lever(posture)))
+    return History(step * np.arange(n), begins, line, lever)
 
 
 def look_of(machine, posture, reach):
@@ -61,6 +63,30 @@ def test_actuator_in_series_is_the_actuator_in_the_chain(machine, posture):
     # tables interpolate: 6e-5 N of some thousand, 7e-7 of the stiffness
     np.testing.assert_allclose(found.wrench[:, :3], built_in[:, :3], atol=3e-3)
     np.testing.assert_allclose(found.stiffness[:, 0, 0], K[:, 0, 0], rtol=3e-5)
+
+
+def test_a_base_in_series_adds_its_compliance_at_the_end_of_the_lever():
+    rng = np.random.default_rng(4)
+    root = rng.standard_normal((6, 6)) * np.repeat([30.0, 3000.0], 3)[:, None]
+    K = root @ root.T
+    u = rng.standard_normal((7, 6)) * np.repeat([1.0, 0.01], 3)
+    lever = 200.0 * rng.standard_normal((7, 3))
+    history = History(np.zeros(7), np.arange(7) == 0, np.zeros((7, 3)), lever)
+    machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(8))
+    elements = BaseCompliance().elements(machine, (1e-4, 2.0, 0.5, 6.0))
+    found = balance(lambda v: (v @ K, np.tile(K, (len(v), 1, 1))), u, elements, history)
+    about = 6e-4 / machine.nominal.characteristic_length**2
+    base = np.diag([1e-4, 2e-4, 5e-5, about, about, about])
+    for k, (x, y, z) in enumerate(lever):
+        # a twist (shift, turn) of the base moves the tool by shift + turn × lever
+        moved = np.eye(6)
+        moved[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+        stiffness = np.linalg.inv(np.linalg.inv(K) + moved @ base @ moved.T)
+        wrench = stiffness @ u[k]
+        # of N and of 1e2 N mm alike; the condition of K, 1e7, times rounding
+        error = (found.wrench[k] - wrench) / np.repeat([1.0, 100.0], 3)
+        assert np.abs(error).max() < 1e-7 * np.abs(wrench[:3]).max()
+        np.testing.assert_allclose(found.stiffness[k], stiffness, rtol=0.0, atol=1e-8 * np.abs(stiffness).max())
 
 
 @pytest.mark.parametrize("posture", ["A", "B"])
@@ -116,7 +142,7 @@ def test_a_balance_that_is_not_found_is_none(machine):
 def test_retarded_element_is_the_closed_form():
     time = np.array([0.0, 1.0, 2.0, 5.0, 9.0])
     begins = np.array([True, False, False, False, False])
-    history = History(time, begins, np.tile([1.0, 0.0, 0.0], (5, 1)))
+    history = History(time, begins, np.tile([1.0, 0.0, 0.0], (5, 1)), np.zeros((5, 3)))
     force = np.array([0.0, 10.0, 20.0, 20.0, 20.0])
     x, slope = retarded(0.5, 3.0)(force, history)
     # a ramp of 10 N/s for 2 s, then held
@@ -130,7 +156,7 @@ def test_retarded_element_is_the_closed_form():
 
 def test_yielding_leaves_a_set_and_yields_back_later():
     force = np.array([0.0, 80.0, 150.0, 0.0, -40.0, -100.0])
-    history = History(np.zeros(6), np.arange(6) == 0, np.tile([1.0, 0.0, 0.0], (6, 1)))
+    history = History(np.zeros(6), np.arange(6) == 0, np.tile([1.0, 0.0, 0.0], (6, 1)), np.zeros((6, 3)))
     x, slope = yielding(100.0, 1e-3)(force, history)
     # kinematic hardening: the elastic range of 200 N has moved by 50 N
     np.testing.assert_allclose(x, [0.0, 0.0, 0.05, 0.05, 0.05, 0.0], atol=1e-12)
@@ -140,7 +166,7 @@ def test_yielding_leaves_a_set_and_yields_back_later():
 
 def test_isotropic_hardening_widens_the_elastic_range_on_both_sides():
     force = np.array([0.0, 150.0, 0.0, -140.0, -150.0, -170.0])
-    history = History(np.zeros(6), np.arange(6) == 0, np.tile([1.0, 0.0, 0.0], (6, 1)))
+    history = History(np.zeros(6), np.arange(6) == 0, np.tile([1.0, 0.0, 0.0], (6, 1)), np.zeros((6, 3)))
     x, _ = yielding(100.0, 1e-3, grows=1.0)(force, history)
     # 150 N have made it 150 N wide each way; 20 N beyond that slip back; sums of six numbers, so to rounding
     # sums of a few numbers: rounding
@@ -149,7 +175,7 @@ def test_isotropic_hardening_widens_the_elastic_range_on_both_sides():
 
 def test_laws_together_add_their_extensions():
     force = np.array([0.0, 150.0, 250.0])
-    history = History(np.zeros(3), np.arange(3) == 0, np.tile([1.0, 0.0, 0.0], (3, 1)))
+    history = History(np.zeros(3), np.arange(3) == 0, np.tile([1.0, 0.0, 0.0], (3, 1)), np.zeros((3, 3)))
     x, slope = together(yielding(100.0, 1e-3), yielding(200.0, 2e-3))(force, history)
     # 50 and 150 N beyond the one, 50 N beyond the other: to rounding
     np.testing.assert_allclose(x, [0.0, 0.05, 0.15 + 0.1], atol=1e-12)
