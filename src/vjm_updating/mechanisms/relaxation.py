@@ -1,27 +1,30 @@
-"""A beam whose stress relaxes, its springs' reactions each with a memory: in pull and push, in bending and behind a
-bifurcation.
+"""A beam whose stress relaxes: all reactions of its springs, in bending and behind a bifurcation as well.
 
 In a standard linear solid with relaxing shares ``φ_i`` and times ``τ_i`` the stress is that of an elastic one less
-``Σ φ_i m_i``, where ``m_i' = (σ − m_i)/τ_i`` follows the elastic stress (Ferry 1980, chapter 3). For the springs of
-a beam the stresses are their reactions ``σ = J_θᵀ F`` (9). By virtual work on the motion of the springs with the
-end-effector, ``T = ∂θ/∂u``, the wrench is then, to first order in what relaxes,
+``Σ φ_i m_i``, where ``m_i' = (σ − m_i)/τ_i`` follows the elastic stress (Ferry 1980, chapter 3). The stresses of a
+beam's springs are their reactions ``σ = J_θᵀ F`` (9). By virtual work on the motion of the springs with the end-
+effector, ``T = ∂θ/∂u``, the wrench is then, to first order in what relaxes,
 
     W(u) − T(u)ᵀ Σ φ_i m_i(t).
 
-Once all has relaxed ``m = σ`` and this is the slope of ``W`` by the logarithm of the beam's modulus times φ, springs
-with a law of their own included. What has crept makes the springs longer, though, while the end-effector is held:
+Once all has relaxed ``m = σ``, and this is φ times the derivative of ``W`` by the logarithm of the beam's modulus,
+also of springs that are not linear. But what has relaxed makes the springs longer while the end-effector is held:
 ``σ = σ₀ + (1 − α) Σ φ_i m_i``, with α the beam's share of the compliance along the ray. That is a solid with other
-shares and times (Gross 1953), so a linear chain on one ray is exact to all orders. What is left out is of second
-order in φ: how α changes with the load, and displacements across the rays.
+shares and times (Gross 1953), by which a linear chain is exact to all orders on one ray. Left out is, of second
+order in φ, that α changes with the load, and what is across the rays.
 
-A bent beam that is led back keeps a bow, and so passes no bifurcation: T grows there as ``1/w``, with w the root of
-the distance ``v`` from it. The amplitude a of the bend of a perfect chain is w; with a bow it is the largest root of
+At a bifurcation the bend goes with the root w of the distance ``v`` from it, T with ``1/w``, and the first order
+fails: a bent beam that is led back keeps a bow and never is straight, and softer ones buckle elsewhere. With x
+what a straight chain has lengthened by, and k the fall of the stiffness along the ray, the bend is the largest
+root a of
 
-    a³ − v a = g/k,
+    a³ − (v − x) a = g/k,
 
-with g the limit of ``w dᵀ(T − T₀)ᵀ Σ φ_i m_i`` and k the fall of the stiffness along the ray at the bifurcation
-(Koiter 1945: a symmetric, stable one). The bend's part of the wrench is then ``w/a`` of that of the first order, and
-before the bifurcation ``k a²`` is lost.
+the symmetric, stable bifurcation of a chain with a bow (Koiter 1945), in place of w. Its force is ``k (a² − v)``
+less than without; g is what makes that right to first order wherever it is small, and the bend that is remembered
+goes with a. So a chain that has buckled is right within some per cent for φ = 0.1, and in the limit of all
+relaxed. A perfectly straight beam does not buckle by itself while it is held between the displacements at which it
+would when relaxed and when fresh; a real one would, after a time that its bow decides.
 """
 
 from __future__ import annotations
@@ -93,11 +96,11 @@ def relaxed(rays: Sequence[OnRay], own: Array, history: History, relaxation: Rel
     step[1:] = np.maximum(np.diff(history.time), 0.0)
     s, reaction, motion = (np.concatenate([path[i] for path in paths]) for i in range(3))
     first = np.cumsum([0, *(len(path.s) for path in paths)])
-    before, fall = (np.array([path[i] for path in paths]) for i in (4, 5))
-    bifurcation, along = np.array([path.bifurcation for path in paths]), np.array([path.along for path in paths])
+    bifurcation, fall, stiff, along = (np.array([path[i] for path in paths]) for i in range(3, 7))
     result: Array = relaxed_wrenches(
-        (s, reaction, motion), first, bifurcation, before, fall, along, both,
-        np.einsum("ni,ni->n", own, measures), shares, times, step, history.begins,
+        (s, reaction, motion), first, bifurcation, fall, stiff, along, both,
+        np.einsum("ni,ni->n", own, measures),
+        (shares, times, np.array(relaxation.shares), np.array(relaxation.times)), step, history.begins,
     )  # fmt: skip
     return result
 
@@ -118,12 +121,14 @@ def _path(table: Table, part: str) -> Path:
             motion[k, :, j] = model.compiled.response(x, F, none, unit)[0][own]
     # a weight that has hung for long has relaxed what it can
     reaction -= reaction[0].copy()
-    before, beyond = motion[0].copy(), s > table.bifurcation
+    energy = float(reaction[1] @ motion[0] @ d)
+    beyond = s > table.bifurcation
     motion[beyond] *= np.sqrt(s[beyond] - table.bifurcation)[:, None, None]
     slope, i = table.slope[nodes], int(np.argmax(beyond))
     fall = slope[i - 1] - slope[i] if i else np.zeros(6)
-    work, energy = float(d @ (table.wrench[nodes[1]] - table.wrench[0])), float(reaction[1] @ before @ d)
-    alpha = min(energy / work, 1.0) if 0.0 < energy and 0.0 < work else 1.0
-    path = Path(s, reaction, motion, float(table.bifurcation), before, fall, d, alpha)
+    work = float(d @ (table.wrench[nodes[1]] - table.wrench[0]))
+    alpha = min(energy / work, 1.0) if energy > 0.0 and work > 0.0 else 1.0
+    stiff = float(slope[max(i - 1, 0)] @ d)
+    path = Path(s, reaction, motion, float(table.bifurcation), fall, stiff, d, alpha)
     table.springs[part] = path
     return path
