@@ -6,6 +6,7 @@ keeps an object a point; here the compiled march does all points between two bif
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,19 @@ MAX_ITERATIONS = 30
 
 
 @dataclass(frozen=True)
+class Turn:
+    """Where a path changes its branch.
+
+    Attributes:
+        s: path parameter of the bifurcation.
+        behind: stable state just behind it.
+    """
+
+    s: float
+    behind: Equilibrium
+
+
+@dataclass(frozen=True)
 class GridPath:
     """The stable equilibria on a grid; g points.
 
@@ -33,7 +47,7 @@ class GridPath:
         x: coordinates ``(g, n)``.
         residual: scaled ``(g,)``.
         iterations: of Newton's method ``(g,)``.
-        bifurcations: path parameters at which the path changed its branch.
+        turns: at which the path changed its branch.
         stopped: why the path ends before its grid does; empty where it does not.
     """
 
@@ -43,30 +57,37 @@ class GridPath:
     x: Array
     residual: Array
     iterations: np.ndarray
-    bifurcations: tuple[float, ...]
+    turns: tuple[Turn, ...]
     stopped: str
 
+    @property
+    def bifurcations(self) -> tuple[float, ...]:
+        """Path parameters at which the path changed its branch."""
+        return tuple(turn.s for turn in self.turns)
 
-def trace_grid(problem: LumpedProblem, grid: Array) -> GridPath:
+
+def trace_grid(problem: LumpedProblem, grid: Array, known: Sequence[Turn] = ()) -> GridPath:
     """Trace the stable path through a grid of displacements.
 
     Args:
         problem: a lumped model in a posture under a ramp.
         grid: path parameters ``(g,)``, increasing from zero, in steps that Newton's method can take.
+        known: where the same path changed its branch on another grid; these are not looked for again.
     """
     grid = np.asarray(grid, dtype=float)
     compiled, n = problem.model.compiled, problem.model.size
     pieces: list[tuple[Array, ...]] = []
-    bifurcations: list[float] = []
+    turns: list[Turn] = []
     rest = problem.at_rest()
     begin, x, wrench, at, stopped = 0.0, rest.x, rest.wrench, 0, ""
     while True:
         # behind a bifurcation the march begins beside the grid, and that point is left out
-        own = len(bifurcations) > 0
+        own = len(turns) > 0
         s = np.concatenate([[begin], grid[at + (0 if own else 1) :]])
         found = compiled.march(
-            problem.target(0.0), problem.load_case.direction, s, x, wrench, TOLERANCE, MAX_ITERATIONS
-        )
+            problem.target(0.0), problem.load_case.direction, s, x, wrench, TOLERANCE, MAX_ITERATIONS,
+            turns[-1].s if own else -np.inf,
+        )  # fmt: skip
         columns = (s, found.x, found.wrench, found.stiffness, found.residual, found.iterations)
         pieces.append(tuple(column[own : found.good] for column in columns))
         if not found.why:
@@ -75,24 +96,26 @@ def trace_grid(problem: LumpedProblem, grid: Array) -> GridPath:
         if found.why != "unstable":
             stopped = f"no equilibrium found beyond {last:.6g}: {found.why}"
             break
+        turn = next((t for t in known if last < t.s < s[found.good]), None)
         try:
-            behind, critical = _next_branch(problem, s, found, float(grid[-1]))
+            turn = turn or _next_branch(problem, s, found, float(grid[-1]))
         except NoConvergenceError as failure:
             stopped = f"no stable branch leads on beyond {last:.6g}: {failure}"
             break
-        bifurcations.append(critical)
-        begin, x, wrench = behind.s, behind.state[:n], behind.state[n : n + 6]
+        turns.append(turn)
+        begin, state = turn.behind.s, turn.behind.state
+        x, wrench = state[:n], state[n : n + 6]
         at = int(np.searchsorted(grid, begin, side="right"))
     s, X, F, K, error, iterations = (np.concatenate(column) for column in zip(*pieces, strict=True))
-    return GridPath(s, F, K, X, error, iterations, tuple(bifurcations), stopped)
+    return GridPath(s, F, K, X, error, iterations, tuple(turns), stopped)
 
 
-def _next_branch(problem: LumpedProblem, s: Array, found: March, length: float) -> tuple[Equilibrium, float]:
-    """A stable state just behind the bifurcation between two points of the march, and where that was."""
+def _next_branch(problem: LumpedProblem, s: Array, found: March, length: float) -> Turn:
+    """The bifurcation between two points of the march, and a stable state just behind it."""
     a, b = (problem.point(float(s[i]), found.x[i], found.wrench[i]) for i in (found.good - 1, found.good))
     critical = bifurcation(problem, a, b, EVENT_TOLERANCE * length)
     behind = critical.s * (1.0 + StepControl.behind)
     there = problem.switch(critical, behind, problem.load_case.branch)
     if there.unstable:
         raise NoConvergenceError("the branch that crosses is unstable")
-    return there, critical.s
+    return Turn(critical.s, there)

@@ -94,8 +94,9 @@ class CompiledModel(StateSolver):
         return x, wrench, float(error), int(iterations), why
 
     def march(
-        self, pose: Array, direction: Array, s: Array, x: Array, wrench: Array, tolerance: float, most: int
-    ) -> March:
+        self, pose: Array, direction: Array, s: Array, x: Array, wrench: Array, tolerance: float, most: int,
+        origin: float = -np.inf,
+    ) -> March:  # fmt: skip
         """Equilibria along a grid of displacements from its first point, which is given; constant loads act.
 
         Args:
@@ -106,6 +107,7 @@ class CompiledModel(StateSolver):
             wrench: ``(6,)`` there.
             tolerance: scaled residual.
             most: Newton iterations at a point.
+            origin: place of the bifurcation at which the branch begins, if it does.
 
         Raises:
             ValueError: loads of the model grow with the ramp, turn with its bodies, or are moments.
@@ -121,8 +123,8 @@ class CompiledModel(StateSolver):
         X[0], F[0] = x / self.coordinate_unit, wrench / self.wrench_unit
         how, good = march(
             *self.buffers, np.ascontiguousarray(pose[:3, :3]), pose[:3, 3] / self._length,
-            np.concatenate([direction[:3] / self._length, direction[3:]]), np.ascontiguousarray(s, dtype=float), 1,
-            tolerance, most, X, F, K, error, iterations, negative,
+            np.concatenate([direction[:3] / self._length, direction[3:]]), np.ascontiguousarray(s, dtype=float),
+            float(origin), 1, tolerance, most, X, F, K, error, iterations, negative,
         )  # fmt: skip
         self._forget()  # the factors are those of another state now
         if not good:

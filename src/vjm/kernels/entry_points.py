@@ -282,6 +282,7 @@ def march(
     p_0: Floats,
     direction: Floats,
     s: Floats,
+    origin: float,
     known: int,
     tolerance: float,
     max_iterations: int,
@@ -294,6 +295,8 @@ def march(
 ) -> tuple[int, int]:
     """Equilibria, stiffness and stability along a grid, each predicted from up to four before it.
 
+    Behind a bifurcation a branch is smooth in the root of the distance from it, and is predicted in that.
+
     Args:
         integers: see `vjm.kernels.packed_model.Buffers`.
         numbers: likewise.
@@ -303,6 +306,7 @@ def march(
         p_0: ``(3,)`` the unloaded pose.
         direction: ``(6,)`` displacement per unit of s.
         s: ``(g,)`` the grid.
+        origin: where the branch begins at a bifurcation, before the grid; −inf where it does not.
         known: how many of its points are given, at least one.
         tolerance: scaled residual at which an equilibrium counts as found.
         max_iterations: of Newton's method.
@@ -323,6 +327,7 @@ def march(
     if angle > 0.0:
         for a in range(3):
             turn[a] = direction[3 + a] / angle
+    at = np.sqrt(s - origin) if np.isfinite(origin) else s
     n = x.shape[1]
     # of the first point only the factors are wanted
     _aim(R_0, p_0, direction, turn, angle, s[0], to)
@@ -340,7 +345,7 @@ def march(
             weight = 1.0
             for other in range(order):
                 if other != k:
-                    weight *= (s[i] - s[i - 1 - other]) / (s[i - 1 - k] - s[i - 1 - other])
+                    weight *= (at[i] - at[i - 1 - other]) / (at[i - 1 - k] - at[i - 1 - other])
             for c in range(n):
                 x[i, c] += weight * x[i - 1 - k, c]
             for c in range(6):

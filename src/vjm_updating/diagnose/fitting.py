@@ -62,10 +62,12 @@ class Held:
     """A machine whose tables serve for others near by.
 
     Attributes:
-        at: its own nuisances ``(m,)``.
+        own: indices of the coordinates that make it another one.
+        at: their values ``(m,)``.
         slopes: derivatives ``(n, 6, m)`` of the raw residuals by them, which lead on to the others.
     """
 
+    own: Sequence[int]
     at: Array
     slopes: Array
 
@@ -116,16 +118,16 @@ class Fitter:
             beside: see `vjm_updating.diagnose.forward.Forward.evaluate`.
             held: a machine near by whose tables are to serve; exact without.
         """
-        own, made = self.of_machine, z
+        made = z
         if held is not None:
             made = z.copy()
-            made[own] = held.at
+            made[held.own] = held.at
         try:
             at = self.forward.evaluate(found, made, hypothesis, beside)
         except (NoConvergenceError, ValueError, np.linalg.LinAlgError):
             return None
         if held is not None:
-            change = np.nan_to_num(held.slopes) @ (z[own] - held.at)
+            change = np.nan_to_num(held.slopes) @ (z[held.own] - held.at)
             at = replace(at, z=z, residual=at.residual + np.where(self.whitening.present, change, 0.0))
         return at if np.isfinite(at.residual).all() else None
 
@@ -161,11 +163,14 @@ class Fitter:
         machine: Sequence[int],
         held: Held | None = None,
     ) -> None:
-        """Make derivatives ``J`` (n, 6, n_z) anew: by instruments, effects, and those of the ``machine`` named."""
+        """Make derivatives ``J`` (n, 6, n_z) anew: by instruments, effects, and those of the ``machine`` named.
+
+        Those by what a machine ``held`` is made of stay.
+        """
         for i, c in enumerate(found):
             if c.kind in ("zero", "scale"):
                 self._instrument(J, i, c, at)
-            elif c.kind == "effect" or i in machine:
+            elif i in machine or (c.kind == "effect" and (held is None or i not in held.own)):
                 J[:, :, i] = self._difference(found, at, hypothesis, i, held)
         present = self.forward.observed.present
         J[...] = np.where(present[:, :, None], np.nan_to_num(J), 0.0)

@@ -84,6 +84,12 @@ def release_key(effect: Effect) -> tuple[str, str] | None:
     return None
 
 
+def remakes(effect: Effect) -> bool:
+    """Whether an effect's parameters make the machine another one, or the ways on which it is taken."""
+    own = type(effect)
+    return release_key(effect) is None and (own.machine is not Effect.machine or own.imposed is not Effect.imposed)
+
+
 def sizeless(effect: Effect) -> bool:
     """Whether an effect either is or is not, as a spring that is split."""
     return release_key(effect) is None and not effect.quantities()

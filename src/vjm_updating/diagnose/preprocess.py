@@ -164,9 +164,9 @@ def _fitted(fitter: Fitter, *near: Array) -> Fit:
     if null is None:
         raise NoConvergenceError("the nominal machine has no equilibrium at the readings")
     for start in near:
-        other = best_fit(fitter, (), start, [])
+        other = best_fit(fitter, (), start, [], borrowed=fitter.machine_slopes(null))
         if other is not None and other.objective < null.objective - 0.5:
-            null = other
+            null = best_fit(fitter, (), other.at.z, []) or other
     return null
 
 

@@ -118,7 +118,7 @@ def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Sig
     own, held = fitter.of_machine, None
     if float(np.abs(base.at.z[own]).max(initial=0.0)) < ORDINARY:
         # what the machine's own nuisances do beside the effect cancels: the nominal machine's tables serve all fits
-        held = Held(np.zeros(len(own)), fitter.machine_slopes(base))
+        held = Held(own, np.zeros(len(own)), fitter.machine_slopes(base))
     here = fitter.evaluate(base.found, base.at.z, base.hypothesis, held=held) or base.at
     for effect in effects:
         if release_key(effect) is not None:

@@ -1,7 +1,7 @@
-"""The best coordinates of a hypothesis: Gauss-Newton within a trust region of the machine's own nuisances.
+"""The best coordinates of a hypothesis: Gauss-Newton within a trust region of what makes the machine another one.
 
 A machine's equilibria are traced into tables, which is what a prediction costs. So each round is two: first the
-best coordinates with the tables of one machine, from where the machine's nuisances lead on by their slopes; then
+best coordinates with the tables of one machine, from where what makes it another one leads on by its slopes; then
 the tables there, which tell how far those slopes can be trusted (Conn, Gould and Toint 2000, section 6.1).
 """
 
@@ -16,7 +16,7 @@ from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit, Fitter, Held
 from vjm_updating.diagnose.forward import Evaluation
 from vjm_updating.diagnose.normal_equations import bounded_step, inverse
-from vjm_updating.diagnose.parameters import Coordinate, Hypothesis, coordinates, start
+from vjm_updating.diagnose.parameters import Coordinate, Hypothesis, coordinates, of_effect, remakes, start
 
 ROUNDS, STEPS, HALVINGS = 25, 20, 6
 """Rounds at most, steps of Gauss-Newton in each, and dampings that are tried for a step."""
@@ -48,6 +48,7 @@ class Descent:
         at: the readings where it is, by tables of their own.
         J: derivatives ``(n, 6, n_z)`` of the raw residuals.
         worth: squares there.
+        own: indices of the coordinates that make the machine another one.
     """
 
     fitter: Fitter
@@ -56,11 +57,12 @@ class Descent:
     at: Evaluation
     J: Array
     worth: float
+    own: Sequence[int]
 
     def round(self, radius: float) -> tuple[Evaluation, Array, float]:
         """The best by this machine's tables, within a radius: where, with which slopes and squares."""
-        fitter, own = self.fitter, self.fitter.of_machine
-        held = Held(self.at.z[own].copy(), self.J[:, :, own].copy())
+        fitter, own = self.fitter, self.own
+        held = Held(own, self.at.z[own], self.J[:, :, own])
         low, high = (np.array([getattr(c, end) for c in self.found]) for end in ("low", "high"))
         far = radius * (1.0 + np.abs(held.at))
         low[own], high[own] = np.maximum(low[own], held.at - far), np.minimum(high[own], held.at + far)
@@ -109,7 +111,7 @@ class Descent:
 
     def _learn(self, J: Array, before: Evaluation, at: Evaluation) -> None:
         """What a step tells of the effects' slopes: Broyden's update."""
-        own = np.array([c.kind == "effect" for c in self.found])
+        own = np.array([c.kind == "effect" and i not in self.own for i, c in enumerate(self.found)])
         move = np.where(own, at.z - before.z, 0.0)
         size = float(move @ move)
         if size > 0.0:
@@ -139,16 +141,17 @@ def best_fit(
         target: squares worth reaching; a fit that will hardly come so far is given up.
     """
     found = coordinates(fitter.nuisances, hypothesis)
-    own = fitter.of_machine
     # what a hypothesis frees is its parameter, and no slope of another fit tells what it does
-    freed = [i for i in own if not np.isfinite(found[i].sigma)]
+    freed = [i for i in fitter.of_machine if not np.isfinite(found[i].sigma)]
+    made = [i for k, e in enumerate(hypothesis) if remakes(e) for i in of_effect(found, k)]
+    own = [*fitter.of_machine, *made]
     at = fitter.evaluate(found, start(found, hypothesis, nuisances, values), hypothesis)
     if at is None:
         return None
     J = fitter.slopes(found, at, hypothesis, borrowed)
     if borrowed is not None and freed:
         fitter.renew(J, found, at, hypothesis, freed)
-    now = Descent(fitter, hypothesis, found, at, J, fitter.squares(found, at))
+    now = Descent(fitter, hypothesis, found, at, J, fitter.squares(found, at), own)
     # whether all slopes are of this very place
     current, radius, converged = borrowed is None, 1.0, False
     for count in range(ROUNDS):
@@ -165,7 +168,7 @@ def best_fit(
                 current = False
             radius = radius * GROWS if fall >= GOOD * expected else radius
             if expected >= ENOUGH and fall < POOR * expected:
-                fitter.renew(now.J, found, exact, hypothesis, own)
+                fitter.renew(now.J, found, exact, hypothesis, fitter.of_machine)
                 current = True
         elif expected >= ROUNDING and current:
             radius *= SHRINKS
@@ -173,14 +176,14 @@ def best_fit(
                 break
             continue
         elif expected >= ROUNDING:
-            fitter.renew(now.J, found, now.at, hypothesis, own)
+            fitter.renew(now.J, found, now.at, hypothesis, fitter.of_machine)
             current = True
             continue
         if expected < (ENOUGH if fall > 0.0 else ROUNDING):
             if current or borrowed is not None:
                 converged = True
                 break
-            fitter.renew(now.J, found, now.at, hypothesis, own)
+            fitter.renew(now.J, found, now.at, hypothesis, fitter.of_machine)
             current = True
             continue
         if now.worth > target and count >= PATIENT:
@@ -188,5 +191,5 @@ def best_fit(
             if hopeless or count >= LOST:
                 break
     if borrowed is None and not current:
-        fitter.renew(now.J, found, now.at, hypothesis, own)
+        fitter.renew(now.J, found, now.at, hypothesis, fitter.of_machine)
     return Fit(hypothesis, tuple(found), now.at, now.J, fitter.objective(found, now.at), converged)

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from vjm.continuation.load_grid import MAX_ITERATIONS, trace_grid
+from vjm.continuation.load_grid import MAX_ITERATIONS, Turn, trace_grid
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
@@ -62,6 +62,7 @@ class Table:
         bifurcation: path parameter at which it changes its branch; infinite where it does not.
         problem: whose equilibria they are.
         stopped: why it ends before its end; empty where it does not.
+        turns: where it changes its branch.
         springs: what a beam's springs do along it, of those that have been asked for.
     """
 
@@ -73,6 +74,7 @@ class Table:
     bifurcation: float
     problem: LumpedProblem
     stopped: str
+    turns: tuple[Turn, ...] = ()
     springs: dict[str, Path] = field(default_factory=dict, compare=False)
 
     def at(self, s: Array) -> tuple[Array, Array]:
@@ -194,7 +196,7 @@ def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool) -> Table:
         # towards a bifurcation the stiffness across the ray has a pole
         near = table.bifurcation * (1.0 + np.concatenate([-NEAR, NEAR]))
         finer = np.unique(np.concatenate([finer, near[near < half.reach]]))
-    return table if np.array_equal(finer, grid) else _trace(problem, finer, loaded=bent)
+    return table if np.array_equal(finer, grid) else _trace(problem, finer, loaded=bent, known=table.turns)
 
 
 def _refined(table: Table) -> Array:
@@ -209,20 +211,20 @@ def _refined(table: Table) -> Array:
     return np.concatenate([*pieces, s[-1:]])
 
 
-def _trace(problem: LumpedProblem, grid: Array, *, loaded: bool) -> Table:
+def _trace(problem: LumpedProblem, grid: Array, *, loaded: bool, known: tuple[Turn, ...] = ()) -> Table:
     direction = problem.load_case.direction
     if loaded:
         s, x, F, K, stopped = _trace_loaded(problem, grid)
-        bifurcation = np.inf
+        turns: tuple[Turn, ...] = ()
     else:
-        path = trace_grid(problem, grid)
-        s, x, F, K, stopped = path.s, path.x, path.wrench, path.stiffness, path.stopped
-        bifurcation = min(path.bifurcations, default=np.inf)
+        path = trace_grid(problem, grid, known)
+        s, x, F, K, stopped, turns = path.s, path.x, path.wrench, path.stiffness, path.stopped, path.turns
+    bifurcation = min((turn.s for turn in turns), default=np.inf)
     keep = np.isfinite(K).all(axis=(1, 2))
     s, x, F, K = s[keep], x[keep], F[keep], K[keep]
     if len(s) < 2:
         raise NoConvergenceError(f"posture {problem.load_case.posture}: no equilibrium was found: {stopped}")
-    return Table(s, F, K @ direction, K, x, bifurcation, problem, stopped)
+    return Table(s, F, K @ direction, K, x, bifurcation, problem, stopped, turns)
 
 
 def _trace_loaded(problem: LumpedProblem, grid: Array) -> tuple[Array, Array, Array, Array, str]:

@@ -135,3 +135,15 @@ def test_asymmetry_has_a_stiffness_in_each_direction(machine):
     # the factors are exact: rounding alone, 4e-15
     assert 1.0 / stiff - link == pytest.approx((1.0 / k - link) / 1.1, rel=1e-12)
     assert 1.0 / soft - link == pytest.approx((1.0 / k - link) * 1.1, rel=1e-12)
+
+
+@pytest.mark.parametrize(("length", "reach"), [(12.6, 3.072), (0.0, 8.0)])
+def test_table_stays_on_its_branch_behind_a_bifurcation(machine, length, reach):
+    table = tabulate(machine.longer("link", length), HalfRay("A", BACK, reach), pulls=False)
+    behind = table.s > table.bifurcation
+    assert table.s[-1] == reach
+    # the coordinate that moves farthest tells the two mirrored branches apart
+    moved = table.x[behind] - table.x[~behind][-1]
+    side = moved[:, np.argmax(np.abs(moved).max(axis=0))]
+    assert behind.sum() > 10
+    assert np.all(side * side[0] > 0.0)
