@@ -58,15 +58,6 @@ def _amplitude(v: float, bow: float) -> float:
 
 
 @kernel
-def _weights(step: float, time: float) -> tuple[float, float, float]:
-    """Of the memory before, and of both ends of a ramp over a step, the last one's first."""
-    ratio = step / time
-    decay = np.exp(-ratio)
-    end = 0.5 * ratio if ratio < 1e-6 else 1.0 - (1.0 - decay) / ratio
-    return decay, end, 1.0 - decay - end
-
-
-@kernel
 def _between(S: Array, start: int, end: int, critical: float, s: float) -> tuple[int, int, float, float, float]:
     """Where a place lies in a path.
 
@@ -74,8 +65,8 @@ def _between(S: Array, start: int, end: int, critical: float, s: float) -> tuple
         The node before it; the first one behind the bifurcation, or the last; w, one before a bifurcation; the
         weights of the second node for reactions and for motions.
     """
-    i = start + min(max(np.searchsorted(S[start:end], s, side="right") - 1, 0), end - start - 2)
-    m = start + min(np.searchsorted(S[start:end], critical), end - start - 1)
+    i = start + min(max(int(np.searchsorted(S[start:end], s, side="right")) - 1, 0), end - start - 2)
+    m = start + min(int(np.searchsorted(S[start:end], critical)), end - start - 1)
     across = S[i] < critical <= S[i + 1]
     if s < critical:
         t = 0.0 if across else (s - S[i]) / (S[i + 1] - S[i])
