@@ -19,6 +19,7 @@ from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.friction_loop import friction_torques
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.path_table import HalfRay, Sheaf, Table, tabulate
+from vjm_updating.mechanisms.relaxation import OnRay, Relaxation, relaxed
 from vjm_updating.mechanisms.series_elements import Element, balance
 
 MARGIN = 1.05
@@ -26,7 +27,7 @@ MARGIN = 1.05
 KEPT = 600
 """Tables that are kept."""
 ROUNDS = 3
-"""Of friction and elements in turn."""
+"""Of friction, relaxation and elements in turn."""
 
 
 @dataclass(frozen=True)
@@ -128,9 +129,12 @@ class Forward:
         look, tables = self._lookup(machine, own if beside is None else _own(found, beside, hypothesis), place)
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
         limit = sum((np.asarray(effect.friction(v)) for effect, v in own), np.zeros(1))
+        histories = [self._relaxation(tables, r) for e, v in own if (r := e.relaxation(machine, v)) is not None]
         if limit.any():
             presliding = max(effect.presliding(v) for effect, v in own)
-            wrench, stiffness = self._with_friction(look, tables, place, elements, limit, presliding)
+            histories.append(lambda u: self._friction(tables, u, limit, presliding))
+        if histories:
+            wrench, stiffness = self._with_history(look, place, elements, histories)
         else:
             found_ = balance(look, place, elements, observed.history)
             wrench, stiffness = found_.wrench, found_.stiffness
@@ -156,7 +160,7 @@ class Forward:
 
     def _lookup(
         self, machine: ModifiedChain, own: Sequence[tuple[Effect, Sequence[float]]], place: Array
-    ) -> tuple[Callable[[Array], tuple[Array, Array]], list[tuple[np.ndarray, Array, Table, Table]]]:
+    ) -> tuple[Callable[[Array], tuple[Array, Array]], list[OnRay]]:
         """Wrench and stiffness by displacement, and the rays' tables of both signs."""
         groups: dict[tuple[str, tuple[float, ...], int, int], list[int]] = {}
         for number, ray in enumerate(self.observed.rays):
@@ -218,37 +222,30 @@ class Forward:
             self._known_pulls[key] = bool(table.wrench[-1, :3] @ machine.line(posture) > 0.0)
         return self._known_pulls[key]
 
-    def _with_friction(
+    def _with_history(
         self,
         look: Callable[[Array], tuple[Array, Array]],
-        tables: Sequence[tuple[np.ndarray, Array, Table, Table]],
         place: Array,
         elements: Sequence[Element],
-        limit: Array,
-        presliding: float,
+        histories: Sequence[Callable[[Array], Array]],
     ) -> tuple[Array, Array]:
-        """The equilibrium with friction, whose torques follow from the chain's own displacements."""
-        observed = self.observed
-        extra = np.zeros((len(place), 6))
+        """The equilibrium with wrenches that follow from the history of the chain's own displacements."""
         own = place
         for _ in range(ROUNDS if elements else 1):
-            extra = self._friction(tables, own, limit, presliding)
+            extra = np.sum([history(own) for history in histories], axis=0)
 
             def with_extra(u: Array, extra: Array = extra) -> tuple[Array, Array]:
                 W, K = look(u)
                 return W + extra, K
 
-            found = balance(with_extra, place, elements, observed.history)
+            found = balance(with_extra, place, elements, self.observed.history)
             own = found.pose
         return found.wrench, found.stiffness
 
-    def _friction(
-        self,
-        tables: Sequence[tuple[np.ndarray, Array, Table, Table]],
-        own: Array,
-        limit: Array,
-        presliding: float,
-    ) -> Array:
+    def _relaxation(self, tables: Sequence[OnRay], relaxation: Relaxation) -> Callable[[Array], Array]:
+        return lambda own: relaxed(tables, own, self.observed.history, relaxation)
+
+    def _friction(self, tables: Sequence[OnRay], own: Array, limit: Array, presliding: float) -> Array:
         n = len(own)
         joints = len(tables[0][2].problem.model.passive)
         free, give, bear = np.zeros((n, joints)), np.zeros((n, joints, joints)), np.zeros((n, 6, joints))

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vjm.model.chain import FOOT
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
-from vjm_updating.mechanisms.element_sites import drive, foot
+from vjm_updating.mechanisms.element_sites import drive
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, foot_of, link_of
-from vjm_updating.mechanisms.series_elements import AlongLine, Element, Place, retarded, together
+from vjm_updating.mechanisms.relaxation import Relaxation
+from vjm_updating.mechanisms.series_elements import Element, retarded, together
 
 LATER = 6.0
 """Time of the slow term over that of the fast one: materials relax over decades of time, which two terms cover."""
@@ -55,25 +57,22 @@ class Creep(Effect):
         return [(0.03, time, 0.25) for time in times]
 
     def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
-        """One element: of two terms, both behind the part's own spring."""
+        """The drive's, of two terms behind its own spring: a spring on an axis, so that this is exact."""
+        if self.part != "actuator":
+            return ()
         fraction, time, slow = values
-        gain = fraction / (1.0 - fraction)
+        gain = self.compliance * fraction / (1.0 - fraction)
         delay = time / (1.0 - fraction)
-        compliance = 1.0
-        place: Place = AlongLine()
-        if self.part == "foot":
-            place = foot(machine)
-        elif self.part == "actuator":
-            place, compliance = drive(machine), self.compliance
-        else:
-            chain = machine.chain()
-            beam = beam_of(chain, link_of(chain))
-            compliance = beam.length / beam.effective_section().EA
-        terms = together(
-            retarded((1.0 - slow) * gain * compliance, delay),
-            retarded(slow * gain * compliance, LATER * delay),
-        )
-        return (Element(place, terms, smooth=True),)
+        terms = together(retarded((1.0 - slow) * gain, delay), retarded(slow * gain, LATER * delay))
+        return (Element(drive(machine), terms, smooth=True),)
+
+    def relaxation(self, machine: ModifiedChain, values: Sequence[float]) -> Relaxation | None:
+        """A beam's, which bends as well."""
+        if self.part == "actuator":
+            return None
+        fraction, time, slow = values
+        part = FOOT if self.part == "foot" else link_of(machine.nominal)
+        return Relaxation(part, ((1.0 - slow) * fraction, slow * fraction), (time, LATER * time))
 
 
 def effects(scene: Scene) -> list[Effect]:

@@ -17,6 +17,7 @@ from vjm.model.chain import Chain
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.relaxation import Relaxation
 from vjm_updating.mechanisms.series_elements import Element
 
 
@@ -122,6 +123,10 @@ class Effect:
     def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
         """Elements in series with the machine."""
         return ()
+
+    def relaxation(self, machine: ModifiedChain, values: Sequence[float]) -> Relaxation | None:
+        """Which beam's stress relaxes, how much of it and how fast."""
+        return None
 
     def friction(self, values: Sequence[float]) -> Array | float:
         """Friction torque of the passive joints ``(n_q,)``, N mm; one number where all have the same."""

@@ -7,7 +7,7 @@ is a cubic in the root of the distance, as the branch itself is. Off the ray the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE
 from vjm_updating.mechanisms.history_kernel import Packed, interpolated, looked_up
 from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, ModifiedChain, bowed
+from vjm_updating.mechanisms.relaxation_kernel import Path
 
 NODES = 16
 """Equilibria along half a ray, where its tangents hardly turn."""
@@ -62,6 +63,7 @@ class Table:
         problem: whose equilibria they are.
         stopped: why it ends before its end; empty where it does not.
         turns: where it changes its branch.
+        springs: what a beam's springs do along it, of those that have been asked for.
     """
 
     s: Array
@@ -73,6 +75,7 @@ class Table:
     problem: LumpedProblem
     stopped: str
     turns: tuple[Turn, ...] = ()
+    springs: dict[str, Path] = field(default_factory=dict, compare=False)
 
     def at(self, s: Array) -> tuple[Array, Array]:
         """Wrenches ``(k, 6)`` and stiffnesses ``(k, 6, 6)``; straight on beyond the ends."""

@@ -80,6 +80,7 @@ def test_trials_lie_within_the_bounds_and_act():
         acts = (
             effect.machine(machine, trial) != machine
             or effect.elements(machine, trial)
+            or effect.relaxation(machine, trial)
             or np.any(effect.friction(trial))
             or not np.array_equal(effect.imposed(pose, trial), pose)
         )
