@@ -160,9 +160,13 @@ class Search:
             ranked = self.tried[ranked.labels]
         return ranked
 
-    def singles(self) -> list[Move]:
-        """Every cause alone, to first order."""
-        return self._forward(self.tried[frozenset()])
+    def singles(self) -> list[float]:
+        """Criterion of every cause alone: of its fit where there is one, else to first order."""
+        null = frozenset[str]()
+        lower = self.tried[null].criterion - self.known[null].criterion if self.known else 0.0
+        fitted = {labels: r.criterion + lower for labels, r in self.known.items()}
+        fitted |= {labels: r.criterion for labels, r in self.tried.items()}
+        return [fitted.get(move.labels, move.promise) for move in self._forward(self.tried[null])]
 
     def _significant(self, ranked: Ranked) -> bool:
         """Whether what causes explain is rare without any, over the whole catalogue."""

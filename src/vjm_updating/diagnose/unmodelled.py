@@ -1,9 +1,10 @@
 """The hypothesis that a cause acts which no catalogue has: shapes without a name, each kind of its own size.
 
 What the sheet's tolerances leave is then noise and zero-mean Gaussian shapes: smooth ones along the ramp, in time,
-while held, between the ways, and sudden ones (`vjm_updating.diagnose.residual_basis`). Some one kind in some one
-channel is expected to act; of its size nothing is known, and it is integrated out. What remains is an evidence like
-any cause's, so that nothing but the posterior says whether a cause is named.
+while held, between the ways, and sudden ones (`vjm_updating.diagnose.residual_basis`), in one channel, or in all
+where something gives way along the displacement. Some one kind is expected to act; of its size nothing is known, and
+it is integrated out. What remains is an evidence like any cause's, so that nothing but the posterior says whether a
+cause is named.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.model_adequacy import blocks_of
-from vjm_updating.diagnose.screening import projection
+from vjm_updating.diagnose.residual_basis import smooth_shapes
+from vjm_updating.diagnose.screening import Projection, projection
 from vjm_updating.diagnose.whitening import weighed
 
 SIZES = np.geomspace(0.5, 500.0, 40)
@@ -33,7 +35,8 @@ def unmodelled(fitter: Fitter, null: Fit) -> float:
     own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, null.at))
     space = projection(own, null)
     beyond = np.eye(len(space.residual))[:, sorted(set(space.released.values()))]
-    kinds = [block.directions for block in blocks_of(own, space)] + [d[:, None] for d in space.rest(beyond).T]
+    kinds = [*_given_way(own, null, space), *(block.directions for block in blocks_of(own, space))]
+    kinds += [column[:, None] for column in space.rest(beyond).T]
     known = np.zeros((len(space.residual), 0))
     found = []
     for directions in kinds:
@@ -44,6 +47,24 @@ def unmodelled(fitter: Fitter, null: Fit) -> float:
         if U.shape[1]:
             found.append((U.shape[1], float(np.sum((U.T @ space.residual) ** 2))))
     return sum(kind_present(dimension, squares, 1.0 / (1 + len(found))) for dimension, squares in found)
+
+
+def _given_way(fitter: Fitter, null: Fit, space: Projection) -> list[Array]:
+    """What the readings show where something gives way along the displacement, by kinds of smooth shapes."""
+    observed = fitter.forward.observed
+    along = np.zeros((len(observed.pose), 6))
+    for ray in observed.rays:
+        along[ray.index] = ray.direction
+    force = np.einsum("nij,nj->ni", null.at.stiffness, along)
+    shapes, names = smooth_shapes(observed)
+    raw = fitter.whitening.flat(np.where(observed.present, force, 0.0)[:, :, None] * shapes[:, None, :])
+    columns = space.rest(np.vstack([raw, np.zeros((len(space.residual) - space.rows, raw.shape[1]))]))
+    size = np.linalg.norm(columns, axis=0)
+    seen = size > OVERLAP * np.linalg.norm(raw, axis=0)
+    kinds: dict[str, list[int]] = {}
+    for i in np.flatnonzero(seen):
+        kinds.setdefault(names[i].partition(": ")[2], []).append(int(i))
+    return [columns[:, own] / size[own] for own in kinds.values()]
 
 
 def kind_present(dimension: int, squares: float, chance: float) -> float:

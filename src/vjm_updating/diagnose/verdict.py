@@ -51,18 +51,18 @@ class Verdict:
 def judge(search: Search, best: Ranked) -> Verdict:
     """The verdict on a search's best hypothesis."""
     fitter = search.fitter
-    best = search.settled(best)
-    rest = search.rest(best.fit)
     # among as many causes as the catalogue has
     choice = 2.0 * float(np.log(len({effect.cause for effect in search.effects}) or 1))
     strange = search.null.objective + unmodelled(fitter, search.null) + choice
+    best = _settled(search, best, strange)
+    rest = search.rest(best.fit)
     if best.labels:
         for near in [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]:
             search.settled(near)
     weights = _weights(search, best)
     unknown = float(expit(0.5 * (best.criterion - strange)))
-    if unknown > 0.5:
-        return Verdict("unknown", (), (), confidence(unknown), _others(weights, []), rest)
+    if unknown > 0.5 or (best.labels and not best.fit.converged):
+        return Verdict("unknown", (), (), confidence(max(0.5, unknown)), _others(weights, []), rest)
     if not best.labels:
         return Verdict("none", (), (), confidence(surely_nothing(search, strange)), _others(weights, [best]), rest)
     rivals: list[Ranked] = []
@@ -96,6 +96,19 @@ def judge(search: Search, best: Ranked) -> Verdict:
         rest,
         tuple(places),
     )
+
+
+def _settled(search: Search, best: Ranked, strange: float) -> Ranked:
+    """The best hypothesis whose fit has come to an end, for of another there is no evidence; else the best."""
+    found = search.settled(best)
+    if found.fit.converged or not found.labels:
+        return found
+    for other in sorted(search.tried.values(), key=lambda r: r.criterion):
+        if other.labels and other.labels != best.labels and other.criterion < strange:
+            other = search.settled(other)
+            if other.fit.converged:
+                return other
+    return found
 
 
 def proved(verdict: Verdict, before: float, after: float, expected: float) -> Verdict:
@@ -145,13 +158,13 @@ def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:
 
 
 def surely_nothing(search: Search, strange: float) -> float:
-    """Posterior probability that there is nothing, beside single causes to first order and unknown ones.
+    """Posterior probability that there is nothing, beside single causes and unknown ones.
 
     Args:
         search: that found nothing.
         strange: criterion of an unknown cause.
     """
-    others = np.array([*(move.promise for move in search.singles()), strange])
+    others = np.array([*search.singles(), strange])
     null = search.tried[frozenset()].criterion
     return float(1.0 / (1.0 + np.sum(np.exp(-0.5 * (others - null)))))
 

@@ -12,7 +12,7 @@ import pytest
 
 from vjm.io.model_file import load_chain
 from vjm_updating.diagnose.command import DOCUMENT, MODEL, PAGE, diagnose
-from vjm_updating.diagnose.verdict import SUREST_CAUSE
+from vjm_updating.diagnose.verdict import confidence
 from vjm_validation.cli.main import run as run_command
 
 SCHEMA = Path(__file__).parents[3] / "docs/schemas/diagnosis.schema.json"
@@ -47,7 +47,7 @@ def test_friction_is_found_and_its_files_hold_it(make, tmp_path, monkeypatch):
     # nine of ten intervals of 3 sigma are wider than any of these errors
     assert abs(torque["value"] - 900.0) < 3.5 * torque["std"]
     # as sure as a name can be
-    assert found["confidence"] == SUREST_CAUSE
+    assert found["confidence"] == pytest.approx(confidence(1.0), rel=1e-6)
     gain = found["gain"]
     assert gain["split"] == "postures"
     assert gain["rmse_after"] < gain["rmse_before"]

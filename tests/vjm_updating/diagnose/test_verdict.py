@@ -60,9 +60,8 @@ def test_what_was_held_out_counts_where_a_right_model_would_do_better(after, exp
 
 def test_nothing_is_less_sure_the_nearer_another_comes():
     def sure(*promises, strange=200.0):
-        singles = [SimpleNamespace(promise=promise) for promise in promises]
         null = {frozenset(): SimpleNamespace(criterion=100.0)}
-        return surely_nothing(SimpleNamespace(singles=lambda: singles, tried=null), strange)
+        return surely_nothing(SimpleNamespace(singles=lambda: list(promises), tried=null), strange)
 
     assert sure() == pytest.approx(1.0)
     # one that is as good, and three
