@@ -2,9 +2,9 @@
 
 What the sheet's tolerances leave is then noise and zero-mean Gaussian shapes: smooth ones along the ramp, in time,
 while held, between the ways, and sudden ones (`vjm_updating.diagnose.residual_basis`), in one channel, or in all
-where something gives way along the displacement. Some one kind is expected to act; of its size nothing is known, and
-it is integrated out. What remains is an evidence like any cause's, so that nothing but the posterior says whether a
-cause is named.
+where something gives way along the displacement. Some one kind is expected to act; of its size nothing is known,
+and it is integrated out. What remains is an evidence like any cause's, so that nothing but the posterior says
+whether a cause is named.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ AS_LIKELY = 0.1
 """Probability over the likeliest's from which on a place counts as possible."""
 BY_CHANCE = 2.0
 """Times a right model's expected error that its error may be: readings held out together are wrong together."""
-OFFSET, SLOPE = 0.0, 1.0
+OFFSET, SLOPE = 0.8, 0.13
 """Of the logarithm of the odds that a verdict is right over that of its posterior's (docs/hidden-effects.md)."""
 
 
