@@ -1,4 +1,4 @@
-"""Every case of the ladder on one mesh of every engine; the whole ladder, orders and all, is run by `validate all`."""
+"""Every case of the ladder on one mesh of every engine; the whole ladder, with orders, is run by `validate all`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vjm_validation.verification.runner import answered
 
 ITEMS = [(case, family) for case in library() for family in case.file.engines if family in ("vjm", "exudyn")]
 COARSE = 0.02
-"""Relative error of a coarsest mesh at most; four elements of a column with springs at its ends have the most, 0.016."""
+"""Relative error of a coarsest mesh at most; four elements of a column with springs at its ends have 0.016."""
 
 
 @pytest.mark.parametrize(
