@@ -2,9 +2,9 @@
 
 What the sheet's tolerances leave is then noise and zero-mean Gaussian shapes: smooth ones along the ramp, in time,
 while held, between the ways, and sudden ones (`vjm_updating.diagnose.residual_basis`), in one channel, or in all
-where something gives way along the displacement. Some one kind is expected to act; of its size nothing is known,
-and it is integrated out. What remains is an evidence like any cause's, so that nothing but the posterior says
-whether a cause is named.
+where something gives way along the displacement, or rough. Some one kind is expected to act; of its size nothing
+is known, and it is integrated out. What remains is an evidence like any cause's, so that nothing but the posterior
+says whether a cause is named.
 """
 
 from __future__ import annotations
@@ -46,6 +46,9 @@ def unmodelled(fitter: Fitter, null: Fit) -> float:
         known = np.column_stack([known, U])
         if U.shape[1]:
             found.append((U.shape[1], float(np.sum((U.T @ space.residual) ** 2))))
+    # and what is rough has no shape at all
+    left = len(space.residual) - space.basis.shape[1] - known.shape[1]
+    found.append((left, float(space.residual @ space.residual) - sum(squares for _, squares in found)))
     return sum(kind_present(dimension, squares, 1.0 / (1 + len(found))) for dimension, squares in found)
 
 

@@ -40,6 +40,8 @@ def test_shapes_are_likelier_than_noise_only_where_they_are(make, tmp_path, monk
 
     # noise speaks against them, a wave of four standard deviations for them, and ten times as large more so
     assert change(0.0) > 0.0 > change(8.0) > change(80.0)
+    # nor need there be a shape: noise three times as large as the sheet says
+    assert change(2.0 * 3.0 * np.random.default_rng(1).standard_normal(len(place)) / np.sin(20.0 * place)) < 0.0
 
 
 @pytest.mark.parametrize("z", [-30.0, -2.0, -0.1, 0.0, 0.3, 5.0])
