@@ -14,10 +14,11 @@ from dataclasses import replace
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.diagnose.discrepancy import softened
 from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.model_adequacy import blocks_of
 from vjm_updating.diagnose.residual_basis import smooth_shapes
-from vjm_updating.diagnose.screening import Projection, projection
+from vjm_updating.diagnose.screening import Projection
 from vjm_updating.diagnose.whitening import weighed
 
 SIZES = np.geomspace(0.5, 500.0, 40)
@@ -27,15 +28,21 @@ OVERLAP = 0.05
 """Singular value below which a direction belongs to the kinds before."""
 
 
-def unmodelled(fitter: Fitter, null: Fit) -> float:
-    """What shapes without a name add to the objective of the sheet's tolerances alone.
+def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0) -> float:
+    """What shapes without a name add to the criterion of a fit, beside which they act.
 
-    A nuisance that lies where its sheet does not let it be is one of the shapes.
+    A nuisance that lies where its sheet does not let it be is one of the shapes. What the laws of the fit's causes
+    may be wrong by is noise.
+
+    Args:
+        fitter: of the test.
+        fit: of the causes; of the sheet's tolerances alone.
+        law_error: relative error of the causes' laws, standard deviation.
     """
-    own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, null.at))
-    space = projection(own, null)
+    own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, fit.at))
+    space = softened(own, fit, law_error)
     beyond = np.eye(len(space.residual))[:, sorted(set(space.released.values()))]
-    kinds = [*_given_way(own, null, space), *(block.directions for block in blocks_of(own, space))]
+    kinds = [*_given_way(own, fit, space), *(block.directions for block in blocks_of(own, space))]
     kinds += [column[:, None] for column in space.rest(beyond).T]
     known = np.zeros((len(space.residual), 0))
     found = []
@@ -52,13 +59,13 @@ def unmodelled(fitter: Fitter, null: Fit) -> float:
     return sum(kind_present(dimension, squares, 1.0 / (1 + len(found))) for dimension, squares in found)
 
 
-def _given_way(fitter: Fitter, null: Fit, space: Projection) -> list[Array]:
+def _given_way(fitter: Fitter, fit: Fit, space: Projection) -> list[Array]:
     """What the readings show where something gives way along the displacement, by kinds of smooth shapes."""
     observed = fitter.forward.observed
     along = np.zeros((len(observed.pose), 6))
     for ray in observed.rays:
         along[ray.index] = ray.direction
-    force = np.einsum("nij,nj->ni", null.at.stiffness, along)
+    force = np.einsum("nij,nj->ni", fit.at.stiffness, along)
     shapes, names = smooth_shapes(observed)
     raw = fitter.whitening.flat(np.where(observed.present, force, 0.0)[:, :, None] * shapes[:, None, :])
     columns = space.rest(np.vstack([raw, np.zeros((len(space.residual) - space.rows, raw.shape[1]))]))

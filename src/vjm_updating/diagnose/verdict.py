@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import expit, logit
 
 from vjm_updating.diagnose.equivalence_classes import best_verdict
+from vjm_updating.diagnose.evidence import RARER
 from vjm_updating.diagnose.model_adequacy import Misfit
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import RIVAL, Search
@@ -60,6 +61,10 @@ def judge(search: Search, best: Ranked) -> Verdict:
         for near in [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]:
             search.settled(near)
     weights = _weights(search, best)
+    if best.labels:
+        # or one acts beside the causes found
+        further = unmodelled(fitter, best.fit, search.costs.law_error) + choice + RARER
+        strange = min(strange, best.criterion + further)
     unknown = float(expit(0.5 * (best.criterion - strange)))
     if unknown > 0.5 or (best.labels and not best.fit.converged):
         return Verdict("unknown", (), (), confidence(max(0.5, unknown)), _others(weights, []), rest)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.stats import halfnorm, multivariate_normal
+from scipy.stats import multivariate_normal, truncnorm
 
 from vjm_updating.diagnose.discrepancy import NODES, WEIGHTS, Softened, costs, integrated, response
 from vjm_updating.diagnose.evidence import LAW_ERROR
@@ -17,6 +17,8 @@ from vjm_updating.diagnose.test_data import observe
 from vjm_updating.experiment import read_measurement
 
 ROWS = 12
+END = 1.6
+"""Relative errors over their scale at which the prior ends."""
 
 
 def drawn(seed: int, number: int = 3):
@@ -27,10 +29,11 @@ def drawn(seed: int, number: int = 3):
 
 
 def test_the_rule_integrates_the_prior():
-    # nine nodes: a per cent of evidence is a hundredth of what counts
-    assert WEIGHTS.sum() == pytest.approx(1.0, abs=0.02)
-    second = float(WEIGHTS @ NODES**2)
-    assert second == pytest.approx(1.0, abs=0.05)
+    # a half-normal one that ends where the last node's cell does
+    prior = truncnorm(0.0, END)
+    assert WEIGHTS.sum() == pytest.approx(1.0, rel=1e-12)
+    # eight cells of a smooth density: a per cent of evidence is a hundredth of what counts
+    assert float(WEIGHTS @ NODES**2) == pytest.approx(prior.moment(2), rel=0.01)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -51,9 +54,9 @@ def test_its_size_is_integrated_out(seed):
     def density(relative):
         variance = (relative * sizes) ** 2
         cost = np.sum(np.log1p(variance) - along**2 * variance / (1.0 + variance))
-        return halfnorm(scale=LAW_ERROR).pdf(relative) * np.exp(-0.5 * cost)
+        return truncnorm(0.0, END, scale=LAW_ERROR).pdf(relative) * np.exp(-0.5 * cost)
 
-    exact = -2.0 * np.log(quad(density, 0.0, 6.0 * LAW_ERROR)[0])
+    exact = -2.0 * np.log(quad(density, 0.0, END * LAW_ERROR)[0])
     # a twentieth of a unit of the criterion moves no verdict
     assert integrated(sizes, along, LAW_ERROR) == pytest.approx(exact, abs=0.1)
 
