@@ -46,8 +46,8 @@ def test_friction_is_found_and_its_files_hold_it(make, tmp_path, monkeypatch):
     assert torque["value"] == pytest.approx(900.0, rel=0.15)
     # nine of ten intervals of 3 sigma are wider than any of these errors
     assert abs(torque["value"] - 900.0) < 3.5 * torque["std"]
-    # as sure as a name can be
-    assert found["confidence"] == pytest.approx(confidence(1.0), rel=1e-6)
+    # nearly as sure as a name can be: an unknown cause may act beside it
+    assert 0.8 < found["confidence"] < confidence(1.0)
     gain = found["gain"]
     assert gain["split"] == "postures"
     assert gain["rmse_after"] < gain["rmse_before"]
