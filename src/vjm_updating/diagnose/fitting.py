@@ -146,12 +146,15 @@ class Fitter:
             found: the hypothesis' coordinates.
             at: the readings there.
             hypothesis: its causes.
-            borrowed: those by the machine's nuisances ``(n, 6, m)``, of a fit near by; differentiated without.
+            borrowed: those by the machine's nuisances ``(n, 6, m)``, of a fit near by; differentiated without, and
+                where the hypothesis frees them.
         """
         J = np.zeros((len(at.place), 6, len(found)))
+        machine = self.of_machine
         if borrowed is not None:
-            J[:, :, self.of_machine] = borrowed
-        self.renew(J, found, at, hypothesis, [] if borrowed is not None else self.of_machine)
+            J[:, :, machine] = borrowed
+            machine = [i for i in machine if not np.isfinite(found[i].sigma)]
+        self.renew(J, found, at, hypothesis, machine)
         return J
 
     def renew(

@@ -149,8 +149,6 @@ def best_fit(
     if at is None:
         return None
     J = fitter.slopes(found, at, hypothesis, borrowed)
-    if borrowed is not None and freed:
-        fitter.renew(J, found, at, hypothesis, freed)
     now = Descent(fitter, hypothesis, found, at, J, fitter.squares(found, at), own)
     # whether all slopes are of this very place
     current, radius, converged = borrowed is None, 1.0, False
@@ -163,13 +161,13 @@ def best_fit(
         fall = now.worth - value
         if exact is not None and fall > 0.0 and (fall >= 0.1 * expected or expected < ROUNDING):
             now.at, now.J, now.worth = exact, J, value
-            if moved:
-                fitter.renew(now.J, found, exact, hypothesis, freed)
-                current = False
             radius = radius * GROWS if fall >= GOOD * expected else radius
             if expected >= ENOUGH and fall < POOR * expected:
                 fitter.renew(now.J, found, exact, hypothesis, fitter.of_machine)
                 current = True
+            elif moved:
+                fitter.renew(now.J, found, exact, hypothesis, freed)
+                current = False
         elif expected >= ROUNDING and current:
             radius *= SHRINKS
             if radius < SMALLEST:

@@ -49,7 +49,8 @@ def test_a_shape_far_off_is_rare_and_a_tolerance_far_off_impossible(z):
     found = [Coordinate("a", "effect", "0", 1.0, 0.5, 2.0), Coordinate("b", "zero", "fx_N", 1.0)]
     cost, slope = prior(found, np.array([z, z]))
     off = (z - 0.5) / 2.0
-    # minus twice the logarithm of Cauchy's density over that at its middle, and of Gauss'
+    # minus twice the logarithm of Cauchy's density over that at its middle, and of Gauss'; rounding, for the floor
+    # of a square beside the middle is 1e-12
     np.testing.assert_allclose(cost**2, [2.0 * np.log(1.0 + off**2), z**2], rtol=1e-9, atol=1e-9)
     ahead, back = (prior(found, np.array([z, z]) + h)[0] for h in (1e-6, -1e-6))
     # differences of a step h are wrong by some h² of a third derivative near one, and by rounding over h
