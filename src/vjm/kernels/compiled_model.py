@@ -10,6 +10,7 @@ from vjm.kernels.entry_points import (
     CONVERGED,
     SINGULAR,
     UNSTABLE,
+    correct,
     end_stiffness,
     load_forces,
     march,
@@ -113,8 +114,7 @@ class CompiledModel(StateSolver):
             ValueError: loads of the model grow with the ramp, turn with its bodies, or are moments.
             numpy.linalg.LinAlgError: the first point is a critical one.
         """
-        if len(self.arrays.turning) or self._ramped.any():
-            raise ValueError("a grid is marched under constant forces that keep their direction")
+        self._must_be_constant()
         self._apply_loads(0.0)
         g, n = len(s), len(x)
         X, F, K = np.empty((g, n)), np.empty((g, 6)), np.empty((g, 6, 6))
@@ -136,6 +136,44 @@ class CompiledModel(StateSolver):
             good, why, X[:done] * self.coordinate_unit, F[:done] * self.wrench_unit, K[:done], error[:done],
             iterations[:done],
         )  # fmt: skip
+
+    def correct(
+        self, pose: Array, direction: Array, s: Array, x: Array, wrench: Array, tolerance: float, most: int
+    ) -> tuple[Array, Array, Array, np.ndarray]:
+        """Equilibria at displacements of a ramp, each from a state near by, as of a model that differs a little.
+
+        Args:
+            pose: unloaded frame ``(4, 4)`` of the end-effector.
+            direction: displacement ``(6,)`` per unit of s.
+            s: ``(g,)``.
+            x: coordinates ``(g, n)`` to start from.
+            wrench: ``(g, 6)``.
+            tolerance: scaled residual.
+            most: Newton iterations at a point.
+
+        Returns:
+            Of the ``k ≤ g`` points before the first at which Newton's method fails: coordinates ``(k, n)``,
+            wrenches ``(k, 6)``, stiffnesses ``(k, 6, 6)``, and numbers of negative eigenvalues ``(k,)``.
+
+        Raises:
+            ValueError: as for `march`.
+        """
+        self._must_be_constant()
+        self._apply_loads(0.0)
+        X, F = x / self.coordinate_unit, wrench / self.wrench_unit
+        K, negative = np.empty((len(s), 6, 6)), np.zeros(len(s), dtype=np.int64)
+        found = correct(
+            *self.buffers, np.ascontiguousarray(pose[:3, :3]), pose[:3, 3] / self._length,
+            np.concatenate([direction[:3] / self._length, direction[3:]]), np.ascontiguousarray(s, dtype=float),
+            tolerance, most, X, F, K, negative,
+        )  # fmt: skip
+        self._forget()
+        K *= self.wrench_unit[:, None] * self.wrench_unit / self.energy
+        return X[:found] * self.coordinate_unit, F[:found] * self.wrench_unit, K[:found], negative[:found]
+
+    def _must_be_constant(self) -> None:
+        if len(self.arrays.turning) or self._ramped.any():
+            raise ValueError("a grid is marched under constant forces that keep their direction")
 
     def _remember(self, x: Array, wrench: Array, load: float) -> None:
         super()._remember(x, wrench, load)

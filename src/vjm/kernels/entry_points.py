@@ -363,3 +363,57 @@ def march(
         if error[i] > WELL_BELOW * tolerance:
             _newton_step(model, work, x[i], force[i])
     return CONVERGED, len(s)
+
+
+@entry
+def correct(
+    integers: Ints,
+    numbers: Floats,
+    work_integers: Ints,
+    work_numbers: Floats,
+    R_0: Floats,
+    p_0: Floats,
+    direction: Floats,
+    s: Floats,
+    tolerance: float,
+    max_iterations: int,
+    x: Floats,
+    force: Floats,
+    K: Floats,
+    negative: Ints,
+) -> int:
+    """Equilibria and stiffness at displacements, each from a state near by; nothing is said of stability between.
+
+    Args:
+        integers: see `vjm.kernels.packed_model.Buffers`.
+        numbers: likewise.
+        work_integers: likewise.
+        work_numbers: likewise.
+        R_0: ``(3, 3)`` and
+        p_0: ``(3,)`` the unloaded pose.
+        direction: ``(6,)`` displacement per unit of s.
+        s: ``(g,)`` the displacements.
+        tolerance: scaled residual at which an equilibrium counts as found.
+        max_iterations: of Newton's method.
+        x: ``(g, n)`` coordinates and
+        force: ``(g, 6)`` wrenches to start from, overwritten.
+        K: ``(g, 6, 6)`` loaded stiffness, written.
+        negative: ``(g,)`` numbers of negative eigenvalues, written.
+
+    Returns:
+        The number of points found: all, or those before the first that was not.
+    """
+    model = model_of(integers, numbers)
+    work = work_of(integers, work_integers, work_numbers)
+    to, turn = np.empty(12), np.zeros(3)
+    angle = np.sqrt(direction[3] ** 2 + direction[4] ** 2 + direction[5] ** 2)
+    if angle > 0.0:
+        for a in range(3):
+            turn[a] = direction[3 + a] / angle
+    for i in range(len(s)):
+        _aim(R_0, p_0, direction, turn, angle, s[i], to)
+        how, _, _, negative[i] = _newton(model, work, to, x[i], force[i], tolerance, max_iterations)
+        if how != CONVERGED:
+            return i
+        _end_stiffness(model, work, force[i], K[i])
+    return len(s)

@@ -118,12 +118,9 @@ class Fitter:
             beside: see `vjm_updating.diagnose.forward.Forward.evaluate`.
             held: a machine near by whose tables are to serve; exact without.
         """
-        made = z
-        if held is not None:
-            made = z.copy()
-            made[held.own] = held.at
+        near = None if beside is None else _made(beside, held)
         try:
-            at = self.forward.evaluate(found, made, hypothesis, beside)
+            at = self.forward.evaluate(found, _made(z, held), hypothesis, near)
         except (NoConvergenceError, ValueError, np.linalg.LinAlgError):
             return None
         if held is not None:
@@ -248,6 +245,15 @@ class Fitter:
         low, high = (np.array([getattr(c, end) for c in fit.found]) for end in ("low", "high"))
         b, z = self.system(fit.found, fit.at, fit.jacobian)[1], fit.at.z
         return np.where(z <= low, np.maximum(-b, 0.0), np.where(z >= high, np.maximum(b, 0.0), 0.0))
+
+
+def _made(z: Array, held: Held | None) -> Array:
+    """The coordinates ``(n_z,)`` whose tables serve: those of the machine held, where one is."""
+    if held is None:
+        return z
+    made = z.copy()
+    made[held.own] = held.at
+    return made
 
 
 def prior(found: Sequence[Coordinate], z: Array) -> tuple[Array, Array]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -18,7 +18,7 @@ from vjm_updating.experiment.rays import Ray
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.friction_loop import friction_torques
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.path_table import HalfRay, Sheaf, Table, tabulate
+from vjm_updating.mechanisms.path_table import HalfRay, Sheaf, Table, beside, tabulate
 from vjm_updating.mechanisms.relaxation import OnRay, Relaxation, relaxed
 from vjm_updating.mechanisms.series_elements import Element, balance
 
@@ -28,6 +28,9 @@ KEPT = 600
 """Tables that are kept."""
 ROUNDS = 3
 """Of friction, relaxation and elements in turn."""
+
+Key = tuple[tuple[object, ...], HalfRay, tuple[object, ...] | None]
+"""Of a table: its machine, its half-ray, and the machine near by whose equilibria it was made from, if so."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,23 @@ class Evaluation:
     place: Array
     gain: Array
     gain_u: Array
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """Readings along one ray and against it.
+
+    Attributes:
+        ray: its posture, direction and measure.
+        index: of the readings ``(k,)``.
+        reach: how far tables go along the ray, and against it.
+        branches: that both ways take behind a bifurcation.
+    """
+
+    ray: Ray
+    index: np.ndarray
+    reach: tuple[float, float]
+    branches: tuple[int, int]
 
 
 class Predictor(Protocol):
@@ -85,8 +105,9 @@ class Forward:
 
     observed: Observed
     branches: dict[tuple[int, int], int] = field(default_factory=dict)
-    _tables: OrderedDict[tuple[object, ...], Table] = field(default_factory=OrderedDict)
+    _tables: OrderedDict[Key, Table] = field(default_factory=OrderedDict)
     _known_pulls: dict[tuple[str, tuple[float, ...]], bool] = field(default_factory=dict)
+    _known_ramps: dict[tuple[tuple[int, int], ...], list[Ramp]] = field(default_factory=dict, init=False)
 
     def reading(self, observed: Observed) -> Forward:
         """The same for other readings of the same test."""
@@ -94,8 +115,12 @@ class Forward:
 
     def branched(self, ray: Ray, sign: int, reach: float) -> bool:
         """Whether a half-ray has a bifurcation within its reach, in any table made so far."""
-        d = tuple(float(v) for v in np.round(sign * ray.direction, 15))
-        return any(t.bifurcation < reach for k, t in self._tables.items() if k[1] == ray.posture and k[2] == d)
+        d = HalfRay.of(ray.posture, sign * ray.direction, reach).direction
+        return any(
+            table.bifurcation < reach
+            for (_, half, near), table in self._tables.items()
+            if near is None and (half.posture, half.direction) == (ray.posture, d)
+        )
 
     def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
         """The machine of a hypothesis."""
@@ -110,8 +135,8 @@ class Forward:
             found: its coordinates.
             z: their values ``(n_z,)``.
             hypothesis: its causes.
-            beside: values a little beside, along whose displacements tables are made: across them the stiffness
-                there leads on, which is exact to first order.
+            beside: values a little beside, where a derivative is made: its tables are along their displacements,
+                from where the stiffness leads on, and at the equilibria of their machine moved by what differs.
 
         Raises:
             NoConvergenceError: the machine does not stand.
@@ -126,7 +151,11 @@ class Forward:
         own = _own(found, z, hypothesis)
         for effect, v in own:
             place = effect.imposed(place, v)
-        look, tables = self._lookup(machine, own if beside is None else _own(found, beside, hypothesis), place)
+        if beside is None:
+            look, tables = self._lookup(machine, own, place)
+        else:
+            reference = self.machine(found, beside, hypothesis)
+            look, tables = self._lookup(machine, _own(found, beside, hypothesis), place, reference)
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
         limit = sum((np.asarray(effect.friction(v)) for effect, v in own), np.zeros(1))
         histories = [self._relaxation(tables, r) for e, v in own if (r := e.relaxation(machine, v)) is not None]
@@ -159,27 +188,28 @@ class Forward:
         return result
 
     def _lookup(
-        self, machine: ModifiedChain, own: Sequence[tuple[Effect, Sequence[float]]], place: Array
+        self,
+        machine: ModifiedChain,
+        own: Sequence[tuple[Effect, Sequence[float]]],
+        place: Array,
+        reference: ModifiedChain | None = None,
     ) -> tuple[Callable[[Array], tuple[Array, Array]], list[OnRay]]:
-        """Wrench and stiffness by displacement, and the rays' tables of both signs."""
-        groups: dict[tuple[str, tuple[float, ...], int, int], list[int]] = {}
-        for number, ray in enumerate(self.observed.rays):
-            branches = self.branches.get((number, 1), 1), self.branches.get((number, -1), 1)
-            groups.setdefault((ray.posture, tuple(ray.direction.tolist()), *branches), []).append(number)
+        """Wrench and stiffness by displacement, and the rays' tables of both signs.
+
+        Of a machine near a ``reference`` the tables are as exact as a derivative needs.
+        """
         tables = []
-        for (posture, _, *both_ways), numbers in groups.items():
-            ray = self.observed.rays[numbers[0]]
-            index = np.concatenate([self.observed.rays[k].index for k in numbers])
-            direction = ray.direction[None]
+        for ramp in self._ramps:
+            direction = ramp.ray.direction[None]
             for effect, v in own:
                 direction = effect.imposed(direction, v)
             d = direction[0]
-            measure = ray.measure @ _turned(ray.direction, d)
+            measure = ramp.ray.measure @ _turned(ramp.ray.direction, d)
             up, down = (
-                self._table(machine, posture, sign * d, self._reach(ray, sign), branch)
-                for sign, branch in zip((1, -1), both_ways, strict=True)
+                self._table(machine, HalfRay.of(ramp.ray.posture, sign * d, reach, branch), reference)
+                for sign, reach, branch in zip((1, -1), ramp.reach, ramp.branches, strict=True)
             )
-            tables.append((index, measure, up, down, d))
+            tables.append((ramp.index, measure, up, down, d))
 
         n = len(place)
         both, measures, along = np.zeros((n, 2), dtype=np.int64), np.empty((n, 6)), np.empty((n, 6))
@@ -189,37 +219,39 @@ class Forward:
         sheaf = Sheaf([table for _, _, *two, _ in tables for table in two], both, measures, along)
         return sheaf.at, [(index, measure, up, down) for index, measure, up, down, _ in tables]
 
-    def _reach(self, ray: Ray, sign: int) -> float:
-        """How far tables go: one length for all runs along one ray."""
-        observed = self.observed
-        alike = [
-            r for r in observed.rays if r.posture == ray.posture and np.array_equal(r.direction, ray.direction)
-        ]
-        s = np.concatenate([observed.pose[r.index] @ r.measure for r in alike])
-        return max(float((sign * s).max()) * MARGIN, 0.0) + 0.02 * float(np.abs(s).max()) + 1e-3
+    @property
+    def _ramps(self) -> list[Ramp]:
+        """The rays of the test, those of all runs along one on the same branches together."""
+        branches = tuple(
+            (self.branches.get((number, 1), 1), self.branches.get((number, -1), 1))
+            for number in range(len(self.observed.rays))
+        )
+        if branches not in self._known_ramps:
+            self._known_ramps[branches] = _ramps(self.observed, branches)
+        return self._known_ramps[branches]
 
-    def _table(self, machine: ModifiedChain, posture: str, direction: Array, reach: float, branch: int) -> Table:
-        d = tuple(float(v) for v in np.round(direction, 15))
-        key = (machine.key, posture, d, reach, branch)
-        if key in self._tables:
-            self._tables.move_to_end(key)
-            return self._tables[key]
-        pulls = True
-        if machine.asymmetry:
-            pulls = self._pulls(machine, posture, direction)
-        table = tabulate(machine, HalfRay(posture, d, reach, branch), pulls)
-        self._tables[key] = table
+    def _table(self, machine: ModifiedChain, half: HalfRay, reference: ModifiedChain | None = None) -> Table:
+        near = None if reference is None or reference.key == machine.key else reference.key
+        for key in ((machine.key, half, None), (machine.key, half, near)):
+            if key in self._tables:
+                self._tables.move_to_end(key)
+                return self._tables[key]
+        pulls = self._pulls(machine, half) if machine.asymmetry else True
+        table = None
+        if reference is not None and near is not None:
+            table = beside(machine, half, pulls, self._table(reference, half))
+        self._tables[key] = table = table or tabulate(machine, half, pulls)
         if len(self._tables) > KEPT:
             self._tables.popitem(last=False)
         return table
 
-    def _pulls(self, machine: ModifiedChain, posture: str, direction: Array) -> bool:
+    def _pulls(self, machine: ModifiedChain, half: HalfRay) -> bool:
         """Whether a ramp pulls on the link."""
-        key = posture, tuple(np.round(direction, 3).tolist())
+        key = half.posture, tuple(np.round(half.direction, 3).tolist())
         if key not in self._known_pulls:
             plain = ModifiedChain(machine.nominal, machine.engine)
-            table = self._table(plain, posture, direction, 1e-3, 1)
-            self._known_pulls[key] = bool(table.wrench[-1, :3] @ machine.line(posture) > 0.0)
+            table = self._table(plain, replace(half, reach=1e-3, branch=1))
+            self._known_pulls[key] = bool(table.wrench[-1, :3] @ machine.line(half.posture) > 0.0)
         return self._known_pulls[key]
 
     def _with_history(
@@ -262,6 +294,26 @@ class Forward:
         tau = friction_torques(free, give, limit, self.observed.history.begins, rest, presliding)
         result: Array = np.einsum("nij,nj->ni", bear, tau)
         return result
+
+
+def _ramps(observed: Observed, branches: Sequence[tuple[int, int]]) -> list[Ramp]:
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for number, ray in enumerate(observed.rays):
+        groups.setdefault((ray.posture, tuple(ray.direction.tolist()), branches[number]), []).append(number)
+    result = []
+    for numbers in groups.values():
+        ray = observed.rays[numbers[0]]
+        alike = [
+            r for r in observed.rays if r.posture == ray.posture and np.array_equal(r.direction, ray.direction)
+        ]
+        # one length for all runs along one ray
+        s = np.concatenate([observed.pose[r.index] @ r.measure for r in alike])
+        up, down = (
+            max(float((sign * s).max()) * MARGIN, 0.0) + 0.02 * float(np.abs(s).max()) + 1e-3 for sign in (1, -1)
+        )
+        index = np.concatenate([observed.rays[k].index for k in numbers])
+        result.append(Ramp(ray, index, (up, down), branches[numbers[0]]))
+    return result
 
 
 def _own(found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> list[tuple[Effect, list[float]]]:

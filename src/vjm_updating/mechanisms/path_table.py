@@ -31,6 +31,10 @@ MOST = 12
 NEAR = np.array([0.1, 0.03, 0.01, 0.003, 0.001])
 """Distances from a bifurcation, relative, at which there are equilibria in any case."""
 
+SLOPE, CORRECTIONS = 1e-7, 4
+"""Scaled residual, and steps of Newton's method at most, of equilibria from which derivatives are made: a machine
+that differs by a part in a thousand takes one step."""
+
 
 @dataclass(frozen=True)
 class HalfRay:
@@ -47,6 +51,11 @@ class HalfRay:
     direction: tuple[float, ...]
     reach: float
     branch: int = 1
+
+    @classmethod
+    def of(cls, posture: str, direction: Array, reach: float, branch: int = 1) -> HalfRay:
+        """One along a direction ``(6,)``, without the rounding that would make two of it."""
+        return cls(posture, tuple(float(v) for v in np.round(direction, 15)), reach, branch)
 
 
 @dataclass(frozen=True)
@@ -176,16 +185,10 @@ def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool) -> Table:
         NoConvergenceError: the machine does not stand unloaded, or there is none at all.
         ValueError: what is built into the machine needs other springs.
     """
-    gravity = None
-    if any(mass for _, mass in machine.weight):
-        x, y, z = (STANDARD_GRAVITY * g for g in machine.gravity)
-        gravity = (x, y, z)
-    load_case = LoadCase(half.posture, half.reach, half.direction, branch=half.branch, gravity=gravity)
-    model = machine.model(half.posture, pulls)
-    bow = bowed(model, half.posture, machine.bow) if machine.bow else None
-    problem = LumpedProblem(model, load_case, machine.engine.label, bow)
+    problem = _problem(machine, half, pulls)
+    gravity = problem.load_case.gravity
     # what bends from the start has a knee in place of a bifurcation, and a march may step across it
-    bent = gravity is not None or bow is not None
+    bent = gravity is not None or bool(machine.bow)
     grid = np.linspace(0.0, half.reach, NODES + 1)
     table = _trace(problem, grid, loaded=bent)
     if gravity is None and bent and table.s[-1] < grid[-1]:
@@ -197,6 +200,39 @@ def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool) -> Table:
         near = table.bifurcation * (1.0 + np.concatenate([-NEAR, NEAR]))
         finer = np.unique(np.concatenate([finer, near[near < half.reach]]))
     return table if np.array_equal(finer, grid) else _trace(problem, finer, loaded=bent, known=table.turns)
+
+
+def beside(machine: ModifiedChain, half: HalfRay, pulls: bool, table: Table) -> Table | None:
+    """The equilibria of a machine that differs from a table's by next to nothing, at the same places.
+
+    Each by Newton's method from the table's own, so that no path is traced and no bifurcation looked for: enough
+    for a derivative, which is one of the implicit function.
+
+    Returns:
+        None where the machine is not that near: it has other coordinates, or equilibria of other stability.
+    """
+    problem = _problem(machine, half, pulls)
+    if problem.model.size != table.x.shape[1]:
+        return None
+    x, F, K, negative = problem.model.compiled.correct(
+        problem.target(0.0), problem.load_case.direction, table.s, table.x, table.wrench, SLOPE, CORRECTIONS
+    )
+    # before a bifurcation the path goes on where it has become unstable, behind it the branch must still be there
+    if len(x) < len(table.s) or negative[(table.s > table.bifurcation) | np.isinf(table.bifurcation)].any():
+        return None
+    own = K @ problem.load_case.direction
+    return Table(table.s, F, own, K, x, table.bifurcation, problem, table.stopped, table.turns)
+
+
+def _problem(machine: ModifiedChain, half: HalfRay, pulls: bool) -> LumpedProblem:
+    gravity = None
+    if any(mass for _, mass in machine.weight):
+        x, y, z = (STANDARD_GRAVITY * g for g in machine.gravity)
+        gravity = (x, y, z)
+    load_case = LoadCase(half.posture, half.reach, half.direction, branch=half.branch, gravity=gravity)
+    model = machine.model(half.posture, pulls)
+    bow = bowed(model, half.posture, machine.bow) if machine.bow else None
+    return LumpedProblem(model, load_case, machine.engine.label, bow)
 
 
 def _refined(table: Table) -> Array:

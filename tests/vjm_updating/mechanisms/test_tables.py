@@ -14,7 +14,7 @@ from vjm.model.load_case import LoadCase
 from vjm.statics.equilibrium import TOLERANCE
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, bowed
-from vjm_updating.mechanisms.path_table import HalfRay, tabulate
+from vjm_updating.mechanisms.path_table import HalfRay, beside, tabulate
 
 X = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 BACK = tuple(-v for v in X)
@@ -39,6 +39,31 @@ def test_lookup_is_the_march_between_its_nodes(machine, posture, direction, reac
     # what `FINE` allows, in N; moments by an arm of 100 mm
     assert np.abs(wrench - path.wrench[at])[:, :3].max() < 0.05
     assert np.abs(wrench - path.wrench[at])[:, 3:].max() < 5.0
+
+
+@pytest.mark.parametrize(("posture", "direction", "reach"), [("A", BACK, 4.0), ("A", X, 3.0), ("C", BACK, 0.9)])
+@pytest.mark.parametrize("change", [5e-4, -5e-4])
+def test_a_machine_near_by_changes_as_one_that_is_traced(machine, posture, direction, reach, change):
+    half, pulls = HalfRay(posture, direction, reach), direction is X
+    here = tabulate(machine, half, pulls)
+    for other in (
+        machine.times("link", 1.0 + change),
+        machine.times("foot", 1.0 + change),
+        machine.longer("link", change),
+    ):
+        near, traced = beside(other, half, pulls, here), tabulate(other, half, pulls)
+        assert near is not None
+        s = here.s[(np.abs(here.s / here.bifurcation - 1.0) > 1.5e-3) & (here.s <= traced.s[-1])]
+        found, exact = (table.at(s)[0] - here.at(s)[0] for table in (near, traced))
+        # beside the change what two tables with other nodes may differ by, see `FINE`
+        assert np.abs(found - exact)[:, :3].max() < 0.02 * np.abs(exact)[:, :3].max() + 0.05
+
+
+def test_no_neighbour_is_made_of_a_machine_of_other_stability(machine):
+    half = HalfRay("A", BACK, 4.0)
+    here = tabulate(machine, half, pulls=False)
+    # the foot's softness moves the bifurcation, across nodes that stand beside it
+    assert beside(machine.times("foot", 1.3), half, False, here) is None
 
 
 def test_bifurcation_stands_where_the_path_has_it(machine):
