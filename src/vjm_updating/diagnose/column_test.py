@@ -29,6 +29,7 @@ from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.diagnose.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.significance import NORMAL_95
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
 
@@ -114,7 +115,7 @@ class ColumnTest:
         if here is not None:
             stress = found["plasticity.yield_stress_MPa"]
             std = abs(here[0]) * stress.std / stress.value
-            ends = [here[0] - 1.96 * std, here[0] + 1.96 * std]
+            ends = [here[0] - NORMAL_95 * std, here[0] + NORMAL_95 * std]
             result[FIRST_YIELD] = ValueRow(value=here[0], std=std, interval95=ends)
             result[HANDBOOK] = forward.handbook_yield()
         departs = forward.departs(fit)

@@ -13,10 +13,11 @@ from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.normal_equations import inverse
 from vjm_updating.diagnose.parameters import Hypothesis, of_effect, release_key
+from vjm_updating.experiment.significance import NORMAL_95
 from vjm_updating.mechanisms.effect import Effect
 
-DISTINCT, DISGUISED = 2.0, 12.0
-"""Standard deviations by which a cause's own parameter must differ from nothing, and what it costs if not."""
+DISGUISED = 12.0
+"""What a cause costs whose own parameter does not differ from nothing."""
 LAW_ERROR = 0.1
 """Relative error of a law, of the size of what its causes do: scale of a half-normal prior."""
 RARER, RAREST = 2.8, 8.0
@@ -120,7 +121,7 @@ def size_covariance(A: Array, fit: Fit, number: int) -> Array:
 def would_not_show(effect: Effect, covariance: Array) -> bool:
     """Whether the usual size of an effect, where there is one, lies within what is not known of it ``(k, k)``."""
     usual = effect.quantities()[0]
-    return usual.log and DISTINCT * float(covariance[0, 0]) ** 0.5 > usual.spread
+    return usual.log and NORMAL_95 * float(covariance[0, 0]) ** 0.5 > usual.spread
 
 
 def _is_nothing(effect: Effect, z: Array, covariance: Array) -> bool:
@@ -129,7 +130,7 @@ def _is_nothing(effect: Effect, z: Array, covariance: Array) -> bool:
     if any(q.neutral is None or (q.log and q.neutral <= 0.0) for q in sizes) or would_not_show(effect, covariance):
         return False
     off = z - np.array([q.coordinate(q.neutral or 0.0) for q in sizes])
-    return float(off @ np.linalg.pinv(covariance, hermitian=True) @ off) < DISTINCT**2
+    return float(off @ np.linalg.pinv(covariance, hermitian=True) @ off) < NORMAL_95**2
 
 
 def effective_samples(rho: Array, present: np.ndarray) -> float:

@@ -18,13 +18,12 @@ from vjm_updating.diagnose.fitting import Fit, Fitter, prior
 from vjm_updating.diagnose.residual_basis import smooth_shapes, sudden_shapes
 from vjm_updating.diagnose.screening import Projection, projection
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.significance import NOISE_KNOWN
 
 DRAWS = 4000
 SEED = 17
 TAIL = 0.02
 """Share of the least p-values among draws that is their tail."""
-ROUGH = 1.35
-"""Share of the variance of the residual by which what is not smooth must exceed the noise to count."""
 
 
 @dataclass(frozen=True)
@@ -163,5 +162,5 @@ def _too_large(space: Projection, present: np.ndarray) -> tuple[float, float]:
     own = 1.0 - np.sum(space.basis[: space.rows] ** 2, axis=1)
     parts = [np.ones(space.rows, dtype=bool), *(channel == c for c in np.unique(channel))]
     sizes = [(float(squares[on].sum()), float(own[on].sum())) for on in parts]
-    chance = min(float(chi2.sf(size / ROUGH, freedom)) for size, freedom in sizes)
-    return min(1.0, len(parts) * chance), max(size - ROUGH * freedom for size, freedom in sizes)
+    chance = min(float(chi2.sf(size / NOISE_KNOWN, freedom)) for size, freedom in sizes)
+    return min(1.0, len(parts) * chance), max(size - NOISE_KNOWN * freedom for size, freedom in sizes)

@@ -14,22 +14,8 @@ from vjm.rotations import Array
 from vjm_updating.diagnose.residual_basis import driven_place
 from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.diagnose.whitening import Whitening
+from vjm_updating.experiment.significance import FALSE_ALARMS, level, too_many
 
-SPIKE = 6.0
-"""Standard deviations by which a sample must stand out of its neighbours on both sides."""
-OUTLYING = 5.0
-"""Standard deviations of a deleted residual beyond which a sample is wild."""
-FEW, SHARE = 4, 0.1
-"""Wild samples of a channel that may be, at most: their number, or their share where that is more."""
-
-GATHERED = 1e-3
-"""Chance below which wild samples lie together by no accident."""
-DENSE = 0.1
-"""Share of the samples in a range of places that are wild, at least, where it is the place that makes them so."""
-SHOWS = 10.0
-"""Load over a reading's noise from which on a gauge that does not see it is off by more than noise."""
-UNSEEN = 5e-4
-"""Chance below which it is no accident that just the smallest loads are read too small."""
 LONELY, APART = 1.5, 3.0
 """Times a load by which the next larger one is more where a threshold may well lie between them, and by which a
 load is more than what zeros make of none. Of 1600 tests without a cause one had a wild sample at its smallest such
@@ -50,6 +36,8 @@ def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndar
     given = np.einsum("nij,nj->ni", inverse, residual) / np.sqrt(np.einsum("nii->ni", inverse))
     found = np.zeros_like(residual)
     sequence = observed.readings.sequence
+    # a sample less the median of six neighbours, whose variance is π/12 of one
+    spike = level(int(observed.present.sum())) * float(np.sqrt(1.0 + np.pi / 12.0))
     for c in range(6):
         at = np.flatnonzero(observed.present[:, c])
         for number in np.unique(sequence[at]):
@@ -62,16 +50,16 @@ def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndar
             near = np.stack([padded[k : k + n] for k in (0, 1, 2, 4, 5, 6)])
             off = r - np.median(near, axis=0)
             usual = 1.4826 * float(np.median(np.abs(off)))
-            level = SPIKE * max(usual, 1.0)
+            most = spike * max(usual, 1.0)
             # one or two wild ones have better neighbours on both sides, a step has not
             way = np.sign(off)
             left, right = (way * (r - near[k : k + 2]) for k in (1, 3))
-            alone = (left.max(axis=0) > 0.7 * level) & (right.max(axis=0) > 0.7 * level)
+            alone = (left.max(axis=0) > 0.7 * most) & (right.max(axis=0) > 0.7 * most)
             # and where a model is off, turns and ends lie on the lines that lead there
             for first, second, third in (near[2::-1], near[3:]):
                 beyond = way * (r - np.array([2.0 * first - second, 3.0 * second - 2.0 * third]))
-                alone &= beyond.max(axis=0) > 0.7 * level
-            found[own, c] = np.where((np.abs(off) > level) & alone, off, 0.0)
+                alone &= beyond.max(axis=0) > 0.7 * most
+            found[own, c] = np.where((np.abs(off) > most) & alone, off, 0.0)
     # one wild channel spoils what the others are expected to be: of several the worst
     size = np.abs(found)
     way = np.where(size == size.max(axis=1, keepdims=True), np.sign(found), 0.0)
@@ -134,7 +122,7 @@ def outlying(observed: Observed, whitening: Whitening, residual: Array, known: A
         earlier = whitening.memory.before[later, c]
         top[later, c] &= size[later, c] >= size[earlier, c]
         top[earlier, c] &= size[earlier, c] >= size[later, c]
-    return _few(observed, np.where((size > OUTLYING) & top, np.sign(off), known), load)
+    return _few(observed, np.where((size > level(int(whitening.present.sum()))) & top, np.sign(off), known), load)
 
 
 def _few(observed: Observed, way: Array, load: Array) -> Array:
@@ -149,14 +137,18 @@ def _few(observed: Observed, way: Array, load: Array) -> Array:
     """
     place = driven_place(observed)
     kept = way.copy()
+    # so that none of all channels gives a false alarm
+    rare = FALSE_ALARMS / max(int(observed.present.any(axis=0).sum()), 1)
+    # a load whose gauge sees nothing of it stands out, even where noise hides as much as it may
+    shows = np.abs(load) > 2.0 * level(int(observed.present.sum()))
     driven = int(np.argmax(np.where(observed.present[:, :3], np.abs(load[:, :3]), 0.0).max(axis=0)))
-    kept[_first_felt(load[:, driven], way[:, driven], observed.present[:, driven]), driven] = 0.0
+    kept[_first_felt(load[:, driven], way[:, driven], (observed.present & shows)[:, driven]), driven] = 0.0
     for c in range(6):
         own = observed.present[:, c]
         wild = way[own, c] != 0.0
-        together = any(_gathered(where[own], wild) < GATHERED for where in (place, np.abs(place)))
-        unseen = _smallest(load[own, c], way[own, c]) < UNSEEN
-        if wild.sum() > max(FEW, SHARE * own.sum()) or together or unseen or _in_a_row(way[own, c]):
+        together = any(_gathered(where[own], wild) < rare for where in (place, np.abs(place)))
+        unseen = _smallest(load[own & shows[:, c], c], way[own & shows[:, c], c]) < rare
+        if too_many(int(wild.sum()), int(own.sum())) or together or unseen or _in_a_row(way[own, c]):
             kept[:, c] = 0.0
     return kept
 
@@ -169,10 +161,14 @@ def _in_a_row(way: Array) -> bool:
 
 
 def _smallest(load: Array, way: Array) -> float:
-    """Chance that, of as many samples at random, so many of those read too small have loads among the smallest."""
-    shows = np.abs(load) > SHOWS
-    rising = np.argsort(np.abs(load[shows]))
-    short = (way * load < 0.0)[shows][rising]
+    """Chance that, of as many samples at random, so many of those read too small have loads among the smallest.
+
+    Args:
+        load: what should have been read ``(m,)``, where it would show.
+        way: 1 or -1 where a sample is too large or small, else 0 ``(m,)``.
+    """
+    rising = np.argsort(np.abs(load))
+    short = (way * load < 0.0)[rising]
     many = int(short.sum())
     if many < 2:
         return 1.0
@@ -182,7 +178,7 @@ def _smallest(load: Array, way: Array) -> float:
     return float(chance[1:].min())
 
 
-def _first_felt(load: Array, way: Array, present: np.ndarray) -> np.ndarray:
+def _first_felt(load: Array, way: Array, shows: np.ndarray) -> np.ndarray:
     """The sample of the smallest load that shows ``(n,)``, where it is read too small and no other load is near.
 
     It may be the second, far above the first: zeros make a small load of what an unloaded machine shows.
@@ -190,10 +186,10 @@ def _first_felt(load: Array, way: Array, present: np.ndarray) -> np.ndarray:
     Args:
         load: what should have been read, over its noise.
         way: 1 or -1 where a sample is too large or small, else 0.
-        present: which samples there are.
+        shows: samples of a load that would show ``(n,)``.
     """
-    shows = np.flatnonzero(present & (np.abs(load) > SHOWS))
-    rising = shows[np.argsort(np.abs(load[shows]))]
+    at = np.flatnonzero(shows)
+    rising = at[np.argsort(np.abs(load[at]))]
     short = way[rising] * load[rising] < 0.0
     times = np.abs(load[rising[1:]] / load[rising[:-1]])
     result = np.zeros(len(load), dtype=bool)
@@ -220,7 +216,7 @@ def _gathered(place: Array, wild: np.ndarray) -> float:
 def _within(place: Array, low: float, high: float, k: int) -> float:
     """Chance that k samples lie within so narrow a range as from ``low`` to ``high``; one if many others do."""
     inside = (place >= low) & (place <= high)
-    if k < DENSE * inside.sum():
+    if not too_many(k, int(inside.sum())):
         return 1.0
     share = float(inside.mean())
     return k * share ** (k - 1) - (k - 1) * share**k

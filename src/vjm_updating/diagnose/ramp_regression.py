@@ -14,26 +14,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
 from vjm.rotations import Array
+from vjm_updating.experiment.significance import CUT, FALSE_ALARMS, NOISE_KNOWN, NORMAL_95, level
 
-PRICE = 50.0
-"""Squares of noise that each parameter of a line must explain: noise with a memory of 0.8 explains a hundred by two
-that are placed where they explain most; a turn of an eighth of a ramp's steps many hundreds."""
+MEMORY = 0.8
+"""Autocorrelation of a gauge's neighbouring readings, at most."""
 MOST = 2000
 """Readings of a sequence up to which lines are sought."""
 BENT = 3
 """Order of the polynomials in time that forces may follow along a line, whatever the machine."""
-TOLD, FOLLOWED = 25.0, 0.5
-"""Squares of the gauge's noise, as forces, over theirs, from which on forces can be asked; and the share of what a
-gauge shows beside the lines that they may follow at most."""
-CERTAIN = 2.0
-"""Standard errors by which that share must exceed nothing: with a memory of 0.8 its error is twice the nominal."""
-WILD, ROUGH = 5.0, 1.3
-"""Standard deviations of the gauge beside the lines, the largest and the root of their mean square, from which on
-it does something else than to be noisy."""
-OUTLYING = 4.0
-"""Usual deviations at which a force's is cut off: some readings are wild."""
+FOLLOWED = 0.5
+"""Share of what a gauge shows beside the lines that forces may follow at most."""
 
 
 @dataclass(frozen=True)
@@ -91,14 +84,18 @@ def steady(
         return None
     found = Steady(basis(parts, when), sequence, share)
     beside = (read - found.lines @ (found.lines.T @ read)) / sigma
-    regular = float(np.abs(beside).max()) < WILD and float(np.sqrt(np.mean(beside**2))) < ROUGH
-    return found if regular else None
+    # else it does something else than to be noisy
+    squares = beside**2 / NOISE_KNOWN
+    free = len(squares) * (1.0 - MEMORY**2) / (1.0 + MEMORY**2)
+    regular = float(squares.max()) < level(len(squares)) ** 2
+    return found if regular and float(squares.mean()) < float(chi2.isf(FALSE_ALARMS, free)) / free else None
 
 
 def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list[tuple[np.ndarray, bool]]:
     """Readings between turns, and whether the displacement changes there.
 
-    Of all ways to cut a sequence the one with the least squares and the least price (Bellman's principle).
+    Of all ways to cut a sequence the one with the least squares and the least price (Bellman's principle). A
+    parameter's price is Schwarz's: the logarithm of the readings, times what a memory adds to a mean's variance.
 
     Args:
         sequence: number ``(n,)`` of each reading's sequence.
@@ -114,13 +111,14 @@ def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list
         m = len(t)
         powers = np.column_stack([np.ones(m), t, t * t, u, u * u, t * u])
         sums = np.vstack([np.zeros(6), np.cumsum(powers, axis=0)])
+        price = float(np.log(m)) * (1.0 + MEMORY) / (1.0 - MEMORY)
         least, start, slanted = np.zeros(m + 1), np.zeros(m + 1, dtype=int), np.zeros(m + 1, dtype=bool)
         for end in range(1, m + 1):
             n, st, stt, su, suu, stu = (sums[end] - sums[:end]).T
-            level = np.maximum(suu - su * su / n, 0.0)
+            flat = np.maximum(suu - su * su / n, 0.0)
             spread, along = stt - st * st / n, stu - st * su / n
-            line = level - along**2 / np.maximum(spread, 1e-12)
-            costs = np.array([least[:end] + level + PRICE, least[:end] + np.maximum(line, 0.0) + 2.0 * PRICE])
+            line = flat - along**2 / np.maximum(spread, 1e-12)
+            costs = np.array([least[:end] + flat + price, least[:end] + np.maximum(line, 0.0) + 2.0 * price])
             costs[1, spread <= 1e-12] = np.inf
             kind, k = np.unravel_index(int(np.argmin(costs)), costs.shape)
             least[end], start[end], slanted[end] = costs[kind, k], k, kind == 1
@@ -158,12 +156,13 @@ def _followed(parts: Sequence[tuple[np.ndarray, bool]], when: Array, read: Array
             left = _beside(when[own][there], f[there])
             usual = max(1.4826 * float(np.median(np.abs(left))), 1.0)
             follow = stiffness * off[there]
-            followed += float(follow @ np.clip(left, -OUTLYING * usual, OUTLYING * usual))
+            followed += float(follow @ np.clip(left, -CUT * usual, CUT * usual))
             whole += float(follow @ follow)
             unsure += float(follow @ follow) * usual**2
-    if whole < TOLD:
+    # where noise alone could be taken for that share, forces tell nothing
+    if FOLLOWED * whole < NORMAL_95 * whole**0.5 or whole == 0.0:
         return None
-    return followed / whole if followed > CERTAIN * unsure**0.5 else 0.0
+    return followed / whole if followed > NORMAL_95 * unsure**0.5 else 0.0
 
 
 def _beside(when: Array, values: Array) -> Array:

@@ -20,10 +20,9 @@ from vjm.rotations import Array
 from vjm_updating.diagnose.chi_bar_squared import Cone
 from vjm_updating.diagnose.fitting import Fit, Fitter, Held, prior
 from vjm_updating.diagnose.parameters import coordinates, release_key, sizeless, start
+from vjm_updating.experiment.significance import FALSE_ALARMS
 from vjm_updating.mechanisms.effect import Effect
 
-FALSE_ALARMS = 0.004
-"""Wanted over the whole catalogue."""
 DRAWS, RARE = 10000, 3.0
 """Of noise, for the threshold; and times that rate, by which a single effect's p-value is worth computing."""
 SAME = 0.08

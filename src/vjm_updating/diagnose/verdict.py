@@ -13,13 +13,12 @@ from vjm_updating.diagnose.model_adequacy import Misfit
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import RIVAL, Search
 from vjm_updating.diagnose.unmodelled import unmodelled
+from vjm_updating.experiment.significance import NORMAL_95
 
 RIVALS = 12
 """Hypotheses that are compared with the best at most."""
 AS_LIKELY = 0.1
 """Probability over the likeliest's from which on a place counts as possible."""
-BY_CHANCE = 2.0
-"""Times a right model's expected error that its error may be: readings held out together are wrong together."""
 OFFSET, SLOPE = 0.8, 0.13
 """Of the logarithm of the odds that a verdict is right over that of its posterior's (docs/hidden-effects.md)."""
 
@@ -120,7 +119,8 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
     """What the prediction of readings held out makes of a verdict.
 
     Causes that predict them worse than none are an accident of the readings fitted. But where what was held out
-    lies so far from the rest that a right model could hardly do better, it proves nothing.
+    lies so far from the rest that a right model could hardly do better, it proves nothing: readings held out
+    together are wrong together, by one error of a normal distribution.
 
     Args:
         verdict: on all readings.
@@ -128,7 +128,7 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
         after: of the likeliest member.
         expected: of a right model.
     """
-    if after > before and after > BY_CHANCE * expected:
+    if after > before and after > NORMAL_95 * expected:
         return _unknown(verdict, "predicts what was held out worse than no cause does")
     return verdict
 

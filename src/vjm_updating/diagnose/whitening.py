@@ -16,9 +16,7 @@ from vjm_updating.calibrate.noise import Memory, whiten
 from vjm_updating.diagnose.forward import Evaluation
 from vjm_updating.diagnose.ramp_regression import Steady
 from vjm_updating.diagnose.test_data import Observed
-
-WILD = 4.0
-"""Standard deviations at which a residual is cut off where it is asked for errors that many readings share."""
+from vjm_updating.experiment.significance import CUT
 
 
 @dataclass(frozen=True)
@@ -74,7 +72,7 @@ class Whitening:
     def without_slow(self, raw: Array) -> Array:
         """Raw residuals ``(n, 6)`` less the likeliest errors of the lines; no wild one says much of them."""
         U, sizes, Vt = self._together
-        likely = Vt.T @ (sizes / (1.0 + sizes**2) * (U.T @ np.clip(self._each(raw), -WILD, WILD)))
+        likely = Vt.T @ (sizes / (1.0 + sizes**2) * (U.T @ np.clip(self._each(raw), -CUT, CUT)))
         result: Array = raw - self.slow @ likely
         return result
 

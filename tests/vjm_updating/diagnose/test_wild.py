@@ -138,7 +138,7 @@ def test_neighbours_that_are_off_the_same_way_are_what_the_machine_does(monkeypa
 )
 def test_smallest_loads_that_are_read_too_small_are_what_the_gauge_does(monkeypatch, found, accident):
     place = np.linspace(-1.0, 1.0, 100)
-    # nobody sees whether forces below ten times the noise are read
+    # nobody sees whether forces below eight times the noise are read
     observed = placed(monkeypatch, place, np.where(np.abs(place) > 0.1, 1000.0 * place, 5.0))
     way = np.zeros((100, 6))
     way[list(found), 0] = list(found.values())
@@ -156,7 +156,7 @@ def test_smallest_loads_that_are_read_too_small_are_what_the_gauge_does(monkeypa
         ([0.0, 40.0, 80.0], {2: -1}, True),
         ([-12.0, 40.0, 80.0], {1: -1}, False),
         ([-12.0, 40.0, 80.0], {0: 1}, False),
-        ([0.0, 9.0, 80.0], {1: -1}, True),
+        ([0.0, 6.0, 80.0], {1: -1}, True),
     ],
 )
 def test_a_reading_too_small_where_a_machine_is_first_loaded_is_no_accident(monkeypatch, loads, off, accident):

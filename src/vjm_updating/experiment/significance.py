@@ -1,0 +1,27 @@
+"""What is too rare to be an accident, and how many samples may be outliers: one rate and one prior for all."""
+
+from __future__ import annotations
+
+from scipy.stats import betabinom, norm
+
+FALSE_ALARMS = 0.004
+"""Chance at which a test in which nothing is wrong is taken for one in which something is."""
+OUTLIERS = 0.02
+"""Share of samples that are outliers, in the mean; the shares of channels are distributed as ``(1 − q)^(1/m − 2)``,
+a beta distribution that has most where there are none."""
+NOISE_KNOWN = 1.35
+"""Variance of a noise over what its sheet says, at most: a standard deviation is known to a sixth."""
+NORMAL_95 = 1.959963984540054
+"""Standard deviations within which 95 % of a normal distribution lie."""
+CUT = 4.0
+"""Standard deviations at which a residual is cut off where it is asked for what many readings share."""
+
+
+def level(count: int) -> float:
+    """Standard deviations that the largest of so many independent residuals exceeds with `FALSE_ALARMS`."""
+    return float(norm.isf(0.5 * FALSE_ALARMS / max(count, 1)))
+
+
+def too_many(outliers: int, samples: int) -> bool:
+    """Whether so many of a channel's samples are no accidents: their share would be rarer than `FALSE_ALARMS`."""
+    return bool(betabinom.sf(outliers - 1, samples, 1.0, 1.0 / OUTLIERS - 1.0) < FALSE_ALARMS)
