@@ -21,6 +21,7 @@ def verdict(folder: Path, out: Path, *options: str) -> dict:
     return diagnosed(folder / "data.csv", folder / "sheet.toml", out, options)
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(strict=True, reason="named by three others, not unknown: docs/hidden-effects.md")
 def test_a_deleted_cause_is_unknown_or_one_of_its_class(friction, tmp_path):
     truth, folder = friction

@@ -153,6 +153,7 @@ def test_marks_of_the_bar_are_predicted_within_5_newtons(tmp_path):
 
 
 @real
+@pytest.mark.slow
 def test_the_tube_yields_gradually_from_the_start(tmp_path):
     data = cropped("column_tube_1", 26.0, tmp_path)
     found = diagnose(data, MEASURED / "column_tube_1.toml", tmp_path / "out")
