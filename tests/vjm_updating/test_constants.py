@@ -19,12 +19,12 @@ TUNED = {
     "diagnose/verdict": "AS_LIKELY BY_CHANCE OFFSET SLOPE",
     "diagnose/command": "HALF",
     "diagnose/outliers": "SPIKE OUTLYING FEW SHARE GATHERED DENSE SHOWS UNSEEN LONELY APART",
-    "diagnose/ramp_regression": "PRICE TOLD FOLLOWED CERTAIN WILD ROUGH OUTLYING",
+    "observation/ramp_regression": "PRICE TOLD FOLLOWED CERTAIN WILD ROUGH OUTLYING",
     "diagnose/noise_model": "SILENT RANK",
     "diagnose/residual_basis": "CLEAR",
     "diagnose/critical": "FLAT",
     "calibrate/fit": "MOST_OUTLYING",
-    "calibrate/noise": "SET FEW_LEVELS",
+    "observation/noise": "SET FEW_LEVELS",
 }
 """They decide what a verdict says, and were set by development sets or by judgement."""
 
@@ -54,7 +54,7 @@ NUMERICS = {
     "diagnose/normal_equations": "SWEEPS LONGEST",
     "diagnose/parameters": "AFAR",
     "diagnose/preprocess": "SAME_MEMORY SAME_NOISE WORSE",
-    "diagnose/ramp_regression": "MOST BENT",
+    "observation/ramp_regression": "MOST BENT",
     "diagnose/residual_basis": "ORDER WAVES A_WAVE JUMPS",
     "diagnose/screening": "DRAWS RARE SAME SEED STRONG ORDINARY NEAR_BY ABSORBED APART STARTS",
     "diagnose/search": "WIDTH BEAM PAIRS RIVAL STRAINED FAINT MOST_CAUSES CARRIED_ON",
@@ -62,13 +62,13 @@ NUMERICS = {
     "SHRINKS GROWS SMALLEST",
     "diagnose/unmodelled": "SIZES OVERLAP",
     "diagnose/verdict": "RIVALS",
-    "diagnose/whitening": "WILD",
+    "observation/whitening": "WILD",
     "calibrate/calibrated_model": "ALIKE",
     "calibrate/carried": "STEP",
     "calibrate/design": "READINGS",
     "calibrate/fit": "STAGES FROZEN LONGEST_STEP OUTLYING MISFIT",
     "calibrate/identifiability": "UNSEEN SHARE NEGLIGIBLE TINY",
-    "calibrate/noise": "STATIONARY LEAST_SAMPLES",
+    "observation/noise": "STATIONARY LEAST_SAMPLES",
     "calibrate/prediction": "SUPPORT REFINED FINER KNOTS",
     "calibrate/profile": "CHI2_95 REACHED MOST_TRIALS NORMAL_95",
     "calibrate/results": "STEP AT_BOUND",
@@ -118,7 +118,7 @@ def listed(*tables: dict[str, str]) -> list[tuple[str, str]]:
 def test_every_number_stands_in_one_list():
     found = {
         (f"{folder}/{path.stem}", name)
-        for folder in ("diagnose", "calibrate")
+        for folder in ("observation", "diagnose", "calibrate")
         for path in (SOURCES / folder).glob("*.py")
         for name in numbers(path)
     }

@@ -22,9 +22,9 @@ from vjm.plain_numbers import plain_number
 from vjm.rotations import Array
 from vjm_updating.calibrate.carried import QUANTITIES, Predicted
 from vjm_updating.calibrate.fit import Fit
-from vjm_updating.calibrate.noise import memory_of
 from vjm_updating.calibrate.prediction import Branches
 from vjm_updating.experiment.rays import Ray
+from vjm_updating.observation.noise import memory_of
 
 READINGS = 20
 """Of a candidate, evenly along its ramp."""

@@ -13,10 +13,10 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_updating.calibrate.noise import Memory
 from vjm_updating.calibrate.prediction import Branches
 from vjm_updating.calibrate.problem import Evaluation, Problem
 from vjm_updating.calibrate.robust import BIWEIGHT, HUBER, SQUARES, Loss
+from vjm_updating.observation.noise import Memory
 
 STAGES: tuple[tuple[Loss, int, float], ...] = ((SQUARES, 12, 0.3), (HUBER, 6, 0.1), (BIWEIGHT, 20, 1e-3))
 """Losses, the most steps of each, and the step in standard deviations that is small enough to end it."""

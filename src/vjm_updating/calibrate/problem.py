@@ -9,12 +9,12 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.calibrate.noise import Memory, Noise, memory_of, noise_of, whiten
 from vjm_updating.calibrate.parameters import Unknowns, default_parameters, unknowns
 from vjm_updating.calibrate.prediction import Branches, Prediction, predict
 from vjm_updating.experiment import Kind, Measurement
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.rays import Ray, rays
+from vjm_updating.observation.noise import Memory, Noise, memory_of, noise_of, whiten
 
 
 @dataclass(frozen=True)

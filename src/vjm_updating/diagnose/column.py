@@ -15,13 +15,11 @@ import numpy as np
 from vjm.model.chain import Chain
 from vjm.model.parts import Beam, PassiveJoint
 from vjm.rotations import Array
-from vjm_updating.calibrate.noise import Noise, memory_of, noise_of
 from vjm_updating.diagnose.fitting import Fit
 from vjm_updating.diagnose.forward import Evaluation, channel_errors, machine_of, values_of
 from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero
 from vjm_updating.diagnose.parameters import Coordinate, Hypothesis
 from vjm_updating.diagnose.stress import fibre_of
-from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.experiment import Measurement, Readings
 from vjm_updating.experiment.channels import WRENCH, split_point
 from vjm_updating.experiment.rays import Ray
@@ -33,6 +31,8 @@ from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
 from vjm_updating.mechanisms.part_compliance import LinkCompliance
 from vjm_updating.mechanisms.series_elements import History
+from vjm_updating.observation.noise import Noise, memory_of, noise_of
+from vjm_updating.observation.observed import Observed
 
 BEFORE = 5
 """Rows at the first mark before loading begins: of the files of marks known the shortest has six."""

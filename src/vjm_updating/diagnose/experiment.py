@@ -17,17 +17,17 @@ from vjm.continuation.path import EventKind
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
-from vjm_updating.calibrate.noise import memory_of
 from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.forward import Forward
 from vjm_updating.diagnose.parameters import Coordinate
-from vjm_updating.diagnose.ramp_regression import Steady, basis, pieces
-from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.experiment import Readings
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.rays import Ray
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.series_elements import History
+from vjm_updating.observation.noise import memory_of
+from vjm_updating.observation.observed import Observed
+from vjm_updating.observation.ramp_regression import Steady, basis, pieces
 
 PER_RAMP = 12
 """Readings on each way."""

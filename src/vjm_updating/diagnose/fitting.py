@@ -15,8 +15,8 @@ from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.diagnose.forward import Evaluation, Predictor, values_of
 from vjm_updating.diagnose.parameters import Coordinate, Hypothesis
-from vjm_updating.diagnose.whitening import Whitening, weighed
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.observation.whitening import Whitening, weighed
 
 FARTHER = 3.0
 """Sigmas of a machine's nuisance that change much of what others do."""

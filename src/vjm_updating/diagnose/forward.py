@@ -12,7 +12,6 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.diagnose.instrument import ThermalDrift
 from vjm_updating.diagnose.parameters import Coordinate, Hypothesis, of_effect, release_key
-from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.rays import Ray
 from vjm_updating.mechanisms.effect import Effect
@@ -21,6 +20,7 @@ from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.path_table import HalfRay, Sheaf, Table, tabulate
 from vjm_updating.mechanisms.relaxation import OnRay, Relaxation, relaxed
 from vjm_updating.mechanisms.series_elements import Element, balance
+from vjm_updating.observation.observed import Observed
 
 MARGIN = 1.05
 """How far beyond the furthest reading tables go."""

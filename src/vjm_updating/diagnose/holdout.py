@@ -15,8 +15,8 @@ from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.forward import Evaluation
 from vjm_updating.diagnose.normal_equations import inverse
 from vjm_updating.diagnose.residual_basis import driven_place
-from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.diagnose.trust_region import best_fit
+from vjm_updating.observation.observed import Observed
 
 BLOCK = 12
 """Neighbouring readings that a bootstrap draws together."""

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from vjm.rotations import Array
-from vjm_updating.calibrate.noise import Memory
+from vjm_updating.observation.noise import Memory
 
 GRID = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85, 0.91, 0.96)
 """Autocorrelations that are tried."""

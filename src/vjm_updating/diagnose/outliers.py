@@ -12,8 +12,8 @@ from scipy.stats import hypergeom
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.residual_basis import driven_place
-from vjm_updating.diagnose.test_data import Observed
-from vjm_updating.diagnose.whitening import Whitening
+from vjm_updating.observation.observed import Observed
+from vjm_updating.observation.whitening import Whitening
 
 SPIKE = 6.0
 """Standard deviations by which a sample must stand out of its neighbours on both sides."""

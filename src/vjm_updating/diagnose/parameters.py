@@ -12,11 +12,11 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero, ThermalDrift, size_of
-from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.mechanisms.effect import Effect, Quantity
 from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.modified_chain import beam_of, links_of
 from vjm_updating.mechanisms.part_compliance import FootCompliance, LinkCompliance
+from vjm_updating.observation.observed import Observed
 
 Hypothesis = tuple[Effect, ...]
 """Causes that act together; empty: nothing but the sheet's tolerances."""

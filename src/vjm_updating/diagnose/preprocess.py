@@ -19,11 +19,11 @@ from vjm_updating.diagnose.outliers import loads, outlying, standing_out
 from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates
 from vjm_updating.diagnose.residual_basis import smooth_shapes
 from vjm_updating.diagnose.screening import STRONG, Signature, Signed, signed
-from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.diagnose.trust_region import best_fit
-from vjm_updating.diagnose.whitening import Whitening, weighed
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.observed import Observed
+from vjm_updating.observation.whitening import Whitening, weighed
 
 SAME_MEMORY = 0.05
 """Change of the noise's autocorrelation that is none."""

@@ -20,12 +20,12 @@ from vjm_updating.diagnose.kind_of_test import HoldOut
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.screening import far_off
 from vjm_updating.diagnose.search import Search
-from vjm_updating.diagnose.test_data import Observed, observe
 from vjm_updating.diagnose.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import TIME
 from vjm_updating.mechanisms.catalogue import Maker, catalogue
 from vjm_updating.mechanisms.effect import Effect, Scene
+from vjm_updating.observation.observed import Observed, observe
 
 LONG_BEFORE = 4.0
 """Spans of a test that its clock may have run before at most: one that shows the date says nothing."""

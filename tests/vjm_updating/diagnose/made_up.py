@@ -14,8 +14,8 @@ import numpy as np
 from vjm_updating.diagnose.forward import Forward
 from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates, start
 from vjm_updating.diagnose.ramp_test import ramp_effects
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.experiment import measurement as reading
+from vjm_updating.observation.observed import observe
 
 SHEET = """
 [test]

@@ -15,12 +15,12 @@ from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnose.command import diagnose
 from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.diagnose.parameters import nuisance_coordinates
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.mechanisms.catalogue import catalogue
 from vjm_updating.mechanisms.effect import Scene
 from vjm_updating.mechanisms.modified_chain import foot_of, links_of
+from vjm_updating.observation.observed import observe
 
 SOFTER, TOLERANCE = 1.207, 0.02
 HEAD = """format = 1

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from vjm_updating.diagnose.parameters import SHARE, nuisance_coordinates
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.experiment import read_measurement
+from vjm_updating.observation.observed import observe
 
 
 @pytest.mark.parametrize("tolerance", [0.01, 0.2, 2.0])

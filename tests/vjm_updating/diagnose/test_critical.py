@@ -17,10 +17,10 @@ from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnose.critical import critical_points, knee
 from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.stress import fibre_of, first_yield
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.experiment import read_measurement
 from vjm_updating.mechanisms.column import column_force
+from vjm_updating.observation.observed import observe
 from vjm_validation.cli.main import run
 
 COLUMN = read_document("pinned-column").content

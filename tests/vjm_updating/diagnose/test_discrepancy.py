@@ -13,8 +13,8 @@ from vjm_updating.diagnose.discrepancy import NODES, WEIGHTS, Softened, costs, i
 from vjm_updating.diagnose.evidence import LAW_ERROR
 from vjm_updating.diagnose.parameters import coordinates
 from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.experiment import read_measurement
+from vjm_updating.observation.observed import observe
 
 ROWS = 12
 END = 1.6

@@ -16,9 +16,9 @@ from vjm_updating.diagnose import experiment
 from vjm_updating.diagnose.experiment import FURTHER, MOST, SHORT_OF, WANTED, Proposal, propose
 from vjm_updating.diagnose.parameters import Coordinate
 from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.experiment import read_measurement
+from vjm_updating.observation.observed import observe
 
 SHEET = """
 [test]

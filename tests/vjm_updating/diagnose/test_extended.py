@@ -14,7 +14,6 @@ from vjm_updating.diagnose.extended import FILE, extended_document, extended_tex
 from vjm_updating.diagnose.fitting import Fit
 from vjm_updating.diagnose.forward import Forward
 from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates, start
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.experiment import measurement as reading
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.base_compliance import BaseCompliance
@@ -26,6 +25,7 @@ from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.link_lumping import LinkLumping
 from vjm_updating.mechanisms.load_misalignment import LoadMisalignment
 from vjm_updating.mechanisms.part_compliance import FootCompliance
+from vjm_updating.observation.observed import observe
 from vjm_validation.cli.main import run
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.diagnose.trust_region import ENOUGH, ROUNDING, best_fit
 from vjm_updating.experiment import read_measurement
+from vjm_updating.observation.observed import observe
 
 REACH = 2.6
 """mm; posture A as drawn buckles at 2.72."""

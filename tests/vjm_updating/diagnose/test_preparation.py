@@ -9,8 +9,8 @@ import pytest
 
 from vjm_updating.diagnose import preprocess as preparation
 from vjm_updating.diagnose.screening import NEAR_BY, signatures
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.experiment import read_measurement
+from vjm_updating.observation.observed import observe
 
 BENT = 4.0
 """Sigmas of 0.003 that the force's scale is off: at the turns of the ramp, at 5 kN, thirty of a reading's noise."""

@@ -7,10 +7,10 @@ import pytest
 
 from vjm_updating.diagnose.forward import Forward
 from vjm_updating.diagnose.parameters import coordinates, start
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.experiment import measurement as reading
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.creep import Creep
+from vjm_updating.observation.observed import observe
 
 DRIVE = 5e-5
 """mm/N."""

@@ -9,9 +9,9 @@ import pytest
 from vjm_updating.diagnose.evidence import effective_samples
 from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.search import Search
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.experiment import read_measurement
 from vjm_updating.mechanisms.link_bow import LinkBow
+from vjm_updating.observation.observed import observe
 
 ONLY = ("actuator_compliance", "joint_friction", "link_bow", "instrument_zero")
 

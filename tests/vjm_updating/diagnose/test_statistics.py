@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vjm_updating.calibrate.noise import memory_of
 from vjm_updating.diagnose.chi_bar_squared import Cone
 from vjm_updating.diagnose.critical import knee
 from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero
 from vjm_updating.diagnose.model_adequacy import DRAWS, Block, least_p_values
 from vjm_updating.diagnose.noise_model import USUAL, estimate_memory
 from vjm_updating.diagnose.screening import Projection, Score, best_pairs, threshold
+from vjm_updating.observation.noise import memory_of
 
 
 def score(directions, effect=None):

@@ -13,9 +13,9 @@ from vjm_updating.diagnose.forward import Forward
 from vjm_updating.diagnose.instrument import ThermalDrift
 from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates, start
 from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.experiment import measurement as reading
+from vjm_updating.observation.observed import observe
 
 PER = 12
 

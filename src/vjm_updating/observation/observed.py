@@ -1,4 +1,4 @@
-"""The readings of a test as a diagnosis takes them: arrays in the order of time, rays, noise."""
+"""The readings of a test as calibration and diagnosis take them: arrays in the order of time, rays, noise."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.calibrate.noise import Memory, Noise, memory_of, noise_of
-from vjm_updating.diagnose.ramp_regression import Steady, steady
 from vjm_updating.experiment import Measurement, Readings
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH
 from vjm_updating.experiment.rays import Ray, rays
 from vjm_updating.experiment.thermometer import smoothed
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.series_elements import History
+from vjm_updating.observation.noise import Memory, Noise, memory_of, noise_of
+from vjm_updating.observation.ramp_regression import Steady, steady
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.calibrate.noise import Memory, whiten
-from vjm_updating.diagnose.forward import Evaluation
-from vjm_updating.diagnose.ramp_regression import Steady
-from vjm_updating.diagnose.test_data import Observed
+from vjm_updating.observation.noise import Memory, whiten
+from vjm_updating.observation.observed import Observed
+from vjm_updating.observation.ramp_regression import Steady
 
 WILD = 4.0
 """Standard deviations at which a residual is cut off where it is asked for errors that many readings share."""
@@ -92,7 +92,23 @@ class Whitening:
         return result
 
 
-def weighed(whitening: Whitening, observed: Observed, at: Evaluation) -> Whitening:
+class Linearised(Protocol):
+    """What a model says at the readings of how an error of the displacement shows in the wrench."""
+
+    @property
+    def stiffness(self) -> Array:
+        """Of the model ``(n, 6, 6)``, N, N mm over mm, rad."""
+
+    @property
+    def gain(self) -> Array:
+        """One plus the scale errors of the wrench channels ``(6,)``."""
+
+    @property
+    def gain_u(self) -> Array:
+        """One plus the scale errors of the displacement's ``(6,)``."""
+
+
+def weighed(whitening: Whitening, observed: Observed, at: Linearised) -> Whitening:
     """The same with the readings' covariances as a hypothesis' own stiffness makes them."""
     stiffness = at.stiffness / at.gain_u
     noise = replace(observed.noise, pose=observed.pose_noise)
