@@ -79,13 +79,13 @@ class Fit:
     @property
     def outliers(self) -> np.ndarray:
         """Readings ``(n,)`` with a channel that was hardly believed."""
-        return np.asarray((self.problem.present & (self.weight < OUTLYING)).any(axis=1))
+        return np.asarray((self.problem.observed.present & (self.weight < OUTLYING)).any(axis=1))
 
     def objective(self, at: Evaluation) -> float:
         """Twice the negative logarithm of the posterior, covariances as they are at the solution."""
         r = self.memory.remove(np.einsum("kij,kj->ki", self.factors, at.residual)) / self.spread
         prior = np.sum((at.z / self.problem.unknowns.sigma) ** 2)
-        return float(2.0 * np.sum(self.loss.rho(r)[self.problem.present]) + prior)
+        return float(2.0 * np.sum(self.loss.rho(r)[self.problem.observed.present]) + prior)
 
 
 def fit(problem: Problem) -> Fit:
@@ -96,7 +96,7 @@ def fit(problem: Problem) -> Fit:
     """
     branches = Branches()
     at = problem.evaluate(problem.unknowns.start, branches)
-    memory, spread, steps, step = problem.memory, np.ones(6), 0, np.inf
+    memory, spread, steps, step = problem.observed.memory, np.ones(6), 0, np.inf
     for loss, most, enough in STAGES:
         damping = 1e-6 if loss is SQUARES else 0.0
         for _ in range(most):
@@ -122,7 +122,7 @@ def fit(problem: Problem) -> Fit:
     loss = BIWEIGHT
     at = problem.evaluate(at.z, at.branches)
     final = _state(problem, at, loss, memory, spread)
-    if (problem.present & (final.weight < OUTLYING)).any(axis=1).mean() > MOST_OUTLYING:
+    if (problem.observed.present & (final.weight < OUTLYING)).any(axis=1).mean() > MOST_OUTLYING:
         # so many are no outliers: they are what the model lacks
         loss = HUBER
         for _ in range(6):
@@ -157,7 +157,7 @@ class _State:
         """Weighted squares and priors of another evaluation, all else as here."""
         r = self.memory.remove(np.einsum("kij,kj->ki", self.factors, at.residual)) / self.spread
         prior = np.sum((at.z / problem.unknowns.sigma) ** 2)
-        return float(2.0 * np.sum(self.loss.rho(r)[problem.present]) + prior)
+        return float(2.0 * np.sum(self.loss.rho(r)[problem.observed.present]) + prior)
 
 
 def _state(problem: Problem, at: Evaluation, loss: Loss, memory: Memory, spread: Array) -> _State:
@@ -165,10 +165,10 @@ def _state(problem: Problem, at: Evaluation, loss: Loss, memory: Memory, spread:
     assert at.jacobian is not None
     r = memory.remove(np.einsum("kij,kj->ki", factors, at.residual)) / spread
     J = memory.remove(np.einsum("kij,kjm->kim", factors, at.jacobian)) / spread[:, None]
-    weight = np.where(problem.present, loss.weight(r), 0.0)
-    believed = np.where(problem.present & (weight >= OUTLYING * loss.factor), 1.0, 0.0)
+    weight = np.where(problem.observed.present, loss.weight(r), 0.0)
+    believed = np.where(problem.observed.present & (weight >= OUTLYING * loss.factor), 1.0, 0.0)
     if loss is SQUARES:
-        believed = problem.present.astype(float)
+        believed = problem.observed.present.astype(float)
     flat = J.reshape(-1, J.shape[2])
     prior = np.diag(problem.unknowns.sigma**-2.0)
     normal = flat.T @ (weight.reshape(-1, 1) * flat) + prior
@@ -209,11 +209,11 @@ def _step(problem: Problem, state: _State, damping: float) -> tuple[Evaluation, 
 def _noise(problem: Problem, at: Evaluation, memory: Memory) -> tuple[Memory, Array]:
     """Autocorrelation and spread of the residuals."""
     whitened = np.einsum("kij,kj->ki", problem.whitening(at), at.residual)
-    memory = memory.estimated(whitened, problem.present)
+    memory = memory.estimated(whitened, problem.observed.present)
     r, spread = memory.remove(whitened), np.ones(6)
-    used = problem.unknowns.parameters / max(int(problem.present.sum()), 1)
-    for c in np.flatnonzero(problem.present.any(axis=0)):
-        size = np.abs(r[problem.present[:, c], c])
+    used = problem.unknowns.parameters / max(int(problem.observed.present.sum()), 1)
+    for c in np.flatnonzero(problem.observed.present.any(axis=0)):
+        size = np.abs(r[problem.observed.present[:, c], c])
         # of a Gaussian's middle: outliers do not count
         kept = size[size < 4.0 * max(1.4826 * float(np.median(size)), 1.0)]
         freedom = max(len(kept) * (1.0 - used), 1.0)
@@ -226,9 +226,9 @@ def _noise(problem: Problem, at: Evaluation, memory: Memory) -> tuple[Memory, Ar
 def _best_branches(problem: Problem, at: Evaluation) -> Evaluation:
     """Each half-ray on the one of its mirrored branches that is nearer to its readings."""
     branches, factors = at.branches, problem.whitening(at)
-    for number, ray in enumerate(problem.rays):
+    for number, ray in enumerate(problem.observed.rays):
         place = at.place[ray.index] @ ray.measure
-        alone = replace(problem, rays=(ray,))
+        alone = replace(problem, observed=replace(problem.observed, rays=(ray,)))
         for sign in (1, -1):
             on = ray.index[(place * sign > 0.0) & at.prediction.branched[ray.index]]
             if not len(on):

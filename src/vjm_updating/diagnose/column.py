@@ -30,7 +30,6 @@ from vjm_updating.mechanisms.link_bow import LinkBow
 from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
 from vjm_updating.mechanisms.part_compliance import LinkCompliance
-from vjm_updating.mechanisms.series_elements import History
 from vjm_updating.observation.noise import Noise, memory_of, noise_of
 from vjm_updating.observation.observed import Observed
 
@@ -142,8 +141,6 @@ def observe_column(measurement: Measurement) -> Observed:
     own = np.zeros(6)
     own[0] = sheet.sigma(control).noise
     x = np.eye(6)[0]
-    begins = np.arange(n) == 0
-    machine, posture = ModifiedChain(chain, measurement.engine), str(readings.posture[0])
     return Observed(
         measurement,
         readings,
@@ -152,9 +149,6 @@ def observe_column(measurement: Measurement) -> Observed:
         replace(noise, pose=own),
         (Ray(str(readings.posture[0]), x, x, np.arange(n)),),
         memory_of(readings.sequence, ~np.isnan(wrench)),
-        History(
-            np.zeros(n), begins, *(np.tile(v, (n, 1)) for v in (machine.line(posture), machine.lever(posture)))
-        ),
         None,
         None,
         {control: 0},

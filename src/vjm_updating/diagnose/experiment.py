@@ -23,8 +23,6 @@ from vjm_updating.diagnose.parameters import Coordinate
 from vjm_updating.experiment import Readings
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.rays import Ray
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.series_elements import History
 from vjm_updating.observation.noise import memory_of
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.ramp_regression import Steady, basis, pieces
@@ -219,10 +217,6 @@ def _observed(observed: Observed, posture: str, ends: tuple[float, ...]) -> Obse
         clock = np.linspace(0.0, (n - 1) * float(np.median(np.diff(observed.clock))), n)
     if observed.warmth is not None:
         warmth = np.linspace(0.0, float(np.ptp(observed.warmth)), n)
-    begins = np.zeros(n, dtype=bool)
-    begins[0] = True
-    machine = ModifiedChain(observed.measurement.chain, observed.measurement.engine)
-    lever = machine.lever(posture) + pose[:, :3]
     values: dict[str, Array] = {name: pose[:, k] for k, name in enumerate(POSE) if name in observed.pose_channels}
     readings = Readings("next", np.arange(n), np.full(n, posture), np.ones(n, dtype=int), values)
     x = np.eye(6)[0]
@@ -239,9 +233,6 @@ def _observed(observed: Observed, posture: str, ends: tuple[float, ...]) -> Obse
         wrench=wrench,
         rays=(Ray(posture, x, x, np.arange(n)),),
         memory=memory_of(readings.sequence, ~np.isnan(wrench)),
-        history=History(
-            np.zeros(n) if clock is None else clock, begins, np.tile(machine.line(posture), (n, 1)), lever
-        ),
         clock=clock,
         warmth=warmth,
         steady=steady,

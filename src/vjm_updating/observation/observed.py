@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.experiment import Measurement, Readings
+from vjm_updating.experiment import Kind, Measurement, Readings
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH
 from vjm_updating.experiment.rays import Ray, rays
 from vjm_updating.experiment.thermometer import smoothed
@@ -25,12 +26,11 @@ class Observed:
     Attributes:
         measurement: sheet, readings and machine.
         readings: those that are used.
-        pose: displacements as steered, or as read where they were not steered steadily ``(n, 6)``.
-        wrench: as read ``(n, 6)``; nan where there is no reading, or a wild one.
+        pose: displacements ``(n, 6)``, mm, rad: as read, or where they are `straightened` as steered.
+        wrench: as read ``(n, 6)``, N, N mm; nan where there is no reading, or a wild one.
         noise: of one reading.
         rays: of the readings, by posture and run.
         memory: who precedes whom.
-        history: clock, postures, lines of the link, levers of the base.
         clock: s since the first reading ``(n,)``, or None.
         warmth: K above the first reading ``(n,)``, or None.
         slots: index of the displacement that each of its channels is.
@@ -46,7 +46,6 @@ class Observed:
     noise: Noise
     rays: tuple[Ray, ...]
     memory: Memory
-    history: History
     clock: Array | None
     warmth: Array | None
     slots: Mapping[str, int]
@@ -76,6 +75,21 @@ class Observed:
         moved = 1.0 if self.steady is None else self.steady.moved
         return self.noise.pose * moved**0.5
 
+    @cached_property
+    def history(self) -> History:
+        """Clock, postures, lines of the last link, levers of the base; of a chain with a link that bends."""
+        machine = ModifiedChain(self.measurement.chain, self.measurement.engine)
+        labels = self.readings.posture.tolist()
+        places = {label: (machine.line(label), machine.lever(label)) for label in dict.fromkeys(labels)}
+        begins = np.ones(len(labels), dtype=bool)
+        begins[1:] = self.readings.posture[1:] != self.readings.posture[:-1]
+        return History(
+            np.zeros(len(labels)) if self.clock is None else self.clock,
+            begins,
+            np.array([places[label][0] for label in labels]),
+            np.array([places[label][1] for label in labels]) + self.pose[:, :3],
+        )
+
     def slot(self, channel: str) -> int:
         """Index of a displacement's channel."""
         return self.slots[channel]
@@ -88,61 +102,63 @@ class Observed:
 
 
 def observe(measurement: Measurement) -> Observed:
-    """What there is to be explained.
+    """Readings that have a displacement and a wrench: of a channel whose rows carry a mark, what settled there.
 
     Raises:
-        ValueError: no displacement of the end-effector was read.
+        ValueError: no displacement of the end-effector was read, a channel has no noise, or the displacements lie
+            on no rays.
     """
     readings, sheet = measurement.readings, measurement.sheet
     if not measurement.imposed:
         raise ValueError(
-            f"{readings.file}: no displacement of the end-effector was read: add a column such as {POSE[0]}"
-        )
-    if not measurement.chain.beams:
-        raise ValueError(
-            f"{sheet.file}: [test] model: no link of {measurement.chain.name} bends, and causes in forces are "
-            'sought along one: validate calibrate fits its joints, and a sheet of kind = "poses" diagnoses it'
+            f"{readings.file}: no displacement of the end-effector was read: add a column such as {POSE[0]} beside "
+            "the forces; without one only `validate diagnose` takes a test, of a column steered by its middle"
         )
     held = next((n for n in readings.channels if n in sheet.instrument and sheet.instrument[n].held), None)
     if held is not None:
         readings = readings.settled(held)
-    usable = np.flatnonzero(~np.isnan(readings.pose).any(axis=1) & ~np.isnan(readings.wrench).all(axis=1))
-    readings = readings.only(usable)
     pose, wrench = readings.pose, readings.wrench
+    usable = np.flatnonzero(~np.isnan(pose).any(axis=1) & ~np.isnan(wrench).all(axis=1))
+    readings, pose, wrench = readings.only(usable), pose[usable], wrench[usable]
     noise = noise_of(measurement)
-    time = readings.values.get(TIME)
-    clock = None if time is None or np.isnan(time).any() or np.ptp(time) == 0.0 else time - time[0]
-    path: Steady | None = None
-    driven = [k for k, name in enumerate(POSE) if name in readings.values]
-    if sheet.test.control == "displacement" and len(driven) == 1:
-        k = driven[0]
-        order = readings.row.astype(float) if clock is None else clock
-        path = steady(readings.sequence, order, pose[:, k], float(noise.pose[k]), wrench, noise.wrench)
-        if path is not None:
-            pose = pose.copy()
-            pose[:, k] = path.steered(pose[:, k])
-    zero = np.array([sheet.instrument[n].zero if n in sheet.instrument else 0.0 for n in POSE])
-    groups = np.array([f"{p} {r}" for p, r in zip(readings.posture, readings.run, strict=True)])
-    chain = measurement.chain
-    sorted_ = rays(groups, pose, np.hypot(noise.pose, zero), chain.characteristic_length)
-    own = tuple(Ray(r.posture.rpartition(" ")[0], r.direction, r.measure, r.index) for r in sorted_)
-    machine = ModifiedChain(chain, measurement.engine)
-    lines = {label: machine.line(label) for label in dict.fromkeys(readings.posture.tolist())}
-    levers = {label: machine.lever(label) for label in lines}
-    begins = np.ones(len(readings), dtype=bool)
-    begins[1:] = readings.posture[1:] != readings.posture[:-1]
     heat = readings.values.get(TEMPERATURE)
     if heat is not None and TEMPERATURE in sheet.instrument:
         heat = smoothed(heat, sheet.instrument[TEMPERATURE].noise)
-    warmth = None if heat is None or np.isnan(heat).any() or np.ptp(heat) == 0.0 else heat - heat[0]
-    history = History(
-        np.zeros(len(readings)) if clock is None else clock,
-        begins,
-        np.array([lines[label] for label in readings.posture.tolist()]),
-        np.array([levers[label] for label in readings.posture.tolist()]) + pose[:, :3],
-    )
     return Observed(
-        measurement, readings, pose, wrench, noise, own,
-        memory_of(readings.sequence, ~np.isnan(wrench)), history, clock, warmth,
-        {name: k for k, name in enumerate(POSE) if name in readings.values}, steady=path,
+        measurement, readings, pose, wrench, noise, _rays(measurement, readings, pose, noise),
+        memory_of(readings.sequence, ~np.isnan(wrench)),
+        _since_first(readings.values.get(TIME)), _since_first(heat),
+        {name: k for k, name in enumerate(POSE) if name in readings.values},
     )  # fmt: skip
+
+
+def straightened(observed: Observed) -> Observed:
+    """The same with lines in time in place of what a gauge read, where a test was steered steadily.
+
+    See `vjm_updating.observation.ramp_regression`. Others stay as they are: steered by force, with several
+    displacements that were read, or by a drive that does not go straight.
+    """
+    driven = list(observed.slots.values())
+    if observed.measurement.sheet.test.control != "displacement" or len(driven) != 1:
+        return observed
+    readings, noise, pose, k = observed.readings, observed.noise, observed.pose.copy(), driven[0]
+    order = readings.row.astype(float) if observed.clock is None else observed.clock
+    path = steady(readings.sequence, order, pose[:, k], float(noise.pose[k]), observed.wrench, noise.wrench)
+    if path is None:
+        return observed
+    pose[:, k] = path.steered(pose[:, k])
+    return replace(observed, pose=pose, rays=_rays(observed.measurement, readings, pose, noise), steady=path)
+
+
+def _rays(measurement: Measurement, readings: Readings, pose: Array, noise: Noise) -> tuple[Ray, ...]:
+    """Rays by posture and run: repeats may leave a bifurcation on different sides."""
+    sigma = {n.subject: n.sigma for n in measurement.nuisances if n.kind is Kind.ZERO}
+    zero = np.array([sigma.get(name, 0.0) for name in POSE])
+    groups = np.array([f"{p} {r}" for p, r in zip(readings.posture, readings.run, strict=True)])
+    found = rays(groups, pose, np.hypot(noise.pose, zero), measurement.chain.characteristic_length)
+    return tuple(Ray(r.posture.rpartition(" ")[0], r.direction, r.measure, r.index) for r in found)
+
+
+def _since_first(values: Array | None) -> Array | None:
+    """What a column ``(n,)`` gained since its first reading; None where it has gaps or does not change."""
+    return None if values is None or np.isnan(values).any() or np.ptp(values) == 0.0 else values - values[0]

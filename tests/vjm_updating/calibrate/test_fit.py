@@ -28,7 +28,7 @@ def test_slopes_are_the_models_own(make: Make):
     z = np.concatenate([list(TRUTH.values()), 0.3 * np.ones(len(problem.unknowns) - 3)])
     at = problem.evaluate(z, Branches())
     assert at.jacobian is not None
-    scale = 1.0 / np.hypot(problem.noise.wrench, 1.0)
+    scale = 1.0 / np.hypot(problem.observed.noise.wrench, 1.0)
     smooth = ~at.prediction.branched
     for i in range(len(z)):
         h = 1e-4 * np.eye(len(z))[i]
@@ -42,7 +42,7 @@ def test_slopes_are_the_models_own(make: Make):
 def test_noise_is_survived(make: Make):
     found = solved(make())
     assert max(abs(e) for e in errors_in_sigma(found, TRUTH).values()) < 3.5
-    r = found.residual[found.problem.present]
+    r = found.residual[found.problem.observed.present]
     # whitened residuals are standard normal: 216 of them, 4 standard errors
     assert np.std(r) == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * len(r)))
 
@@ -76,14 +76,14 @@ def test_gaps_are_no_harm(make: Make):
                 row["ux_mm"] = ""
 
     found = solved(make(spoil=holes))
-    assert found.problem.present[:, 0].sum() == 39 - 6
-    assert found.problem.present[:, 2].sum() < 25
+    assert found.problem.observed.present[:, 0].sum() == 39 - 6
+    assert found.problem.observed.present[:, 2].sum() < 25
     assert max(abs(e) for e in errors_in_sigma(found, TRUTH).values()) < 3.5
 
 
 def test_a_few_channels_will_do(make: Make):
     found = solved(make(columns=("fx_N", "fz_N")))
-    assert found.problem.present.any(axis=0).tolist() == [True, False, True, False, False, False]
+    assert found.problem.observed.present.any(axis=0).tolist() == [True, False, True, False, False, False]
     assert max(abs(e) for e in errors_in_sigma(found, TRUTH).values()) < 3.5
 
 
@@ -100,7 +100,7 @@ def test_the_other_branch_of_a_bifurcation_is_found(make: Make):
 
     measurement = make(ramps={"A": (-4.0,), "C": (1.0,)}, spoil=mirror, errors=0.3)
     found = solved(measurement, ("link.EA", "link.EIz", "foot.factor"))
-    assert found.residual[found.problem.present].std() < 1.2
+    assert found.residual[found.problem.observed.present].std() < 1.2
 
 
 def test_force_control_is_the_same_to_a_fit(make: Make):
@@ -165,7 +165,7 @@ def test_a_full_compliance_is_found_and_stays_positive_definite(make: Make):
     size = np.sqrt(np.diag(true.compliance))
     error = (foot.compliance - true.compliance) / np.outer(size, size)
     assert np.abs(error[:3, :3]).max() < 0.01
-    assert found.residual[found.problem.present].std() == pytest.approx(1.0, abs=0.1)
+    assert found.residual[found.problem.observed.present].std() == pytest.approx(1.0, abs=0.1)
 
 
 def with_truth(found, truth) -> np.ndarray:
@@ -195,10 +195,10 @@ def test_rounded_readings_are_seen_as_such(make: Make):
 
     # many readings near each other, so that the steps show
     found = solved(make(ramps={"A": (-0.2,), "B": (1.0,), "C": (0.1,)}, steps=60, spoil=rounded), ("foot.factor",))
-    noise = found.problem.noise
+    noise = found.problem.observed.noise
     assert noise.quantum["fx_N"] == pytest.approx(25.0)
     assert noise.wrench[WRENCH.index("fx_N")] == pytest.approx(np.hypot(2.0, 25.0 / np.sqrt(12.0)))
 
 
 def test_ramps_are_what_is_calibrated_with(make: Make):
-    assert len({ray.posture for ray in problem_of(make()).rays}) == len(RAMPS)
+    assert len({ray.posture for ray in problem_of(make()).observed.rays}) == len(RAMPS)
