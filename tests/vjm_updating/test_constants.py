@@ -31,7 +31,7 @@ TUNED = {
 PRIORS = {
     "diagnose/instrument": "MOST_DRIFT LEVER USUAL_LAG",
     "diagnose/noise_model": "ALIKE USUAL WIDE",
-    "diagnose/parameters": "FARTHEST PARTS SHARE LOST",
+    "diagnose/parameters": "FARTHEST PARTS SHARE LOST USUAL",
     "diagnose/ramp_test": "LONG_BEFORE",
     "diagnose/column": "SET BEFORE",
     "calibrate/parameters": "WEAK SOFT_DRIVE RIGID",

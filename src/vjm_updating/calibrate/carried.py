@@ -24,7 +24,7 @@ from vjm.sensitivity.gradients import Sensitivity
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibrate.fit import Fit
 from vjm_updating.calibrate.parameters import split_parts, unknowns
-from vjm_updating.experiment import Measurement, Nuisances
+from vjm_updating.experiment import Measurement
 from vjm_updating.identify.rounding import Entry, printed_entries
 
 QUANTITIES = {"K0": "N/mm", "F_cr": "N", "d_cr": "mm"}
@@ -133,7 +133,7 @@ def after_calibration(fit: Fit) -> tuple[list[Predicted], Array, list[str]]:
 
 def within_tolerances(measurement: Measurement) -> tuple[list[Predicted], Array, list[str]]:
     """Figures of the nominal machine within what its manufacturer promises."""
-    machine = Nuisances(tuple(n for n in measurement.nuisances if n.of_machine))
+    machine = [n for n in measurement.nuisances if n.of_machine]
     found = unknowns(measurement.chain, measurement.engine, (), machine)
     z = np.zeros(len(found))
     figures = predicted(measurement.chain, measurement.engine, found.sensitivity_parameters(z))

@@ -20,7 +20,7 @@ from vjm.model.parameters import SECTION_VALUES, Parameter
 from vjm.model.parts import Actuator, Beam, Part
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.experiment import Kind, Nuisance, Nuisances
+from vjm_updating.experiment import Kind, Nuisance
 
 WEAK = 1.0
 """Standard deviation of the prior on a parameter's z: a factor of e. It only holds what the data do not see."""
@@ -147,7 +147,7 @@ def default_parameters(engine: VjmEngine, chain: Chain) -> list[str]:
     return [f"{beam.name}.factor" for beam in chain.beams]
 
 
-def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Nuisances) -> Unknowns:
+def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Sequence[Nuisance]) -> Unknowns:
     """The coordinates of a calibration.
 
     Args:
