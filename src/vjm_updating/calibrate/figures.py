@@ -13,7 +13,7 @@ from vjm.rotations import Array
 from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_updating.calibrate.document import Calibration
 from vjm_updating.calibrate.fit import OUTLYING, Fit
-from vjm_updating.calibrate.problem import Evaluation
+from vjm_updating.calibrate.problem import Trial
 from vjm_updating.experiment.channels import POSE, WRENCH
 
 INK, NOMINAL, CALIBRATED, BAD = "#1b1f24", "#D55E00", "#0072B2", "#b00020"
@@ -34,7 +34,7 @@ def pictures(fit: Fit, document: Calibration) -> list[Picture]:
     return [*found[:2], *([intervals] if intervals else []), found[2]]
 
 
-def _nominal(fit: Fit) -> Evaluation | None:
+def _nominal(fit: Fit) -> Trial | None:
     problem = fit.problem
     try:
         return problem.evaluate(problem.unknowns.start, fit.at.branches, derivatives=False)
@@ -56,7 +56,7 @@ def _labels(fit: Fit) -> dict[str, np.ndarray]:
     return {posture: np.sort(np.concatenate(parts)) for posture, parts in found.items()}
 
 
-def _fit_picture(fit: Fit, nominal: Evaluation | None) -> Picture:
+def _fit_picture(fit: Fit, nominal: Trial | None) -> Picture:
     observed, labels, axis = fit.problem.observed, _labels(fit), _driven(fit)
     channels = [int(c) for c in np.flatnonzero(observed.present.any(axis=0))]
     # what hardly moves says nothing in a picture
@@ -98,7 +98,7 @@ def _axis_name(column: str) -> str:
     return f"{name}, {unit.replace('Nmm', 'N mm')}"
 
 
-def _residual_picture(fit: Fit, nominal: Evaluation | None) -> Picture:
+def _residual_picture(fit: Fit, nominal: Trial | None) -> Picture:
     """Whitened residuals in the order of the readings, a lane for each channel."""
     observed = fit.problem.observed
     channels = [int(c) for c in np.flatnonzero(observed.present.any(axis=0))]
@@ -133,7 +133,7 @@ def _residual_picture(fit: Fit, nominal: Evaluation | None) -> Picture:
     return Picture("residuals", content, "Residuals", caption)
 
 
-def _rms(fit: Fit, nominal: Evaluation | None) -> str:
+def _rms(fit: Fit, nominal: Trial | None) -> str:
     if nominal is None:
         return ""
     factors = fit.problem.whitening(fit.at)

@@ -14,7 +14,7 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.calibrate.prediction import Branches
-from vjm_updating.calibrate.problem import Evaluation, Problem
+from vjm_updating.calibrate.problem import Problem, Trial
 from vjm_updating.calibrate.robust import BIWEIGHT, HUBER, SQUARES, Loss
 from vjm_updating.observation.noise import Memory
 
@@ -52,7 +52,7 @@ class Fit:
     """
 
     problem: Problem
-    at: Evaluation
+    at: Trial
     loss: Loss
     factors: Array
     memory: Memory
@@ -81,7 +81,7 @@ class Fit:
         """Readings ``(n,)`` with a channel that was hardly believed."""
         return np.asarray((self.problem.observed.present & (self.weight < OUTLYING)).any(axis=1))
 
-    def objective(self, at: Evaluation) -> float:
+    def objective(self, at: Trial) -> float:
         """Twice the negative logarithm of the posterior, covariances as they are at the solution."""
         r = self.memory.remove(np.einsum("kij,kj->ki", self.factors, at.residual)) / self.spread
         prior = np.sum((at.z / self.problem.unknowns.sigma) ** 2)
@@ -141,7 +141,7 @@ def fit(problem: Problem) -> Fit:
 class _State:
     """A linearised fit at one evaluation."""
 
-    at: Evaluation
+    at: Trial
     loss: Loss
     memory: Memory
     spread: Array
@@ -153,14 +153,14 @@ class _State:
     normal: Array
     gradient: Array
 
-    def cost(self, problem: Problem, at: Evaluation) -> float:
+    def cost(self, problem: Problem, at: Trial) -> float:
         """Weighted squares and priors of another evaluation, all else as here."""
         r = self.memory.remove(np.einsum("kij,kj->ki", self.factors, at.residual)) / self.spread
         prior = np.sum((at.z / problem.unknowns.sigma) ** 2)
         return float(2.0 * np.sum(self.loss.rho(r)[problem.observed.present]) + prior)
 
 
-def _state(problem: Problem, at: Evaluation, loss: Loss, memory: Memory, spread: Array) -> _State:
+def _state(problem: Problem, at: Trial, loss: Loss, memory: Memory, spread: Array) -> _State:
     factors = problem.whitening(at)
     assert at.jacobian is not None
     r = memory.remove(np.einsum("kij,kj->ki", factors, at.residual)) / spread
@@ -180,7 +180,7 @@ def _state(problem: Problem, at: Evaluation, loss: Loss, memory: Memory, spread:
     return _State(at, loss, memory, spread, factors, r, shares, good, covariance, normal, gradient)
 
 
-def _step(problem: Problem, state: _State, damping: float) -> tuple[Evaluation, float, float]:
+def _step(problem: Problem, state: _State, damping: float) -> tuple[Trial, float, float]:
     """One step downhill: where it leads, the damping that it took, and its size in standard deviations."""
     unknowns, here = problem.unknowns, state.cost(problem, state.at)
     deviation = np.sqrt(np.diag(state.covariance))
@@ -206,7 +206,7 @@ def _step(problem: Problem, state: _State, damping: float) -> tuple[Evaluation, 
     return state.at, damping, 0.0
 
 
-def _noise(problem: Problem, at: Evaluation, memory: Memory) -> tuple[Memory, Array]:
+def _noise(problem: Problem, at: Trial, memory: Memory) -> tuple[Memory, Array]:
     """Autocorrelation and spread of the residuals."""
     whitened = np.einsum("kij,kj->ki", problem.whitening(at), at.residual)
     memory = memory.estimated(whitened, problem.observed.present)
@@ -223,14 +223,14 @@ def _noise(problem: Problem, at: Evaluation, memory: Memory) -> tuple[Memory, Ar
     return memory, spread
 
 
-def _best_branches(problem: Problem, at: Evaluation) -> Evaluation:
+def _best_branches(problem: Problem, at: Trial) -> Trial:
     """Each half-ray on the one of its mirrored branches that is nearer to its readings."""
     branches, factors = at.branches, problem.whitening(at)
     for number, ray in enumerate(problem.observed.rays):
         place = at.place[ray.index] @ ray.measure
         alone = replace(problem, observed=replace(problem.observed, rays=(ray,)))
         for sign in (1, -1):
-            on = ray.index[(place * sign > 0.0) & at.prediction.branched[ray.index]]
+            on = ray.index[(place * sign > 0.0) & at.branched[ray.index]]
             if not len(on):
                 continue
             other = -branches.of(number, sign)

@@ -122,6 +122,11 @@ class Unknowns:
             chain = change(chain, z[first:last])
         return chain
 
+    def nuisance_values(self, z: Array) -> dict[tuple[str, str], float]:
+        """Values of the nuisances at the coordinates ``(n,)``, by kind and subject."""
+        pairs = zip(self.all, z, strict=True)
+        return {(u.nuisance.kind, u.nuisance.subject): u.value(v) for u, v in pairs if u.nuisance is not None}
+
     def sensitivity_parameters(self, z: Array) -> list[Parameter]:
         """The coordinates that change the chain, at ``z`` (n,), as `vjm.sensitivity.gradients` takes them."""
 

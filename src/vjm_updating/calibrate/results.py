@@ -270,7 +270,7 @@ def _fit(fit: Fit) -> FitRow:
         statement=statement,
         channels=channels,
         wild=outliers,
-        behind_bifurcation=int(fit.at.prediction.branched.sum()),
+        behind_bifurcation=int(fit.at.branched.sum()),
     )
 
 

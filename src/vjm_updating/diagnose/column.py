@@ -16,9 +16,9 @@ from vjm.model.chain import Chain
 from vjm.model.parts import Beam, PassiveJoint
 from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit
-from vjm_updating.diagnose.forward import Evaluation, channel_errors, machine_of, values_of
+from vjm_updating.diagnose.forward import machine_of, values_of
 from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero
-from vjm_updating.diagnose.parameters import Coordinate, Hypothesis
+from vjm_updating.diagnose.parameters import Coordinate, Hypothesis, instrument_errors
 from vjm_updating.diagnose.stress import fibre_of
 from vjm_updating.experiment import Measurement, Readings
 from vjm_updating.experiment.channels import WRENCH, split_point
@@ -30,6 +30,7 @@ from vjm_updating.mechanisms.link_bow import LinkBow
 from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
 from vjm_updating.mechanisms.part_compliance import LinkCompliance
+from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.noise import Noise, memory_of, noise_of
 from vjm_updating.observation.observed import Observed
 
@@ -281,17 +282,14 @@ class ColumnForward:
     ) -> Evaluation:
         """Readings against a hypothesis; no tables are needed for it."""
         observed = self.observed
-        zero_u, gain_u = channel_errors(found, z, observed.pose_channels)
-        zero_f, gain_f = channel_errors(found, z, WRENCH)
-        w = (observed.pose[:, 0] - zero_u[0]) / gain_u[0]
+        errors = instrument_errors(found, z, observed.slots)
+        place = errors.true_displacement(observed.pose)
+        w = place[:, 0]
         wrench = np.zeros((len(w), 6))
         wrench[:, 0] = -self._force(found, z, hypothesis, w)
         stiffness = np.zeros((len(w), 6, 6))
         stiffness[:, 0, 0] = np.gradient(wrench[:, 0], w)
-        place = np.zeros((len(w), 6))
-        place[:, 0] = w
-        residual = np.where(observed.present, observed.wrench - gain_f * wrench - zero_f, 0.0)
-        return Evaluation(z, residual, wrench, stiffness, place, gain_f, gain_u)
+        return Evaluation(z, errors.residual(observed.wrench, wrench), wrench, stiffness, place, errors)
 
     def evaluate_nominal(self, deflection: Array) -> Array:
         """Loads ``(n,)`` of the sheet's own column, straight and elastic, at deflections ``(n,)`` of its middle."""

@@ -5,7 +5,7 @@ A nuisance whose cause is tried loses its prior: it is then the whole deviation 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from vjm_updating.mechanisms.effect import Effect, Quantity
 from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.modified_chain import beam_of
 from vjm_updating.mechanisms.part_compliance import FootCompliance, LinkCompliance
+from vjm_updating.observation.instrument_errors import InstrumentErrors
 from vjm_updating.observation.observed import Observed
 
 Hypothesis = tuple[Effect, ...]
@@ -156,6 +157,14 @@ def _coordinate(nuisance: Nuisance, observed: Observed) -> Coordinate:
         low, high = observed.zeros.get(subject, (low, high))
     spread = 1.0 if nuisance.sigma > 0.0 else 0.0
     return Coordinate(nuisance.name, kind, subject, scale, 0.0, spread, low / scale, high / scale)
+
+
+def instrument_errors(found: Sequence[Coordinate], z: Array, slots: Mapping[str, int]) -> InstrumentErrors:
+    """Zeros and scales among coordinates ``(n_z,)``; ``slots`` are the displacement's components by channel."""
+    values = {
+        (c.kind, c.subject): c.value(v) for c, v in zip(found, z, strict=True) if c.kind in (Kind.ZERO, Kind.SCALE)
+    }
+    return InstrumentErrors.of(values, slots)
 
 
 def coordinates(nuisances: Sequence[Coordinate], hypothesis: Hypothesis) -> list[Coordinate]:

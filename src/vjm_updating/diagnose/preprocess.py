@@ -11,7 +11,6 @@ from vjm.errors import NoConvergenceError
 from vjm.io.errors import did_you_mean
 from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit, Fitter
-from vjm_updating.diagnose.forward import Evaluation
 from vjm_updating.diagnose.kind_of_test import KindOfTest
 from vjm_updating.diagnose.kinds import kind_of
 from vjm_updating.diagnose.noise_model import estimate_memory
@@ -22,6 +21,7 @@ from vjm_updating.diagnose.screening import STRONG, Signature, Signed, signed
 from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.whitening import Whitening, weighed
 

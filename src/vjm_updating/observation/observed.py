@@ -90,10 +90,6 @@ class Observed:
             np.array([places[label][1] for label in labels]) + self.pose[:, :3],
         )
 
-    def slot(self, channel: str) -> int:
-        """Index of a displacement's channel."""
-        return self.slots[channel]
-
     def without(self, wild: np.ndarray) -> Observed:
         """The same with samples ``(n, 6)`` left out."""
         wrench = np.where(wild, np.nan, self.wrench)

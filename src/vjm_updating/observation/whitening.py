@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.noise import Memory, whiten
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.ramp_regression import Steady
@@ -92,31 +92,13 @@ class Whitening:
         return result
 
 
-class Linearised(Protocol):
-    """What a model says at the readings of how an error of the displacement shows in the wrench."""
-
-    @property
-    def stiffness(self) -> Array:
-        """Of the model ``(n, 6, 6)``, N, N mm over mm, rad."""
-
-    @property
-    def gain(self) -> Array:
-        """One plus the scale errors of the wrench channels ``(6,)``."""
-
-    @property
-    def gain_u(self) -> Array:
-        """One plus the scale errors of the displacement's ``(6,)``."""
-
-
-def weighed(whitening: Whitening, observed: Observed, at: Linearised) -> Whitening:
+def weighed(whitening: Whitening, observed: Observed, at: Evaluation) -> Whitening:
     """The same with the readings' covariances as a hypothesis' own stiffness makes them."""
-    stiffness = at.stiffness / at.gain_u
     noise = replace(observed.noise, pose=observed.pose_noise)
-    shaken = np.nan_to_num(stiffness @ observed.noise.pose) * at.gain
     return replace(
         whitening,
-        factors=whiten(noise, stiffness, at.gain, observed.present),
+        factors=whiten(noise, at.sensitivity, observed.present),
         present=observed.present,
         steady=observed.steady,
-        shaken=shaken,
+        shaken=np.nan_to_num(at.sensitivity @ observed.noise.pose),
     )

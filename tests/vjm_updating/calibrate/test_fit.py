@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -29,7 +31,7 @@ def test_slopes_are_the_models_own(make: Make):
     at = problem.evaluate(z, Branches())
     assert at.jacobian is not None
     scale = 1.0 / np.hypot(problem.observed.noise.wrench, 1.0)
-    smooth = ~at.prediction.branched
+    smooth = ~at.branched
     for i in range(len(z)):
         h = 1e-4 * np.eye(len(z))[i]
         more, less = (problem.evaluate(z + s * h, Branches(), derivatives=False).residual for s in (1.0, -1.0))
@@ -37,6 +39,27 @@ def test_slopes_are_the_models_own(make: Make):
         exact = at.jacobian[:, :, i] * scale
         # of differences over 1e-4 in z
         np.testing.assert_allclose(exact[smooth], slope[smooth], atol=1e-4 * max(np.abs(slope).max(), 1.0))
+
+
+def test_the_displacements_noise_is_what_it_makes_of_the_residuals(make: Make):
+    """Of a gauge whose scale is far off an error of its reading is another one of the displacement."""
+    problem = problem_of(make(), tuple(TRUTH))
+    names = [unknown.name for unknown in problem.unknowns.all]
+    z = np.where([name == "scale ux_mm" for name in names], 200.0, 0.0)
+    at = problem.evaluate(z, Branches(), derivatives=False)
+    h, observed = 1e-5, problem.observed
+    moved = [
+        replace(problem, observed=replace(observed, pose=observed.pose + s * h * np.eye(6)[0])) for s in (1.0, -1.0)
+    ]
+    more, less = (other.evaluate(z, Branches(), derivatives=False).residual for other in moved)
+    slope = (more - less) / (2.0 * h)
+    noise = observed.noise
+    covariance = noise.pose[0] ** 2 * slope[:, :, None] * slope[:, None, :] + np.diag(noise.wrench**2)
+    L = problem.whitening(at)
+    smooth = ~at.branched
+    white = np.einsum("nij,njk,nlk->nil", L, covariance, L)[smooth]
+    # of differences over 1e-5 mm
+    np.testing.assert_allclose(white, np.tile(np.eye(6), (len(white), 1, 1)), atol=1e-3)
 
 
 def test_noise_is_survived(make: Make):
