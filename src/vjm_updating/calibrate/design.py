@@ -25,6 +25,7 @@ from vjm_updating.calibrate.fit import Fit
 from vjm_updating.calibrate.prediction import Branches
 from vjm_updating.experiment.rays import Ray
 from vjm_updating.observation.noise import memory_of
+from vjm_updating.observation.whitening import whitening_of
 
 READINGS = 20
 """Of a candidate, evenly along its ramp."""
@@ -150,18 +151,18 @@ def _information(fit: Fit, ramp: LoadCase) -> Array:
     pose = np.linspace(0.0, ramp.to, READINGS + 1)[1:, None] * axis
     read = fit.problem.observed.present.any(axis=0)
     wrench = np.where(read, 0.0, np.nan) * np.ones((READINGS, 1))
-    memory = memory_of(np.zeros(READINGS), ~np.isnan(wrench))
     observed = replace(
         fit.problem.observed,
         pose=pose,
         wrench=wrench,
         rays=(Ray(ramp.posture, axis, axis, np.arange(READINGS)),),
-        memory=replace(memory, rho=fit.memory.rho),
+        memory=memory_of(np.zeros(READINGS), ~np.isnan(wrench)),
     )
     problem = replace(fit.problem, observed=observed)
     at = problem.evaluate(fit.z, Branches())
     assert at.jacobian is not None
-    whitened = np.einsum("kij,kjm->kim", problem.whitening(at), at.jacobian)
-    J = (problem.observed.memory.remove(whitened) / fit.spread[:, None]).reshape(-1, whitened.shape[2])
+    memory = replace(observed.memory, rho=fit.whitening.memory.rho)
+    whitening = replace(whitening_of(observed, at), memory=memory, spread=fit.whitening.spread)
+    J = whitening.independent(at.jacobian).reshape(-1, len(fit.z))
     result: Array = fit.loss.efficiency * (J.T @ J)
     return result

@@ -108,7 +108,7 @@ def _residual_picture(fit: Fit, nominal: Trial | None) -> Picture:
         for k, c in enumerate(channels):
             lane = -2.0 * EDGE * k
             at = np.flatnonzero(observed.present[:, c])
-            r = lane + np.clip(fit.residual[at, c] * fit.spread[c], -EDGE, EDGE)
+            r = lane + np.clip(fit.residual[at, c] * fit.whitening.spread[c], -EDGE, EDGE)
             outlying = fit.weight[at, c] < OUTLYING
             ax.axhspan(lane - 2.0, lane + 2.0, color="#e8eef4", zorder=0)
             ax.plot(at, r, ".", color=CALIBRATED, ms=2.0)
@@ -136,11 +136,8 @@ def _residual_picture(fit: Fit, nominal: Trial | None) -> Picture:
 def _rms(fit: Fit, nominal: Trial | None) -> str:
     if nominal is None:
         return ""
-    factors = fit.problem.whitening(fit.at)
-    sizes = [
-        float(np.sqrt(np.mean(np.einsum("kij,kj->ki", factors, e.residual)[fit.problem.observed.present] ** 2)))
-        for e in (nominal, fit.at)
-    ]
+    own = fit.whitening
+    sizes = [float(np.sqrt(np.mean(own.instant(e.residual)[own.present] ** 2))) for e in (nominal, fit.at)]
     return f" Root mean square: {sizes[0]:.3g} sigma of the nominal model, {sizes[1]:.3g} of the calibrated one."
 
 

@@ -14,7 +14,6 @@ from vjm_updating.calibrate.prediction import Branches, predict
 from vjm_updating.experiment import Measurement
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.instrument_errors import InstrumentErrors
-from vjm_updating.observation.noise import whiten
 from vjm_updating.observation.observed import Observed, observe
 
 
@@ -60,10 +59,6 @@ class Problem:
         residual = errors.residual(observed.wrench, found.wrench)
         at = Trial(z, residual, found.wrench, found.stiffness, place, errors, branches, found.branched, None)
         return at if found.derivative is None else replace(at, jacobian=self._jacobian(at, found.derivative))
-
-    def whitening(self, at: Evaluation) -> Array:
-        """Inverse Cholesky factors ``(n, 6, 6)`` of the readings' covariances."""
-        return whiten(self.observed.noise, at.sensitivity, self.observed.present)
 
     def _jacobian(self, at: Evaluation, derivative: Array) -> Array:
         """Of the residuals ``(n, 6, n_z)``, from the wrenches' by the unknowns that change the chain."""

@@ -244,9 +244,9 @@ def _fit(fit: Fit) -> FitRow:
                 rmse_nominal=float(np.sqrt(np.mean(nominal[at, c] ** 2))),
                 rmse=float(np.sqrt(np.mean(fit.at.residual[at, c] ** 2))),
                 unit="N" if c < 3 else "N mm",
-                in_sigma=float(fit.spread[c] * np.sqrt(np.mean(fit.residual[good, c] ** 2))),
-                spread=float(fit.spread[c]),
-                autocorrelation=float(fit.memory.rho[c]),
+                in_sigma=float(fit.whitening.spread[c] * np.sqrt(np.mean(fit.residual[good, c] ** 2))),
+                spread=float(fit.whitening.spread[c]),
+                autocorrelation=float(fit.whitening.memory.rho[c]),
                 quantum=problem.observed.noise.quantum.get(WRENCH[c], 0.0),
             )
         )

@@ -6,7 +6,7 @@ displacement was steered steadily (`steady`) the errors of its lines are shared 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -31,6 +31,7 @@ class Whitening:
         present: ``(n, 6)`` which samples count.
         steady: how the displacement was steered, where that is known.
         shaken: ``(n, 6)`` what one standard deviation of the displacement's gauge makes of the readings, raw.
+        spread: standard deviation ``(6,)`` of each channel over what the sheet says.
     """
 
     factors: Array
@@ -38,10 +39,16 @@ class Whitening:
     present: np.ndarray
     steady: Steady | None = None
     shaken: Array | None = None
+    spread: Array = field(default_factory=lambda: np.ones(6))
 
     def instant(self, raw: Array) -> Array:
         """``(n, 6, …)`` of unit variance, still with memory."""
         result: Array = np.einsum("nij,nj...->ni...", self.factors, raw)
+        return result
+
+    def independent(self, raw: Array) -> Array:
+        """``(n, 6, …)`` of unit variance without memory; errors of lines steered are still shared."""
+        result: Array = self.memory.remove(self.instant(raw)) / self.spread.reshape(6, *[1] * (raw.ndim - 2))
         return result
 
     def flat(self, raw: Array) -> Array:
@@ -58,7 +65,7 @@ class Whitening:
     @property
     def determinant(self) -> float:
         """Logarithm of the determinant of the readings' covariance, but for their memory's."""
-        own = np.where(self.present, self.factors[:, range(6), range(6)], 1.0)
+        own = np.where(self.present, self.factors[:, range(6), range(6)] / self.spread, 1.0)
         return float(np.log1p(self._together[1] ** 2).sum() - 2.0 * np.log(own).sum())
 
     @cached_property
@@ -88,8 +95,13 @@ class Whitening:
 
     def _each(self, raw: Array) -> Array:
         """Raw residuals ``(n, 6, …)`` as ones without memory ``(N, …)``."""
-        result: Array = self.memory.remove(self.instant(raw))[self.present]
+        result: Array = self.independent(raw)[self.present]
         return result
+
+
+def whitening_of(observed: Observed, at: Evaluation) -> Whitening:
+    """By the sheet's noise and a model's stiffness; no memory yet."""
+    return weighed(Whitening(np.zeros(0), observed.memory, observed.present), observed, at)
 
 
 def weighed(whitening: Whitening, observed: Observed, at: Evaluation) -> Whitening:

@@ -12,6 +12,7 @@ from vjm_updating.calibrate.prediction import Branches
 from vjm_updating.calibrate.problem import problem_of
 from vjm_updating.calibrate.profile import profile_interval
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.observation.whitening import whitening_of
 
 from . import synthetic
 from .conftest import RAMPS, TRUTH, Make, errors_in_sigma, solved
@@ -20,7 +21,7 @@ from .conftest import RAMPS, TRUTH, Make, errors_in_sigma, solved
 def test_clean_data_give_the_truth(make: Make):
     found = solved(make(errors=0.0))
     np.testing.assert_allclose(found.z[:3], list(TRUTH.values()), atol=1e-6)  # the file has six decimals
-    assert found.spread.tolist() == [1.0] * 6
+    assert found.whitening.spread.tolist() == [1.0] * 6
     assert not found.outliers.any()
 
 
@@ -55,7 +56,7 @@ def test_the_displacements_noise_is_what_it_makes_of_the_residuals(make: Make):
     slope = (more - less) / (2.0 * h)
     noise = observed.noise
     covariance = noise.pose[0] ** 2 * slope[:, :, None] * slope[:, None, :] + np.diag(noise.wrench**2)
-    L = problem.whitening(at)
+    L = whitening_of(observed, at).factors
     smooth = ~at.branched
     white = np.einsum("nij,njk,nlk->nil", L, covariance, L)[smooth]
     # of differences over 1e-5 mm
@@ -72,9 +73,9 @@ def test_noise_is_survived(make: Make):
 
 def test_memory_of_the_noise_widens_the_intervals(make: Make):
     white, red = solved(make(steps=40)), solved(make(steps=40, rho=0.8))
-    assert white.memory.rho.max() < 0.35
+    assert white.whitening.memory.rho.max() < 0.35
     # the displacement's own noise, which has no memory, outweighs fx's
-    np.testing.assert_allclose(red.memory.rho[1:], 0.8, atol=0.15)
+    np.testing.assert_allclose(red.whitening.memory.rho[1:], 0.8, atol=0.15)
     ratio = np.sqrt(np.diag(red.covariance) / np.diag(white.covariance))
     # a mean of readings that remember is worse by √((1 + ρ)/(1 − ρ)) = 3 in the long run
     names = [unknown.name for unknown in red.problem.unknowns.all]
