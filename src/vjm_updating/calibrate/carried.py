@@ -20,7 +20,7 @@ from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.parameters import Parameter, compliance_entry, section_value
 from vjm.rotations import Array
-from vjm.sensitivity.gradients import Sensitivity
+from vjm.sensitivity.gradients import by_posture
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibrate.fit import Fit
 from vjm_updating.calibrate.parameters import split_parts, unknowns
@@ -83,7 +83,7 @@ def paths_of(chain: Chain, engine: VjmEngine) -> dict[tuple[str, Direction], Pat
 
 def predicted(chain: Chain, engine: VjmEngine, parameters: Sequence[Parameter]) -> list[Predicted]:
     """Every figure of every path of a chain, with its derivatives by the parameters."""
-    sensitivity = Sensitivity(engine, chain, parameters)
+    sensitivity = by_posture(engine, chain, parameters)
     result, nothing = [], ("",) * len(parameters)
     K0 = {posture: _unloaded_slopes(chain, engine, posture, parameters) for posture in chain.postures}
     for (posture, direction), path in paths_of(chain, engine).items():
@@ -91,7 +91,7 @@ def predicted(chain: Chain, engine: VjmEngine, parameters: Sequence[Parameter]) 
         if path.critical is None:
             continue
         try:
-            found = sensitivity.critical(path)[0]
+            found = sensitivity(posture).critical(path)[0]
         except (ValueError, np.linalg.LinAlgError):
             continue
         for quantity, value, slope in (
