@@ -23,9 +23,8 @@ from vjm.rotations import Array
 from vjm_updating.calibrate.carried import QUANTITIES, Predicted
 from vjm_updating.calibrate.fit import Fit
 from vjm_updating.calibrate.prediction import Branches
-from vjm_updating.experiment.rays import Ray
-from vjm_updating.observation.noise import memory_of
-from vjm_updating.observation.whitening import whitening_of
+from vjm_updating.observation.observed import planned
+from vjm_updating.observation.whitening import weighed
 
 READINGS = 20
 """Of a candidate, evenly along its ramp."""
@@ -147,22 +146,11 @@ def named(ramp: LoadCase) -> str:
 
 def _information(fit: Fit, ramp: LoadCase) -> Array:
     """What the readings of a candidate would say ``(n_z, n_z)``."""
-    axis = np.abs(ramp.direction)
-    pose = np.linspace(0.0, ramp.to, READINGS + 1)[1:, None] * axis
-    read = fit.problem.observed.present.any(axis=0)
-    wrench = np.where(read, 0.0, np.nan) * np.ones((READINGS, 1))
-    observed = replace(
-        fit.problem.observed,
-        pose=pose,
-        wrench=wrench,
-        rays=(Ray(ramp.posture, axis, axis, np.arange(READINGS)),),
-        memory=memory_of(np.zeros(READINGS), ~np.isnan(wrench)),
-    )
-    problem = replace(fit.problem, observed=observed)
-    at = problem.evaluate(fit.z, Branches())
+    places = np.linspace(0.0, ramp.to, READINGS + 1)[1:]
+    observed = planned(fit.problem.observed, ramp.posture, np.abs(ramp.direction), places)
+    at = replace(fit.problem, observed=observed).evaluate(fit.z, Branches())
     assert at.jacobian is not None
-    memory = replace(observed.memory, rho=fit.whitening.memory.rho)
-    whitening = replace(whitening_of(observed, at), memory=memory, spread=fit.whitening.spread)
+    whitening = weighed(fit.whitening.reading(observed), observed, at)
     J = whitening.independent(at.jacobian).reshape(-1, len(fit.z))
     result: Array = fit.loss.efficiency * (J.T @ J)
     return result

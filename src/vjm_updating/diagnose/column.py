@@ -31,7 +31,7 @@ from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
 from vjm_updating.mechanisms.part_compliance import LinkCompliance
 from vjm_updating.observation.evaluation import Evaluation
-from vjm_updating.observation.noise import Noise, memory_of, noise_of
+from vjm_updating.observation.noise import Noise, noise_of
 from vjm_updating.observation.observed import Observed
 
 BEFORE = 5
@@ -149,7 +149,6 @@ def observe_column(measurement: Measurement) -> Observed:
         wrench,
         replace(noise, pose=own),
         (Ray(str(readings.posture[0]), x, x, np.arange(n)),),
-        memory_of(readings.sequence, ~np.isnan(wrench)),
         None,
         None,
         {control: 0},

@@ -85,9 +85,7 @@ def refitted_without(fitter: Fitter, fit: Fit, own: np.ndarray) -> Evaluation | 
 def _without(fitter: Fitter, own: np.ndarray) -> Fitter:
     observed = fitter.forward.observed
     kept = observed.without(observed.present & own[:, None])
-    memory = replace(kept.memory, rho=fitter.whitening.memory.rho)
-    whitening = replace(fitter.whitening, memory=memory, present=kept.present)
-    return Fitter(fitter.forward.reading(kept), fitter.nuisances, whitening)
+    return Fitter(fitter.forward.reading(kept), fitter.nuisances, fitter.whitening.reading(kept))
 
 
 def _as_drawn(fitter: Fitter, fit: Fit) -> Array:

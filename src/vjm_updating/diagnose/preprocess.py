@@ -102,9 +102,8 @@ def possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[s
 def _leave_out(fitter: Fitter, kind: KindOfTest, observed: Observed, wild: np.ndarray, at: Evaluation) -> None:
     """Go on without wild samples ``(n, 6)``, where the kind of test leaves any out."""
     kept = kind.without_outliers(observed, wild)
-    memory = replace(kept.memory, rho=fitter.whitening.memory.rho)
     fitter.forward.observed = kept
-    fitter.whitening = replace(fitter.whitening, memory=memory, present=kept.present)
+    fitter.whitening = fitter.whitening.reading(kept)
     fitter.weigh(at)
 
 

@@ -30,7 +30,6 @@ class Observed:
         wrench: as read ``(n, 6)``, N, N mm; nan where there is no reading, or a wild one.
         noise: of one reading.
         rays: of the readings, by posture and run.
-        memory: who precedes whom.
         clock: s since the first reading ``(n,)``, or None.
         warmth: K above the first reading ``(n,)``, or None.
         slots: index of the displacement that each of its channels is.
@@ -45,7 +44,6 @@ class Observed:
     wrench: Array
     noise: Noise
     rays: tuple[Ray, ...]
-    memory: Memory
     clock: Array | None
     warmth: Array | None
     slots: Mapping[str, int]
@@ -76,6 +74,11 @@ class Observed:
         return self.noise.pose * moved**0.5
 
     @cached_property
+    def memory(self) -> Memory:
+        """Who precedes whom; no autocorrelation yet."""
+        return memory_of(self.readings.sequence, self.present)
+
+    @cached_property
     def history(self) -> History:
         """Clock, postures, lines of the last link, levers of the base; of a chain with a link that bends."""
         machine = ModifiedChain(self.measurement.chain, self.measurement.engine)
@@ -92,9 +95,7 @@ class Observed:
 
     def without(self, wild: np.ndarray) -> Observed:
         """The same with samples ``(n, 6)`` left out."""
-        wrench = np.where(wild, np.nan, self.wrench)
-        memory = memory_of(self.readings.sequence, ~np.isnan(wrench))
-        return replace(self, wrench=wrench, memory=memory, wild=int(wild.sum()))
+        return replace(self, wrench=np.where(wild, np.nan, self.wrench), wild=int(wild.sum()))
 
 
 def observe(measurement: Measurement) -> Observed:
@@ -122,7 +123,6 @@ def observe(measurement: Measurement) -> Observed:
         heat = smoothed(heat, sheet.instrument[TEMPERATURE].noise)
     return Observed(
         measurement, readings, pose, wrench, noise, _rays(measurement, readings, pose, noise),
-        memory_of(readings.sequence, ~np.isnan(wrench)),
         _since_first(readings.values.get(TIME)), _since_first(heat),
         {name: k for k, name in enumerate(POSE) if name in readings.values},
     )  # fmt: skip
@@ -144,6 +144,33 @@ def straightened(observed: Observed) -> Observed:
         return observed
     pose[:, k] = path.steered(pose[:, k])
     return replace(observed, pose=pose, rays=_rays(observed.measurement, readings, pose, noise), steady=path)
+
+
+def planned(observed: Observed, posture: str, axis: Array, ramp: Array) -> Observed:
+    """Readings to be taken in one posture, in one sequence, with the instruments of the test at hand.
+
+    Forces are zero where a channel was read. There is no clock, and displacements are as read.
+
+    Args:
+        observed: the test at hand.
+        posture: label.
+        axis: ``(6,)`` displacement per unit of the ramp; one component is 1.
+        ramp: at each reading ``(n,)``, mm or rad.
+    """
+    n = len(ramp)
+    pose = ramp[:, None] * axis
+    values = {name: pose[:, k] for name, k in observed.slots.items()}
+    return replace(
+        observed,
+        readings=Readings("next", np.arange(n), np.full(n, posture), np.ones(n, dtype=int), values),
+        pose=pose,
+        wrench=np.where(observed.present.any(axis=0), 0.0, np.nan) * np.ones((n, 1)),
+        rays=(Ray(posture, axis, axis, np.arange(n)),),
+        clock=None,
+        warmth=None,
+        wild=0,
+        steady=None,
+    )
 
 
 def _rays(measurement: Measurement, readings: Readings, pose: Array, noise: Noise) -> tuple[Ray, ...]:

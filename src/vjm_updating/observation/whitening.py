@@ -41,6 +41,11 @@ class Whitening:
     shaken: Array | None = None
     spread: Array = field(default_factory=lambda: np.ones(6))
 
+    def reading(self, observed: Observed) -> Whitening:
+        """The same noise of other readings; their covariances are still to be `weighed`."""
+        memory = replace(observed.memory, rho=self.memory.rho)
+        return replace(self, memory=memory, present=observed.present)
+
     def instant(self, raw: Array) -> Array:
         """``(n, 6, …)`` of unit variance, still with memory."""
         result: Array = np.einsum("nij,nj...->ni...", self.factors, raw)
