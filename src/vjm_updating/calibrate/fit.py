@@ -16,6 +16,7 @@ from vjm.rotations import Array
 from vjm_updating.calibrate.prediction import Branches
 from vjm_updating.calibrate.problem import Problem, Trial
 from vjm_updating.calibrate.robust import BIWEIGHT, HUBER, SQUARES, Loss
+from vjm_updating.observation.autocorrelation import memory_of_residuals
 from vjm_updating.observation.whitening import Whitening, weighed, whitening_of
 
 STAGES: tuple[tuple[Loss, int, float], ...] = ((SQUARES, 12, 0.3), (HUBER, 6, 0.1), (BIWEIGHT, 20, 1e-3))
@@ -188,7 +189,7 @@ def _with_noise_of(problem: Problem, at: Trial, whitening: Whitening) -> Whiteni
     """With the autocorrelation and the spread of an evaluation's residuals."""
     whitening = weighed(whitening, problem.observed, at)
     instant, present = whitening.instant(at.residual), whitening.present
-    memory = whitening.memory.estimated(instant, present)
+    memory = memory_of_residuals(whitening.memory, instant, present)
     r, spread = memory.remove(instant), np.ones(6)
     used = problem.unknowns.parameters / max(int(present.sum()), 1)
     for c in np.flatnonzero(present.any(axis=0)):

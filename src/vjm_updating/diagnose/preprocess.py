@@ -13,7 +13,6 @@ from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.kind_of_test import KindOfTest
 from vjm_updating.diagnose.kinds import kind_of
-from vjm_updating.diagnose.noise_model import estimate_memory
 from vjm_updating.diagnose.outliers import loads, outlying, standing_out
 from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates
 from vjm_updating.diagnose.residual_basis import smooth_shapes
@@ -21,6 +20,7 @@ from vjm_updating.diagnose.screening import STRONG, Signature, Signed, signed
 from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.autocorrelation import estimate_memory
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.whitening import Whitening, weighed
