@@ -11,29 +11,29 @@ MOST_TUNED = 19
 """What was reached; the aim is ten."""
 
 TUNED = {
-    "experiment/significance": "FALSE_ALARMS",
+    "observation/significance": "FALSE_ALARMS",
     "diagnose/evidence": "DISGUISED",
     "diagnose/equivalence_classes": "APART UNSURE SURE",
     "diagnose/screening": "FAR_OFF",
     "diagnose/verdict": "AS_LIKELY OFFSET SLOPE",
     "diagnose/command": "HALF",
     "diagnose/outliers": "LONELY APART",
-    "diagnose/ramp_regression": "FOLLOWED",
-    "diagnose/noise_model": "SILENT",
+    "observation/ramp_regression": "FOLLOWED",
+    "observation/autocorrelation": "SILENT",
     "diagnose/residual_basis": "CLEAR",
     "diagnose/critical": "FLAT",
     "calibrate/fit": "MOST_OUTLYING",
-    "calibrate/noise": "SET FEW_LEVELS",
+    "observation/noise": "SET FEW_LEVELS",
 }
 """They decide what a verdict says, and were set by development sets or by judgement."""
 
 PRIORS = {
-    "experiment/significance": "OUTLIERS NOISE_KNOWN",
+    "observation/significance": "OUTLIERS NOISE_KNOWN",
     "diagnose/evidence": "RARER RAREST LAW_ERROR",
-    "diagnose/ramp_regression": "MEMORY",
+    "observation/ramp_regression": "MEMORY",
     "diagnose/instrument": "MOST_DRIFT LEVER USUAL_LAG",
-    "diagnose/noise_model": "ALIKE USUAL WIDE",
-    "diagnose/parameters": "FARTHEST PARTS SHARE LOST",
+    "observation/autocorrelation": "ALIKE USUAL WIDE",
+    "diagnose/parameters": "FARTHEST PARTS SHARE LOST USUAL",
     "diagnose/ramp_test": "LONG_BEFORE",
     "diagnose/column": "SET BEFORE",
     "calibrate/parameters": "WEAK SOFT_DRIVE RIGID",
@@ -41,7 +41,7 @@ PRIORS = {
 """Physical bounds and priors, each with a unit: of a size, a share, or odds."""
 
 NUMERICS = {
-    "experiment/significance": "NORMAL_95 CUT",
+    "observation/significance": "NORMAL_95 CUT",
     "diagnose/chi_bar_squared": "DRAWS SEED STEEP",
     "diagnose/column": "LEAST",
     "diagnose/command": "AGAIN",
@@ -53,11 +53,11 @@ NUMERICS = {
     "diagnose/holdout": "BLOCK DRAWS SEED",
     "diagnose/mark_selection": "THIRD DRAWS SEED",
     "diagnose/model_adequacy": "DRAWS SEED TAIL",
-    "diagnose/noise_model": "GRID SIZES FEWEST RANK",
+    "observation/autocorrelation": "GRID SIZES FEWEST RANK STATIONARY LEAST_SAMPLES",
     "diagnose/normal_equations": "SWEEPS LONGEST",
     "diagnose/parameters": "AFAR",
     "diagnose/preprocess": "SAME_MEMORY SAME_NOISE WORSE",
-    "diagnose/ramp_regression": "MOST BENT",
+    "observation/ramp_regression": "MOST BENT",
     "diagnose/residual_basis": "ORDER WAVES A_WAVE JUMPS",
     "diagnose/screening": "DRAWS RARE SAME SEED STRONG ORDINARY NEAR_BY ABSORBED APART STARTS",
     "diagnose/search": "FIRST_ORDER WIDTH BEAM PAIRS RIVAL STRAINED FAINT MOST_CAUSES CARRIED_ON",
@@ -70,7 +70,6 @@ NUMERICS = {
     "calibrate/design": "READINGS",
     "calibrate/fit": "STAGES FROZEN LONGEST_STEP OUTLYING MISFIT",
     "calibrate/identifiability": "UNSEEN SHARE NEGLIGIBLE TINY",
-    "calibrate/noise": "STATIONARY LEAST_SAMPLES",
     "calibrate/prediction": "SUPPORT REFINED FINER KNOTS",
     "calibrate/profile": "CHI2_95 REACHED MOST_TRIALS NORMAL_95",
     "calibrate/results": "STEP AT_BOUND",
@@ -119,8 +118,8 @@ def listed(*tables: dict[str, str]) -> list[tuple[str, str]]:
 def test_every_number_stands_in_one_list():
     found = {
         (f"{folder}/{path.stem}", name)
-        for folder, modules in (("diagnose", "*"), ("calibrate", "*"), ("experiment", "significance"))
-        for path in (SOURCES / folder).glob(f"{modules}.py")
+        for folder in ("observation", "diagnose", "calibrate")
+        for path in (SOURCES / folder).glob("*.py")
         for name in numbers(path)
     }
     known = listed(TUNED, PRIORS, NUMERICS, SHOWN)

@@ -28,8 +28,9 @@ to 1e-9, and critical points to 1e-6. All is linear in the number of springs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -73,16 +74,26 @@ class CriticalSensitivity:
     reasons: tuple[str, ...]
 
 
+def by_posture(engine: VjmEngine, chain: Chain, parameters: Sequence[Parameter]) -> Callable[[str], Sensitivity]:
+    """The `Sensitivity` of the paths in a posture by its label, made once: one for all where no joint is held."""
+
+    @cache
+    def made(posture: str | None) -> Sensitivity:
+        return Sensitivity(engine, chain, parameters, posture)
+
+    return lambda posture: made(posture if chain.held_joints else None)
+
+
 def wrench_sensitivity(engine: VjmEngine, chain: Chain, path: Path, parameters: Sequence[Parameter]) -> Array:
     """`Sensitivity.wrench` of one path ``(points, 6, n_p)``."""
-    return Sensitivity(engine, chain, parameters).wrench(path)
+    return Sensitivity(engine, chain, parameters, path.load_case.posture).wrench(path)
 
 
 def critical_sensitivity(
     engine: VjmEngine, chain: Chain, path: Path, parameters: Sequence[Parameter]
 ) -> list[CriticalSensitivity]:
     """`Sensitivity.critical` of one path."""
-    return Sensitivity(engine, chain, parameters).critical(path)
+    return Sensitivity(engine, chain, parameters, path.load_case.posture).critical(path)
 
 
 @dataclass(frozen=True)
@@ -97,19 +108,25 @@ class _Neighbour:
 class Sensitivity:
     """A chain and its neighbours: each parameter a little less and a little more than it is.
 
-    Making them costs as much as the derivatives of a path do; they serve every path of the chain.
+    Making them costs as much as the derivatives of a path do; they serve every path of the chain, of one with held
+    joints every path in a posture. See `by_posture`.
 
     Args:
         engine: that traces the paths.
         chain: whose paths they are.
         parameters: of this chain.
+        posture: label of the posture that held joints are in.
 
     Raises:
         ValueError: a parameter changes the number of coordinates.
     """
 
-    def __init__(self, engine: VjmEngine, chain: Chain, parameters: Sequence[Parameter]) -> None:
+    def __init__(
+        self, engine: VjmEngine, chain: Chain, parameters: Sequence[Parameter], posture: str | None = None
+    ) -> None:
         self.parameters = tuple(parameters)
+        self._posture = posture
+        chain = self._posed(chain)
         model = engine.model(chain)
         self._here = _Neighbour(chain, model, links_of(model))
         self._neighbours: list[tuple[_Neighbour, _Neighbour]] = []
@@ -125,9 +142,12 @@ class Sensitivity:
             self._laws.append(Laws(less.model, more.model, self._width[i]))
             self._twists[i] = twists_between(less.links, more.links, self._here.links, self._width[i])
 
+    def _posed(self, chain: Chain) -> Chain:
+        return chain if self._posture is None else chain.at(self._posture)
+
     def _neighbour(self, engine: VjmEngine, parameter: Parameter, value: float) -> _Neighbour:
         here = self._here
-        chain = parameter.apply(here.chain, value)
+        chain = self._posed(parameter.apply(here.chain, value))
         unmoved = chain.base is here.chain.base and len(chain.parts) == len(here.chain.parts)
         if unmoved and all(a is b for a, b in zip(chain.parts, here.chain.parts, strict=True)):
             return _Neighbour(chain, here.model, here.links)  # only its postures differ

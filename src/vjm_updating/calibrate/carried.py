@@ -20,11 +20,11 @@ from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.parameters import Parameter, compliance_entry, section_value
 from vjm.rotations import Array
-from vjm.sensitivity.gradients import Sensitivity
+from vjm.sensitivity.gradients import by_posture
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibrate.fit import Fit
 from vjm_updating.calibrate.parameters import split_parts, unknowns
-from vjm_updating.experiment import Measurement, Nuisances
+from vjm_updating.experiment import Measurement
 from vjm_updating.identify.rounding import Entry, printed_entries
 
 QUANTITIES = {"K0": "N/mm", "F_cr": "N", "d_cr": "mm"}
@@ -83,7 +83,7 @@ def paths_of(chain: Chain, engine: VjmEngine) -> dict[tuple[str, Direction], Pat
 
 def predicted(chain: Chain, engine: VjmEngine, parameters: Sequence[Parameter]) -> list[Predicted]:
     """Every figure of every path of a chain, with its derivatives by the parameters."""
-    sensitivity = Sensitivity(engine, chain, parameters)
+    sensitivity = by_posture(engine, chain, parameters)
     result, nothing = [], ("",) * len(parameters)
     K0 = {posture: _unloaded_slopes(chain, engine, posture, parameters) for posture in chain.postures}
     for (posture, direction), path in paths_of(chain, engine).items():
@@ -91,7 +91,7 @@ def predicted(chain: Chain, engine: VjmEngine, parameters: Sequence[Parameter]) 
         if path.critical is None:
             continue
         try:
-            found = sensitivity.critical(path)[0]
+            found = sensitivity(posture).critical(path)[0]
         except (ValueError, np.linalg.LinAlgError):
             continue
         for quantity, value, slope in (
@@ -133,7 +133,7 @@ def after_calibration(fit: Fit) -> tuple[list[Predicted], Array, list[str]]:
 
 def within_tolerances(measurement: Measurement) -> tuple[list[Predicted], Array, list[str]]:
     """Figures of the nominal machine within what its manufacturer promises."""
-    machine = Nuisances(tuple(n for n in measurement.nuisances if n.of_machine))
+    machine = [n for n in measurement.nuisances if n.of_machine]
     found = unknowns(measurement.chain, measurement.engine, (), machine)
     z = np.zeros(len(found))
     figures = predicted(measurement.chain, measurement.engine, found.sensitivity_parameters(z))

@@ -22,9 +22,9 @@ from vjm.plain_numbers import plain_number
 from vjm.rotations import Array
 from vjm_updating.calibrate.carried import QUANTITIES, Predicted
 from vjm_updating.calibrate.fit import Fit
-from vjm_updating.calibrate.noise import memory_of
 from vjm_updating.calibrate.prediction import Branches
-from vjm_updating.experiment.rays import Ray
+from vjm_updating.observation.observed import planned
+from vjm_updating.observation.whitening import weighed
 
 READINGS = 20
 """Of a candidate, evenly along its ramp."""
@@ -74,8 +74,8 @@ def usual_ramps(fit: Fit) -> list[LoadCase]:
     """Every posture along x to both sides, as far as the test went in that posture, else on the average."""
     problem, chain = fit.problem, fit.problem.unknowns.chain
     ends: dict[tuple[str, float], float] = {}
-    for ray in problem.rays:
-        for value in problem.pose[ray.index, 0]:
+    for ray in problem.observed.rays:
+        for value in problem.observed.pose[ray.index, 0]:
             key = (ray.posture, float(np.sign(value)))
             ends[key] = max(ends.get(key, 0.0), abs(float(value)))
     least = 1e-3 * chain.characteristic_length
@@ -146,21 +146,11 @@ def named(ramp: LoadCase) -> str:
 
 def _information(fit: Fit, ramp: LoadCase) -> Array:
     """What the readings of a candidate would say ``(n_z, n_z)``."""
-    axis = np.abs(ramp.direction)
-    pose = np.linspace(0.0, ramp.to, READINGS + 1)[1:, None] * axis
-    read = fit.problem.present.any(axis=0)
-    wrench = np.where(read, 0.0, np.nan) * np.ones((READINGS, 1))
-    memory = memory_of(np.zeros(READINGS), ~np.isnan(wrench))
-    problem = replace(
-        fit.problem,
-        pose=pose,
-        wrench=wrench,
-        rays=(Ray(ramp.posture, axis, axis, np.arange(READINGS)),),
-        memory=replace(memory, rho=fit.memory.rho),
-    )
-    at = problem.evaluate(fit.z, Branches())
+    places = np.linspace(0.0, ramp.to, READINGS + 1)[1:]
+    observed = planned(fit.problem.observed, ramp.posture, np.abs(ramp.direction), places)
+    at = replace(fit.problem, observed=observed).evaluate(fit.z, Branches())
     assert at.jacobian is not None
-    whitened = np.einsum("kij,kjm->kim", problem.whitening(at), at.jacobian)
-    J = (problem.memory.remove(whitened) / fit.spread[:, None]).reshape(-1, whitened.shape[2])
+    whitening = weighed(fit.whitening.reading(observed), observed, at)
+    J = whitening.independent(at.jacobian).reshape(-1, len(fit.z))
     result: Array = fit.loss.efficiency * (J.T @ J)
     return result

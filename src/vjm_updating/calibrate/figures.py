@@ -13,7 +13,7 @@ from vjm.rotations import Array
 from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_updating.calibrate.document import Calibration
 from vjm_updating.calibrate.fit import OUTLYING, Fit
-from vjm_updating.calibrate.problem import Evaluation
+from vjm_updating.calibrate.problem import Trial
 from vjm_updating.experiment.channels import POSE, WRENCH
 
 INK, NOMINAL, CALIBRATED, BAD = "#1b1f24", "#D55E00", "#0072B2", "#b00020"
@@ -34,7 +34,7 @@ def pictures(fit: Fit, document: Calibration) -> list[Picture]:
     return [*found[:2], *([intervals] if intervals else []), found[2]]
 
 
-def _nominal(fit: Fit) -> Evaluation | None:
+def _nominal(fit: Fit) -> Trial | None:
     problem = fit.problem
     try:
         return problem.evaluate(problem.unknowns.start, fit.at.branches, derivatives=False)
@@ -44,32 +44,32 @@ def _nominal(fit: Fit) -> Evaluation | None:
 
 def _driven(fit: Fit) -> int:
     """The component of the pose that moved most, a rad counting 100 mm."""
-    size = np.max(np.abs(fit.problem.pose), axis=0) * np.repeat([1.0, 100.0], 3)
+    size = np.max(np.abs(fit.problem.observed.pose), axis=0) * np.repeat([1.0, 100.0], 3)
     return int(np.argmax(size))
 
 
 def _labels(fit: Fit) -> dict[str, np.ndarray]:
     """Readings by posture, every ray of it."""
     found: dict[str, list[np.ndarray]] = {}
-    for ray in fit.problem.rays:
+    for ray in fit.problem.observed.rays:
         found.setdefault(ray.posture, []).append(ray.index)
     return {posture: np.sort(np.concatenate(parts)) for posture, parts in found.items()}
 
 
-def _fit_picture(fit: Fit, nominal: Evaluation | None) -> Picture:
-    problem, labels, axis = fit.problem, _labels(fit), _driven(fit)
-    channels = [int(c) for c in np.flatnonzero(problem.present.any(axis=0))]
+def _fit_picture(fit: Fit, nominal: Trial | None) -> Picture:
+    observed, labels, axis = fit.problem.observed, _labels(fit), _driven(fit)
+    channels = [int(c) for c in np.flatnonzero(observed.present.any(axis=0))]
     # what hardly moves says nothing in a picture
-    size = {c: float(np.nanmax(np.abs(problem.wrench[:, c]))) / problem.noise.wrench[c] for c in channels}
+    size = {c: float(np.nanmax(np.abs(observed.wrench[:, c]))) / observed.noise.wrench[c] for c in channels}
     shown = sorted(sorted(channels, key=lambda c: -size[c])[:3])
     with figure(0.4 + 1.9 * len(shown), len(labels), rows=len(shown)) as (fig, axes):
         for row, c in enumerate(shown):
             for column, (posture, at) in enumerate(labels.items()):
                 ax = axes[row * len(labels) + column]
-                x = problem.pose[at, axis]
+                x = observed.pose[at, axis]
                 order = np.argsort(x, kind="stable")
-                read = problem.wrench[at, c]
-                outlying = problem.present[at, c] & (fit.weight[at, c] < OUTLYING)
+                read = observed.wrench[at, c]
+                outlying = observed.present[at, c] & (fit.weight[at, c] < OUTLYING)
                 ax.plot(x, read, ".", color="#8c96a0", ms=3.0, label="readings")
                 ax.plot(x[outlying], read[outlying], "x", color=BAD, ms=5.0, label="outlier")
                 if nominal is not None:
@@ -98,17 +98,17 @@ def _axis_name(column: str) -> str:
     return f"{name}, {unit.replace('Nmm', 'N mm')}"
 
 
-def _residual_picture(fit: Fit, nominal: Evaluation | None) -> Picture:
+def _residual_picture(fit: Fit, nominal: Trial | None) -> Picture:
     """Whitened residuals in the order of the readings, a lane for each channel."""
-    problem = fit.problem
-    channels = [int(c) for c in np.flatnonzero(problem.present.any(axis=0))]
+    observed = fit.problem.observed
+    channels = [int(c) for c in np.flatnonzero(observed.present.any(axis=0))]
     bins = np.linspace(-EDGE, EDGE, 41)
     density = np.exp(-0.5 * bins**2) / np.sqrt(2.0 * np.pi)
     with figure(0.6 + 0.8 * len(channels), 2, sharey=True, widths=[4.0, 1.0]) as (fig, (ax, side)):
         for k, c in enumerate(channels):
             lane = -2.0 * EDGE * k
-            at = np.flatnonzero(problem.present[:, c])
-            r = lane + np.clip(fit.residual[at, c] * fit.spread[c], -EDGE, EDGE)
+            at = np.flatnonzero(observed.present[:, c])
+            r = lane + np.clip(fit.residual[at, c] * fit.whitening.spread[c], -EDGE, EDGE)
             outlying = fit.weight[at, c] < OUTLYING
             ax.axhspan(lane - 2.0, lane + 2.0, color="#e8eef4", zorder=0)
             ax.plot(at, r, ".", color=CALIBRATED, ms=2.0)
@@ -133,14 +133,11 @@ def _residual_picture(fit: Fit, nominal: Evaluation | None) -> Picture:
     return Picture("residuals", content, "Residuals", caption)
 
 
-def _rms(fit: Fit, nominal: Evaluation | None) -> str:
+def _rms(fit: Fit, nominal: Trial | None) -> str:
     if nominal is None:
         return ""
-    factors = fit.problem.whitening(fit.at)
-    sizes = [
-        float(np.sqrt(np.mean(np.einsum("kij,kj->ki", factors, e.residual)[fit.problem.present] ** 2)))
-        for e in (nominal, fit.at)
-    ]
+    own = fit.whitening
+    sizes = [float(np.sqrt(np.mean(own.instant(e.residual)[own.present] ** 2))) for e in (nominal, fit.at)]
     return f" Root mean square: {sizes[0]:.3g} sigma of the nominal model, {sizes[1]:.3g} of the calibrated one."
 
 

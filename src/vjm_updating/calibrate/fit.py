@@ -13,10 +13,11 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_updating.calibrate.noise import Memory
 from vjm_updating.calibrate.prediction import Branches
-from vjm_updating.calibrate.problem import Evaluation, Problem
+from vjm_updating.calibrate.problem import Problem, Trial
 from vjm_updating.calibrate.robust import BIWEIGHT, HUBER, SQUARES, Loss
+from vjm_updating.observation.autocorrelation import memory_of_residuals
+from vjm_updating.observation.whitening import Whitening, weighed, whitening_of
 
 STAGES: tuple[tuple[Loss, int, float], ...] = ((SQUARES, 12, 0.3), (HUBER, 6, 0.1), (BIWEIGHT, 20, 1e-3))
 """Losses, the most steps of each, and the step in standard deviations that is small enough to end it."""
@@ -33,41 +34,61 @@ MISFIT = 3.0
 
 
 @dataclass(frozen=True)
-class Fit:
-    """What was found.
+class Linearised:
+    """The posterior about one set of unknowns.
 
     Attributes:
-        problem: that was solved.
+        problem: that is solved.
         at: the readings against the model there.
         loss: with which.
-        factors: inverse Cholesky factors ``(n, 6, 6)`` of the readings' covariances.
-        memory: of the noise.
-        spread: standard deviation ``(6,)`` of each channel's whitened residuals; 1 where it is what the sheet says.
-        residual: whitened ``(n, 6)``, over the spread.
+        whitening: of the residuals.
+        residual: whitened ``(n, 6)``.
         weight: of each reading ``(n, 6)``, 1 for a good one.
-        jacobian: whitened ``(n, 6, n_z)``, over the spread, zero for outliers.
+        jacobian: whitened ``(n, 6, n_z)``, zero for outliers.
         covariance: of the unknowns' z ``(n_z, n_z)``, priors included.
-        steps: that it took.
-        step: last one, in standard deviations.
+        normal: matrix of a step ``(n_z, n_z)``.
+        gradient: half of the objective's ``(n_z,)``.
     """
 
     problem: Problem
-    at: Evaluation
+    at: Trial
     loss: Loss
-    factors: Array
-    memory: Memory
-    spread: Array
+    whitening: Whitening
     residual: Array
     weight: Array
     jacobian: Array
     covariance: Array
-    steps: int
-    step: float
+    normal: Array
+    gradient: Array
 
     @property
     def z(self) -> Array:
         """The unknowns ``(n_z,)``."""
         return self.at.z
+
+    @property
+    def outliers(self) -> np.ndarray:
+        """Readings ``(n,)`` with a channel that was hardly believed."""
+        return np.asarray((self.whitening.present & (self.weight < OUTLYING)).any(axis=1))
+
+    def objective(self, at: Trial) -> float:
+        """Twice the negative logarithm of the posterior of other unknowns, covariances as they are here."""
+        r = self.whitening.independent(at.residual)
+        prior = np.sum((at.z / self.problem.unknowns.sigma) ** 2)
+        return float(2.0 * np.sum(self.loss.rho(r)[self.whitening.present]) + prior)
+
+
+@dataclass(frozen=True)
+class Fit(Linearised):
+    """What was found.
+
+    Attributes:
+        steps: that it took.
+        step: last one, in standard deviations.
+    """
+
+    steps: int
+    step: float
 
     @property
     def information(self) -> Array:
@@ -76,17 +97,6 @@ class Fit:
         result: Array = self.loss.efficiency * (J.T @ J)
         return result
 
-    @property
-    def outliers(self) -> np.ndarray:
-        """Readings ``(n,)`` with a channel that was hardly believed."""
-        return np.asarray((self.problem.present & (self.weight < OUTLYING)).any(axis=1))
-
-    def objective(self, at: Evaluation) -> float:
-        """Twice the negative logarithm of the posterior, covariances as they are at the solution."""
-        r = self.memory.remove(np.einsum("kij,kj->ki", self.factors, at.residual)) / self.spread
-        prior = np.sum((at.z / self.problem.unknowns.sigma) ** 2)
-        return float(2.0 * np.sum(self.loss.rho(r)[self.problem.present]) + prior)
-
 
 def fit(problem: Problem) -> Fit:
     """Solve a calibration.
@@ -94,14 +104,12 @@ def fit(problem: Problem) -> Fit:
     Raises:
         NoConvergenceError: the nominal model does not reach the readings, or no step makes the fit better.
     """
-    branches = Branches()
-    at = problem.evaluate(problem.unknowns.start, branches)
-    memory, spread, steps, step = problem.memory, np.ones(6), 0, np.inf
+    at = problem.evaluate(problem.unknowns.start, Branches())
+    whitening, steps, step = whitening_of(problem.observed, at), 0, np.inf
     for loss, most, enough in STAGES:
         damping = 1e-6 if loss is SQUARES else 0.0
         for _ in range(most):
-            state = _state(problem, at, loss, memory, spread)
-            at, damping, step = _step(problem, state, damping)
+            at, damping, step = _step(_linearised(problem, at, loss, whitening), damping)
             steps += 1
             if step < enough:
                 break
@@ -109,80 +117,51 @@ def fit(problem: Problem) -> Fit:
             at = _best_branches(problem, at)
         # a first look at the noise only when the model is near
         if loss is not SQUARES:
-            memory, spread = _noise(problem, at, memory)
-            state = _state(problem, at, loss, memory, spread)
+            whitening = _with_noise_of(problem, at, whitening)
     for _ in range(3):
-        before = memory.rho
-        state = _state(problem, at, BIWEIGHT, memory, spread)
-        at, damping, step = _step(problem, state, 0.0)
-        memory, spread = _noise(problem, at, memory)
+        before = whitening.memory.rho
+        at, damping, step = _step(_linearised(problem, at, BIWEIGHT, whitening), 0.0)
+        whitening = _with_noise_of(problem, at, whitening)
         steps += 1
-        if step < STAGES[-1][2] and np.max(np.abs(memory.rho - before)) < 0.01:
+        if step < STAGES[-1][2] and np.max(np.abs(whitening.memory.rho - before)) < 0.01:
             break
-    loss = BIWEIGHT
-    at = problem.evaluate(at.z, at.branches)
-    final = _state(problem, at, loss, memory, spread)
-    if (problem.present & (final.weight < OUTLYING)).any(axis=1).mean() > MOST_OUTLYING:
+    final = _linearised(problem, problem.evaluate(at.z, at.branches), BIWEIGHT, whitening)
+    if final.outliers.mean() > MOST_OUTLYING:
         # so many are no outliers: they are what the model lacks
-        loss = HUBER
+        at = final.at
         for _ in range(6):
-            at, damping, step = _step(problem, _state(problem, at, loss, memory, spread), 0.0)
+            at, damping, step = _step(_linearised(problem, at, HUBER, whitening), 0.0)
             steps += 1
             if step < 1e-2:
                 break
-        memory, spread = _noise(problem, at, memory)
-        at = problem.evaluate(at.z, at.branches)
-        final = _state(problem, at, loss, memory, spread)
-    return Fit(problem, at, loss, final.factors, memory, spread, final.residual, final.weight, final.jacobian,
-               final.covariance, steps, step)  # fmt: skip
+        whitening = _with_noise_of(problem, at, whitening)
+        final = _linearised(problem, problem.evaluate(at.z, at.branches), HUBER, whitening)
+    return Fit(**vars(final), steps=steps, step=step)
 
 
-@dataclass(frozen=True)
-class _State:
-    """A linearised fit at one evaluation."""
-
-    at: Evaluation
-    loss: Loss
-    memory: Memory
-    spread: Array
-    factors: Array
-    residual: Array
-    weight: Array
-    jacobian: Array
-    covariance: Array
-    normal: Array
-    gradient: Array
-
-    def cost(self, problem: Problem, at: Evaluation) -> float:
-        """Weighted squares and priors of another evaluation, all else as here."""
-        r = self.memory.remove(np.einsum("kij,kj->ki", self.factors, at.residual)) / self.spread
-        prior = np.sum((at.z / problem.unknowns.sigma) ** 2)
-        return float(2.0 * np.sum(self.loss.rho(r)[problem.present]) + prior)
-
-
-def _state(problem: Problem, at: Evaluation, loss: Loss, memory: Memory, spread: Array) -> _State:
-    factors = problem.whitening(at)
+def _linearised(problem: Problem, at: Trial, loss: Loss, whitening: Whitening) -> Linearised:
+    """By the noise of a whitening, with the covariances that the model's own stiffness makes."""
     assert at.jacobian is not None
-    r = memory.remove(np.einsum("kij,kj->ki", factors, at.residual)) / spread
-    J = memory.remove(np.einsum("kij,kjm->kim", factors, at.jacobian)) / spread[:, None]
-    weight = np.where(problem.present, loss.weight(r), 0.0)
-    believed = np.where(problem.present & (weight >= OUTLYING * loss.factor), 1.0, 0.0)
+    whitening = weighed(whitening, problem.observed, at)
+    present, sigma = whitening.present, problem.unknowns.sigma
+    r, J = whitening.independent(at.residual), whitening.independent(at.jacobian)
+    weight = np.where(present, loss.weight(r), 0.0)
+    believed = np.where(present & (weight >= OUTLYING * loss.factor), 1.0, 0.0)
     if loss is SQUARES:
-        believed = problem.present.astype(float)
+        believed = present.astype(float)
     flat = J.reshape(-1, J.shape[2])
-    prior = np.diag(problem.unknowns.sigma**-2.0)
+    prior = np.diag(sigma**-2.0)
     normal = flat.T @ (weight.reshape(-1, 1) * flat) + prior
-    gradient = flat.T @ (weight * r).reshape(-1) + at.z * problem.unknowns.sigma**-2.0
+    gradient = flat.T @ (weight * r).reshape(-1) + at.z * sigma**-2.0
     good = J * believed[:, :, None]
     data = good.reshape(-1, J.shape[2])
     covariance = np.asarray(np.linalg.inv(loss.efficiency * (data.T @ data) + prior), dtype=float)
-    shares = weight / loss.factor
-    return _State(at, loss, memory, spread, factors, r, shares, good, covariance, normal, gradient)
+    return Linearised(problem, at, loss, whitening, r, weight / loss.factor, good, covariance, normal, gradient)
 
 
-def _step(problem: Problem, state: _State, damping: float) -> tuple[Evaluation, float, float]:
+def _step(state: Linearised, damping: float) -> tuple[Trial, float, float]:
     """One step downhill: where it leads, the damping that it took, and its size in standard deviations."""
-    unknowns, here = problem.unknowns, state.cost(problem, state.at)
+    unknowns, here = state.problem.unknowns, state.objective(state.at)
     deviation = np.sqrt(np.diag(state.covariance))
     parameters = np.arange(len(unknowns)) < unknowns.parameters
     for _ in range(12):
@@ -192,11 +171,11 @@ def _step(problem: Problem, state: _State, damping: float) -> tuple[Evaluation, 
         z = np.maximum(state.at.z + change, unknowns.lowest)
         size = float(np.max(np.abs(z - state.at.z) / deviation))
         try:
-            there = problem.evaluate(z, state.at.branches, derivatives=size > FROZEN)
+            there = state.problem.evaluate(z, state.at.branches, derivatives=size > FROZEN)
         except (NoConvergenceError, np.linalg.LinAlgError, ValueError):
             damping = max(10.0 * damping, 1e-2)
             continue
-        cost = state.cost(problem, there)
+        cost = state.objective(there)
         # what rounding and interpolated slopes leave is no reason to go on looking
         if cost <= here * (1.0 + 1e-9) + 1e-6 or size < 1e-2:
             if there.jacobian is None:
@@ -206,31 +185,32 @@ def _step(problem: Problem, state: _State, damping: float) -> tuple[Evaluation, 
     return state.at, damping, 0.0
 
 
-def _noise(problem: Problem, at: Evaluation, memory: Memory) -> tuple[Memory, Array]:
-    """Autocorrelation and spread of the residuals."""
-    whitened = np.einsum("kij,kj->ki", problem.whitening(at), at.residual)
-    memory = memory.estimated(whitened, problem.present)
-    r, spread = memory.remove(whitened), np.ones(6)
-    used = problem.unknowns.parameters / max(int(problem.present.sum()), 1)
-    for c in np.flatnonzero(problem.present.any(axis=0)):
-        size = np.abs(r[problem.present[:, c], c])
+def _with_noise_of(problem: Problem, at: Trial, whitening: Whitening) -> Whitening:
+    """With the autocorrelation and the spread of an evaluation's residuals."""
+    whitening = weighed(whitening, problem.observed, at)
+    instant, present = whitening.instant(at.residual), whitening.present
+    memory = memory_of_residuals(whitening.memory, instant, present)
+    r, spread = memory.remove(instant), np.ones(6)
+    used = problem.unknowns.parameters / max(int(present.sum()), 1)
+    for c in np.flatnonzero(present.any(axis=0)):
+        size = np.abs(r[present[:, c], c])
         # of a Gaussian's middle: outliers do not count
         kept = size[size < 4.0 * max(1.4826 * float(np.median(size)), 1.0)]
         freedom = max(len(kept) * (1.0 - used), 1.0)
         variance = float(np.sum(kept**2)) / freedom
         if variance > 1.0 + MISFIT * np.sqrt(2.0 / freedom):
             spread[c] = np.sqrt(variance)
-    return memory, spread
+    return replace(whitening, memory=memory, spread=spread)
 
 
-def _best_branches(problem: Problem, at: Evaluation) -> Evaluation:
+def _best_branches(problem: Problem, at: Trial) -> Trial:
     """Each half-ray on the one of its mirrored branches that is nearer to its readings."""
-    branches, factors = at.branches, problem.whitening(at)
-    for number, ray in enumerate(problem.rays):
+    branches, whitening = at.branches, whitening_of(problem.observed, at)
+    for number, ray in enumerate(problem.observed.rays):
         place = at.place[ray.index] @ ray.measure
-        alone = replace(problem, rays=(ray,))
+        alone = replace(problem, observed=replace(problem.observed, rays=(ray,)))
         for sign in (1, -1):
-            on = ray.index[(place * sign > 0.0) & at.prediction.branched[ray.index]]
+            on = ray.index[(place * sign > 0.0) & at.branched[ray.index]]
             if not len(on):
                 continue
             other = -branches.of(number, sign)
@@ -238,8 +218,6 @@ def _best_branches(problem: Problem, at: Evaluation) -> Evaluation:
                 there = alone.evaluate(at.z, Branches(((0, sign, other),)), derivatives=False)
             except NoConvergenceError:
                 continue
-            costs = [
-                float(np.sum(HUBER.rho(np.einsum("kij,kj->ki", factors[on], e.residual[on])))) for e in (at, there)
-            ]
+            costs = [float(np.sum(HUBER.rho(whitening.instant(e.residual)[on]))) for e in (at, there)]
             branches = branches.turned(number, sign) if costs[1] < costs[0] else branches
     return at if branches == at.branches else problem.evaluate(at.z, branches)

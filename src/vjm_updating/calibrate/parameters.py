@@ -20,7 +20,7 @@ from vjm.model.parameters import SECTION_VALUES, Parameter
 from vjm.model.parts import Actuator, Beam, Part
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.experiment import Kind, Nuisance, Nuisances
+from vjm_updating.experiment import Kind, Nuisance
 
 WEAK = 1.0
 """Standard deviation of the prior on a parameter's z: a factor of e. It only holds what the data do not see."""
@@ -122,6 +122,11 @@ class Unknowns:
             chain = change(chain, z[first:last])
         return chain
 
+    def nuisance_values(self, z: Array) -> dict[tuple[str, str], float]:
+        """Values of the nuisances at the coordinates ``(n,)``, by kind and subject."""
+        pairs = zip(self.all, z, strict=True)
+        return {(u.nuisance.kind, u.nuisance.subject): u.value(v) for u, v in pairs if u.nuisance is not None}
+
     def sensitivity_parameters(self, z: Array) -> list[Parameter]:
         """The coordinates that change the chain, at ``z`` (n,), as `vjm.sensitivity.gradients` takes them."""
 
@@ -147,7 +152,7 @@ def default_parameters(engine: VjmEngine, chain: Chain) -> list[str]:
     return [f"{beam.name}.factor" for beam in chain.beams]
 
 
-def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Nuisances) -> Unknowns:
+def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Sequence[Nuisance]) -> Unknowns:
     """The coordinates of a calibration.
 
     Args:

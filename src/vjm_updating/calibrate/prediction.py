@@ -20,7 +20,7 @@ from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
-from vjm.sensitivity.gradients import Sensitivity
+from vjm.sensitivity.gradients import Sensitivity, by_posture
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibrate.parameters import Unknowns
 from vjm_updating.experiment.rays import Ray
@@ -91,7 +91,7 @@ def predict(
         NoConvergenceError: the model does not reach a reading.
     """
     chain = unknowns.build(z)
-    sensitivity = Sensitivity(engine, chain, unknowns.sensitivity_parameters(z)) if derivatives else None
+    sensitivity = by_posture(engine, chain, unknowns.sensitivity_parameters(z))
     n, m = len(pose), len(unknowns.on_chain)
     wrench, stiffness = np.zeros((n, 6)), np.zeros((n, 6, 6))
     derivative, branched = np.zeros((n, 6, m)), np.zeros(n, dtype=bool)
@@ -105,8 +105,8 @@ def predict(
             half = _Half(engine, chain, ray, sign, branches.of(number, sign), float(s.max()))
             path = half.trace(s)
             wrench[at], stiffness[at] = half.at(path, s)
-            if sensitivity is not None:
-                derivative[at] = half.derivative(path, s, sensitivity)
+            if derivatives:
+                derivative[at] = half.derivative(path, s, sensitivity(ray.posture))
             branched[at] = s > min(path.bifurcations, default=np.inf)
             off = pose[at] - place[on, None] * ray.direction
             wrench[at] += np.einsum("kij,kj->ki", stiffness[at], off)

@@ -69,8 +69,8 @@ def _worse(fit: Fit, index: int, trial: float, best: float, shift: Array) -> tup
     at = fit.problem.evaluate(z, fit.at.branches, derivatives=False)
     value = fit.objective(at)
     free = np.arange(len(z)) != index
-    r = fit.memory.remove(np.einsum("kij,kj->ki", fit.factors, at.residual)) / fit.spread
-    pull = np.where(fit.problem.present, fit.loss.weight(r) * r, 0.0).reshape(-1)
+    r = fit.whitening.independent(at.residual)
+    pull = np.where(fit.problem.observed.present, fit.loss.weight(r) * r, 0.0).reshape(-1)
     prior = fit.problem.unknowns.sigma**-2.0
     gradient = fit.jacobian.reshape(-1, len(z)).T @ pull + prior * z
     normal = fit.information + np.diag(prior)

@@ -209,7 +209,7 @@ def _joint(fit: Fit, found: Identifiability) -> MatrixRow:
 def _identifiability(fit: Fit, found: Identifiability) -> IdentifiabilityRow:
     names = _names(fit)
     lost = [name for name, separable in zip(names, found.separable, strict=True) if not separable]
-    postures = ", ".join(dict.fromkeys(ray.posture for ray in fit.problem.rays))
+    postures = ", ".join(dict.fromkeys(ray.posture for ray in fit.problem.observed.rays))
     seen = sum(one.seen for one in found.directions)
     words = [f"Postures {postures} see {seen} of {len(names)} directions in the space of the parameters."]
     if not lost:
@@ -231,7 +231,7 @@ def _identifiability(fit: Fit, found: Identifiability) -> IdentifiabilityRow:
 
 def _fit(fit: Fit) -> FitRow:
     problem = fit.problem
-    present = problem.present
+    present = problem.observed.present
     nominal = problem.evaluate(problem.unknowns.start, fit.at.branches, derivatives=False).residual
     channels = []
     for c in np.flatnonzero(present.any(axis=0)):
@@ -244,10 +244,10 @@ def _fit(fit: Fit) -> FitRow:
                 rmse_nominal=float(np.sqrt(np.mean(nominal[at, c] ** 2))),
                 rmse=float(np.sqrt(np.mean(fit.at.residual[at, c] ** 2))),
                 unit="N" if c < 3 else "N mm",
-                in_sigma=float(fit.spread[c] * np.sqrt(np.mean(fit.residual[good, c] ** 2))),
-                spread=float(fit.spread[c]),
-                autocorrelation=float(fit.memory.rho[c]),
-                quantum=problem.noise.quantum.get(WRENCH[c], 0.0),
+                in_sigma=float(fit.whitening.spread[c] * np.sqrt(np.mean(fit.residual[good, c] ** 2))),
+                spread=float(fit.whitening.spread[c]),
+                autocorrelation=float(fit.whitening.memory.rho[c]),
+                quantum=problem.observed.noise.quantum.get(WRENCH[c], 0.0),
             )
         )
     outliers = [_outlier(fit, int(k)) for k in np.flatnonzero(fit.outliers)]
@@ -270,15 +270,16 @@ def _fit(fit: Fit) -> FitRow:
         statement=statement,
         channels=channels,
         wild=outliers,
-        behind_bifurcation=int(fit.at.prediction.branched.sum()),
+        behind_bifurcation=int(fit.at.branched.sum()),
     )
 
 
 def _outlier(fit: Fit, k: int) -> OutlierRow:
-    posture = next(ray.posture for ray in fit.problem.rays if k in ray.index)
-    bad = [WRENCH[c] for c in range(6) if fit.problem.present[k, c] and fit.weight[k, c] < OUTLYING]
-    least = float(np.min(fit.weight[k, fit.problem.present[k]]))
-    return OutlierRow(row=int(fit.problem.row[k]), posture=posture, channels=bad, weight=least)
+    observed = fit.problem.observed
+    posture = next(ray.posture for ray in observed.rays if k in ray.index)
+    bad = [WRENCH[c] for c in range(6) if observed.present[k, c] and fit.weight[k, c] < OUTLYING]
+    least = float(np.min(fit.weight[k, observed.present[k]]))
+    return OutlierRow(row=int(observed.readings.row[k]), posture=posture, channels=bad, weight=least)
 
 
 def _figures(figures: Sequence[Predicted], covariance: Array, names: Sequence[str]) -> list[FigureRow]:

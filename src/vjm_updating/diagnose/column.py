@@ -15,13 +15,11 @@ import numpy as np
 from vjm.model.chain import Chain
 from vjm.model.parts import Beam, PassiveJoint
 from vjm.rotations import Array
-from vjm_updating.calibrate.noise import Noise, memory_of, noise_of
 from vjm_updating.diagnose.fitting import Fit
-from vjm_updating.diagnose.forward import Evaluation, channel_errors, machine_of, values_of
+from vjm_updating.diagnose.forward import machine_of, values_of
 from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero
-from vjm_updating.diagnose.parameters import Coordinate, Hypothesis
+from vjm_updating.diagnose.parameters import Coordinate, Hypothesis, instrument_errors
 from vjm_updating.diagnose.stress import fibre_of
-from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.experiment import Measurement, Readings
 from vjm_updating.experiment.channels import WRENCH, split_point
 from vjm_updating.experiment.rays import Ray
@@ -32,7 +30,9 @@ from vjm_updating.mechanisms.link_bow import LinkBow
 from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
 from vjm_updating.mechanisms.part_compliance import LinkCompliance
-from vjm_updating.mechanisms.series_elements import History
+from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.noise import Noise, noise_of
+from vjm_updating.observation.observed import Observed
 
 BEFORE = 5
 """Rows at the first mark before loading begins: of the files of marks known the shortest has six."""
@@ -142,8 +142,6 @@ def observe_column(measurement: Measurement) -> Observed:
     own = np.zeros(6)
     own[0] = sheet.sigma(control).noise
     x = np.eye(6)[0]
-    begins = np.arange(n) == 0
-    machine, posture = ModifiedChain(chain, measurement.engine), str(readings.posture[0])
     return Observed(
         measurement,
         readings,
@@ -151,10 +149,6 @@ def observe_column(measurement: Measurement) -> Observed:
         wrench,
         replace(noise, pose=own),
         (Ray(str(readings.posture[0]), x, x, np.arange(n)),),
-        memory_of(readings.sequence, ~np.isnan(wrench)),
-        History(
-            np.zeros(n), begins, *(np.tile(v, (n, 1)) for v in (machine.line(posture), machine.lever(posture)))
-        ),
         None,
         None,
         {control: 0},
@@ -287,17 +281,14 @@ class ColumnForward:
     ) -> Evaluation:
         """Readings against a hypothesis; no tables are needed for it."""
         observed = self.observed
-        zero_u, gain_u = channel_errors(found, z, observed.pose_channels)
-        zero_f, gain_f = channel_errors(found, z, WRENCH)
-        w = (observed.pose[:, 0] - zero_u[0]) / gain_u[0]
+        errors = instrument_errors(found, z, observed.slots)
+        place = errors.true_displacement(observed.pose)
+        w = place[:, 0]
         wrench = np.zeros((len(w), 6))
         wrench[:, 0] = -self._force(found, z, hypothesis, w)
         stiffness = np.zeros((len(w), 6, 6))
         stiffness[:, 0, 0] = np.gradient(wrench[:, 0], w)
-        place = np.zeros((len(w), 6))
-        place[:, 0] = w
-        residual = np.where(observed.present, observed.wrench - gain_f * wrench - zero_f, 0.0)
-        return Evaluation(z, residual, wrench, stiffness, place, gain_f, gain_u)
+        return Evaluation(z, errors.residual(observed.wrench, wrench), wrench, stiffness, place, errors)
 
     def evaluate_nominal(self, deflection: Array) -> Array:
         """Loads ``(n,)`` of the sheet's own column, straight and elastic, at deflections ``(n,)`` of its middle."""

@@ -25,13 +25,13 @@ from vjm_updating.diagnose.mark_selection import completed, marks_gain
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import Search
 from vjm_updating.diagnose.stress import First
-from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.diagnose.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import WRENCH
-from vjm_updating.experiment.significance import NORMAL_95
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.observed import Observed
+from vjm_updating.observation.significance import NORMAL_95
 
 FIRST_YIELD, DEPARTS = "plasticity.yield_N", "plasticity.departs_mm"
 HANDBOOK = "plasticity.handbook"

@@ -17,7 +17,7 @@ from vjm_updating.diagnose.fitting import Fit, Fitter, prior
 from vjm_updating.diagnose.parameters import release_key
 from vjm_updating.diagnose.residual_basis import smooth_shapes
 from vjm_updating.diagnose.screening import Projection, projection
-from vjm_updating.diagnose.whitening import weighed
+from vjm_updating.observation.whitening import weighed
 
 NODES = np.linspace(0.1, 1.5, 8)
 """Relative errors over their prior's scale at which it is integrated: with a law that is off by more, another one

@@ -13,7 +13,7 @@ from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.forward import values_of
 from vjm_updating.diagnose.normal_equations import inverse
 from vjm_updating.diagnose.parameters import of_effect, release_key
-from vjm_updating.experiment.significance import NORMAL_95
+from vjm_updating.observation.significance import NORMAL_95
 
 DRAWS = 512
 """Of the coordinates, from which an interval follows."""

@@ -13,8 +13,8 @@ from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.normal_equations import inverse
 from vjm_updating.diagnose.parameters import Hypothesis, of_effect, release_key
-from vjm_updating.experiment.significance import NORMAL_95
 from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.significance import NORMAL_95
 
 DISGUISED = 12.0
 """What a cause costs whose own parameter does not differ from nothing."""

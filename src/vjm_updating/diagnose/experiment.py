@@ -17,17 +17,12 @@ from vjm.continuation.path import EventKind
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
-from vjm_updating.calibrate.noise import memory_of
 from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.forward import Forward
 from vjm_updating.diagnose.parameters import Coordinate
-from vjm_updating.diagnose.ramp_regression import Steady, basis, pieces
-from vjm_updating.diagnose.test_data import Observed
-from vjm_updating.experiment import Readings
-from vjm_updating.experiment.channels import POSE, WRENCH
-from vjm_updating.experiment.rays import Ray
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.series_elements import History
+from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.observation.observed import Observed, planned
+from vjm_updating.observation.ramp_regression import Steady, basis, pieces
 
 PER_RAMP = 12
 """Readings on each way."""
@@ -129,8 +124,7 @@ def _told(
 ) -> list[Proposal]:
     """How well a candidate tells each pair apart; empty where that cannot be computed for one."""
     made = _observed(fitter.forward.observed, posture, ends * times)
-    memory = replace(memory_of(made.readings.sequence, made.present), rho=fitter.whitening.memory.rho)
-    own = Fitter(Forward(made), fitter.nuisances, replace(fitter.whitening, memory=memory, present=made.present))
+    own = Fitter(Forward(made), fitter.nuisances, fitter.whitening.reading(made))
     shown, slopes = [], []
     for fit in fits:
         at = own.evaluate(fit.found, fit.at.z, fit.hypothesis)
@@ -209,40 +203,14 @@ def _observed(observed: Observed, posture: str, ends: tuple[float, ...]) -> Obse
     """A test to be: ramps out, held and back, with the instruments of the test at hand."""
     u = np.concatenate([out_and_back(end) for end in ends])
     n = len(u)
-    pose = np.zeros((n, 6))
-    pose[:, 0] = u
-    read = observed.present.any(axis=0)
-    wrench = np.where(read, 0.0, np.nan) * np.ones((n, 1))
-    clock: Array | None = None
-    warmth: Array | None = None
+    made = planned(observed, posture, np.eye(6)[0], u)
     if observed.clock is not None:
-        clock = np.linspace(0.0, (n - 1) * float(np.median(np.diff(observed.clock))), n)
+        made = replace(made, clock=np.linspace(0.0, (n - 1) * float(np.median(np.diff(observed.clock))), n))
     if observed.warmth is not None:
-        warmth = np.linspace(0.0, float(np.ptp(observed.warmth)), n)
-    begins = np.zeros(n, dtype=bool)
-    begins[0] = True
-    machine = ModifiedChain(observed.measurement.chain, observed.measurement.engine)
-    lever = machine.lever(posture) + pose[:, :3]
-    values: dict[str, Array] = {name: pose[:, k] for k, name in enumerate(POSE) if name in observed.pose_channels}
-    readings = Readings("next", np.arange(n), np.full(n, posture), np.ones(n, dtype=int), values)
-    x = np.eye(6)[0]
-    steady: Steady | None = None
+        made = replace(made, warmth=np.linspace(0.0, float(np.ptp(observed.warmth)), n))
     if observed.steady is not None:
         # it will be steered as the test at hand was
-        order = np.arange(n, dtype=float) if clock is None else clock
-        parts = pieces(readings.sequence, order, u, float(observed.noise.pose[0]))
-        steady = Steady(basis(parts, order), readings.sequence, observed.steady.moved)
-    return replace(
-        observed,
-        readings=readings,
-        pose=pose,
-        wrench=wrench,
-        rays=(Ray(posture, x, x, np.arange(n)),),
-        memory=memory_of(readings.sequence, ~np.isnan(wrench)),
-        history=History(
-            np.zeros(n) if clock is None else clock, begins, np.tile(machine.line(posture), (n, 1)), lever
-        ),
-        clock=clock,
-        warmth=warmth,
-        steady=steady,
-    )
+        sequence, order = made.readings.sequence, np.arange(n, dtype=float) if made.clock is None else made.clock
+        parts = pieces(sequence, order, u, float(observed.noise.pose[0]))
+        made = replace(made, steady=Steady(basis(parts, order), sequence, observed.steady.moved))
+    return made

@@ -60,7 +60,7 @@ def pictures(prepared: Prepared, fit: Fit, document: Diagnosis, before: Before) 
 def _force(prepared: Prepared) -> int:
     """The wrench channel that is drawn: the driven one, else the first that was read."""
     observed = prepared.fitter.forward.observed
-    driven = observed.slot(driven_channel(observed))
+    driven = observed.slots[driven_channel(observed)]
     return driven if observed.present[:, driven].any() else int(np.argmax(observed.present.any(axis=0)))
 
 

@@ -13,10 +13,10 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_updating.diagnose.forward import Evaluation, Predictor, values_of
+from vjm_updating.diagnose.forward import Predictor, values_of
 from vjm_updating.diagnose.parameters import Coordinate, Hypothesis
-from vjm_updating.diagnose.whitening import Whitening, weighed
-from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.whitening import Whitening, weighed
 
 FARTHER = 3.0
 """Sigmas of a machine's nuisance that change much of what others do."""
@@ -169,7 +169,7 @@ class Fitter:
         """
         for i, c in enumerate(found):
             if c.kind in ("zero", "scale"):
-                self._instrument(J, i, c, at)
+                J[:, :, i] = c.scale * at.slope(c.kind, c.subject, self.forward.observed.slots)
             elif i in machine or (c.kind == "effect" and (held is None or i not in held.own)):
                 J[:, :, i] = self._difference(found, at, hypothesis, i, held)
         present = self.forward.observed.present
@@ -190,15 +190,6 @@ class Fitter:
         if at is None:
             return null
         return replace(null, at=at, jacobian=self.slopes(null.found, at, null.hypothesis))
-
-    def _instrument(self, J: Array, i: int, c: Coordinate, at: Evaluation) -> None:
-        if c.subject in WRENCH:
-            k = WRENCH.index(c.subject)
-            J[:, k, i] = -c.scale * (1.0 if c.kind == "zero" else at.wrench[:, k])
-            return
-        k = self.forward.observed.slot(c.subject)
-        moved = np.ones(len(at.place)) if c.kind == "zero" else at.place[:, k]
-        J[:, :, i] = c.scale / at.gain_u[k] * at.gain * at.stiffness[:, :, k] * moved[:, None]
 
     def _difference(
         self, found: Sequence[Coordinate], at: Evaluation, hypothesis: Hypothesis, i: int, held: Held | None

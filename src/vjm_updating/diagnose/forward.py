@@ -11,8 +11,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.instrument import ThermalDrift
-from vjm_updating.diagnose.parameters import Coordinate, Hypothesis, of_effect, release_key
-from vjm_updating.diagnose.test_data import Observed
+from vjm_updating.diagnose.parameters import Coordinate, Hypothesis, instrument_errors, of_effect, release_key
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.rays import Ray
 from vjm_updating.mechanisms.effect import Effect
@@ -21,6 +20,8 @@ from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.path_table import HalfRay, Sheaf, Table, beside, tabulate
 from vjm_updating.mechanisms.relaxation import OnRay, Relaxation, relaxed
 from vjm_updating.mechanisms.series_elements import Element, balance
+from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.observed import Observed
 
 MARGIN = 1.05
 """How far beyond the furthest reading tables go."""
@@ -31,29 +32,6 @@ ROUNDS = 3
 
 Key = tuple[tuple[object, ...], HalfRay, tuple[object, ...] | None]
 """Of a table: its machine, its half-ray, and the machine near by whose equilibria it was made from, if so."""
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """A hypothesis at the readings.
-
-    Attributes:
-        z: coordinates ``(n_z,)``.
-        residual: reading minus prediction ``(n, 6)``; zero where there is no reading.
-        wrench: of the machine ``(n, 6)``.
-        stiffness: of machine and elements ``(n, 6, 6)``, by the displacement that was meant.
-        place: true displacements ``(n, 6)``.
-        gain: one plus the scale errors of the wrench channels ``(6,)``.
-        gain_u: and of the displacement's.
-    """
-
-    z: Array
-    residual: Array
-    wrench: Array
-    stiffness: Array
-    place: Array
-    gain: Array
-    gain_u: Array
 
 
 @dataclass(frozen=True)
@@ -144,10 +122,9 @@ class Forward:
         observed = self.observed
         machine = self.machine(found, z, hypothesis)
         values = values_of(found, z, hypothesis)
-        zero_u, gain_u = channel_errors(found, z, POSE)
-        zero_f, gain_f = channel_errors(found, z, WRENCH)
+        errors = instrument_errors(found, z, observed.slots)
         drift = self._drift(hypothesis, values)
-        place = (observed.pose - drift[:, :6] - zero_u) / gain_u
+        place = errors.true_displacement(observed.pose - drift[:, :6])
         own = _own(found, z, hypothesis)
         for effect, v in own:
             place = effect.imposed(place, v)
@@ -171,8 +148,8 @@ class Forward:
         for effect, v in own:
             turned = effect.imposed(turned, v)
         stiffness = stiffness @ turned.T
-        residual = np.where(observed.present, observed.wrench - gain_f * wrench - zero_f - drift[:, 6:], 0.0)
-        return Evaluation(z, residual, wrench, stiffness, place, gain_f, gain_u)
+        residual = errors.residual(observed.wrench - drift[:, 6:], wrench)
+        return Evaluation(z, residual, wrench, stiffness, place, errors)
 
     def _drift(self, hypothesis: Hypothesis, values: Sequence[Sequence[float]]) -> Array:
         """What drift adds to the readings ``(n, 12)`` of displacements and wrenches."""
@@ -363,12 +340,3 @@ def values_of(found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> 
         value = found[k].value(float(z[k]))
         result.append([1.0 / (1.0 + value) if key[0] == "modulus" else value])
     return result
-
-
-def channel_errors(found: Sequence[Coordinate], z: Array, names: Sequence[str]) -> tuple[Array, Array]:
-    """Zeros ``(6,)`` and gains ``(6,)`` of channels."""
-    zero, gain = np.zeros(6), np.ones(6)
-    for c, value in zip(found, z, strict=True):
-        if c.subject in names:
-            (zero if c.kind == "zero" else gain)[names.index(c.subject)] += c.value(value)
-    return zero, gain

@@ -12,11 +12,11 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit, Fitter
-from vjm_updating.diagnose.forward import Evaluation
 from vjm_updating.diagnose.normal_equations import inverse
 from vjm_updating.diagnose.residual_basis import driven_place
-from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.diagnose.trust_region import best_fit
+from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.observed import Observed
 
 BLOCK = 12
 """Neighbouring readings that a bootstrap draws together."""
@@ -85,9 +85,7 @@ def refitted_without(fitter: Fitter, fit: Fit, own: np.ndarray) -> Evaluation | 
 def _without(fitter: Fitter, own: np.ndarray) -> Fitter:
     observed = fitter.forward.observed
     kept = observed.without(observed.present & own[:, None])
-    memory = replace(kept.memory, rho=fitter.whitening.memory.rho)
-    whitening = replace(fitter.whitening, memory=memory, present=kept.present)
-    return Fitter(fitter.forward.reading(kept), fitter.nuisances, whitening)
+    return Fitter(fitter.forward.reading(kept), fitter.nuisances, fitter.whitening.reading(kept))
 
 
 def _as_drawn(fitter: Fitter, fit: Fit) -> Array:

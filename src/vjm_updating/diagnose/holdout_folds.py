@@ -10,7 +10,7 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fitter
 from vjm_updating.diagnose.holdout import Split
-from vjm_updating.diagnose.test_data import Observed
+from vjm_updating.observation.observed import Observed
 
 
 @dataclass(frozen=True)

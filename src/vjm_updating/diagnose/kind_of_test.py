@@ -17,11 +17,11 @@ from vjm_updating.diagnose.holdout import Gain
 from vjm_updating.diagnose.holdout_folds import Fold
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import Search
-from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.diagnose.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.observed import Observed
 
 HoldOut = Callable[[Fit], tuple[Gain, list[Fold]]]
 """Gain of a fit on readings held out, and each part of them on its own."""

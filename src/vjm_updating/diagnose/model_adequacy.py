@@ -18,7 +18,7 @@ from vjm_updating.diagnose.fitting import Fit, Fitter, prior
 from vjm_updating.diagnose.residual_basis import smooth_shapes, sudden_shapes
 from vjm_updating.diagnose.screening import Projection, projection
 from vjm_updating.experiment.channels import WRENCH
-from vjm_updating.experiment.significance import NOISE_KNOWN
+from vjm_updating.observation.significance import NOISE_KNOWN
 
 DRAWS = 4000
 SEED = 17

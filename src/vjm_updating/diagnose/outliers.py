@@ -12,9 +12,9 @@ from scipy.stats import hypergeom
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.residual_basis import driven_place
-from vjm_updating.diagnose.test_data import Observed
-from vjm_updating.diagnose.whitening import Whitening
-from vjm_updating.experiment.significance import FALSE_ALARMS, level, too_many
+from vjm_updating.observation.observed import Observed
+from vjm_updating.observation.significance import FALSE_ALARMS, level, too_many
+from vjm_updating.observation.whitening import Whitening
 
 LONELY, APART = 1.5, 3.0
 """Times a load by which the next larger one is more where a threshold may well lie between them, and by which a

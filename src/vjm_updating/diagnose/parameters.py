@@ -5,18 +5,21 @@ A nuisance whose cause is tried loses its prior: it is then the whole deviation 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero, ThermalDrift, size_of
-from vjm_updating.diagnose.test_data import Observed
+from vjm_updating.experiment import Kind, Nuisance
+from vjm_updating.experiment.nuisances import possible_nuisances
 from vjm_updating.mechanisms.effect import Effect, Quantity
 from vjm_updating.mechanisms.link_length import LinkLength
-from vjm_updating.mechanisms.modified_chain import beam_of, links_of
+from vjm_updating.mechanisms.modified_chain import beam_of
 from vjm_updating.mechanisms.part_compliance import FootCompliance, LinkCompliance
+from vjm_updating.observation.instrument_errors import InstrumentErrors
+from vjm_updating.observation.observed import Observed
 
 Hypothesis = tuple[Effect, ...]
 """Causes that act together; empty: nothing but the sheet's tolerances."""
@@ -30,6 +33,8 @@ SHARE = 0.1
 """Of a link's length, up to which it may be longer or shorter, however little of it the sheet allows."""
 LOST = 0.9
 """Of a channel's scale, relative."""
+USUAL = {Kind.SCALE: 0.01, Kind.MODULUS: 0.02, Kind.LENGTH: 0.2}
+"""Units of nuisances for which the sheet has no tolerance, mm and relative."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +43,7 @@ class Coordinate:
 
     Attributes:
         name: for people.
-        kind: ``zero``, ``scale``, ``modulus``, ``length`` or ``effect``.
+        kind: a `vjm_updating.experiment.Kind`, or ``effect``.
         subject: channel or part; of an effect its index in the hypothesis, as text.
         scale: of the coordinate; a nuisance's sigma.
         mean: of its prior.
@@ -128,32 +133,38 @@ def towards_nothing(effect: Effect, values: Sequence[float], share: float) -> li
 
 def nuisance_coordinates(observed: Observed) -> list[Coordinate]:
     """Every nuisance that there could be; those that the sheet does not allow are fixed at zero."""
-    sheet, chain = observed.measurement.sheet, observed.measurement.chain
-    found: list[Coordinate] = []
-    for channel in (*observed.pose_channels, *observed.wrench_channels):
-        known = sheet.instrument.get(channel)
-        for kind, sigma, usual in (
-            ("zero", known.zero if known else 0.0, size_of(channel)),
-            ("scale", known.scale if known else 0.0, 0.01),
-        ):
-            known_of = _nuisance(kind, channel, sigma, usual)
-            if kind == "zero" and channel in observed.zeros:
-                low, high = (bound / known_of.scale for bound in observed.zeros[channel])
-                known_of = replace(known_of, low=low, high=high)
-            found.append(known_of)
-    found += [_nuisance("modulus", beam.name, sheet.tolerance.modulus_rel, 0.02) for beam in chain.beams]
-    for link in links_of(chain):
-        far = SHARE * beam_of(chain, link).length
-        found.append(_nuisance("length", link, sheet.tolerance.link_length_mm, 0.2, far))
-    return found
+    measurement = observed.measurement
+    channels = (*observed.pose_channels, *observed.wrench_channels)
+    return [
+        _coordinate(nuisance, observed)
+        for nuisance in possible_nuisances(measurement.sheet, channels, measurement.chain)
+    ]
 
 
-def _nuisance(kind: str, subject: str, sigma: float, usual: float, far: float = 0.0) -> Coordinate:
-    scale = sigma if sigma > 0.0 else usual
-    usually = FARTHEST * scale
-    most = {"modulus": float(np.log(PARTS)), "scale": min(LOST, usually)}.get(kind, max(usually, far))
-    spread = 1.0 if sigma > 0.0 else 0.0
-    return Coordinate(f"{kind} {subject}", kind, subject, scale, 0.0, spread, -most / scale, most / scale)
+def _coordinate(nuisance: Nuisance, observed: Observed) -> Coordinate:
+    kind, subject = nuisance.kind, nuisance.subject
+    scale = nuisance.sigma or (size_of(subject) if kind is Kind.ZERO else USUAL[kind])
+    most = FARTHEST * scale
+    match kind:
+        case Kind.MODULUS:
+            most = float(np.log(PARTS))
+        case Kind.SCALE:
+            most = min(LOST, most)
+        case Kind.LENGTH:
+            most = max(SHARE * beam_of(observed.measurement.chain, subject).length, most)
+    low, high = -most, most
+    if kind is Kind.ZERO:
+        low, high = observed.zeros.get(subject, (low, high))
+    spread = 1.0 if nuisance.sigma > 0.0 else 0.0
+    return Coordinate(nuisance.name, kind, subject, scale, 0.0, spread, low / scale, high / scale)
+
+
+def instrument_errors(found: Sequence[Coordinate], z: Array, slots: Mapping[str, int]) -> InstrumentErrors:
+    """Zeros and scales among coordinates ``(n_z,)``; ``slots`` are the displacement's components by channel."""
+    values = {
+        (c.kind, c.subject): c.value(v) for c, v in zip(found, z, strict=True) if c.kind in (Kind.ZERO, Kind.SCALE)
+    }
+    return InstrumentErrors.of(values, slots)
 
 
 def coordinates(nuisances: Sequence[Coordinate], hypothesis: Hypothesis) -> list[Coordinate]:

@@ -11,19 +11,19 @@ from vjm.errors import NoConvergenceError
 from vjm.io.errors import did_you_mean
 from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit, Fitter
-from vjm_updating.diagnose.forward import Evaluation
 from vjm_updating.diagnose.kind_of_test import KindOfTest
 from vjm_updating.diagnose.kinds import kind_of
-from vjm_updating.diagnose.noise_model import estimate_memory
 from vjm_updating.diagnose.outliers import loads, outlying, standing_out
 from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates
 from vjm_updating.diagnose.residual_basis import smooth_shapes
 from vjm_updating.diagnose.screening import STRONG, Signature, Signed, signed
-from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.diagnose.trust_region import best_fit
-from vjm_updating.diagnose.whitening import Whitening, weighed
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.autocorrelation import estimate_memory
+from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.observed import Observed
+from vjm_updating.observation.whitening import Whitening, weighed
 
 SAME_MEMORY = 0.05
 """Change of the noise's autocorrelation that is none."""
@@ -102,9 +102,8 @@ def possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[s
 def _leave_out(fitter: Fitter, kind: KindOfTest, observed: Observed, wild: np.ndarray, at: Evaluation) -> None:
     """Go on without wild samples ``(n, 6)``, where the kind of test leaves any out."""
     kept = kind.without_outliers(observed, wild)
-    memory = replace(kept.memory, rho=fitter.whitening.memory.rho)
     fitter.forward.observed = kept
-    fitter.whitening = replace(fitter.whitening, memory=memory, present=kept.present)
+    fitter.whitening = fitter.whitening.reading(kept)
     fitter.weigh(at)
 
 

@@ -20,12 +20,12 @@ from vjm_updating.diagnose.kind_of_test import HoldOut
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.screening import far_off
 from vjm_updating.diagnose.search import Search
-from vjm_updating.diagnose.test_data import Observed, observe
 from vjm_updating.diagnose.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import TIME
 from vjm_updating.mechanisms.catalogue import Maker, catalogue
 from vjm_updating.mechanisms.effect import Effect, Scene
+from vjm_updating.observation.observed import Observed, observe, straightened
 
 LONG_BEFORE = 4.0
 """Spans of a test that its clock may have run before at most: one that shows the date says nothing."""
@@ -39,12 +39,12 @@ class RampTest:
     costs = Costs()
 
     def applies(self, measurement: Measurement) -> bool:
-        """To every test; `observe` refuses those without a displacement."""
+        """To every test; `observe_ramps` refuses those without a displacement."""
         return True
 
     def observe(self, measurement: Measurement) -> Observed:
         """All readings with a displacement and a wrench."""
-        return observe(measurement)
+        return observe_ramps(measurement)
 
     def forward(self, observed: Observed) -> Forward:
         """Equilibria of the chain at the displacements, from tables along rays."""
@@ -110,6 +110,21 @@ class RampTest:
             channel=found.channel,
             strength=found.strength,
         )
+
+
+def observe_ramps(measurement: Measurement) -> Observed:
+    """What there is to be explained, displacements as steered where that was steadily.
+
+    Raises:
+        ValueError: no displacement of the end-effector was read, or no link bends.
+    """
+    if not measurement.chain.beams:
+        raise ValueError(
+            f"{measurement.sheet.file}: [test] model: no link of {measurement.chain.name} bends, and causes in "
+            'forces are sought along one: validate calibrate fits its joints, and a sheet of kind = "poses" '
+            "diagnoses it"
+        )
+    return straightened(observe(measurement))
 
 
 def ramp_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:

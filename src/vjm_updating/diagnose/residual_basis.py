@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.experiment.readings import Branch
+from vjm_updating.observation.observed import Observed
 
 ORDER = 4
 """Of the polynomials in the displacement."""

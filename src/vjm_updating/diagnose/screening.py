@@ -20,8 +20,8 @@ from vjm.rotations import Array
 from vjm_updating.diagnose.chi_bar_squared import Cone
 from vjm_updating.diagnose.fitting import Fit, Fitter, Held, prior
 from vjm_updating.diagnose.parameters import coordinates, release_key, sizeless, start
-from vjm_updating.experiment.significance import FALSE_ALARMS
 from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.significance import FALSE_ALARMS
 
 DRAWS, RARE = 10000, 3.0
 """Of noise, for the threshold; and times that rate, by which a single effect's p-value is worth computing."""

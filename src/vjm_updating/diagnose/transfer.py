@@ -18,8 +18,8 @@ from vjm_updating.diagnose.parameters import (
     nuisance_coordinates,
     release_key,
 )
-from vjm_updating.diagnose.test_data import Observed
 from vjm_updating.experiment import Measurement
+from vjm_updating.observation.observed import Observed
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit, Fitter, Held
-from vjm_updating.diagnose.forward import Evaluation
 from vjm_updating.diagnose.normal_equations import bounded_step, inverse
 from vjm_updating.diagnose.parameters import Coordinate, Hypothesis, coordinates, of_effect, remakes, start
+from vjm_updating.observation.evaluation import Evaluation
 
 ROUNDS, STEPS, HALVINGS = 25, 20, 6
 """Rounds at most, steps of Gauss-Newton in each, and dampings that are tried for a step."""

@@ -19,7 +19,7 @@ from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.model_adequacy import blocks_of
 from vjm_updating.diagnose.residual_basis import smooth_shapes
 from vjm_updating.diagnose.screening import Projection
-from vjm_updating.diagnose.whitening import weighed
+from vjm_updating.observation.whitening import weighed
 
 SIZES = np.geomspace(0.5, 500.0, 40)
 """Standard deviations of a kind's shapes, in units of the noise's, evenly by their logarithms: from what no test

@@ -13,7 +13,7 @@ from vjm_updating.diagnose.model_adequacy import Misfit
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import RIVAL, Search
 from vjm_updating.diagnose.unmodelled import unmodelled
-from vjm_updating.experiment.significance import NORMAL_95
+from vjm_updating.observation.significance import NORMAL_95
 
 RIVALS = 12
 """Hypotheses that are compared with the best at most."""

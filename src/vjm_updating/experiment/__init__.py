@@ -4,7 +4,7 @@
 """
 
 from vjm_updating.experiment.measurement import Measurement, read_measurement
-from vjm_updating.experiment.nuisances import Kind, Nuisance, Nuisances
+from vjm_updating.experiment.nuisances import Kind, Nuisance
 from vjm_updating.experiment.readings import Readings, read_readings
 from vjm_updating.experiment.sheet import Instrument, Sheet, read_sheet
 
@@ -13,7 +13,6 @@ __all__ = [
     "Kind",
     "Measurement",
     "Nuisance",
-    "Nuisances",
     "Readings",
     "Sheet",
     "read_measurement",

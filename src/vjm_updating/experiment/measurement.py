@@ -12,7 +12,7 @@ from vjm.model.chain import Chain
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.checks import check_postures, check_reach, check_time, check_units
-from vjm_updating.experiment.nuisances import Nuisances, nuisances
+from vjm_updating.experiment.nuisances import Nuisance, nuisances
 from vjm_updating.experiment.overrides import SEGMENTS, overridden
 from vjm_updating.experiment.readings import DataError, Readings, read_readings
 from vjm_updating.experiment.sheet import Sheet, SheetError, read_sheet
@@ -28,7 +28,7 @@ class Measurement:
         document: the model file's content with the sheet's overrides and postures.
         chain: the nominal machine.
         engine: that solves it with as many springs as the sheet says.
-        nuisances: that the sheet's tolerances allow.
+        nuisances: that the sheet's tolerances allow, independent of one another.
         model_sha256: of the model file.
         data_sha256: of the data file.
     """
@@ -38,7 +38,7 @@ class Measurement:
     document: dict[str, Any]
     chain: Chain
     engine: VjmEngine
-    nuisances: Nuisances
+    nuisances: tuple[Nuisance, ...]
     model_sha256: str
     data_sha256: str
 

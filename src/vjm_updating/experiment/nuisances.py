@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
 from vjm.model.chain import Chain
-from vjm_updating.experiment.sheet import Sheet
+from vjm_updating.experiment.sheet import Instrument, Sheet
+from vjm_updating.mechanisms.modified_chain import links_of
 
 
 class Kind(StrEnum):
@@ -48,38 +49,26 @@ class Nuisance:
         return self.kind in (Kind.LENGTH, Kind.MODULUS)
 
 
-@dataclass(frozen=True)
-class Nuisances:
-    """The nuisances of a test, independent of one another."""
+def possible_nuisances(sheet: Sheet, channels: Sequence[str], chain: Chain) -> tuple[Nuisance, ...]:
+    """Zero and scale of each channel, then the modulus of each beam, then the length of each link.
 
-    all: tuple[Nuisance, ...]
-
-    def __iter__(self) -> Iterator[Nuisance]:
-        return iter(self.all)
-
-    def __len__(self) -> int:
-        return len(self.all)
-
-
-def nuisances(sheet: Sheet, channels: Sequence[str], chain: Chain) -> Nuisances:
-    """Those of a sheet that has a tolerance for them.
+    Independent of one another. Where the sheet gives no tolerance sigma is zero.
 
     Args:
         sheet: the sheet.
         channels: that the data have.
-        chain: the machine; ``link_length_mm`` is of the beam called link, else of the only one.
+        chain: the machine; links are all its beams but the foot.
     """
+    exact, tolerance = Instrument(noise=0.0), sheet.tolerance
     found: list[Nuisance] = []
     for channel in channels:
-        known = sheet.instrument.get(channel)
-        if known is None:
-            continue
-        found += [Nuisance(Kind.ZERO, channel, known.zero)] if known.zero > 0.0 else []
-        found += [Nuisance(Kind.SCALE, channel, known.scale)] if known.scale > 0.0 else []
-    names = [beam.name for beam in chain.beams]
-    link = "link" if "link" in names else names[0] if len(names) == 1 else ""
-    if sheet.tolerance.link_length_mm > 0.0 and link:
-        found.append(Nuisance(Kind.LENGTH, link, sheet.tolerance.link_length_mm))
-    if sheet.tolerance.modulus_rel > 0.0:
-        found += [Nuisance(Kind.MODULUS, name, sheet.tolerance.modulus_rel) for name in names]
-    return Nuisances(tuple(found))
+        known = sheet.instrument.get(channel, exact)
+        found += [Nuisance(Kind.ZERO, channel, known.zero), Nuisance(Kind.SCALE, channel, known.scale)]
+    found += [Nuisance(Kind.MODULUS, beam.name, tolerance.modulus_rel) for beam in chain.beams]
+    found += [Nuisance(Kind.LENGTH, link, tolerance.link_length_mm) for link in links_of(chain)]
+    return tuple(found)
+
+
+def nuisances(sheet: Sheet, channels: Sequence[str], chain: Chain) -> tuple[Nuisance, ...]:
+    """Those of `possible_nuisances` for which the sheet has a tolerance."""
+    return tuple(n for n in possible_nuisances(sheet, channels, chain) if n.sigma > 0.0)

@@ -21,11 +21,11 @@ from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.parts import Actuator, Part, PassiveJoint, Section
 from vjm.rotations import Array, rotation_from_vector
-from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.mechanisms.base_compliance import BaseCompliance
 from vjm_updating.mechanisms.gravity import Gravity
 from vjm_updating.mechanisms.link_bow import LinkBow
 from vjm_updating.mechanisms.load_misalignment import LoadMisalignment
+from vjm_updating.observation.instrument_errors import InstrumentErrors
 from vjm_updating.simulate.hidden import Hidden
 
 OF_INSTRUMENTS = ("instrument_zero", "instrument_scale")
@@ -88,9 +88,8 @@ class BeamMachine:
             NoConvergenceError: the machine does not stand at the readings.
             ValueError: the finite elements cannot be made of this chain.
         """
-        gain_u, gain_f = (np.array([1.0 + off.get(("scale", c), 0.0) for c in names]) for names in (POSE, WRENCH))
-        zero_u, zero_f = (np.array([off.get(("zero", c), 0.0) for c in names]) for names in (POSE, WRENCH))
-        place = (self.pose - zero_u) / gain_u
+        errors = InstrumentErrors.of(off)
+        place = errors.true_displacement(self.pose)
         chain, gravity = _with_off(self.chain, off), None
         bows: dict[str, Sequence[float]] = {}
         for effect, values in self.hidden:
@@ -113,8 +112,7 @@ class BeamMachine:
         for run in dict.fromkeys(self.run.tolist()):
             own = np.flatnonzero(self.run == run)
             wrench[own] = _along(engine, chain, str(self.posture[own[0]]), place[own], gravity)
-        result: Array = gain_f * wrench + zero_f
-        return result
+        return errors.reading(wrench)
 
 
 # --- changes of the chain ---------------------------------------------------------------------------------

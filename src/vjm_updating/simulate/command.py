@@ -19,15 +19,15 @@ from vjm_updating.diagnose.experiment import left_over
 from vjm_updating.diagnose.fitting import Fitter
 from vjm_updating.diagnose.forward import Forward
 from vjm_updating.diagnose.parameters import Coordinate, coordinates, nuisance_coordinates, release_key, start
-from vjm_updating.diagnose.ramp_test import ramp_effects
-from vjm_updating.diagnose.test_data import Observed, observe
-from vjm_updating.diagnose.whitening import Whitening
+from vjm_updating.diagnose.ramp_test import observe_ramps, ramp_effects
 from vjm_updating.experiment import Readings, read_sheet
 from vjm_updating.experiment.channels import POSE, POSTURE, RUN, TEMPERATURE, WRENCH
 from vjm_updating.experiment.measurement import planned_measurement
 from vjm_updating.experiment.sheet import Sheet
 from vjm_updating.mechanisms.catalogue import plug_in
 from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.observed import Observed
+from vjm_updating.observation.whitening import Whitening
 from vjm_updating.simulate.beams import BeamMachine, refuse_what_beams_cannot_carry
 from vjm_updating.simulate.hidden import Hidden, parsed_effects, sizes
 from vjm_updating.simulate.plan import Ramp, parsed_ramp, planned_readings, usual_ramps
@@ -191,7 +191,7 @@ def _planned(page: Sheet, path: Path, ramps: list[Ramp]) -> tuple[Observed, list
         labels = list(page.postures) or list(bare.chain.postures)
         ramps = usual_ramps(bare.chain, bare.engine, labels)
     measurement = planned_measurement(page, path, planned_readings(page, ramps))
-    return observe(measurement), ramps
+    return observe_ramps(measurement), ramps
 
 
 def _strength(nominal: _Machine, machine: _Machine) -> tuple[float, float, float, str]:

@@ -8,6 +8,7 @@ import pytest
 
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import EventKind
+from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.parameters import (
@@ -24,7 +25,7 @@ from vjm.model.parts import RigidOffset
 from vjm.rotations import frame, turn
 from vjm.sensitivity.adjoint import Mode, State
 from vjm.sensitivity.derivatives import links_of, place
-from vjm.sensitivity.gradients import Sensitivity, critical_sensitivity, wrench_sensitivity
+from vjm.sensitivity.gradients import Sensitivity, by_posture, critical_sensitivity, wrench_sensitivity
 from vjm.statics.equilibrium import newton_matrix, newton_scale
 from vjm.vjm_engine import VjmEngine
 
@@ -177,6 +178,23 @@ def test_neighbours_serve_every_path_of_a_chain(soft, traced):
     for posture, to, steps in (("A", -4.0, 5), ("B", -10.0, 4)):
         _, path = traced(posture, to, 4, steps)
         assert np.array_equal(once.wrench(path), wrench_sensitivity(engine, soft, path, parameters))
+
+
+@pytest.mark.parametrize("posture", ["bent", "folded"])
+def test_joints_that_are_held_stand_as_the_posture_says(posture):
+    """An arm on geared joints: the derivatives of a path are those in its posture."""
+    arm, engine = load_chain("planar-2r"), VjmEngine(4)
+    load_case = LoadCase(posture, 2.0, "z", steps=4)
+    parameters = [compliance_factor(arm, "upper"), beam_length(arm, "upper"), beam_length(arm, "fore")]
+    found = by_posture(engine, arm, parameters)(posture).wrench(engine.trace(arm, load_case))
+    for i, parameter in enumerate(parameters):
+
+        def wrenches(value: float, parameter: Parameter = parameter) -> np.ndarray:
+            path = engine.trace(parameter.apply(arm, value), load_case)
+            return np.array([point.wrench for point in path.points])
+
+        wrench = difference(wrenches, parameter, 1e-4)
+        assert np.abs(found[..., i] - wrench).max() < 1e-6 * np.abs(wrench).max()
 
 
 # --- critical points ------------------------------------------------------------------------------

@@ -18,7 +18,6 @@ from vjm.model.parts import Section
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_updating.calibrate.parameters import unknowns
-from vjm_updating.experiment import Nuisances
 
 COLUMNS = ("fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm")
 SIGMA = {name: (2.0, 3.0, 0.003) if name.startswith("f") else (300.0, 300.0, 0.003) for name in COLUMNS}
@@ -136,7 +135,7 @@ def changed(z: Mapping[str, float], engine: VjmEngine) -> Chain:
     chain = load_chain("orthoglide-chain")
     # the entries of a 6×6's factor come together
     names = dict.fromkeys(re.sub(r"\.R\d\d$", ".matrix", name) for name in z)
-    found = unknowns(chain, engine, list(names), Nuisances(()))
+    found = unknowns(chain, engine, list(names), ())
     assert [one.name for one in found.all] == list(z)
     return found.build(np.array(list(z.values())))
 

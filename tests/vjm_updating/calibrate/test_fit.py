@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from vjm_updating.calibrate.prediction import Branches
 from vjm_updating.calibrate.problem import problem_of
 from vjm_updating.calibrate.profile import profile_interval
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.observation.whitening import whitening_of
 
 from . import synthetic
 from .conftest import RAMPS, TRUTH, Make, errors_in_sigma, solved
@@ -18,7 +21,7 @@ from .conftest import RAMPS, TRUTH, Make, errors_in_sigma, solved
 def test_clean_data_give_the_truth(make: Make):
     found = solved(make(errors=0.0))
     np.testing.assert_allclose(found.z[:3], list(TRUTH.values()), atol=1e-6)  # the file has six decimals
-    assert found.spread.tolist() == [1.0] * 6
+    assert found.whitening.spread.tolist() == [1.0] * 6
     assert not found.outliers.any()
 
 
@@ -28,8 +31,8 @@ def test_slopes_are_the_models_own(make: Make):
     z = np.concatenate([list(TRUTH.values()), 0.3 * np.ones(len(problem.unknowns) - 3)])
     at = problem.evaluate(z, Branches())
     assert at.jacobian is not None
-    scale = 1.0 / np.hypot(problem.noise.wrench, 1.0)
-    smooth = ~at.prediction.branched
+    scale = 1.0 / np.hypot(problem.observed.noise.wrench, 1.0)
+    smooth = ~at.branched
     for i in range(len(z)):
         h = 1e-4 * np.eye(len(z))[i]
         more, less = (problem.evaluate(z + s * h, Branches(), derivatives=False).residual for s in (1.0, -1.0))
@@ -39,19 +42,40 @@ def test_slopes_are_the_models_own(make: Make):
         np.testing.assert_allclose(exact[smooth], slope[smooth], atol=1e-4 * max(np.abs(slope).max(), 1.0))
 
 
+def test_the_displacements_noise_is_what_it_makes_of_the_residuals(make: Make):
+    """Of a gauge whose scale is far off an error of its reading is another one of the displacement."""
+    problem = problem_of(make(), tuple(TRUTH))
+    names = [unknown.name for unknown in problem.unknowns.all]
+    z = np.where([name == "scale ux_mm" for name in names], 200.0, 0.0)
+    at = problem.evaluate(z, Branches(), derivatives=False)
+    h, observed = 1e-5, problem.observed
+    moved = [
+        replace(problem, observed=replace(observed, pose=observed.pose + s * h * np.eye(6)[0])) for s in (1.0, -1.0)
+    ]
+    more, less = (other.evaluate(z, Branches(), derivatives=False).residual for other in moved)
+    slope = (more - less) / (2.0 * h)
+    noise = observed.noise
+    covariance = noise.pose[0] ** 2 * slope[:, :, None] * slope[:, None, :] + np.diag(noise.wrench**2)
+    L = whitening_of(observed, at).factors
+    smooth = ~at.branched
+    white = np.einsum("nij,njk,nlk->nil", L, covariance, L)[smooth]
+    # of differences over 1e-5 mm
+    np.testing.assert_allclose(white, np.tile(np.eye(6), (len(white), 1, 1)), atol=1e-3)
+
+
 def test_noise_is_survived(make: Make):
     found = solved(make())
     assert max(abs(e) for e in errors_in_sigma(found, TRUTH).values()) < 3.5
-    r = found.residual[found.problem.present]
+    r = found.residual[found.problem.observed.present]
     # whitened residuals are standard normal: 216 of them, 4 standard errors
     assert np.std(r) == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * len(r)))
 
 
 def test_memory_of_the_noise_widens_the_intervals(make: Make):
     white, red = solved(make(steps=40)), solved(make(steps=40, rho=0.8))
-    assert white.memory.rho.max() < 0.35
+    assert white.whitening.memory.rho.max() < 0.35
     # the displacement's own noise, which has no memory, outweighs fx's
-    np.testing.assert_allclose(red.memory.rho[1:], 0.8, atol=0.15)
+    np.testing.assert_allclose(red.whitening.memory.rho[1:], 0.8, atol=0.15)
     ratio = np.sqrt(np.diag(red.covariance) / np.diag(white.covariance))
     # a mean of readings that remember is worse by √((1 + ρ)/(1 − ρ)) = 3 in the long run
     names = [unknown.name for unknown in red.problem.unknowns.all]
@@ -76,14 +100,14 @@ def test_gaps_are_no_harm(make: Make):
                 row["ux_mm"] = ""
 
     found = solved(make(spoil=holes))
-    assert found.problem.present[:, 0].sum() == 39 - 6
-    assert found.problem.present[:, 2].sum() < 25
+    assert found.problem.observed.present[:, 0].sum() == 39 - 6
+    assert found.problem.observed.present[:, 2].sum() < 25
     assert max(abs(e) for e in errors_in_sigma(found, TRUTH).values()) < 3.5
 
 
 def test_a_few_channels_will_do(make: Make):
     found = solved(make(columns=("fx_N", "fz_N")))
-    assert found.problem.present.any(axis=0).tolist() == [True, False, True, False, False, False]
+    assert found.problem.observed.present.any(axis=0).tolist() == [True, False, True, False, False, False]
     assert max(abs(e) for e in errors_in_sigma(found, TRUTH).values()) < 3.5
 
 
@@ -100,7 +124,7 @@ def test_the_other_branch_of_a_bifurcation_is_found(make: Make):
 
     measurement = make(ramps={"A": (-4.0,), "C": (1.0,)}, spoil=mirror, errors=0.3)
     found = solved(measurement, ("link.EA", "link.EIz", "foot.factor"))
-    assert found.residual[found.problem.present].std() < 1.2
+    assert found.residual[found.problem.observed.present].std() < 1.2
 
 
 def test_force_control_is_the_same_to_a_fit(make: Make):
@@ -165,7 +189,7 @@ def test_a_full_compliance_is_found_and_stays_positive_definite(make: Make):
     size = np.sqrt(np.diag(true.compliance))
     error = (foot.compliance - true.compliance) / np.outer(size, size)
     assert np.abs(error[:3, :3]).max() < 0.01
-    assert found.residual[found.problem.present].std() == pytest.approx(1.0, abs=0.1)
+    assert found.residual[found.problem.observed.present].std() == pytest.approx(1.0, abs=0.1)
 
 
 def with_truth(found, truth) -> np.ndarray:
@@ -195,10 +219,10 @@ def test_rounded_readings_are_seen_as_such(make: Make):
 
     # many readings near each other, so that the steps show
     found = solved(make(ramps={"A": (-0.2,), "B": (1.0,), "C": (0.1,)}, steps=60, spoil=rounded), ("foot.factor",))
-    noise = found.problem.noise
+    noise = found.problem.observed.noise
     assert noise.quantum["fx_N"] == pytest.approx(25.0)
     assert noise.wrench[WRENCH.index("fx_N")] == pytest.approx(np.hypot(2.0, 25.0 / np.sqrt(12.0)))
 
 
 def test_ramps_are_what_is_calibrated_with(make: Make):
-    assert len({ray.posture for ray in problem_of(make()).rays}) == len(RAMPS)
+    assert len({ray.posture for ray in problem_of(make()).observed.rays}) == len(RAMPS)

@@ -13,8 +13,7 @@ import numpy as np
 
 from vjm_updating.diagnose.forward import Forward
 from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates, start
-from vjm_updating.diagnose.ramp_test import ramp_effects
-from vjm_updating.diagnose.test_data import observe
+from vjm_updating.diagnose.ramp_test import observe_ramps, ramp_effects
 from vjm_updating.experiment import measurement as reading
 
 SHEET = """
@@ -102,7 +101,7 @@ def made_up(
     wrench = np.ones((len(rows), 6))
     for _ in range(2):
         blank = write(folder, rows, wrench, true)
-        observed = observe(reading.read_measurement(blank.data, blank.sheet))
+        observed = observe_ramps(reading.read_measurement(blank.data, blank.sheet))
         nuisances = nuisance_coordinates(observed)
         at = Forward(observed).evaluate(nuisances, np.zeros(len(nuisances)), ())
         wrench = np.nan_to_num(observed.wrench - at.residual)

@@ -15,7 +15,7 @@ from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnose.command import diagnose
 from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.diagnose.parameters import nuisance_coordinates
-from vjm_updating.diagnose.test_data import observe
+from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.mechanisms.catalogue import catalogue
@@ -144,7 +144,7 @@ def test_every_part_of_a_machine_has_its_tolerances_and_causes(tmp_path: Path) -
     data, sheet = measured(tmp_path, model, "hand", ("P",), "uz_mm", 1.0, seed=1)
     measurement = read_measurement(data, sheet)
     names = ["root", "upper", "fore", "hand"]
-    coordinates = nuisance_coordinates(observe(measurement))
+    coordinates = nuisance_coordinates(observe_ramps(measurement))
     for kind in ("modulus", "length"):
         assert [c.subject for c in coordinates if c.kind == kind] == names
     effects = catalogue(Scene(measurement.chain, measurement.engine, 100.0, 1.0))

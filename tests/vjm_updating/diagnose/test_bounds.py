@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from vjm_updating.diagnose.parameters import SHARE, nuisance_coordinates
-from vjm_updating.diagnose.test_data import observe
+from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.experiment import read_measurement
 
 
@@ -13,7 +13,7 @@ from vjm_updating.experiment import read_measurement
 def test_a_tight_sheet_does_not_keep_a_wrong_length_from_being_found(make, tmp_path, monkeypatch, tolerance):
     files = make.made_up(tmp_path, {}, 1, monkeypatch, per=6, postures=("A",))
     files.sheet.write_text(files.sheet.read_text().replace("link_length_mm = 0.2", f"link_length_mm = {tolerance}"))
-    observed = observe(read_measurement(files.data, files.sheet))
+    observed = observe_ramps(read_measurement(files.data, files.sheet))
     (length,) = [c for c in nuisance_coordinates(observed) if c.kind == "length"]
     (whole,) = [b.length for b in observed.measurement.chain.beams if b.name == length.subject]
     # in mm; sixty of the sheet's sigmas where that is more

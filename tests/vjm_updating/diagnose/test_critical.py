@@ -16,8 +16,8 @@ from vjm.model.parameters import compliance_factor
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnose.critical import critical_points, knee
 from vjm_updating.diagnose.preprocess import prepare
+from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.diagnose.stress import fibre_of, first_yield
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.experiment import read_measurement
 from vjm_updating.mechanisms.column import column_force
@@ -145,7 +145,7 @@ def pushed_past_buckling(tmp_path_factory):
 
 def test_the_critical_force_that_was_read_is_predicted_after(pushed_past_buckling):
     data, sheet, truth = pushed_past_buckling
-    prepared = prepare(observe(read_measurement(data, sheet)))
+    prepared = prepare(observe_ramps(read_measurement(data, sheet)))
     cause = next(effect for effect in prepared.effects if effect.cause == "link_compliance")
     fit = best_fit(prepared.fitter, (cause,), np.zeros(len(prepared.fitter.nuisances)), [[1.05]])
     (pushed, pulled) = critical_points(prepared.fitter, prepared.null, fit)

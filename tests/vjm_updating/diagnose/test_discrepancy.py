@@ -13,7 +13,7 @@ from vjm_updating.diagnose.discrepancy import NODES, WEIGHTS, Softened, costs, i
 from vjm_updating.diagnose.evidence import LAW_ERROR
 from vjm_updating.diagnose.parameters import coordinates
 from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.test_data import observe
+from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.experiment import read_measurement
 
 ROWS = 12
@@ -78,7 +78,7 @@ def test_what_a_discrepancy_may_do_is_noise_of_unit_size():
 def test_a_law_is_wrong_in_what_goes_beyond_the_tolerances_only(make, tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         files = make.made_up(tmp_path, {}, 5, patch)
-    prepared = prepare(observe(read_measurement(files.data, files.sheet)), only=("link_compliance",))
+    prepared = prepare(observe_ramps(read_measurement(files.data, files.sheet)), only=("link_compliance",))
     fitter, null, (effect,) = prepared.fitter, prepared.null, prepared.effects
     at = next(i for i, c in enumerate(fitter.nuisances) if c.kind == "modulus" and c.subject == effect.beam)
     z = null.at.z.copy()

@@ -16,7 +16,7 @@ from vjm_updating.diagnose import experiment
 from vjm_updating.diagnose.experiment import FURTHER, MOST, SHORT_OF, WANTED, Proposal, propose
 from vjm_updating.diagnose.parameters import Coordinate
 from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.test_data import observe
+from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.experiment import read_measurement
 
@@ -61,7 +61,7 @@ def pulled(tmp_path_factory):
     rows = [f"{2.0 * k:.1f},A,{x:.4f},{f:.2f}" for k, (x, f) in enumerate(zip(u, force, strict=True))]
     (folder / "data.csv").write_text("\n".join(["time_s,posture,ux_mm,fx_N", *rows]) + "\n")
     (folder / "sheet.toml").write_text(SHEET)
-    prepared = prepare(observe(read_measurement(folder / "data.csv", folder / "sheet.toml")))
+    prepared = prepare(observe_ramps(read_measurement(folder / "data.csv", folder / "sheet.toml")))
     start = np.zeros(len(prepared.fitter.nuisances))
     found = {}
     for cause in CLASS:

@@ -14,7 +14,7 @@ from vjm_updating.diagnose.extended import FILE, extended_document, extended_tex
 from vjm_updating.diagnose.fitting import Fit
 from vjm_updating.diagnose.forward import Forward
 from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates, start
-from vjm_updating.diagnose.test_data import observe
+from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.experiment import measurement as reading
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.base_compliance import BaseCompliance
@@ -46,7 +46,7 @@ def fitted(make, tmp_path, monkeypatch):
         monkeypatch.setattr(reading, "check_units", lambda *args: None)
         files = make.write(tmp_path / "test", rows, np.ones((len(rows), 6)), [row[3] for row in rows], sheet=sheet)
         measurement = reading.read_measurement(files.data, files.sheet)
-        forward = Forward(observe(measurement))
+        forward = Forward(observe_ramps(measurement))
         found = coordinates(nuisance_coordinates(forward.observed), hypothesis)
         nuisances = np.array([float(c.kind in ("modulus", "length")) for c in found if c.kind != "effect"])
         z = start(found, hypothesis, nuisances, values)

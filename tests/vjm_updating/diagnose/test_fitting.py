@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.test_data import observe
+from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.diagnose.trust_region import ENOUGH, ROUNDING, best_fit
 from vjm_updating.experiment import read_measurement
 
@@ -20,7 +20,7 @@ def heavy(make, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         folder = tmp_path_factory.mktemp("heavy")
         files = make.made_up(folder, {"gravity": (3.0,)}, 5, patch, postures=("A",), reach=REACH)
-    return prepare(observe(read_measurement(files.data, files.sheet)))
+    return prepare(observe_ramps(read_measurement(files.data, files.sheet)))
 
 
 def test_a_fit_ends_at_the_same_place_wherever_it_begins(heavy):

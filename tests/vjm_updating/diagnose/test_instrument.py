@@ -8,8 +8,7 @@ from scipy.integrate import solve_ivp
 
 from vjm_updating.diagnose.command import diagnose
 from vjm_updating.diagnose.instrument import ThermalDrift, lagging
-from vjm_updating.diagnose.ramp_test import ramp_effects
-from vjm_updating.diagnose.test_data import observe
+from vjm_updating.diagnose.ramp_test import observe_ramps, ramp_effects
 from vjm_updating.experiment import read_measurement
 
 SHIFT = 0.04
@@ -45,7 +44,7 @@ def test_a_clock_runs_from_before_the_test_and_a_temperature_from_either_side():
 
 def test_a_gauge_drifts_by_some_hundredths_of_its_range_in_a_test(make, tmp_path, monkeypatch):
     files = make.made_up(tmp_path, {}, 3, monkeypatch)
-    observed = observe(read_measurement(files.data, files.sheet))
+    observed = observe_ramps(read_measurement(files.data, files.sheet))
     force = np.linalg.norm(np.nan_to_num(observed.wrench[:, :3]), axis=1).max()
     moment = np.abs(np.nan_to_num(observed.wrench[:, 3:])).max()
     # a gauge of forces and moments has a range of moments of a tenth of a metre times its forces, at least

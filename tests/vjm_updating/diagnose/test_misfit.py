@@ -9,9 +9,9 @@ import pytest
 
 from vjm_updating.diagnose.model_adequacy import misfit
 from vjm_updating.diagnose.preprocess import prepare
+from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.diagnose.residual_basis import driven_place
 from vjm_updating.diagnose.search import Search
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.diagnose.verdict import judge
 from vjm_updating.experiment.measurement import read_measurement
 
@@ -25,7 +25,7 @@ RARE = 1e-3
 def prepared(make, tmp_path_factory):
     with pytest.MonkeyPatch.context() as monkeypatch:
         files = make.made_up(tmp_path_factory.mktemp("quiet"), {}, 8, monkeypatch)
-    return prepare(observe(read_measurement(files.data, files.sheet)))
+    return prepare(observe_ramps(read_measurement(files.data, files.sheet)))
 
 
 def with_more(prepared, force):
@@ -79,7 +79,7 @@ def test_a_fit_that_needs_one_nuisance_far_off_the_sheet_is_not_right(make, tmp_
     wrench = np.nan_to_num(readings.wrench)
     wrench[:, 0] += 20.0 * sigmas
     files = make.write(tmp_path, make.load_case(("A", "B"), 1.5, 10), wrench, readings.pose[:, 0], sheet)
-    prepared = prepare(observe(read_measurement(files.data, files.sheet)))
+    prepared = prepare(observe_ramps(read_measurement(files.data, files.sheet)))
     search = Search(prepared.fitter, prepared.null, [], 100.0)
     found = judge(search, search.run())
     assert found.kind == verdict

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from vjm_updating.diagnose import preprocess as preparation
+from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.diagnose.screening import NEAR_BY, signatures
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.experiment import read_measurement
 
 BENT = 4.0
@@ -33,7 +33,7 @@ def quiet(make, tmp_path, monkeypatch):
 def test_wild_samples_are_found_though_they_have_bent_the_model(quiet, monkeypatch):
     # a residual that is steep at the turns hides them from their neighbours
     monkeypatch.setattr(preparation, "standing_out", lambda _, r, factors: np.zeros(r.shape, dtype=bool))
-    prepared = preparation.prepare(observe(read_measurement(quiet.data, quiet.sheet)))
+    prepared = preparation.prepare(observe_ramps(read_measurement(quiet.data, quiet.sheet)))
     null, fitter = prepared.null, prepared.fitter
     assert fitter.forward.observed.wild == 0
     assert fitter.whitening.memory.rho[0] == 0.0
@@ -53,7 +53,7 @@ def test_wild_samples_are_found_though_they_have_bent_the_model(quiet, monkeypat
 
 def test_a_refresh_that_changes_nothing_leaves_what_objectives_rest_on(make, tmp_path, monkeypatch):
     files = make.made_up(tmp_path, {}, 8, monkeypatch)
-    prepared = preparation.prepare(observe(read_measurement(files.data, files.sheet)))
+    prepared = preparation.prepare(observe_ramps(read_measurement(files.data, files.sheet)))
     fitter, null = prepared.fitter, prepared.null
     # by hardly more than found before: the same
     found = fitter.whitening.memory.rho + 0.04
@@ -66,7 +66,7 @@ def test_a_refresh_that_changes_nothing_leaves_what_objectives_rest_on(make, tmp
 def test_noise_is_found_anew_about_a_model_of_another_stiffness(make, tmp_path, monkeypatch, stiffness, renewed):
     # near a critical point; what the displacement's noise makes of forces goes with the stiffness
     files = make.made_up(tmp_path, {}, 8, monkeypatch)
-    prepared = preparation.prepare(observe(read_measurement(files.data, files.sheet)))
+    prepared = preparation.prepare(observe_ramps(read_measurement(files.data, files.sheet)))
     null = prepared.null
     best = replace(null, at=replace(null.at, stiffness=stiffness * null.at.stiffness))
     assert (preparation.refresh(prepared, best) is not None) == renewed
@@ -74,7 +74,7 @@ def test_noise_is_found_anew_about_a_model_of_another_stiffness(make, tmp_path, 
 
 def test_signatures_about_a_null_serve_others_near_by(make, tmp_path, monkeypatch):
     files = make.made_up(tmp_path, {}, 8, monkeypatch)
-    prepared = preparation.prepare(observe(read_measurement(files.data, files.sheet)))
+    prepared = preparation.prepare(observe_ramps(read_measurement(files.data, files.sheet)))
     fitter, null, signed = prepared.fitter, prepared.null, prepared.signed
     assert signed.serves(fitter, null)
     z = null.at.z.copy()

@@ -7,7 +7,7 @@ import pytest
 
 from vjm_updating.diagnose.forward import Forward
 from vjm_updating.diagnose.parameters import coordinates, start
-from vjm_updating.diagnose.test_data import observe
+from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.experiment import measurement as reading
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.creep import Creep
@@ -27,7 +27,7 @@ def test_a_drive_in_series_is_the_drive_in_a_chain_that_relaxes(make, tmp_path, 
     def force(sheet, hypothesis, values):
         files = make.write(tmp_path, rows, np.ones((len(rows), 6)), true, sheet)
         found = coordinates([], hypothesis)
-        at = Forward(observe(reading.read_measurement(files.data, files.sheet)))
+        at = Forward(observe_ramps(reading.read_measurement(files.data, files.sheet)))
         return at.evaluate(found, start(found, hypothesis, np.zeros(0), values), hypothesis).wrench[:, 0]
 
     creep, values = Creep(part), (0.05, 20.0, 0.25)

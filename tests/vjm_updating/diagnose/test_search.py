@@ -8,8 +8,8 @@ import pytest
 
 from vjm_updating.diagnose.evidence import effective_samples
 from vjm_updating.diagnose.preprocess import prepare
+from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.diagnose.search import Search
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.experiment import read_measurement
 from vjm_updating.mechanisms.link_bow import LinkBow
 
@@ -21,7 +21,7 @@ def searched(make, tmp_path_factory):
     """A search among few causes for a drive that gives way, strength some 100."""
     with pytest.MonkeyPatch.context() as patch:
         files = make.made_up(tmp_path_factory.mktemp("search"), {"actuator_compliance": (2e-5,)}, 5, patch)
-    prepared = prepare(observe(read_measurement(files.data, files.sheet)), only=ONLY)
+    prepared = prepare(observe_ramps(read_measurement(files.data, files.sheet)), only=ONLY)
     fitter = prepared.fitter
     samples = effective_samples(fitter.whitening.memory.rho, fitter.whitening.present)
     search = Search(fitter, prepared.null, prepared.effects, samples, signed=prepared.signed)

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vjm_updating.calibrate.noise import memory_of
 from vjm_updating.diagnose.chi_bar_squared import Cone
 from vjm_updating.diagnose.critical import knee
 from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero
 from vjm_updating.diagnose.model_adequacy import DRAWS, Block, least_p_values
-from vjm_updating.diagnose.noise_model import USUAL, estimate_memory
 from vjm_updating.diagnose.screening import Projection, Score, best_pairs, threshold
 
 
@@ -68,37 +66,6 @@ def test_the_least_p_of_blocks_is_exact_below_a_level():
     expected = 1.0 - (1.0 - 0.01) ** 10
     error = (expected * (1.0 - expected) / DRAWS) ** 0.5
     assert np.mean(whole < 0.01) == pytest.approx(expected, abs=3.0 * error)
-
-
-@pytest.mark.parametrize("rho", [0.0, 0.5, 0.85])
-def test_memory_is_found_below_any_trend(rho):
-    n = 400
-    found = []
-    for seed in range(6):
-        rng = np.random.default_rng(seed)
-        error = rng.standard_normal((n, 6))
-        for k in range(1, n):
-            error[k] = rho * error[k - 1] + np.sqrt(1.0 - rho**2) * error[k]
-        t = np.linspace(-1.0, 1.0, n)
-        shapes = np.repeat(np.stack([t**k for k in range(6)], axis=-1)[:, None, :], 6, axis=1)
-        present = np.ones((n, 6), dtype=bool)
-        trend = 50.0 * t**3 - 20.0 * t
-        memory = estimate_memory(
-            memory_of(np.zeros(n, dtype=int), present), error + trend[:, None], shapes, present
-        )
-        found.append(memory.rho)
-    # 36 estimates, each with a standard error of about √((1 − ρ²)/400) ≤ 0.05
-    assert float(np.mean(found)) == pytest.approx(rho, abs=0.04)
-
-
-def test_readings_without_noise_have_the_usual_memory():
-    n = 100
-    t = np.linspace(-1.0, 1.0, n)
-    shapes = np.repeat(np.stack([t**k for k in range(3)], axis=-1)[:, None, :], 6, axis=1)
-    present = np.ones((n, 6), dtype=bool)
-    misfit = np.repeat((3.0 * np.sin(6.0 * t))[:, None], 6, axis=1)
-    memory = estimate_memory(memory_of(np.zeros(n, dtype=int), present), misfit, shapes, present)
-    assert memory.rho.tolist() == [USUAL] * 6
 
 
 def test_the_knee_is_where_the_lines_meet():

@@ -13,7 +13,7 @@ from vjm_updating.diagnose.forward import Forward
 from vjm_updating.diagnose.instrument import ThermalDrift
 from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates, start
 from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.test_data import observe
+from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.experiment import measurement as reading
 
@@ -32,7 +32,7 @@ def files(make, tmp_path_factory):
 
 
 def test_what_the_gauge_reads_beside_lines_is_its_noise(make, files):
-    observed = observe(reading.read_measurement(files.data, files.sheet))
+    observed = observe_ramps(reading.read_measurement(files.data, files.sheet))
     off = observed.readings.pose[:, 0] - true_displacement(make)
     left = observed.pose[:, 0] - true_displacement(make)
     assert observed.steady is not None
@@ -47,7 +47,7 @@ def test_what_the_gauge_reads_beside_lines_is_its_noise(make, files):
 
 
 def test_of_a_gauge_that_drifts_the_drive_is_left(files):
-    observed = observe(reading.read_measurement(files.data, files.sheet))
+    observed = observe_ramps(reading.read_measurement(files.data, files.sheet))
     # the reading's drift went through the same lines as its noise
     clock = observed.clock
     drift = 2e-5 * clock
@@ -58,7 +58,7 @@ def test_of_a_gauge_that_drifts_the_drive_is_left(files):
         row[at] = f"{float(row[at]) + more:.6f}"
     moved = files.data.with_name("drifting.csv")
     moved.write_text("\n".join([text[0], *(",".join(row) for row in rows)]) + "\n")
-    drifting = observe(reading.read_measurement(moved, files.sheet))
+    drifting = observe_ramps(reading.read_measurement(moved, files.sheet))
     assert drifting.steady is not None
     effect = ThermalDrift(part="ux_mm", by="s", span=float(np.ptp(clock)), since=0.0)
     nuisances = nuisance_coordinates(drifting)
@@ -87,7 +87,7 @@ def test_noise_of_the_gauge_makes_no_drift_of_a_steady_ramp(make, tmp_path, monk
 
 def test_the_next_experiment_counts_on_being_steered_as_steadily(make, tmp_path, monkeypatch):
     files = make.made_up(tmp_path / "made", {"actuator_hardening": (1.5,)}, 4, monkeypatch, per=PER)
-    prepared = prepare(observe(reading.read_measurement(files.data, files.sheet)))
+    prepared = prepare(observe_ramps(reading.read_measurement(files.data, files.sheet)))
     start_ = np.zeros(len(prepared.fitter.nuisances))
     fits = []
     for cause, values in (("actuator_compliance", [3e-5]), ("base_compliance", [3e-5, 1.0, 1.0, 1.0])):

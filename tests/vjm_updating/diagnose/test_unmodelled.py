@@ -11,8 +11,8 @@ from scipy.stats import multivariate_normal
 from vjm_updating.diagnose.fitting import prior
 from vjm_updating.diagnose.parameters import Coordinate
 from vjm_updating.diagnose.preprocess import prepare
+from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.diagnose.residual_basis import driven_place
-from vjm_updating.diagnose.test_data import observe
 from vjm_updating.diagnose.unmodelled import SIZES, kind_present, unmodelled
 from vjm_updating.experiment.measurement import read_measurement
 
@@ -29,7 +29,7 @@ def test_the_evidence_of_a_kind_is_that_of_gaussians_of_all_sizes(residual):
 
 def test_shapes_are_likelier_than_noise_only_where_they_are(make, tmp_path, monkeypatch):
     files = make.made_up(tmp_path, {}, 8, monkeypatch)
-    prepared = prepare(observe(read_measurement(files.data, files.sheet)))
+    prepared = prepare(observe_ramps(read_measurement(files.data, files.sheet)))
     fitter, null = prepared.fitter, prepared.null
     place = driven_place(fitter.forward.observed)
 

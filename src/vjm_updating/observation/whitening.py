@@ -6,17 +6,17 @@ displacement was steered steadily (`steady`) the errors of its lines are shared 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.calibrate.noise import Memory, whiten
-from vjm_updating.diagnose.forward import Evaluation
-from vjm_updating.diagnose.ramp_regression import Steady
-from vjm_updating.diagnose.test_data import Observed
-from vjm_updating.experiment.significance import CUT
+from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.noise import Memory, whiten
+from vjm_updating.observation.observed import Observed
+from vjm_updating.observation.ramp_regression import Steady
+from vjm_updating.observation.significance import CUT
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,7 @@ class Whitening:
         present: ``(n, 6)`` which samples count.
         steady: how the displacement was steered, where that is known.
         shaken: ``(n, 6)`` what one standard deviation of the displacement's gauge makes of the readings, raw.
+        spread: standard deviation ``(6,)`` of each channel over what the sheet says.
     """
 
     factors: Array
@@ -36,10 +37,21 @@ class Whitening:
     present: np.ndarray
     steady: Steady | None = None
     shaken: Array | None = None
+    spread: Array = field(default_factory=lambda: np.ones(6))
+
+    def reading(self, observed: Observed) -> Whitening:
+        """The same noise of other readings; their covariances are still to be `weighed`."""
+        memory = replace(observed.memory, rho=self.memory.rho)
+        return replace(self, memory=memory, present=observed.present)
 
     def instant(self, raw: Array) -> Array:
         """``(n, 6, …)`` of unit variance, still with memory."""
         result: Array = np.einsum("nij,nj...->ni...", self.factors, raw)
+        return result
+
+    def independent(self, raw: Array) -> Array:
+        """``(n, 6, …)`` of unit variance without memory; errors of lines steered are still shared."""
+        result: Array = self.memory.remove(self.instant(raw)) / self.spread.reshape(6, *[1] * (raw.ndim - 2))
         return result
 
     def flat(self, raw: Array) -> Array:
@@ -56,7 +68,7 @@ class Whitening:
     @property
     def determinant(self) -> float:
         """Logarithm of the determinant of the readings' covariance, but for their memory's."""
-        own = np.where(self.present, self.factors[:, range(6), range(6)], 1.0)
+        own = np.where(self.present, self.factors[:, range(6), range(6)] / self.spread, 1.0)
         return float(np.log1p(self._together[1] ** 2).sum() - 2.0 * np.log(own).sum())
 
     @cached_property
@@ -86,19 +98,22 @@ class Whitening:
 
     def _each(self, raw: Array) -> Array:
         """Raw residuals ``(n, 6, …)`` as ones without memory ``(N, …)``."""
-        result: Array = self.memory.remove(self.instant(raw))[self.present]
+        result: Array = self.independent(raw)[self.present]
         return result
+
+
+def whitening_of(observed: Observed, at: Evaluation) -> Whitening:
+    """By the sheet's noise and a model's stiffness; no memory yet."""
+    return weighed(Whitening(np.zeros(0), observed.memory, observed.present), observed, at)
 
 
 def weighed(whitening: Whitening, observed: Observed, at: Evaluation) -> Whitening:
     """The same with the readings' covariances as a hypothesis' own stiffness makes them."""
-    stiffness = at.stiffness / at.gain_u
     noise = replace(observed.noise, pose=observed.pose_noise)
-    shaken = np.nan_to_num(stiffness @ observed.noise.pose) * at.gain
     return replace(
         whitening,
-        factors=whiten(noise, stiffness, at.gain, observed.present),
+        factors=whiten(noise, at.sensitivity, observed.present),
         present=observed.present,
         steady=observed.steady,
-        shaken=shaken,
+        shaken=np.nan_to_num(at.sensitivity @ observed.noise.pose),
     )

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from vjm.rotations import Array
-from vjm_updating.experiment.significance import CUT, FALSE_ALARMS, NOISE_KNOWN, NORMAL_95, level
+from vjm_updating.observation.significance import CUT, FALSE_ALARMS, NOISE_KNOWN, NORMAL_95, level
 
 MEMORY = 0.8
 """Autocorrelation of a gauge's neighbouring readings, at most."""

@@ -15,10 +15,6 @@ from vjm.rotations import Array
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import POSE, WRENCH
 
-STATIONARY = 0.98
-"""Largest autocorrelation of neighbouring readings; at 1 a sequence would have no mean."""
-LEAST_SAMPLES = 8
-"""Neighbours from which an autocorrelation is estimated."""
 SET = 10.0
 """Steps of a displacement over its noise from which on they are set, not rounded to."""
 FEW_LEVELS = 0.5
@@ -81,16 +77,15 @@ def rounding_step(values: Array) -> float:
     return step if float(np.max(np.abs(gaps / step - np.round(gaps / step)))) < 0.05 else 0.0
 
 
-def whiten(noise: Noise, stiffness: Array, gain: Array, present: np.ndarray) -> Array:
+def whiten(noise: Noise, sensitivity: Array, present: np.ndarray) -> Array:
     """Inverse Cholesky factors ``(n, 6, 6)`` of the readings' covariances.
 
     Args:
         noise: of one reading.
-        stiffness: K^F ``(n, 6, 6)``.
-        gain: ``(6,)`` one plus the scale error of each wrench channel.
+        sensitivity: K^F ``(n, 6, 6)`` as the channels read it, scale errors included.
         present: ``(n, 6)`` which channels were read; the others become independent of all.
     """
-    K = np.nan_to_num(stiffness) * gain[:, None]
+    K = np.nan_to_num(sensitivity)
     C = np.einsum("kij,j,klj->kil", K, noise.pose**2, K) + np.diag(noise.wrench**2)
     C = np.where(present[:, :, None] & present[:, None, :], C, 0.0)
     C[:, range(6), range(6)] = np.where(present, C[:, range(6), range(6)], 1.0)
@@ -126,32 +121,6 @@ class Memory:
         p = power.reshape(shape)
         result: Array = (whitened - p * past) / np.sqrt(1.0 - p**2)
         return result
-
-    def estimated(self, whitened: Array, present: np.ndarray) -> Memory:
-        """The same with the autocorrelation of whitened residuals ``(n, 6)``.
-
-        What is not told apart from none counts as none. Outliers, beyond 4 standard deviations, are left out.
-        """
-        rho = np.zeros(6)
-        for c in range(6):
-            if not present[:, c].any():
-                continue
-            size = np.abs(whitened[:, c])
-            good = present[:, c] & (size < 4.0 * max(1.4826 * float(np.median(size[present[:, c]])), 1.0))
-            linked = (self.before[:, c] >= 0) & (self.gap[:, c] == 1)
-            near = np.flatnonzero(linked & good & good[np.maximum(self.before[:, c], 0)])
-            if len(near) < LEAST_SAMPLES:
-                continue
-            a, b = whitened[near, c], whitened[self.before[near, c], c]
-            spread = float(np.mean(whitened[good, c] ** 2))
-            if spread == 0.0:
-                continue
-            r = float(np.mean(a * b)) / spread
-            if r < 2.0 / np.sqrt(len(near)):
-                continue
-            # residuals remember less than errors do (Marriott and Pope 1954)
-            rho[c] = min(r + (1.0 + 3.0 * r) / len(near), STATIONARY)
-        return Memory(rho, self.before, self.gap)
 
 
 def memory_of(sequence: np.ndarray, present: np.ndarray) -> Memory:

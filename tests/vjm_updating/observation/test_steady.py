@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm_updating.calibrate.noise import memory_of
-from vjm_updating.diagnose.ramp_regression import Steady, basis, pieces, steady
-from vjm_updating.diagnose.whitening import Whitening
+from vjm_updating.observation.noise import memory_of
+from vjm_updating.observation.ramp_regression import Steady, basis, pieces, steady
+from vjm_updating.observation.whitening import Whitening
 
 SIGMA = 5e-4
 """Of the gauge, mm."""

@@ -1,0 +1,187 @@
+"""The readings of a test as calibration and diagnosis take them: arrays in the order of time, rays, noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.experiment import Kind, Measurement, Readings
+from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH
+from vjm_updating.experiment.rays import Ray, rays
+from vjm_updating.experiment.thermometer import smoothed
+from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.series_elements import History
+from vjm_updating.observation.noise import Memory, Noise, memory_of, noise_of
+from vjm_updating.observation.ramp_regression import Steady, steady
+
+
+@dataclass(frozen=True)
+class Observed:
+    """n readings.
+
+    Attributes:
+        measurement: sheet, readings and machine.
+        readings: those that are used.
+        pose: displacements ``(n, 6)``, mm, rad: as read, or where they are `straightened` as steered.
+        wrench: as read ``(n, 6)``, N, N mm; nan where there is no reading, or a wild one.
+        noise: of one reading.
+        rays: of the readings, by posture and run.
+        clock: s since the first reading ``(n,)``, or None.
+        warmth: K above the first reading ``(n,)``, or None.
+        slots: index of the displacement that each of its channels is.
+        wild: number of samples left out as wild.
+        steady: how the displacement was steered; None where it is what was read.
+        zeros: bounds of a channel's zero, in its own unit, where readings without load show it.
+    """
+
+    measurement: Measurement
+    readings: Readings
+    pose: Array
+    wrench: Array
+    noise: Noise
+    rays: tuple[Ray, ...]
+    clock: Array | None
+    warmth: Array | None
+    slots: Mapping[str, int]
+    wild: int = 0
+    steady: Steady | None = None
+    zeros: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def present(self) -> np.ndarray:
+        """Which samples count ``(n, 6)``."""
+        result: np.ndarray = ~np.isnan(self.wrench)
+        return result
+
+    @property
+    def wrench_channels(self) -> list[str]:
+        """Columns of the wrench that were read."""
+        return [name for i, name in enumerate(WRENCH) if self.present[:, i].any()]
+
+    @property
+    def pose_channels(self) -> list[str]:
+        """Columns of the displacement that were read."""
+        return list(self.slots)
+
+    @property
+    def pose_noise(self) -> Array:
+        """Standard deviation ``(6,)`` of a displacement, what is not known of straight lines aside."""
+        moved = 1.0 if self.steady is None else self.steady.moved
+        return self.noise.pose * moved**0.5
+
+    @cached_property
+    def memory(self) -> Memory:
+        """Who precedes whom; no autocorrelation yet."""
+        return memory_of(self.readings.sequence, self.present)
+
+    @cached_property
+    def history(self) -> History:
+        """Clock, postures, lines of the last link, levers of the base; of a chain with a link that bends."""
+        machine = ModifiedChain(self.measurement.chain, self.measurement.engine)
+        labels = self.readings.posture.tolist()
+        places = {label: (machine.line(label), machine.lever(label)) for label in dict.fromkeys(labels)}
+        begins = np.ones(len(labels), dtype=bool)
+        begins[1:] = self.readings.posture[1:] != self.readings.posture[:-1]
+        return History(
+            np.zeros(len(labels)) if self.clock is None else self.clock,
+            begins,
+            np.array([places[label][0] for label in labels]),
+            np.array([places[label][1] for label in labels]) + self.pose[:, :3],
+        )
+
+    def without(self, wild: np.ndarray) -> Observed:
+        """The same with samples ``(n, 6)`` left out."""
+        return replace(self, wrench=np.where(wild, np.nan, self.wrench), wild=int(wild.sum()))
+
+
+def observe(measurement: Measurement) -> Observed:
+    """Readings that have a displacement and a wrench: of a channel whose rows carry a mark, what settled there.
+
+    Raises:
+        ValueError: no displacement of the end-effector was read, a channel has no noise, or the displacements lie
+            on no rays.
+    """
+    readings, sheet = measurement.readings, measurement.sheet
+    if not measurement.imposed:
+        raise ValueError(
+            f"{readings.file}: no displacement of the end-effector was read: add a column such as {POSE[0]} beside "
+            "the forces; without one only `validate diagnose` takes a test, of a column steered by its middle"
+        )
+    held = next((n for n in readings.channels if n in sheet.instrument and sheet.instrument[n].held), None)
+    if held is not None:
+        readings = readings.settled(held)
+    pose, wrench = readings.pose, readings.wrench
+    usable = np.flatnonzero(~np.isnan(pose).any(axis=1) & ~np.isnan(wrench).all(axis=1))
+    readings, pose, wrench = readings.only(usable), pose[usable], wrench[usable]
+    noise = noise_of(measurement)
+    heat = readings.values.get(TEMPERATURE)
+    if heat is not None and TEMPERATURE in sheet.instrument:
+        heat = smoothed(heat, sheet.instrument[TEMPERATURE].noise)
+    return Observed(
+        measurement, readings, pose, wrench, noise, _rays(measurement, readings, pose, noise),
+        _since_first(readings.values.get(TIME)), _since_first(heat),
+        {name: k for k, name in enumerate(POSE) if name in readings.values},
+    )  # fmt: skip
+
+
+def straightened(observed: Observed) -> Observed:
+    """The same with lines in time in place of what a gauge read, where a test was steered steadily.
+
+    See `vjm_updating.observation.ramp_regression`. Others stay as they are: steered by force, with several
+    displacements that were read, or by a drive that does not go straight.
+    """
+    driven = list(observed.slots.values())
+    if observed.measurement.sheet.test.control != "displacement" or len(driven) != 1:
+        return observed
+    readings, noise, pose, k = observed.readings, observed.noise, observed.pose.copy(), driven[0]
+    order = readings.row.astype(float) if observed.clock is None else observed.clock
+    path = steady(readings.sequence, order, pose[:, k], float(noise.pose[k]), observed.wrench, noise.wrench)
+    if path is None:
+        return observed
+    pose[:, k] = path.steered(pose[:, k])
+    return replace(observed, pose=pose, rays=_rays(observed.measurement, readings, pose, noise), steady=path)
+
+
+def planned(observed: Observed, posture: str, axis: Array, ramp: Array) -> Observed:
+    """Readings to be taken in one posture, in one sequence, with the instruments of the test at hand.
+
+    Forces are zero where a channel was read. There is no clock, and displacements are as read.
+
+    Args:
+        observed: the test at hand.
+        posture: label.
+        axis: ``(6,)`` displacement per unit of the ramp; one component is 1.
+        ramp: at each reading ``(n,)``, mm or rad.
+    """
+    n = len(ramp)
+    pose = ramp[:, None] * axis
+    values = {name: pose[:, k] for name, k in observed.slots.items()}
+    return replace(
+        observed,
+        readings=Readings("next", np.arange(n), np.full(n, posture), np.ones(n, dtype=int), values),
+        pose=pose,
+        wrench=np.where(observed.present.any(axis=0), 0.0, np.nan) * np.ones((n, 1)),
+        rays=(Ray(posture, axis, axis, np.arange(n)),),
+        clock=None,
+        warmth=None,
+        wild=0,
+        steady=None,
+    )
+
+
+def _rays(measurement: Measurement, readings: Readings, pose: Array, noise: Noise) -> tuple[Ray, ...]:
+    """Rays by posture and run: repeats may leave a bifurcation on different sides."""
+    sigma = {n.subject: n.sigma for n in measurement.nuisances if n.kind is Kind.ZERO}
+    zero = np.array([sigma.get(name, 0.0) for name in POSE])
+    groups = np.array([f"{p} {r}" for p, r in zip(readings.posture, readings.run, strict=True)])
+    found = rays(groups, pose, np.hypot(noise.pose, zero), measurement.chain.characteristic_length)
+    return tuple(Ray(r.posture.rpartition(" ")[0], r.direction, r.measure, r.index) for r in found)
+
+
+def _since_first(values: Array | None) -> Array | None:
+    """What a column ``(n,)`` gained since its first reading; None where it has gaps or does not change."""
+    return None if values is None or np.isnan(values).any() or np.ptp(values) == 0.0 else values - values[0]

@@ -1,0 +1,99 @@
+"""Calibration of an arm with several links on geared joints: each link has its tolerances."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vjm.continuation.direction import Direction
+from vjm.io.model_file import load_chain
+from vjm.model.load_case import LoadCase
+from vjm.model.parameters import compliance_factor
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.calibrate import carried, design
+from vjm_updating.calibrate.command import MODEL, calibrate, prepare
+from vjm_updating.calibrate.fit import fit
+from vjm_updating.calibrate.prediction import Branches
+from vjm_updating.calibrate.problem import Problem, problem_of
+from vjm_updating.experiment import read_measurement
+
+SOFTER = {"upper": 1.1, "fore": 0.95}
+"""Compliances over nominal."""
+SHEET = """[test]
+model = "planar-2r"
+[model]
+link_segments = 4
+[tolerance]
+link_length_mm = 0.5
+modulus_rel = 0.02
+[instrument.uz_mm]
+noise = 0.001
+[instrument.fz_N]
+noise = 0.05
+[instrument.mx_Nmm]
+noise = 20.0
+[instrument.my_Nmm]
+noise = 20.0
+"""
+
+
+def measured(folder: Path) -> Problem:
+    """Out of its plane in two postures, without errors, with links softer and stiffer than drawn."""
+    chain, engine = load_chain("planar-2r"), VjmEngine.of(4, 1)
+    for name, factor in SOFTER.items():
+        chain = compliance_factor(chain, name).apply(chain, factor)
+    rows = ["posture,uz_mm,fz_N,mx_Nmm,my_Nmm"]
+    for posture in ("bent", "folded"):
+        path = engine.trace(chain, LoadCase(posture, 3.0, "z", steps=10))
+        rows += [
+            f"{posture},{s:.9f},{w[2]:.9f},{w[3]:.9f},{w[4]:.9f}" for s, w in zip(path.s, path.wrench, strict=True)
+        ]
+    data, sheet = folder / "data.csv", folder / "sheet.toml"
+    data.write_text("\n".join(rows) + "\n")
+    sheet.write_text(SHEET)
+    return problem_of(read_measurement(data, sheet), ["upper.factor", "fore.factor"])
+
+
+def test_every_link_has_a_length_of_its_own(tmp_path: Path):
+    problem = measured(tmp_path)
+    names = [unknown.name for unknown in problem.unknowns.all]
+    lengths = [i for i, name in enumerate(names) if name.startswith("length")]
+    assert [names[i] for i in lengths] == ["length upper", "length fore"]
+    at = problem.evaluate(np.zeros(len(names)), Branches())
+    assert at.jacobian is not None
+    for i in lengths:
+        h = 1e-2 * np.eye(len(names))[i]
+        more, less = (problem.evaluate(s * h, Branches(), derivatives=False).residual for s in (1.0, -1.0))
+        slope = (more - less) / 2e-2
+        # a reading is interpolated between the knots of the derivatives; differences are exact to 1e-6
+        np.testing.assert_allclose(at.jacobian[:, :, i], slope, atol=1e-3 * np.abs(slope).max())
+        assert np.abs(slope).max() > 0.0
+
+
+def test_the_arm_and_what_it_will_do_are_found(tmp_path: Path):
+    problem = measured(tmp_path)
+    found = fit(problem)
+    values = [u.value(z) for u, z in zip(problem.unknowns.all, found.z, strict=True)]
+    # the file has nine decimals; lengths are held by their prior where no reading says more
+    np.testing.assert_allclose(values[:2], list(SOFTER.values()), rtol=1e-5)
+    np.testing.assert_allclose(values[2:], 0.0, atol=1e-3)
+    figures, _, names = carried.after_calibration(found)
+    assert names == ["upper.factor", "fore.factor", "length upper", "length fore"]
+    force = next(f for f in figures if design.label(f) == "stretched:compression:F_cr")
+    h = 1e-3 * np.eye(len(names))[1]
+    machines = (problem.unknowns.build(found.z + s * h) for s in (1.0, -1.0))
+    more, less = (carried.paths_of(m, problem.engine)["stretched", Direction.COMPRESSION] for m in machines)
+    slope = (more.critical.force - less.critical.force) / 2e-3
+    assert force.gradient[1] == pytest.approx(slope, rel=1e-4)
+
+
+def test_the_whole_calibration_of_an_arm_is_written(tmp_path: Path):
+    measured(tmp_path)
+    document = calibrate(prepare(tmp_path / "data.csv", tmp_path / "sheet.toml"), tmp_path / "out")
+    assert document.fit.fits
+    beams = {beam.name: beam for beam in load_chain(tmp_path / "out" / MODEL).beams}
+    drawn = {beam.name: beam for beam in load_chain("planar-2r").beams}
+    for name, factor in SOFTER.items():
+        assert drawn[name].section.EIz / beams[name].section.EIz == pytest.approx(factor, rel=1e-5)
