@@ -212,5 +212,9 @@ def _observed(observed: Observed, posture: str, ends: tuple[float, ...]) -> Obse
         # it will be steered as the test at hand was
         sequence, order = made.readings.sequence, np.arange(n, dtype=float) if made.clock is None else made.clock
         parts = pieces(sequence, order, u, float(observed.noise.pose[0]))
-        made = replace(made, steady=Steady(basis(parts, order), sequence, observed.steady.moved))
+        if not observed.steady.throughout:
+            parts = [(own, slanted) for own, slanted in parts if not slanted]
+        moved = np.ones(n)
+        moved[np.concatenate([own for own, _ in parts])] = observed.steady.moved.min()
+        made = replace(made, steady=Steady(basis(parts, order), sequence, moved))
     return made

@@ -77,16 +77,17 @@ def rounding_step(values: Array) -> float:
     return step if float(np.max(np.abs(gaps / step - np.round(gaps / step)))) < 0.05 else 0.0
 
 
-def whiten(noise: Noise, sensitivity: Array, present: np.ndarray) -> Array:
+def whiten(pose: Array, wrench: Array, sensitivity: Array, present: np.ndarray) -> Array:
     """Inverse Cholesky factors ``(n, 6, 6)`` of the readings' covariances.
 
     Args:
-        noise: of one reading.
+        pose: standard deviation ``(n, 6)`` of each displacement.
+        wrench: and of one wrench ``(6,)``.
         sensitivity: K^F ``(n, 6, 6)`` as the channels read it, scale errors included.
         present: ``(n, 6)`` which channels were read; the others become independent of all.
     """
     K = np.nan_to_num(sensitivity)
-    C = np.einsum("kij,j,klj->kil", K, noise.pose**2, K) + np.diag(noise.wrench**2)
+    C = np.einsum("kij,kj,klj->kil", K, pose**2, K) + np.diag(wrench**2)
     C = np.where(present[:, :, None] & present[:, None, :], C, 0.0)
     C[:, range(6), range(6)] = np.where(present, C[:, range(6), range(6)], 1.0)
     size = np.sqrt(C[:, range(6), range(6)])

@@ -69,9 +69,10 @@ class Observed:
 
     @property
     def pose_noise(self) -> Array:
-        """Standard deviation ``(6,)`` of a displacement, what is not known of straight lines aside."""
-        moved = 1.0 if self.steady is None else self.steady.moved
-        return self.noise.pose * moved**0.5
+        """Standard deviation ``(n, 6)`` of each displacement, what is not known of straight lines aside."""
+        moved = np.ones(len(self.pose)) if self.steady is None else self.steady.moved
+        result: Array = np.sqrt(moved)[:, None] * self.noise.pose
+        return result
 
     @cached_property
     def memory(self) -> Memory:

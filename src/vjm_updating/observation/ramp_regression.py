@@ -4,6 +4,7 @@ A stiff machine makes newtons of a gauge's tenths of a micrometre: in a test tha
 is not known of the forces is the gauge's noise. But a drive goes from turn to turn at a steady rate, or holds. What
 a gauge reads beside straight lines in time is then its own noise, which is seen and need not be allowed for; what
 remains of it are errors of the lines. Where the drive had gone so indeed, the forces would follow; they are asked.
+A drive that goes by steps of its own may still hold: then this holds of the readings while it does.
 This is regression with errors in a variable whose true values have a structure (Fuller 1987, Measurement error
 models, §1.1 and 2.2).
 """
@@ -25,6 +26,10 @@ MOST = 2000
 """Readings of a sequence up to which lines are sought."""
 BENT = 3
 """Order of the polynomials in time that forces may follow along a line, whatever the machine."""
+LEAST = BENT + 3
+"""Readings of a piece from which on it tells anything."""
+Piece = tuple[np.ndarray, bool]
+"""Readings between turns, and whether the displacement changes there."""
 FOLLOWED = 0.5
 """Share of what a gauge shows beside the lines that forces may follow at most."""
 
@@ -34,19 +39,25 @@ class Steady:
     """Straight lines in time, from turn to turn.
 
     Attributes:
-        lines: orthonormal basis ``(n, s)`` of displacements that are straight between the turns.
+        lines: orthonormal basis ``(n, s)`` of displacements that are straight between the turns; zero for readings
+            of which nothing is known but what was read.
         sequence: number ``(n,)`` of each reading's sequence.
-        moved: share of what the gauge reads beside the lines that the drive did move.
+        moved: share ``(n,)`` of what the gauge reads beside the lines that the drive did move; one for those.
     """
 
     lines: Array
     sequence: np.ndarray
-    moved: float
+    moved: Array
+
+    @property
+    def throughout(self) -> bool:
+        """Whether the test was steered steadily from its beginning to its end, and not only while it was held."""
+        return bool((self.moved < 1.0).all())
 
     def steered(self, read: Array) -> Array:
         """What the drive did ``(n, …)``, of a displacement as read; what a gauge's drift then adds to that."""
         straight = self.lines @ (self.lines.T @ read)
-        result: Array = straight + self.moved * (read - straight)
+        result: Array = straight + (self.moved * (read - straight).T).T
         return result
 
     def errors(self, rho: float) -> Array:
@@ -66,7 +77,7 @@ class Steady:
 def steady(
     sequence: np.ndarray, when: Array, read: Array, sigma: float, wrench: Array, noise: Array
 ) -> Steady | None:
-    """The lines of a test that was steered steadily; None where its forces do not say so.
+    """The lines of a test that was steered steadily, or of its holds; None where its forces do not say so.
 
     Args:
         sequence: number ``(n,)`` of each reading's sequence.
@@ -79,19 +90,15 @@ def steady(
     if sigma <= 0.0 or np.bincount(sequence).max() > MOST:
         return None
     parts = pieces(sequence, when, read, sigma)
-    share = _followed(parts, when, read, wrench / noise)
-    if share is None or share >= FOLLOWED:
-        return None
-    found = Steady(basis(parts, when), sequence, share)
-    beside = (read - found.lines @ (found.lines.T @ read)) / sigma
-    # else it does something else than to be noisy
-    squares = beside**2 / NOISE_KNOWN
-    free = len(squares) * (1.0 - MEMORY**2) / (1.0 + MEMORY**2)
-    regular = float(squares.max()) < level(len(squares)) ** 2
-    return found if regular and float(squares.mean()) < float(chi2.isf(FALSE_ALARMS, free)) / free else None
+    holds = [(own, slanted) for own, slanted in parts if not slanted and len(own) >= LEAST]
+    for known, asked in ((parts, [p for p in parts if p[1]]), (holds, holds)):
+        found = _believed(known, asked, sequence, when, read, sigma, wrench / noise)
+        if found is not None:
+            return found
+    return None
 
 
-def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list[tuple[np.ndarray, bool]]:
+def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list[Piece]:
     """Readings between turns, and whether the displacement changes there.
 
     Of all ways to cut a sequence the one with the least squares and the least price (Bellman's principle). A
@@ -103,7 +110,7 @@ def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list
         read: displacement ``(n,)``.
         sigma: of one reading.
     """
-    found: list[tuple[np.ndarray, bool]] = []
+    found: list[Piece] = []
     for number in np.unique(sequence):
         own = np.flatnonzero(sequence == number)
         t, u = when[own] - when[own[0]], read[own] / sigma
@@ -130,7 +137,7 @@ def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list
     return found
 
 
-def basis(parts: Sequence[tuple[np.ndarray, bool]], when: Array) -> Array:
+def basis(parts: Sequence[Piece], when: Array) -> Array:
     """Orthonormal columns ``(n, s)``: of every piece a level, and a slope where the displacement changes."""
     columns = []
     for own, slanted in parts:
@@ -141,18 +148,42 @@ def basis(parts: Sequence[tuple[np.ndarray, bool]], when: Array) -> Array:
     return np.column_stack(columns)
 
 
-def _followed(parts: Sequence[tuple[np.ndarray, bool]], when: Array, read: Array, forces: Array) -> float | None:
+def _believed(
+    known: Sequence[Piece], asked: Sequence[Piece], sequence: np.ndarray, when: Array, read: Array, sigma: float,
+    forces: Array,
+) -> Steady | None:  # fmt: skip
+    """The lines of some pieces, where forces ``(n, 6)``, over their noise, along others do not follow the gauge."""
+    share = _followed(asked, sequence, when, read, forces)
+    if share is None or share >= FOLLOWED:
+        return None
+    lines, on = basis(known, when), np.concatenate([own for own, _ in known])
+    moved = np.ones(len(read))
+    moved[on] = share
+    squares = ((read - lines @ (lines.T @ read))[on] / sigma) ** 2 / NOISE_KNOWN
+    # else it does something else than to be noisy
+    free = len(squares) * (1.0 - MEMORY**2) / (1.0 + MEMORY**2)
+    regular = float(squares.max()) < level(len(squares)) ** 2
+    regular &= float(squares.mean()) < float(chi2.isf(FALSE_ALARMS, free)) / free
+    return Steady(lines, sequence, moved) if regular else None
+
+
+def _followed(
+    parts: Sequence[Piece], sequence: np.ndarray, when: Array, read: Array, forces: Array
+) -> float | None:
     """Share of what a gauge reads beside lines that forces ``(n, 6)``, over their noise, follow; None: untold."""
     followed = whole = unsure = 0.0
     for own, slanted in parts:
-        if not slanted or len(own) < BENT + 3:
+        if len(own) < LEAST:
             continue
         off = _beside(when[own], read[own])
-        for f in forces[own].T:
-            there = ~np.isnan(f)
-            if there.sum() < BENT + 3:
+        # a hold says nothing of the stiffness, the readings before and behind it do
+        near = np.arange(max(own[0] - LEAST, 0), min(own[-1] + LEAST + 1, len(read)))
+        steep = own if slanted else near[sequence[near] == sequence[own[0]]]
+        for f, all_f in zip(forces[own].T, forces[steep].T, strict=True):
+            there, known = ~np.isnan(f), ~np.isnan(all_f)
+            if there.sum() < LEAST:
                 continue
-            stiffness = float(np.polyfit(read[own][there], f[there], 1)[0])
+            stiffness = float(np.polyfit(read[steep][known], all_f[known], 1)[0])
             left = _beside(when[own][there], f[there])
             usual = max(1.4826 * float(np.median(np.abs(left))), 1.0)
             follow = stiffness * off[there]

@@ -109,10 +109,9 @@ def whitening_of(observed: Observed, at: Evaluation) -> Whitening:
 
 def weighed(whitening: Whitening, observed: Observed, at: Evaluation) -> Whitening:
     """The same with the readings' covariances as a hypothesis' own stiffness makes them."""
-    noise = replace(observed.noise, pose=observed.pose_noise)
     return replace(
         whitening,
-        factors=whiten(noise, at.sensitivity, observed.present),
+        factors=whiten(observed.pose_noise, observed.noise.wrench, at.sensitivity, observed.present),
         present=observed.present,
         steady=observed.steady,
         shaken=np.nan_to_num(at.sensitivity @ observed.noise.pose),
