@@ -16,11 +16,13 @@ import numpy as np
 
 from vjm.io.errors import did_you_mean
 from vjm.model.chain import Chain
-from vjm.model.parameters import SECTION_VALUES, Parameter
+from vjm.model.parameters import SECTION_VALUES, Parameter, beam_length
 from vjm.model.parts import Actuator, Beam, Part
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment import Kind, Nuisance
+from vjm_updating.mechanisms.modified_chain import beam_of
+from vjm_updating.observation.coordinate import Coordinate
 
 WEAK = 1.0
 """Standard deviation of the prior on a parameter's z: a factor of e. It only holds what the data do not see."""
@@ -34,39 +36,31 @@ SECTION = ("EA", "GJ", "EIy", "EIz")
 
 
 @dataclass(frozen=True)
-class Unknown:
-    """One coordinate of a calibration.
+class Unknown(Coordinate):
+    """A parameter of the machine that a calibration looks for; its prior has the mean zero in z.
 
     Attributes:
-        name: ``link.EIz``, ``foot.factor``, ``actuator.compliance``, ``foot.R21``, or a nuisance's.
-        sigma: of its Gaussian prior, mean zero, in z.
+        name: ``link.EIz``, ``foot.factor``, ``actuator.compliance``, ``foot.R21``.
         unit: of its value.
         nominal: value at z = 0.
-        step: change of the value with z where it is linear; 0 where the value is ``nominal · exp(z)``.
-        lowest: bound of z.
-        nuisance: what it is of the sheet; None for a parameter.
+        linear: whether the value is ``nominal + scale z``, and not ``nominal · exp(z)``.
     """
 
-    name: str
-    sigma: float
-    unit: str
-    nominal: float
-    step: float = 0.0
-    lowest: float = -np.inf
-    nuisance: Nuisance | None = None
-
-    @property
-    def of_chain(self) -> bool:
-        """Whether it changes the chain."""
-        return self.nuisance is None or self.nuisance.of_machine
+    unit: str = "1"
+    nominal: float = 1.0
+    linear: bool = False
 
     def value(self, z: float) -> float:
         """The quantity itself, in its unit."""
-        return self.nominal + self.step * z if self.step else self.nominal * float(np.exp(z))
+        return self.nominal + self.scale * z if self.linear else self.nominal * float(np.exp(z))
 
     def slope(self, z: float) -> float:
         """Derivative of the value by z."""
-        return self.step or self.value(z)
+        return self.scale if self.linear else self.value(z)
+
+    def coordinate(self, value: float) -> float:
+        """The converse of `value`."""
+        return (value - self.nominal) / self.scale if self.linear else float(np.log(value / self.nominal))
 
 
 Change = Callable[[Chain, Array], Chain]
@@ -79,36 +73,43 @@ class Unknowns:
 
     Attributes:
         chain: the nominal one.
-        all: the coordinates.
+        sought: the parameters.
+        nuisances: of the test.
         changes: what blocks of them, each ``(first, last + 1)``, do to a chain.
     """
 
     chain: Chain
-    all: tuple[Unknown, ...]
+    sought: tuple[Unknown, ...]
+    nuisances: tuple[Coordinate, ...]
     changes: tuple[tuple[int, int, Change], ...]
 
     def __len__(self) -> int:
         return len(self.all)
 
     @property
+    def all(self) -> tuple[Coordinate, ...]:
+        """The coordinates."""
+        return (*self.sought, *self.nuisances)
+
+    @property
     def parameters(self) -> int:
         """Number of parameters."""
-        return sum(unknown.nuisance is None for unknown in self.all)
+        return len(self.sought)
 
     @property
     def on_chain(self) -> np.ndarray:
         """Indices of those that change the chain."""
-        return np.flatnonzero([unknown.of_chain for unknown in self.all])
+        return np.flatnonzero([not c.of_instrument for c in self.all])
 
     @property
     def sigma(self) -> Array:
         """Standard deviations of the priors ``(n,)``."""
-        return np.array([unknown.sigma for unknown in self.all])
+        return np.array([c.sigma for c in self.all])
 
     @property
     def lowest(self) -> Array:
         """Bounds ``(n,)``."""
-        return np.array([unknown.lowest for unknown in self.all])
+        return np.array([c.low for c in self.all])
 
     @property
     def start(self) -> Array:
@@ -121,11 +122,6 @@ class Unknowns:
         for first, last, change in self.changes:
             chain = change(chain, z[first:last])
         return chain
-
-    def nuisance_values(self, z: Array) -> dict[tuple[str, str], float]:
-        """Values of the nuisances at the coordinates ``(n,)``, by kind and subject."""
-        pairs = zip(self.all, z, strict=True)
-        return {(u.nuisance.kind, u.nuisance.subject): u.value(v) for u, v in pairs if u.nuisance is not None}
 
     def sensitivity_parameters(self, z: Array) -> list[Parameter]:
         """The coordinates that change the chain, at ``z`` (n,), as `vjm.sensitivity.gradients` takes them."""
@@ -168,15 +164,10 @@ def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Seque
         ValueError: a name means nothing, or two mean the same.
     """
     split = split_parts(engine, chain)
-    found: list[Unknown] = []
+    sought: list[Unknown] = []
+    nuisances: list[Coordinate] = []
     changes: list[tuple[int, int, Change]] = []
     taken: dict[str, set[str]] = {}
-
-    def add(block: Sequence[Unknown], change: Change | None) -> None:
-        if change is not None:
-            changes.append((len(found), len(found) + len(block), change))
-        found.extend(block)
-
     for name in _spelt_out(names):
         part_name, _, what = name.partition(".")
         part = _part(chain, part_name)
@@ -185,25 +176,22 @@ def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Seque
             if one in mine:
                 raise ValueError(f"parameter '{name}': {part_name}'s {one} is looked for twice: name it once")
             mine.add(one)
-        add(*_block(name, part, what, split))
+        block, change = _block(name, part, what, split)
+        changes.append((len(sought), len(sought) + len(block), change))
+        sought += block
     for nuisance in extra:
-        own = Unknown(nuisance.name, 1.0, _unit(nuisance), 0.0, step=nuisance.sigma, nuisance=nuisance)
+        own = Coordinate(nuisance.name, nuisance.kind, nuisance.subject, nuisance.sigma)
+        at = len(sought) + len(nuisances)
         if nuisance.kind is Kind.MODULUS:
             part = _part(chain, nuisance.subject)
             left = _counting(part, split) - taken.get(nuisance.subject, set())
-            if left and isinstance(part, Beam):
-                add([own], _modulus(part, left, nuisance.sigma, whole=left == _counting(part, split)))
+            if not left or not isinstance(part, Beam):
+                continue
+            changes.append((at, at + 1, _modulus(part, left, own, whole=left == _counting(part, split))))
         elif nuisance.kind is Kind.LENGTH:
-            add([own], _length(nuisance.subject, nuisance.sigma))
-        else:
-            add([own], None)
-    return Unknowns(chain, tuple(found), tuple(changes))
-
-
-def _unit(nuisance: Nuisance) -> str:
-    if nuisance.kind is Kind.ZERO:
-        return nuisance.subject.rpartition("_")[2].replace("Nmm", "N mm")
-    return "mm" if nuisance.kind is Kind.LENGTH else "1"
+            changes.append((at, at + 1, _length(own)))
+        nuisances.append(own)
+    return Unknowns(chain, tuple(sought), tuple(nuisances), tuple(changes))
 
 
 def _spelt_out(names: Sequence[str]) -> list[str]:
@@ -244,19 +232,25 @@ def _counting(part: Part, split: set[str]) -> set[str]:
     }
 
 
+def _unknown(name: str, unit: str, nominal: float) -> Unknown:
+    return Unknown(name, "parameter", name.partition(".")[0], 1.0, sigma=WEAK, unit=unit, nominal=nominal)
+
+
 def _block(name: str, part: Part, what: str, split: set[str]) -> tuple[list[Unknown], Change]:
     """The coordinates of one name and what they do."""
     if isinstance(part, Actuator):
         if what != "compliance":
             raise ValueError(f"parameter '{name}': a drive has the parameter '{part.name}.compliance'")
         nominal = part.compliance
-        step, lowest = (0.0, -np.inf) if nominal > 0.0 else (SOFT_DRIVE, RIGID)
-        return [Unknown(name, WEAK, "mm/N", nominal, step, lowest)], _drive(part, nominal, step)
+        own = _unknown(name, "mm/N", nominal)
+        if nominal == 0.0:
+            own = replace(own, scale=SOFT_DRIVE, low=RIGID, linear=True)
+        return [own], _drive(part, own)
     assert isinstance(part, Beam)
     if what == "factor":
         scaled = _meant("factor", part, split)
-        return [Unknown(name, WEAK, "1", 1.0)], lambda chain, z: _with(
-            chain, _softened(_beam(chain, part.name), scaled, float(np.exp(z[0])), both=True)
+        return [_unknown(name, "1", 1.0)], lambda chain, z: _with(
+            chain, _softened(beam_of(chain, part.name), scaled, float(np.exp(z[0])), both=True)
         )
     if part.name in split:
         if what not in SECTION_VALUES:
@@ -271,12 +265,14 @@ def _block(name: str, part: Part, what: str, split: set[str]) -> tuple[list[Unkn
                 f"parameter '{name}': shear is neglected in {part.name}: give the model file its {what}"
             )
         unit = "N mm²" if what in ("GJ", "EIy", "EIz") else "N"
-        return [Unknown(name, WEAK, unit, value)], lambda chain, z: _with(
-            chain, _softened(_beam(chain, part.name), {what}, float(np.exp(-z[0])))
+        return [_unknown(name, unit, value)], lambda chain, z: _with(
+            chain, _softened(beam_of(chain, part.name), {what}, float(np.exp(-z[0])))
         )
     if what == "matrix":
-        block = [Unknown(f"{part.name}.R{i + 1}{j + 1}", WEAK, "1", float(i == j), 0.0 if i == j else 1.0)
-                 for i, j in MATRIX]  # fmt: skip
+        names = [f"{part.name}.R{i + 1}{j + 1}" for i, j in MATRIX]
+        ones = [_unknown(name, "1", 1.0) for name in names]
+        block = [own if i == j else replace(own, nominal=0.0, linear=True)
+                 for own, (i, j) in zip(ones, MATRIX, strict=True)]  # fmt: skip
         return block, _matrix(part)
     if not re.fullmatch(r"C([1-6])\1", what):
         raise ValueError(
@@ -285,8 +281,8 @@ def _block(name: str, part: Part, what: str, split: set[str]) -> tuple[list[Unkn
     i = int(what[1]) - 1
     assert part.compliance is not None
     unit = "mm/N" if i < 3 else "rad/(N mm)"
-    return [Unknown(name, WEAK, unit, float(part.compliance[i, i]))], lambda chain, z: _with(
-        chain, _softened(_beam(chain, part.name), {what}, float(np.exp(z[0])))
+    return [_unknown(name, unit, float(part.compliance[i, i]))], lambda chain, z: _with(
+        chain, _softened(beam_of(chain, part.name), {what}, float(np.exp(z[0])))
     )
 
 
@@ -306,10 +302,10 @@ def _softened(beam: Beam, names: set[str], factor: float, *, both: bool = False)
     return replace(beam, section=section, compliance=compliance)
 
 
-def _modulus(part: Beam, names: set[str], sigma: float, *, whole: bool) -> Change:
+def _modulus(part: Beam, names: set[str], own: Coordinate, *, whole: bool) -> Change:
     def change(chain: Chain, z: Array) -> Chain:
-        factor = 1.0 / max(1.0 + sigma * float(z[0]), 0.05)
-        return _with(chain, _softened(_beam(chain, part.name), names, factor, both=whole))
+        factor = 1.0 / (1.0 + own.value(float(z[0])))
+        return _with(chain, _softened(beam_of(chain, part.name), names, factor, both=whole))
 
     return change
 
@@ -323,29 +319,21 @@ def _matrix(part: Beam) -> Change:
         for (i, j), value in zip(MATRIX, z, strict=True):
             R[i, j] = np.exp(value) if i == j else value
         root = L @ R
-        return _with(chain, replace(_beam(chain, part.name), compliance=root @ root.T))
+        return _with(chain, replace(beam_of(chain, part.name), compliance=root @ root.T))
 
     return change
 
 
-def _length(name: str, sigma: float) -> Change:
+def _length(own: Coordinate) -> Change:
     def change(chain: Chain, z: Array) -> Chain:
-        beam = _beam(chain, name)
-        return _with(chain, replace(beam, length=beam.length + sigma * float(z[0])))
+        length = beam_length(chain, own.subject)
+        return length.apply(chain, length.value + own.value(float(z[0])))
 
     return change
 
 
-def _drive(part: Actuator, nominal: float, step: float) -> Change:
-    def change(chain: Chain, z: Array) -> Chain:
-        value = step * float(z[0]) if step else nominal * float(np.exp(z[0]))
-        return _with(chain, replace(part, compliance=value))
-
-    return change
-
-
-def _beam(chain: Chain, name: str) -> Beam:
-    return next(beam for beam in chain.beams if beam.name == name)
+def _drive(part: Actuator, own: Unknown) -> Change:
+    return lambda chain, z: _with(chain, replace(part, compliance=own.value(float(z[0]))))
 
 
 def _with(chain: Chain, changed: Part) -> Chain:

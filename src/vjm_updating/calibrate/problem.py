@@ -12,8 +12,8 @@ from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibrate.parameters import Unknowns, default_parameters, unknowns
 from vjm_updating.calibrate.prediction import Branches, predict
 from vjm_updating.experiment import Measurement
+from vjm_updating.observation.coordinate import instrument_errors
 from vjm_updating.observation.evaluation import Evaluation
-from vjm_updating.observation.instrument_errors import InstrumentErrors
 from vjm_updating.observation.observed import Observed, observe
 
 
@@ -53,7 +53,7 @@ class Problem:
             NoConvergenceError: the model does not reach a reading.
         """
         observed, unknowns = self.observed, self.unknowns
-        errors = InstrumentErrors.of(unknowns.nuisance_values(z), observed.slots)
+        errors = instrument_errors(unknowns.all, z, observed.slots)
         place = errors.true_displacement(observed.pose)
         found = predict(self.engine, unknowns, z, observed.rays, place, branches, derivatives=derivatives)
         residual = errors.residual(observed.wrench, found.wrench)
@@ -64,10 +64,9 @@ class Problem:
         """Of the residuals ``(n, 6, n_z)``, from the wrenches' by the unknowns that change the chain."""
         J = np.zeros((*at.wrench.shape, len(self.unknowns)))
         J[:, :, self.unknowns.on_chain] = -at.errors.gain[:, None] * derivative
-        for i, unknown in enumerate(self.unknowns.all):
-            if not unknown.of_chain and unknown.nuisance is not None:
-                slope = at.slope(unknown.nuisance.kind, unknown.nuisance.subject, self.observed.slots)
-                J[:, :, i] = unknown.step * slope
+        for i, c in enumerate(self.unknowns.all):
+            if c.of_instrument:
+                J[:, :, i] = c.scale * at.slope(c.kind, c.subject, self.observed.slots)
         return np.where(self.observed.present[:, :, None], np.nan_to_num(J), 0.0)
 
 

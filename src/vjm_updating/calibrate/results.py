@@ -31,10 +31,11 @@ from vjm_updating.calibrate.document import (
 )
 from vjm_updating.calibrate.fit import OUTLYING, Fit
 from vjm_updating.calibrate.identifiability import Identifiability, identifiability, in_words
-from vjm_updating.calibrate.parameters import MATRIX, Unknown
+from vjm_updating.calibrate.parameters import MATRIX
 from vjm_updating.calibrate.profile import NORMAL_95, profile_interval
-from vjm_updating.experiment import Measurement
+from vjm_updating.experiment import Kind, Measurement
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.observation.coordinate import Coordinate
 
 AT_BOUND = 1.5
 """Over the lowest z of a rigid drive: below, it is as rigid as can be told."""
@@ -94,13 +95,13 @@ def results(
 
 
 def _names(fit: Fit) -> list[str]:
-    return [unknown.name for unknown in fit.problem.unknowns.all[: fit.problem.unknowns.parameters]]
+    return [unknown.name for unknown in fit.problem.unknowns.sought]
 
 
 def _parameters(fit: Fit, found: Identifiability) -> list[ParameterRow]:
     rows = []
     for i in np.flatnonzero(found.separable):
-        unknown, z = fit.problem.unknowns.all[i], float(fit.z[i])
+        unknown, z = fit.problem.unknowns.sought[i], float(fit.z[i])
         low, high = profile_interval(fit, int(i))
         value = unknown.value(z)
         rows.append(
@@ -112,7 +113,7 @@ def _parameters(fit: Fit, found: Identifiability) -> list[ParameterRow]:
                 std=abs(unknown.slope(z)) * float(np.sqrt(fit.covariance[i, i])),
                 interval95=[unknown.value(low), unknown.value(high)],
                 over_nominal=value / unknown.nominal if unknown.nominal else None,
-                at_bound=bool(np.isfinite(unknown.lowest) and z <= AT_BOUND * unknown.lowest),
+                at_bound=bool(np.isfinite(unknown.low) and z <= AT_BOUND * unknown.low),
             )
         )
     return rows
@@ -164,20 +165,25 @@ def _compliances(fit: Fit, found: Identifiability) -> list[ComplianceRow]:
 
 def _nuisances(fit: Fit, found: Identifiability) -> list[NuisanceRow]:
     rows = []
-    for i, unknown in enumerate(fit.problem.unknowns.all):
-        if unknown.nuisance is None:
-            continue
+    for i, own in enumerate(fit.problem.unknowns.nuisances, fit.problem.unknowns.parameters):
+        z, share = float(fit.z[i]), float(np.clip(found.from_data[i], 0.0, 1.0))
         rows.append(
             NuisanceRow(
-                name=unknown.name,
-                unit=unknown.unit,
-                value=unknown.value(float(fit.z[i])),
-                std=unknown.step * float(np.sqrt(fit.covariance[i, i])),
-                sheet_std=unknown.nuisance.sigma,
-                from_data=float(np.clip(found.from_data[i], 0.0, 1.0)),
+                name=own.name,
+                unit=_unit(own),
+                value=own.value(z),
+                std=own.slope(z) * float(np.sqrt(fit.covariance[i, i])),
+                sheet_std=own.scale,
+                from_data=share,
             )
         )
     return rows
+
+
+def _unit(nuisance: Coordinate) -> str:
+    if nuisance.kind == Kind.ZERO:
+        return nuisance.subject.rpartition("_")[2].replace("Nmm", "N mm")
+    return "mm" if nuisance.kind == Kind.LENGTH else "1"
 
 
 def _joint(fit: Fit, found: Identifiability) -> MatrixRow:
@@ -190,7 +196,7 @@ def _joint(fit: Fit, found: Identifiability) -> MatrixRow:
         names.append(name)
         rows.append(row)
 
-    def own(i: int, unknown: Unknown) -> None:
+    def own(i: int, unknown: Coordinate) -> None:
         add(unknown.name, unknown.slope(float(fit.z[i])) * np.eye(n)[i])
 
     for k in np.flatnonzero(found.separable):

@@ -18,7 +18,7 @@ from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit
 from vjm_updating.diagnose.forward import machine_of, values_of
 from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero
-from vjm_updating.diagnose.parameters import Coordinate, Hypothesis, instrument_errors
+from vjm_updating.diagnose.parameters import Hypothesis
 from vjm_updating.diagnose.stress import fibre_of
 from vjm_updating.experiment import Measurement, Readings
 from vjm_updating.experiment.channels import WRENCH, split_point
@@ -30,6 +30,7 @@ from vjm_updating.mechanisms.link_bow import LinkBow
 from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
 from vjm_updating.mechanisms.part_compliance import LinkCompliance
+from vjm_updating.observation.coordinate import Coordinate, instrument_errors
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.noise import Noise, noise_of
 from vjm_updating.observation.observed import Observed

@@ -139,6 +139,7 @@ def nuisance_estimates(fitter: Fitter, fit: Fit) -> dict[str, Estimate]:
     for i, c in enumerate(fit.found):
         if c.kind == "effect" or c.sigma == 0.0:
             continue
-        value, std = c.value(float(fit.at.z[i])), float(np.sqrt(covariance[i, i])) * c.scale
+        z = float(fit.at.z[i])
+        value, std = c.value(z), c.slope(z) * float(np.sqrt(covariance[i, i]))
         result[c.name] = Estimate(value, std, value - NORMAL_95 * std, value + NORMAL_95 * std)
     return result

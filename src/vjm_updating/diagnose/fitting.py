@@ -14,7 +14,8 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.diagnose.forward import Predictor, values_of
-from vjm_updating.diagnose.parameters import Coordinate, Hypothesis
+from vjm_updating.diagnose.parameters import Hypothesis
+from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.whitening import Whitening, weighed
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.instrument import ThermalDrift
-from vjm_updating.diagnose.parameters import Coordinate, Hypothesis, instrument_errors, of_effect, release_key
+from vjm_updating.diagnose.parameters import Hypothesis, of_effect, release_key
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.rays import Ray
 from vjm_updating.mechanisms.effect import Effect
@@ -20,6 +20,7 @@ from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.path_table import HalfRay, Sheaf, Table, beside, tabulate
 from vjm_updating.mechanisms.relaxation import OnRay, Relaxation, relaxed
 from vjm_updating.mechanisms.series_elements import Element, balance
+from vjm_updating.observation.coordinate import Coordinate, instrument_errors
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
 

@@ -5,8 +5,8 @@ A nuisance whose cause is tried loses its prior: it is then the whole deviation 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from vjm_updating.mechanisms.effect import Effect, Quantity
 from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.modified_chain import beam_of
 from vjm_updating.mechanisms.part_compliance import FootCompliance, LinkCompliance
-from vjm_updating.observation.instrument_errors import InstrumentErrors
+from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.observed import Observed
 
 Hypothesis = tuple[Effect, ...]
@@ -37,55 +37,39 @@ USUAL = {Kind.SCALE: 0.01, Kind.MODULUS: 0.02, Kind.LENGTH: 0.2}
 """Units of nuisances for which the sheet has no tolerance, mm and relative."""
 
 
-@dataclass(frozen=True)
-class Coordinate:
-    """One number that a fit looks for, in units of ``scale``.
+@dataclass(frozen=True, kw_only=True)
+class EffectCoordinate(Coordinate):
+    """Of a quantity of an effect.
 
     Attributes:
-        name: for people.
-        kind: a `vjm_updating.experiment.Kind`, or ``effect``.
-        subject: channel or part; of an effect its index in the hypothesis, as text.
-        scale: of the coordinate; a nuisance's sigma.
-        mean: of its prior.
-        sigma: of its prior, in units of the scale; infinite where there is none, zero where it is fixed.
-        low: bound.
-        high: bound.
-        quantity: of an effect.
+        quantity: with its unit and its law.
     """
 
-    name: str
-    kind: str
-    subject: str
-    scale: float
-    mean: float = 0.0
-    sigma: float = 1.0
-    low: float = -np.inf
-    high: float = np.inf
-    quantity: Quantity | None = None
+    quantity: Quantity
 
     def value(self, z: float) -> float:
-        """In its own unit; of a modulus relative, which counts by its logarithm."""
-        if self.quantity is not None:
-            return self.quantity.value(z)
-        return float(np.expm1(z * self.scale)) if self.kind == "modulus" else z * self.scale
+        """In the quantity's unit."""
+        return self.quantity.value(z)
+
+    def slope(self, z: float) -> float:
+        """Derivative of the value by z."""
+        return self.value(z) if self.quantity.log else self.scale
 
     def coordinate(self, value: float) -> float:
         """The converse of `value`."""
-        if self.quantity is not None:
-            return self.quantity.coordinate(value)
-        return (float(np.log1p(value)) if self.kind == "modulus" else value) / self.scale
+        return self.quantity.coordinate(value)
 
 
-def release_key(effect: Effect) -> tuple[str, str] | None:
+def release_key(effect: Effect) -> tuple[Kind, str] | None:
     """The nuisance that an effect frees of its prior; None for an effect with parameters of its own."""
     if isinstance(effect, InstrumentZero):
-        return "zero", effect.part
+        return Kind.ZERO, effect.part
     if isinstance(effect, InstrumentScale):
-        return "scale", effect.part
+        return Kind.SCALE, effect.part
     if isinstance(effect, FootCompliance | LinkCompliance):
-        return "modulus", effect.beam
+        return Kind.MODULUS, effect.beam
     if isinstance(effect, LinkLength):
-        return "length", effect.beam
+        return Kind.LENGTH, effect.beam
     return None
 
 
@@ -159,23 +143,10 @@ def _coordinate(nuisance: Nuisance, observed: Observed) -> Coordinate:
     return Coordinate(nuisance.name, kind, subject, scale, 0.0, spread, low / scale, high / scale)
 
 
-def instrument_errors(found: Sequence[Coordinate], z: Array, slots: Mapping[str, int]) -> InstrumentErrors:
-    """Zeros and scales among coordinates ``(n_z,)``; ``slots`` are the displacement's components by channel."""
-    values = {
-        (c.kind, c.subject): c.value(v) for c, v in zip(found, z, strict=True) if c.kind in (Kind.ZERO, Kind.SCALE)
-    }
-    return InstrumentErrors.of(values, slots)
-
-
 def coordinates(nuisances: Sequence[Coordinate], hypothesis: Hypothesis) -> list[Coordinate]:
     """The coordinates of a hypothesis: the nuisances first, then its effects' quantities in their order."""
     free = {release_key(effect) for effect in hypothesis}
-    found = [
-        c
-        if (c.kind, c.subject) not in free
-        else Coordinate(c.name, c.kind, c.subject, c.scale, 0.0, np.inf, c.low, c.high)
-        for c in nuisances
-    ]
+    found = [c if (c.kind, c.subject) not in free else replace(c, mean=0.0, sigma=np.inf) for c in nuisances]
     for i, effect in enumerate(hypothesis):
         if release_key(effect) is not None:
             continue
@@ -183,16 +154,16 @@ def coordinates(nuisances: Sequence[Coordinate], hypothesis: Hypothesis) -> list
             mean = q.coordinate(q.usual) if q.log or np.isfinite(q.spread) else 0.0
             sigma = q.spread if q.log else q.spread / q.scale
             found.append(
-                Coordinate(
-                    f"{effect.label} {q.name}",
-                    "effect",
-                    str(i),
-                    q.scale,
-                    mean,
-                    sigma,
-                    q.coordinate(q.low),
-                    q.coordinate(q.high),
-                    q,
+                EffectCoordinate(
+                    name=f"{effect.label} {q.name}",
+                    kind="effect",
+                    subject=str(i),
+                    scale=q.scale,
+                    mean=mean,
+                    sigma=sigma,
+                    low=q.coordinate(q.low),
+                    high=q.coordinate(q.high),
+                    quantity=q,
                 )
             )
     return found

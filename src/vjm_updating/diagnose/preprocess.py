@@ -23,7 +23,7 @@ from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.autocorrelation import estimate_memory
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
-from vjm_updating.observation.whitening import Whitening, weighed
+from vjm_updating.observation.whitening import weighed, whitening_of
 
 SAME_MEMORY = 0.05
 """Change of the noise's autocorrelation that is none."""
@@ -73,8 +73,7 @@ def prepare(
     found = coordinates(nuisances, ())
     zero = np.zeros(len(found))
     at = forward.evaluate(found, zero, ())
-    fitter = Fitter(forward, nuisances, Whitening(np.zeros(0), observed.memory, observed.present))
-    fitter.weigh(at)
+    fitter = Fitter(forward, nuisances, whitening_of(observed, at))
     _leave_out(fitter, kind, observed, standing_out(observed, at.residual, fitter.whitening.factors), at)
     null = _fitted(fitter)
     null = choose_branches(fitter, null)

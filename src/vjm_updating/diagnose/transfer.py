@@ -12,13 +12,14 @@ from vjm_updating.diagnose.fitting import Fit
 from vjm_updating.diagnose.forward import Predictor
 from vjm_updating.diagnose.kinds import kind_of
 from vjm_updating.diagnose.parameters import (
-    Coordinate,
+    EffectCoordinate,
     Hypothesis,
     coordinates,
     nuisance_coordinates,
     release_key,
 )
 from vjm_updating.experiment import Measurement
+from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.observed import Observed
 
 
@@ -67,14 +68,14 @@ def _values(fit: Fit, chosen: set[int], *, nuisances: bool) -> Callable[[Coordin
     order = {str(i): str(k) for k, i in enumerate(sorted(chosen))}
     known: dict[tuple[str, str, str], float] = {}
     for c, z in zip(fit.found, fit.at.z, strict=True):
-        if c.quantity is not None:
+        if isinstance(c, EffectCoordinate):
             if c.subject in order:
                 known[c.kind, order[c.subject], c.quantity.name] = c.value(float(z))
         elif (c.kind, c.subject) in freed or (nuisances and (c.kind, c.subject) not in all_freed):
             known[c.kind, c.subject, ""] = c.value(float(z))
 
     def value(c: Coordinate) -> float:
-        return known.get((c.kind, c.subject, c.quantity.name if c.quantity else ""), 0.0)
+        return known.get((c.kind, c.subject, c.quantity.name if isinstance(c, EffectCoordinate) else ""), 0.0)
 
     return value
 

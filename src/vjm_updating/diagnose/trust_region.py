@@ -15,7 +15,8 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit, Fitter, Held
 from vjm_updating.diagnose.normal_equations import bounded_step, inverse
-from vjm_updating.diagnose.parameters import Coordinate, Hypothesis, coordinates, of_effect, remakes, start
+from vjm_updating.diagnose.parameters import Hypothesis, coordinates, of_effect, remakes, start
+from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.evaluation import Evaluation
 
 ROUNDS, STEPS, HALVINGS = 25, 20, 6

@@ -21,7 +21,7 @@ class Kind(StrEnum):
     LENGTH = "length"
     """Lengthens a part, mm."""
     MODULUS = "modulus"
-    """Multiplies a part's stiffnesses by one plus itself."""
+    """Multiplies a part's stiffnesses by one plus itself; sigma is of that factor's logarithm."""
 
 
 @dataclass(frozen=True)

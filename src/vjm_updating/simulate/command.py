@@ -18,7 +18,7 @@ from vjm_output.documents import as_json
 from vjm_updating.diagnose.experiment import left_over
 from vjm_updating.diagnose.fitting import Fitter
 from vjm_updating.diagnose.forward import Forward
-from vjm_updating.diagnose.parameters import Coordinate, coordinates, nuisance_coordinates, release_key, start
+from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates, release_key, start
 from vjm_updating.diagnose.ramp_test import observe_ramps, ramp_effects
 from vjm_updating.experiment import Readings, read_sheet
 from vjm_updating.experiment.channels import POSE, POSTURE, RUN, TEMPERATURE, WRENCH
@@ -26,8 +26,9 @@ from vjm_updating.experiment.measurement import planned_measurement
 from vjm_updating.experiment.sheet import Sheet
 from vjm_updating.mechanisms.catalogue import plug_in
 from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.observed import Observed
-from vjm_updating.observation.whitening import Whitening
+from vjm_updating.observation.whitening import whitening_of
 from vjm_updating.simulate.beams import BeamMachine, refuse_what_beams_cannot_carry
 from vjm_updating.simulate.hidden import Hidden, parsed_effects, sizes
 from vjm_updating.simulate.plan import Ramp, parsed_ramp, planned_readings, usual_ramps
@@ -197,12 +198,11 @@ def _planned(page: Sheet, path: Path, ramps: list[Ramp]) -> tuple[Observed, list
 def _strength(nominal: _Machine, machine: _Machine) -> tuple[float, float, float, str]:
     """Strength, largest change, what is left of it, and the channel where most is left."""
     observed = nominal.observed
-    whitening = Whitening(np.zeros(0), observed.memory, observed.present)
-    fitter = Fitter(Forward(observed), nominal.nuisances, whitening)
     found = coordinates(nominal.nuisances, ())
     rest = np.zeros(len(found))
-    at = fitter.forward.evaluate(found, rest, ())
-    fitter.weigh(at)
+    forward = Forward(observed)
+    at = forward.evaluate(found, rest, ())
+    fitter = Fitter(forward, nominal.nuisances, whitening_of(observed, at))
     change = np.where(observed.present, machine.wrench(rest) - nominal.wrench(rest), 0.0)
     known = np.diag([1.0 if c.sigma > 0.0 else 0.0 for c in found])
     strength, left = left_over(fitter, change, fitter.slopes(found, at, ()), known, found)

@@ -11,8 +11,8 @@ from scipy.integrate import quad
 from vjm_updating.diagnose.equivalence_classes import distance
 from vjm_updating.diagnose.evidence import beyond_bounds, criterion
 from vjm_updating.diagnose.instrument import InstrumentZero
-from vjm_updating.diagnose.parameters import Coordinate
 from vjm_updating.mechanisms.link_lumping import LinkLumping
+from vjm_updating.observation.coordinate import Coordinate
 
 
 @pytest.mark.parametrize("pressed", [0.1, 1.0, 5.0, 30.0])

@@ -9,12 +9,12 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from vjm_updating.diagnose.fitting import prior
-from vjm_updating.diagnose.parameters import Coordinate
 from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.diagnose.residual_basis import driven_place
 from vjm_updating.diagnose.unmodelled import SIZES, kind_present, unmodelled
 from vjm_updating.experiment.measurement import read_measurement
+from vjm_updating.observation.coordinate import Coordinate
 
 
 @pytest.mark.parametrize("residual", [(0.1, -0.4, 1.2), (6.0, -2.0, 0.5), (40.0, 90.0, -10.0)])

@@ -1,0 +1,60 @@
+"""What a fit looks for: numbers with a prior and bounds, the nuisances of the test among them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.experiment import Kind
+from vjm_updating.observation.instrument_errors import InstrumentErrors
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One number z that a fit looks for, in units of ``scale``.
+
+    Attributes:
+        name: for people.
+        kind: a `vjm_updating.experiment.Kind`, or what else it is of.
+        subject: channel or part; of an effect its index in the hypothesis, as text.
+        scale: of the coordinate; a nuisance's sigma.
+        mean: of its prior.
+        sigma: of its prior, in units of the scale; infinite where there is none, zero where it is fixed.
+        low: bound.
+        high: bound.
+    """
+
+    name: str
+    kind: str
+    subject: str
+    scale: float
+    mean: float = 0.0
+    sigma: float = 1.0
+    low: float = -np.inf
+    high: float = np.inf
+
+    @property
+    def of_instrument(self) -> bool:
+        """Whether it is a zero or a scale of a channel; else the machine's."""
+        return self.kind in (Kind.ZERO, Kind.SCALE)
+
+    def value(self, z: float) -> float:
+        """In its own unit; of a modulus relative, which counts by its logarithm."""
+        return float(np.expm1(z * self.scale)) if self.kind == Kind.MODULUS else z * self.scale
+
+    def slope(self, z: float) -> float:
+        """Derivative of the value by z."""
+        return self.scale * (1.0 + self.value(z)) if self.kind == Kind.MODULUS else self.scale
+
+    def coordinate(self, value: float) -> float:
+        """The converse of `value`."""
+        return (float(np.log1p(value)) if self.kind == Kind.MODULUS else value) / self.scale
+
+
+def instrument_errors(found: Sequence[Coordinate], z: Array, slots: Mapping[str, int]) -> InstrumentErrors:
+    """Zeros and scales among coordinates ``(n_z,)``; ``slots`` are the displacement's components by channel."""
+    values = {(c.kind, c.subject): c.value(v) for c, v in zip(found, z, strict=True) if c.of_instrument}
+    return InstrumentErrors.of(values, slots)
