@@ -57,7 +57,7 @@ NUMERICS = {
     "diagnose/normal_equations": "SWEEPS LONGEST",
     "diagnose/parameters": "AFAR",
     "diagnose/preprocess": "SAME_MEMORY SAME_NOISE WORSE",
-    "observation/ramp_regression": "MOST BENT",
+    "observation/ramp_regression": "MOST BENT LEAST",
     "diagnose/residual_basis": "ORDER WAVES A_WAVE JUMPS",
     "diagnose/screening": "DRAWS RARE SAME SEED STRONG ORDINARY NEAR_BY ABSORBED APART STARTS",
     "diagnose/search": "FIRST_ORDER WIDTH BEAM PAIRS RIVAL STRAINED FAINT MOST_CAUSES CARRIED_ON",

@@ -10,15 +10,14 @@ from vjm.kernels.entry_points import (
     CONVERGED,
     SINGULAR,
     UNSTABLE,
-    correct,
     end_stiffness,
     load_forces,
-    march,
     nearest,
     newton,
     place_loads,
     respond,
 )
+from vjm.kernels.grid_points import correct, march
 from vjm.kernels.march import March
 from vjm.kernels.near_zero import near_zero
 from vjm.kernels.packed_model import PackedModel, buffers, work_of

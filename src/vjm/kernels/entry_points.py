@@ -7,17 +7,15 @@ import numpy as np
 from vjm.kernels.compilation import entry, kernel
 from vjm.kernels.factorization import bunch_parlett_solve, jacobi
 from vjm.kernels.packed_model import Floats, Ints, PackedModel, Workspace, model_of, work_of
-from vjm.kernels.recursion import apply_loads, forward_kinematics, pose_error, turn_about
+from vjm.kernels.recursion import apply_loads, forward_kinematics, pose_error
 from vjm.kernels.unsymmetric import linearise, solve
 
 CONVERGED, DIVERGED, SINGULAR, UNSTABLE = 0, 1, 2, 3
 """How an iteration or a march ends."""
-WELL_BELOW = 0.01
-"""Share of the tolerance below which a march leaves a residual as it is."""
 
 
 @kernel
-def _newton_step(model: PackedModel, work: Workspace, x: Floats, force: Floats) -> None:
+def newton_step(model: PackedModel, work: Workspace, x: Floats, force: Floats) -> None:
     """Move a state by the solution of its factored system."""
     solve(model, work, work.residual, work.gap)
     for i in range(len(x)):
@@ -32,7 +30,7 @@ def _newton_step(model: PackedModel, work: Workspace, x: Floats, force: Floats) 
 
 
 @kernel
-def _newton(
+def iterate(
     model: PackedModel,
     work: Workspace,
     target: Floats,
@@ -66,7 +64,7 @@ def _newton(
             return SINGULAR, iteration, error, -1
         if iteration == max_iterations:
             break
-        _newton_step(model, work, x, force)
+        newton_step(model, work, x, force)
     return DIVERGED, max_iterations, error, negative
 
 
@@ -101,7 +99,7 @@ def newton(
     """
     model = model_of(integers, numbers)
     work = work_of(integers, work_integers, work_numbers)
-    return _newton(model, work, target, x, force, tolerance, max_iterations)
+    return iterate(model, work, target, x, force, tolerance, max_iterations)
 
 
 @entry
@@ -133,7 +131,8 @@ def load_forces(
 
 
 @kernel
-def _end_stiffness(model: PackedModel, work: Workspace, force: Floats, K: Floats) -> None:
+def loaded_stiffness(model: PackedModel, work: Workspace, force: Floats, K: Floats) -> None:
+    """Write ``K^F`` (6, 6) of (18) with the present factors, under the wrench ``force`` (6,)."""
     if len(model.turning):
         load, gap = np.zeros(len(work.step)), np.zeros(6)
         for j in range(6):
@@ -167,7 +166,7 @@ def end_stiffness(
 ) -> None:
     """``K^F`` (6, 6) of (18) with the present factors."""
     model = model_of(integers, numbers)
-    _end_stiffness(model, work_of(integers, work_integers, work_numbers), force, K)
+    loaded_stiffness(model, work_of(integers, work_integers, work_numbers), force, K)
 
 
 @entry
@@ -259,161 +258,3 @@ def _copy_unit(v: Floats, out: Floats) -> None:
     size = np.sqrt(size)
     for i in range(len(v)):
         out[i] = v[i] / size
-
-
-@kernel
-def _aim(R_0: Floats, p_0: Floats, direction: Floats, axis: Floats, angle: float, s: float, to: Floats) -> None:
-    """The packed frame ``to`` (12,) at a displacement s; ``angle`` about ``axis`` (3,) per unit of it."""
-    R_to = to[:9].reshape((3, 3))
-    for a in range(3):
-        to[9 + a] = p_0[a] + s * direction[a]
-        for b in range(3):
-            R_to[a, b] = R_0[a, b]
-    turn_about(R_to, axis, angle * s)
-
-
-@entry
-def march(
-    integers: Ints,
-    numbers: Floats,
-    work_integers: Ints,
-    work_numbers: Floats,
-    R_0: Floats,
-    p_0: Floats,
-    direction: Floats,
-    s: Floats,
-    origin: float,
-    known: int,
-    tolerance: float,
-    max_iterations: int,
-    x: Floats,
-    force: Floats,
-    K: Floats,
-    error: Floats,
-    iterations: Ints,
-    negative: Ints,
-) -> tuple[int, int]:
-    """Equilibria, stiffness and stability along a grid, each predicted from up to four before it.
-
-    Behind a bifurcation a branch is smooth in the root of the distance from it, and is predicted in that.
-
-    Args:
-        integers: see `vjm.kernels.packed_model.Buffers`.
-        numbers: likewise.
-        work_integers: likewise.
-        work_numbers: likewise.
-        R_0: ``(3, 3)`` and
-        p_0: ``(3,)`` the unloaded pose.
-        direction: ``(6,)`` displacement per unit of s.
-        s: ``(g,)`` the grid.
-        origin: where the branch begins at a bifurcation, before the grid; −inf where it does not.
-        known: how many of its points are given, at least one.
-        tolerance: scaled residual at which an equilibrium counts as found.
-        max_iterations: of Newton's method.
-        x: ``(g, n)`` coordinates and
-        force: ``(g, 6)`` wrenches; the known ones given, the others written.
-        K: ``(g, 6, 6)`` loaded stiffness; of the known points only the first one's is written.
-        error: ``(g,)`` scaled residuals.
-        iterations: ``(g,)``.
-        negative: ``(g,)`` numbers of negative eigenvalues.
-
-    Returns:
-        How it ended, and the number of points that are good: stable equilibria.
-    """
-    model = model_of(integers, numbers)
-    work = work_of(integers, work_integers, work_numbers)
-    to, turn = np.empty(12), np.zeros(3)
-    angle = np.sqrt(direction[3] ** 2 + direction[4] ** 2 + direction[5] ** 2)
-    if angle > 0.0:
-        for a in range(3):
-            turn[a] = direction[3 + a] / angle
-    at = np.sqrt(s - origin) if np.isfinite(origin) else s
-    n = x.shape[1]
-    # of the first point only the factors are wanted
-    _aim(R_0, p_0, direction, turn, angle, s[0], to)
-    how, _, _, _ = _newton(model, work, to, x[0], force[0], np.inf, 0)
-    if how != CONVERGED:
-        return how, 0
-    _end_stiffness(model, work, force[0], K[0])
-    for i in range(known, len(s)):
-        order = min(i, 4)
-        for c in range(n):
-            x[i, c] = 0.0
-        for c in range(6):
-            force[i, c] = 0.0
-        for k in range(order):
-            weight = 1.0
-            for other in range(order):
-                if other != k:
-                    weight *= (at[i] - at[i - 1 - other]) / (at[i - 1 - k] - at[i - 1 - other])
-            for c in range(n):
-                x[i, c] += weight * x[i - 1 - k, c]
-            for c in range(6):
-                force[i, c] += weight * force[i - 1 - k, c]
-        _aim(R_0, p_0, direction, turn, angle, s[i], to)
-        how, iterations[i], error[i], negative[i] = _newton(
-            model, work, to, x[i], force[i], tolerance, max_iterations
-        )
-        if how != CONVERGED:
-            return how, i
-        _end_stiffness(model, work, force[i], K[i])
-        if negative[i] > 0:
-            return UNSTABLE, i
-        # once more with the factors at hand: extrapolation multiplies what is left of the error by 15 a point
-        if error[i] > WELL_BELOW * tolerance:
-            _newton_step(model, work, x[i], force[i])
-    return CONVERGED, len(s)
-
-
-@entry
-def correct(
-    integers: Ints,
-    numbers: Floats,
-    work_integers: Ints,
-    work_numbers: Floats,
-    R_0: Floats,
-    p_0: Floats,
-    direction: Floats,
-    s: Floats,
-    tolerance: float,
-    max_iterations: int,
-    x: Floats,
-    force: Floats,
-    K: Floats,
-    negative: Ints,
-) -> int:
-    """Equilibria and stiffness at displacements, each from a state near by; nothing is said of stability between.
-
-    Args:
-        integers: see `vjm.kernels.packed_model.Buffers`.
-        numbers: likewise.
-        work_integers: likewise.
-        work_numbers: likewise.
-        R_0: ``(3, 3)`` and
-        p_0: ``(3,)`` the unloaded pose.
-        direction: ``(6,)`` displacement per unit of s.
-        s: ``(g,)`` the displacements.
-        tolerance: scaled residual at which an equilibrium counts as found.
-        max_iterations: of Newton's method.
-        x: ``(g, n)`` coordinates and
-        force: ``(g, 6)`` wrenches to start from, overwritten.
-        K: ``(g, 6, 6)`` loaded stiffness, written.
-        negative: ``(g,)`` numbers of negative eigenvalues, written.
-
-    Returns:
-        The number of points found: all, or those before the first that was not.
-    """
-    model = model_of(integers, numbers)
-    work = work_of(integers, work_integers, work_numbers)
-    to, turn = np.empty(12), np.zeros(3)
-    angle = np.sqrt(direction[3] ** 2 + direction[4] ** 2 + direction[5] ** 2)
-    if angle > 0.0:
-        for a in range(3):
-            turn[a] = direction[3 + a] / angle
-    for i in range(len(s)):
-        _aim(R_0, p_0, direction, turn, angle, s[i], to)
-        how, _, _, negative[i] = _newton(model, work, to, x[i], force[i], tolerance, max_iterations)
-        if how != CONVERGED:
-            return i
-        _end_stiffness(model, work, force[i], K[i])
-    return len(s)

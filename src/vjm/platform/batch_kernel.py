@@ -10,7 +10,7 @@ import numpy as np
 
 from vjm.kernels.compilation import entry, kernel
 from vjm.kernels.condensation import factor, substitute
-from vjm.kernels.entry_points import _end_stiffness
+from vjm.kernels.entry_points import loaded_stiffness
 from vjm.kernels.packed_model import Floats, Ints, PackedModel, Workspace
 from vjm.kernels.recursion import forward_kinematics, pose_error
 from vjm.platform.closure_kernel import close_from_home, close_near
@@ -104,7 +104,7 @@ def balance(
                 left = max(left, abs(gap[i]))
                 heavy = max(heavy, abs(F[i]))
             lacking = max(lacking, left)
-            _end_stiffness(model, work, F, K)
+            loaded_stiffness(model, work, F, K)
             if left < NEGLIGIBLE:
                 dF[:] = 0.0
             else:
