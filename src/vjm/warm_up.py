@@ -21,6 +21,7 @@ from vjm.model.parts import RigidOffset
 from vjm.platform.batch_equilibria import packed_machine, platforms, weakest
 from vjm.rotations import AXES
 from vjm.sensitivity.gradients import wrench_sensitivity
+from vjm.statics.equilibrium import TOLERANCE
 from vjm.tree.derivatives import frame_derivatives
 from vjm.tree.equilibria import equilibria, sensitivities, unloaded_frames
 from vjm.tree.model import TreeModel
@@ -45,7 +46,11 @@ def _one_of_each() -> None:
     load_case = LoadCase("A", -3.0)
     path = engine.trace(chain, load_case)
     wrench_sensitivity(engine, chain, path, [compliance_factor(chain, "link")])
-    trace_grid(engine.problem(chain, load_case), np.linspace(0.0, 0.1, 5))
+    problem = engine.problem(chain, load_case)
+    grid = trace_grid(problem, np.linspace(0.0, 0.1, 5))
+    problem.model.compiled.correct(
+        problem.target(0.0), load_case.direction, grid.s, grid.x, grid.wrench, TOLERANCE, 2
+    )
     follower = Load((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), "link", 0.5, follower=True)
     engine.trace(chain, LoadCase("A", 1.0, "load", loads=(follower,), control=ARC))
     hinge = Chain("hinge", (ActuatedJoint("q", AXES["z"], compliance=1e-8), RigidOffset("link", mass=1.0)))
