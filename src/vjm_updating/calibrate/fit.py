@@ -17,6 +17,7 @@ from vjm_updating.calibrate.prediction import Branches
 from vjm_updating.calibrate.problem import Problem, Trial
 from vjm_updating.calibrate.robust import BIWEIGHT, HUBER, SQUARES, Loss
 from vjm_updating.observation.autocorrelation import memory_of_residuals
+from vjm_updating.observation.significance import too_many
 from vjm_updating.observation.whitening import Whitening, weighed, whitening_of
 
 STAGES: tuple[tuple[Loss, int, float], ...] = ((SQUARES, 12, 0.3), (HUBER, 6, 0.1), (BIWEIGHT, 20, 1e-3))
@@ -27,8 +28,6 @@ LONGEST_STEP = 0.7
 """In the z of a parameter: a factor of two."""
 OUTLYING = 0.2
 """Weight below which a reading counts as an outlier: 4.5 standard deviations."""
-MOST_OUTLYING = 0.15
-"""Share of outliers above which it is the model that is wrong."""
 MISFIT = 3.0
 """Standard errors by which the residuals' variance must exceed the sheet's to be another one."""
 
@@ -126,7 +125,7 @@ def fit(problem: Problem) -> Fit:
         if step < STAGES[-1][2] and np.max(np.abs(whitening.memory.rho - before)) < 0.01:
             break
     final = _linearised(problem, problem.evaluate(at.z, at.branches), BIWEIGHT, whitening)
-    if final.outliers.mean() > MOST_OUTLYING:
+    if too_many(int(final.outliers.sum()), len(final.outliers)):
         # so many are no outliers: they are what the model lacks
         at = final.at
         for _ in range(6):

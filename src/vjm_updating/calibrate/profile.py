@@ -11,10 +11,10 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.calibrate.fit import Fit
+from vjm_updating.observation.significance import NORMAL_95
 
 CHI2_95 = 3.841458820694124
 """Of one degree of freedom."""
-NORMAL_95 = 1.959963984540054
 REACHED = 0.02
 """Of the root of the ratio over that of `CHI2_95`: an interval's end is good to this share of its half-width."""
 MOST_TRIALS = 5

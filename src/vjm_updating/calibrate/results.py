@@ -32,10 +32,11 @@ from vjm_updating.calibrate.document import (
 from vjm_updating.calibrate.fit import OUTLYING, Fit
 from vjm_updating.calibrate.identifiability import Identifiability, identifiability, in_words
 from vjm_updating.calibrate.parameters import MATRIX
-from vjm_updating.calibrate.profile import NORMAL_95, profile_interval
+from vjm_updating.calibrate.profile import profile_interval
 from vjm_updating.experiment import Kind, Measurement
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.observation.coordinate import Coordinate
+from vjm_updating.observation.significance import NORMAL_95
 
 AT_BOUND = 1.5
 """Over the lowest z of a rigid drive: below, it is as rigid as can be told."""

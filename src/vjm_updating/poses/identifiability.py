@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vjm_updating.observation.significance import NORMAL_95
 from vjm_updating.poses.study import State, Study
 
 LEARNT = 0.9
@@ -15,7 +16,6 @@ ONE = 1.0 - 1e-5
 TAKES_PART = 0.2
 """Part in the combination, over the largest, from which on another member is named."""
 MOST_NAMED = 4
-Z95 = 1.96
 
 
 @dataclass(frozen=True)
@@ -64,14 +64,14 @@ def estimates(study: Study, state: State) -> list[MemberEstimate]:
         # at a bound the other side is what the prior and the data leave
         sd = (min(size, _one_sided(state, int(unknown), size)) if held else float(std[place])) * member.unit
         learnt = 1.0 - (sd / (size * member.unit)) ** 2
-        low = max(value - Z95 * sd, member.nominal + member.lower)
+        low = max(value - NORMAL_95 * sd, member.nominal + member.lower)
         result.append(
             MemberEstimate(
                 member.name,
                 value,
                 sd,
                 low,
-                value + Z95 * sd,
+                value + NORMAL_95 * sd,
                 member.of,
                 max(learnt, 0.0),
                 sd < LEARNT * size * member.unit,
