@@ -14,8 +14,9 @@ from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, foot_
 from vjm_updating.mechanisms.relaxation import Relaxation
 from vjm_updating.mechanisms.series_elements import Element, retarded, together
 
-LATER = 6.0
-"""Time of the slow term over that of the fast one: materials relax over decades of time, which two terms cover."""
+LATER, DECADE = 10.0, 2.3
+"""Time of the slow term over that of the fast one, and the spread of its logarithm: materials relax over decades of
+time, of which one lies between the terms, give or take another."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Creep(Effect):
     title = "the force relaxes while the displacement is held"
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """φ, τ, and how much of φ is late."""
+        """φ, τ, how much of φ is late, and how many times as late."""
         shortest, longest = 0.1 * self.interval, 10.0 * self.duration
         # materials relax in all decades of time; a test shows those between a reading's and its own
         middle = (self.duration * self.interval) ** 0.5
@@ -49,30 +50,31 @@ class Creep(Effect):
             Quantity("fraction", 0.0, 0.9, 0.01, neutral=0.0),
             Quantity("time_s", shortest, longest, middle, usual=middle, spread=float(spread), log=True),
             Quantity("slow_share", 0.0, 0.95, 0.1, usual=0.25, spread=0.25),
+            Quantity("slow_over_fast", 2.0, 1000.0, LATER, usual=LATER, spread=DECADE, log=True),
         )
 
     def trials(self) -> Sequence[tuple[float, ...]]:
         """Fast to slow."""
         times = (3.0 * self.interval, (self.duration * self.interval) ** 0.5, self.duration / 8.0, self.duration)
-        return [(0.03, time, 0.25) for time in times]
+        return [(0.03, time, 0.25, LATER) for time in times]
 
     def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
         """The drive's, of two terms behind its own spring: a spring on an axis, so that this is exact."""
         if self.part != "actuator":
             return ()
-        fraction, time, slow = values
+        fraction, time, slow, later = values
         gain = self.compliance * fraction / (1.0 - fraction)
         delay = time / (1.0 - fraction)
-        terms = together(retarded((1.0 - slow) * gain, delay), retarded(slow * gain, LATER * delay))
+        terms = together(retarded((1.0 - slow) * gain, delay), retarded(slow * gain, later * delay))
         return (Element(drive(machine), terms, smooth=True),)
 
     def relaxation(self, machine: ModifiedChain, values: Sequence[float]) -> Relaxation | None:
         """A beam's, which bends as well."""
         if self.part == "actuator":
             return None
-        fraction, time, slow = values
+        fraction, time, slow, later = values
         part = FOOT if self.part == "foot" else link_of(machine.nominal)
-        return Relaxation(part, ((1.0 - slow) * fraction, slow * fraction), (time, LATER * time))
+        return Relaxation(part, ((1.0 - slow) * fraction, slow * fraction), (time, later * time))
 
 
 def effects(scene: Scene) -> list[Effect]:

@@ -175,7 +175,7 @@ def test_calibrate_takes_it(make, fitted, tmp_path):
 
 
 def test_a_law_with_memory_is_named_and_kept_out(fitted):
-    measurement, fitter, fit = fitted((Creep(part="foot"),), [(0.02, 60.0, 0.25)])
+    measurement, fitter, fit = fitted((Creep(part="foot"),), [(0.02, 60.0, 0.25, 10.0)])
     text = extended_text(measurement, fitter, fit, "named", {})
     assert "# creep.foot: not in the numbers below" in text
     document = extended_document(measurement, fitter, fit)

@@ -30,7 +30,7 @@ def test_a_drive_in_series_is_the_drive_in_a_chain_that_relaxes(make, tmp_path, 
         at = Forward(observe_ramps(reading.read_measurement(files.data, files.sheet)))
         return at.evaluate(found, start(found, hypothesis, np.zeros(0), values), hypothesis).wrench[:, 0]
 
-    creep, values = Creep(part), (0.05, 20.0, 0.25)
+    creep, values = Creep(part), (0.05, 20.0, 0.25, 10.0)
     built_in = force(softer, (creep,), [values])
     relaxes = force(softer, (), []) - built_in
     in_series = force(make.SHEET, (creep, ActuatorCompliance()), [values, (DRIVE,)])

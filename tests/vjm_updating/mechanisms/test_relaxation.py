@@ -86,7 +86,7 @@ def test_a_relaxing_drive_is_the_drive_with_an_element(machine, fraction):
     time = np.linspace(0.0, 60.0, 31)
     s = np.interp(time, [0.0, 20.0, 40.0, 60.0], [0.0, 1.0, 1.0, 0.0])
     drive = built_in.drive
-    values = (fraction, 6.0, 0.25)
+    values = (fraction, 6.0, 0.25, 6.0)
     elements = Creep("actuator", c).elements(built_in, values)
 
     def look(u):
