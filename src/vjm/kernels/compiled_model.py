@@ -167,8 +167,9 @@ class CompiledModel(StateSolver):
             tolerance, most, X, F, K, negative,
         )  # fmt: skip
         self._forget()
-        K *= self.wrench_unit[:, None] * self.wrench_unit / self.energy
-        return X[:found] * self.coordinate_unit, F[:found] * self.wrench_unit, K[:found], negative[:found]
+        # what lies beyond was never written
+        X, F, K = X[:found] * self.coordinate_unit, F[:found] * self.wrench_unit, K[:found] / self.energy
+        return X, F, K * self.wrench_unit[:, None] * self.wrench_unit, negative[:found]
 
     def _must_be_constant(self) -> None:
         if len(self.arrays.turning) or self._ramped.any():

@@ -51,6 +51,7 @@ def test_the_bars_matrix_comes_back(chain):
     assert beam.EIz_Nmm2 == pytest.approx(4.3055556e7, rel=2e-9)
 
 
+@pytest.mark.slow
 def test_the_foots_matrix_comes_back_to_every_printed_digit(chain):
     document = identify_part(chain, "foot")
     C = np.array(document.compliance)

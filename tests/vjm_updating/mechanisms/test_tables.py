@@ -64,6 +64,8 @@ def test_no_neighbour_is_made_of_a_machine_of_other_stability(machine):
     here = tabulate(machine, half, pulls=False)
     # the foot's softness moves the bifurcation, across nodes that stand beside it
     assert beside(machine.times("foot", 1.3), half, False, here) is None
+    # and from states this far off Newton's method does not converge, from the fourth on
+    assert beside(machine.times("link", 100.0), half, False, here) is None
 
 
 def test_bifurcation_stands_where_the_path_has_it(machine):

@@ -47,6 +47,7 @@ def test_turned_it_is_exudyns(machine):
     assert found.real == pytest.approx(theirs, rel=2e-8, abs=1e-2)
 
 
+@pytest.mark.slow
 def test_at_the_isotropic_point_either_robot_buckles_as_the_bars_do():
     # across the parallelogram's plane its two bars are one of double stiffness, pinned by the leg's outer hinges
     for name in ("orthoglide", "orthoglide-parallelograms"):
