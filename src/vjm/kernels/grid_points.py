@@ -14,6 +14,16 @@ WELL_BELOW = 0.01
 
 
 @kernel
+def _turn_of(direction: Floats, axis: Floats) -> float:
+    """Angle per unit of s of a displacement's ``direction`` (6,); writes its unit ``axis`` (3,) where it turns."""
+    angle = np.sqrt(direction[3] ** 2 + direction[4] ** 2 + direction[5] ** 2)
+    if angle > 0.0:
+        for a in range(3):
+            axis[a] = direction[3 + a] / angle
+    return float(angle)
+
+
+@kernel
 def _aim(R_0: Floats, p_0: Floats, direction: Floats, axis: Floats, angle: float, s: float, to: Floats) -> None:
     """The packed frame ``to`` (12,) at a displacement s; ``angle`` about ``axis`` (3,) per unit of it."""
     R_to = to[:9].reshape((3, 3))
@@ -75,10 +85,7 @@ def march(
     model = model_of(integers, numbers)
     work = work_of(integers, work_integers, work_numbers)
     to, turn = np.empty(12), np.zeros(3)
-    angle = np.sqrt(direction[3] ** 2 + direction[4] ** 2 + direction[5] ** 2)
-    if angle > 0.0:
-        for a in range(3):
-            turn[a] = direction[3 + a] / angle
+    angle = _turn_of(direction, turn)
     at = np.sqrt(s - origin) if np.isfinite(origin) else s
     n = x.shape[1]
     # of the first point only the factors are wanted
@@ -158,10 +165,7 @@ def correct(
     model = model_of(integers, numbers)
     work = work_of(integers, work_integers, work_numbers)
     to, turn = np.empty(12), np.zeros(3)
-    angle = np.sqrt(direction[3] ** 2 + direction[4] ** 2 + direction[5] ** 2)
-    if angle > 0.0:
-        for a in range(3):
-            turn[a] = direction[3 + a] / angle
+    angle = _turn_of(direction, turn)
     for i in range(len(s)):
         _aim(R_0, p_0, direction, turn, angle, s[i], to)
         how, _, _, negative[i] = iterate(model, work, to, x[i], force[i], tolerance, max_iterations)
