@@ -17,10 +17,10 @@ TUNED = {
     "diagnose/screening": "FAR_OFF",
     "diagnose/verdict": "AS_LIKELY OFFSET SLOPE",
     "diagnose/command": "HALF",
-    "diagnose/outliers": "LONELY APART",
+    "inference/outliers": "LONELY APART",
     "observation/ramp_regression": "FOLLOWED",
     "observation/autocorrelation": "SILENT",
-    "diagnose/residual_basis": "CLEAR",
+    "inference/residual_basis": "CLEAR",
     "diagnose/critical": "FLAT",
     "observation/noise": "SET FEW_LEVELS",
 }
@@ -30,9 +30,9 @@ PRIORS = {
     "observation/significance": "OUTLIERS NOISE_KNOWN",
     "diagnose/evidence": "RARER RAREST LAW_ERROR",
     "observation/ramp_regression": "MEMORY",
-    "diagnose/instrument": "MOST_DRIFT LEVER USUAL_LAG",
+    "inference/instrument": "MOST_DRIFT LEVER USUAL_LAG",
     "observation/autocorrelation": "ALIKE USUAL WIDE",
-    "diagnose/parameters": "FARTHEST PARTS SHARE LOST USUAL",
+    "inference/parameters": "FARTHEST PARTS SHARE LOST USUAL",
     "diagnose/ramp_test": "LONG_BEFORE",
     "diagnose/column": "SET BEFORE",
     "calibrate/parameters": "WEAK SOFT_DRIVE RIGID",
@@ -47,20 +47,21 @@ NUMERICS = {
     "diagnose/critical": "LEAST",
     "diagnose/discrepancy": "NODES WEIGHTS",
     "diagnose/estimates": "DRAWS",
-    "diagnose/fitting": "FARTHER DIFFERENCE",
-    "diagnose/forward": "MARGIN KEPT ROUNDS",
+    "inference/fitting": "FARTHER ROUNDING",
+    "inference/forward": "MARGIN KEPT ROUNDS",
     "diagnose/holdout": "BLOCK DRAWS SEED",
     "diagnose/mark_selection": "THIRD DRAWS SEED",
     "diagnose/model_adequacy": "DRAWS SEED TAIL",
     "observation/autocorrelation": "GRID SIZES FEWEST RANK STATIONARY LEAST_SAMPLES",
-    "diagnose/normal_equations": "SWEEPS LONGEST",
-    "diagnose/parameters": "AFAR",
-    "diagnose/preprocess": "SAME_MEMORY SAME_NOISE WORSE",
+    "inference/normal_equations": "SWEEPS LONGEST",
+    "inference/parameters": "AFAR",
+    "diagnose/preprocess": "SAME_MEMORY SAME_NOISE",
     "observation/ramp_regression": "MOST BENT LEAST",
-    "diagnose/residual_basis": "ORDER WAVES A_WAVE JUMPS",
+    "inference/residual_basis": "ORDER WAVES A_WAVE JUMPS",
     "diagnose/screening": "DRAWS RARE SAME SEED STRONG ORDINARY NEAR_BY ABSORBED APART STARTS",
     "diagnose/search": "FIRST_ORDER WIDTH BEAM PAIRS RIVAL STRAINED FAINT MOST_CAUSES CARRIED_ON",
-    "diagnose/trust_region": "ROUNDS STEPS HALVINGS ENOUGH LEARNT RENEWED PATIENT HOPE LOST ROUNDING POOR GOOD "
+    "inference/refit": "WORSE",
+    "inference/trust_region": "ROUNDS STEPS HALVINGS ENOUGH LEARNT RENEWED PATIENT HOPE LOST POOR GOOD "
     "SHRINKS GROWS SMALLEST",
     "diagnose/unmodelled": "SIZES OVERLAP",
     "diagnose/verdict": "RIVALS",
@@ -117,7 +118,7 @@ def listed(*tables: dict[str, str]) -> list[tuple[str, str]]:
 def test_every_number_stands_in_one_list():
     found = {
         (f"{folder}/{path.stem}", name)
-        for folder in ("observation", "diagnose", "calibrate")
+        for folder in ("observation", "inference", "diagnose", "calibrate")
         for path in (SOURCES / folder).glob("*.py")
         for name in numbers(path)
     }

@@ -15,14 +15,14 @@ import numpy as np
 from vjm.model.chain import Chain
 from vjm.model.parts import Beam, PassiveJoint
 from vjm.rotations import Array
-from vjm_updating.diagnose.fitting import Fit
-from vjm_updating.diagnose.forward import machine_of, values_of
-from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero
-from vjm_updating.diagnose.parameters import Hypothesis
 from vjm_updating.diagnose.stress import fibre_of
 from vjm_updating.experiment import Measurement, Readings
 from vjm_updating.experiment.channels import WRENCH, split_point
 from vjm_updating.experiment.rays import Ray
+from vjm_updating.inference.fitting import Fit
+from vjm_updating.inference.forward import machine_of, values_of
+from vjm_updating.inference.instrument import InstrumentScale, InstrumentZero
+from vjm_updating.inference.parameters import Hypothesis
 from vjm_updating.mechanisms.column import Fibres, column_force
 from vjm_updating.mechanisms.effect import Effect, Quantity, part_table
 from vjm_updating.mechanisms.end_restraint import EndRestraint
@@ -260,7 +260,7 @@ def _section(measurement: Measurement) -> Fibres | None:
 
 @dataclass
 class ColumnForward:
-    """Predicts the loads at the marks; see `vjm_updating.diagnose.forward.Forward`."""
+    """Predicts the loads at the marks; see `vjm_updating.inference.forward.Forward`."""
 
     observed: Observed
     branches: dict[tuple[int, int], int] = field(default_factory=dict)

@@ -19,7 +19,6 @@ from vjm_updating.diagnose.critical import Critical, Point
 from vjm_updating.diagnose.document import ExperimentRow, ValueRow
 from vjm_updating.diagnose.estimates import Estimate, estimates
 from vjm_updating.diagnose.evidence import Costs
-from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.kind_of_test import HoldOut
 from vjm_updating.diagnose.mark_selection import completed, marks_gain
 from vjm_updating.diagnose.scored_hypothesis import Ranked
@@ -28,6 +27,7 @@ from vjm_updating.diagnose.stress import First
 from vjm_updating.diagnose.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.observed import Observed

@@ -32,7 +32,6 @@ from vjm_updating.diagnose.document import (
 from vjm_updating.diagnose.estimates import Estimate, estimates, joined, nuisance_estimates
 from vjm_updating.diagnose.evidence import effective_samples
 from vjm_updating.diagnose.extended import extended_text
-from vjm_updating.diagnose.fitting import Fit
 from vjm_updating.diagnose.kind_of_test import HoldOut, KindOfTest
 from vjm_updating.diagnose.kinds import kind_of
 from vjm_updating.diagnose.mistaken import with_mistakes
@@ -45,6 +44,7 @@ from vjm_updating.experiment import Measurement, read_measurement
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.mistakes import mended, mistakes_of
 from vjm_updating.experiment.plausibility import considered
+from vjm_updating.inference.fitting import Fit
 from vjm_updating.mechanisms.catalogue import plug_in
 
 DOCUMENT, MODEL, PAGE = "diagnosis.json", "extended-model.toml", "diagnosis.html"

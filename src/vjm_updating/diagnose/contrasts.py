@@ -8,10 +8,10 @@ import numpy as np
 from scipy.stats import norm
 
 from vjm.rotations import Array
-from vjm_updating.diagnose.fitting import Fit, Fitter
-from vjm_updating.diagnose.residual_basis import driven_place, loading
 from vjm_updating.diagnose.screening import projection
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.residual_basis import driven_place, loading
 
 
 @dataclass(frozen=True)

@@ -20,10 +20,10 @@ from vjm.model.parameters import compliance_factor
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnose.extended import extended_chain
-from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.stress import First, first_yield
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.rays import Ray
+from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.mechanisms.load_misalignment import LoadMisalignment
 from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.diagnose.fitting import Fit, Fitter, prior
-from vjm_updating.diagnose.parameters import release_key
-from vjm_updating.diagnose.residual_basis import smooth_shapes
 from vjm_updating.diagnose.screening import Projection, projection
+from vjm_updating.inference.fitting import Fit, Fitter, prior
+from vjm_updating.inference.parameters import release_key
+from vjm_updating.inference.residual_basis import smooth_shapes
 from vjm_updating.observation.whitening import weighed
 
 NODES = np.linspace(0.1, 1.5, 8)

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.stats import norm
 
 from vjm.rotations import Array
-from vjm_updating.diagnose.fitting import Fit, Fitter, prior
-from vjm_updating.diagnose.parameters import release_key
+from vjm_updating.inference.fitting import Fit, Fitter, prior
+from vjm_updating.inference.parameters import release_key
 
 APART, UNSURE, SURE = 2.3, 0.7, 0.95
 """Distance at which two causes are as likely one class as not, its standard deviation, and the chance that nothing

@@ -9,10 +9,10 @@ import numpy as np
 from scipy.stats import norm, qmc
 
 from vjm.rotations import Array
-from vjm_updating.diagnose.fitting import Fit, Fitter
-from vjm_updating.diagnose.forward import values_of
-from vjm_updating.diagnose.normal_equations import inverse
-from vjm_updating.diagnose.parameters import of_effect, release_key
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.forward import values_of
+from vjm_updating.inference.normal_equations import inverse
+from vjm_updating.inference.parameters import of_effect, release_key
 from vjm_updating.observation.significance import NORMAL_95
 
 DRAWS = 512

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from vjm.rotations import Array
-from vjm_updating.diagnose.fitting import Fit, Fitter
-from vjm_updating.diagnose.normal_equations import inverse
-from vjm_updating.diagnose.parameters import Hypothesis, of_effect, release_key
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.normal_equations import inverse
+from vjm_updating.inference.parameters import Hypothesis, of_effect, release_key
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.significance import NORMAL_95
 

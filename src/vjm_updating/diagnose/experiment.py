@@ -17,9 +17,9 @@ from vjm.continuation.path import EventKind
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
-from vjm_updating.diagnose.fitting import Fit, Fitter
-from vjm_updating.diagnose.forward import Forward
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.forward import Forward
 from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.observed import Observed, planned
 from vjm_updating.observation.ramp_regression import Steady, basis, pieces

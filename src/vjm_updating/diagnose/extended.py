@@ -18,9 +18,9 @@ from vjm.model.chain import Chain
 from vjm_updating.calibrate.calibrated_model import calibrated_document
 from vjm_updating.diagnose.column import ColumnYield
 from vjm_updating.diagnose.estimates import Estimate
-from vjm_updating.diagnose.fitting import Fit, Fitter
-from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero, ThermalDrift
 from vjm_updating.experiment import Measurement
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.instrument import InstrumentScale, InstrumentZero, ThermalDrift
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.base_compliance import BaseCompliance
 from vjm_updating.mechanisms.effect import Effect, part_table

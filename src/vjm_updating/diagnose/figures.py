@@ -10,10 +10,10 @@ from matplotlib.ticker import NullLocator
 from vjm.rotations import Array
 from vjm_output.plot_style import Margins, Picture, drawing_of, figure
 from vjm_updating.diagnose.document import Diagnosis
-from vjm_updating.diagnose.fitting import Fit
 from vjm_updating.diagnose.preprocess import Prepared
-from vjm_updating.diagnose.residual_basis import driven_channel, loading
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.inference.fitting import Fit
+from vjm_updating.inference.residual_basis import driven_channel, loading
 
 INK, BEFORE, BEST, AFTER, BACK = "#1b1f24", "#D55E00", "#E69F00", "#0072B2", "#7a7a7a"
 MOST_POSTURES = 4

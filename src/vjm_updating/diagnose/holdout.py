@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.diagnose.fitting import Fit, Fitter
-from vjm_updating.diagnose.normal_equations import inverse
-from vjm_updating.diagnose.residual_basis import driven_place
-from vjm_updating.diagnose.trust_region import best_fit
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.normal_equations import inverse
+from vjm_updating.inference.residual_basis import driven_place
+from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.diagnose.fitting import Fitter
 from vjm_updating.diagnose.holdout import Split
+from vjm_updating.inference.fitting import Fitter
 from vjm_updating.observation.observed import Observed
 
 

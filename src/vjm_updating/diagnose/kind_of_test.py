@@ -11,14 +11,14 @@ from vjm_updating.diagnose.critical import Critical
 from vjm_updating.diagnose.document import ExperimentRow, ValueRow
 from vjm_updating.diagnose.estimates import Estimate
 from vjm_updating.diagnose.evidence import Costs
-from vjm_updating.diagnose.fitting import Fit, Fitter
-from vjm_updating.diagnose.forward import Predictor
 from vjm_updating.diagnose.holdout import Gain
 from vjm_updating.diagnose.holdout_folds import Fold
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import Search
 from vjm_updating.diagnose.verdict import Verdict
 from vjm_updating.experiment import Measurement
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.forward import Predictor
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.observed import Observed

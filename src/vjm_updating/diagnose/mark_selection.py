@@ -10,12 +10,12 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.column import noise_found, with_noise_found
-from vjm_updating.diagnose.fitting import Fit, Fitter, prior
 from vjm_updating.diagnose.holdout import Gain, Split, refitted_without, unsure
 from vjm_updating.diagnose.holdout_folds import Fold
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import RIVAL, Search
-from vjm_updating.diagnose.trust_region import best_fit
+from vjm_updating.inference.fitting import Fit, Fitter, prior
+from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.effect import Effect
 
 THIRD = 3

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.stats import chi2
 
 from vjm.rotations import Array
-from vjm_updating.diagnose.fitting import Fit, Fitter, prior
-from vjm_updating.diagnose.residual_basis import smooth_shapes, sudden_shapes
 from vjm_updating.diagnose.screening import Projection, projection
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.inference.fitting import Fit, Fitter, prior
+from vjm_updating.inference.residual_basis import smooth_shapes, sudden_shapes
 from vjm_updating.observation.significance import NOISE_KNOWN
 
 DRAWS = 4000

@@ -11,12 +11,12 @@ from vjm_output.templating import environment
 from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.diagnose.extended import FILE
 from vjm_updating.diagnose.figures import Before, nominal, pictures
-from vjm_updating.diagnose.fitting import Fit
 from vjm_updating.diagnose.preprocess import Prepared
 from vjm_updating.diagnose.summary_text import CONFIDENCE, placed, unseen
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.mistakes import TITLES
+from vjm_updating.inference.fitting import Fit
 
 HEADLINES = {
     "none": "The model explains the data within the sheet's tolerances.",

@@ -10,18 +10,15 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.io.errors import did_you_mean
 from vjm.rotations import Array
-from vjm_updating.diagnose.fitting import Fit, Fitter
-from vjm_updating.diagnose.kind_of_test import KindOfTest
 from vjm_updating.diagnose.kinds import kind_of
-from vjm_updating.diagnose.outliers import loads, outlying, standing_out
-from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates
-from vjm_updating.diagnose.residual_basis import smooth_shapes
-from vjm_updating.diagnose.screening import STRONG, Signature, Signed, signed
-from vjm_updating.diagnose.trust_region import best_fit
+from vjm_updating.diagnose.screening import STRONG, Signed, signed
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.outliers import standing_out
+from vjm_updating.inference.parameters import coordinates, nuisance_coordinates
+from vjm_updating.inference.refit import choose_branches, leave_out, refit, remember
+from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
-from vjm_updating.observation.autocorrelation import estimate_memory
-from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.whitening import weighed, whitening_of
 
@@ -29,8 +26,6 @@ SAME_MEMORY = 0.05
 """Change of the noise's autocorrelation that is none."""
 SAME_NOISE = 0.03
 """Relative change of a fit's squares by which its own covariances are those in force."""
-WORSE = 6
-"""Rounds in which wild samples are looked for, the worst first."""
 
 
 @dataclass(frozen=True)
@@ -74,12 +69,13 @@ def prepare(
     zero = np.zeros(len(found))
     at = forward.evaluate(found, zero, ())
     fitter = Fitter(forward, nuisances, whitening_of(observed, at))
-    _leave_out(fitter, kind, observed, standing_out(observed, at.residual, fitter.whitening.factors), at)
+    wild = standing_out(observed, at.residual, fitter.whitening.factors)
+    leave_out(fitter, kind.without_outliers, observed, wild, at)
     null = _fitted(fitter)
     null = choose_branches(fitter, null)
     effects = possible(kind.effects(forward.observed, more), only, without)
     known = signed(fitter, null, effects)
-    remember(fitter, null, known.found)
+    remember(fitter, null, [s.change for s in known.found if s.change is not None])
     null = _fitted(fitter, null.at.z, *_beside_kinks(fitter))
     return Prepared(fitter, null, effects, observed, known)
 
@@ -98,14 +94,6 @@ def possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[s
     return tuple(e for e in effects if e.cause not in without and (not only or e.cause in only))
 
 
-def _leave_out(fitter: Fitter, kind: KindOfTest, observed: Observed, wild: np.ndarray, at: Evaluation) -> None:
-    """Go on without wild samples ``(n, 6)``, where the kind of test leaves any out."""
-    kept = kind.without_outliers(observed, wild)
-    fitter.forward.observed = kept
-    fitter.whitening = fitter.whitening.reading(kept)
-    fitter.weigh(at)
-
-
 def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
     """Find wild samples, the readings' covariances and the noise's memory again, about a better model.
 
@@ -117,27 +105,7 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
     if everything is None:
         return None
     readings, whitening, branches = fitter.forward.observed, fitter.whitening, dict(fitter.forward.branches)
-    _leave_out(fitter, kind, everything, np.zeros_like(everything.present), best.at)
-    whole = fitter.evaluate(best.found, best.at.z, best.hypothesis)
-    # of samples left out a fit does not say what should have been read
-    load = np.zeros(everything.present.shape) if whole is None else loads(everything, whole.residual)
-    at = whole or best.at
-    m = len(fitter.nuisances)
-    fit: Fit | None = None
-    wild, accidents = np.zeros(everything.present.shape), np.ones(6, dtype=bool)
-    for _ in range(WORSE):
-        found = outlying(everything, fitter.whitening, at.residual, wild, load)
-        # what with others turns out to be none is not looked for again
-        accidents &= found.any(axis=0) | ~wild.any(axis=0)
-        found = np.where(accidents, found, 0.0)
-        if fit is not None and np.array_equal(found, wild):
-            break
-        wild = found
-        _leave_out(fitter, kind, everything, wild != 0.0, at)
-        # wild samples bend a fit and hide the noise's memory, and then their neighbours look wild
-        fit = choose_branches(fitter, best_fit(fitter, best.hypothesis, at.z[:m], best.values) or best)
-        remember(fitter, fit, ())
-        at = fit.at
+    refit(fitter, kind.without_outliers, everything, best)
     same = everything.noise is prepared.all.noise
     same &= np.array_equal(readings.present, fitter.forward.observed.present)
     close = float(np.abs(whitening.memory.rho - fitter.whitening.memory.rho).max()) < SAME_MEMORY
@@ -183,42 +151,3 @@ def _kinked(fitter: Fitter) -> bool:
         if any(forward.branched(ray, sign, float((sign * s).max())) for sign in (1, -1)):
             return True
     return False
-
-
-def remember(fitter: Fitter, base: Fit, shown: Sequence[Signature]) -> None:
-    """Estimate the noise's memory; what effects or smooth shapes could explain does not count as noise."""
-    observed, whitening = fitter.forward.observed, fitter.whitening
-    smooth, _ = smooth_shapes(observed)
-    own = [s.change for s in shown if s.change is not None]
-    sigma = np.array([c.sigma for c in base.found])
-    off = base.at.z - np.array([c.mean for c in base.found])
-    known = (sigma > 0.0) & np.isfinite(sigma)
-    J = whitening.instant(base.jacobian)
-    shapes = [J[:, :, ~known], np.repeat(smooth[:, None, :], 6, axis=1)]
-    if own:
-        shapes.append(whitening.instant(np.stack(own, axis=-1)))
-    sheet = J[:, :, known] * sigma[known]
-    # as it were at the sheet's own values
-    instant = whitening.instant(base.at.residual) - J[:, :, known] @ off[known]
-    sheet = np.concatenate([sheet, whitening.instant(whitening.slow)], axis=2)
-    memory = estimate_memory(observed.memory, instant, np.concatenate(shapes, axis=2), observed.present, sheet)
-    fitter.whitening = replace(whitening, memory=memory)
-
-
-def choose_branches(fitter: Fitter, base: Fit) -> Fit:
-    """Turn each half-ray to the branch that its readings are on, where the model has a bifurcation there."""
-    forward = fitter.forward
-    best = base
-    for number, ray in enumerate(forward.observed.rays):
-        s = forward.observed.pose[ray.index] @ ray.measure
-        for sign in (1, -1):
-            if not forward.branched(ray, sign, float((sign * s).max())):
-                continue
-            before = dict(forward.branches)
-            forward.branches[number, sign] = -forward.branches.get((number, sign), 1)
-            at = fitter.evaluate(best.found, best.at.z, best.hypothesis)
-            if at is None or fitter.objective(best.found, at) >= best.objective:
-                forward.branches = before
-            else:
-                best = replace(best, at=at, objective=fitter.objective(best.found, at))
-    return best

@@ -11,11 +11,8 @@ from vjm_updating.diagnose.document import ExperimentRow, ValueRow
 from vjm_updating.diagnose.estimates import Estimate
 from vjm_updating.diagnose.evidence import Costs
 from vjm_updating.diagnose.experiment import propose
-from vjm_updating.diagnose.fitting import Fit, Fitter
-from vjm_updating.diagnose.forward import Forward
 from vjm_updating.diagnose.holdout import Gain, gain, held_out_residual, split_of, unsure
 from vjm_updating.diagnose.holdout_folds import Fold, folds
-from vjm_updating.diagnose.instrument import LEVER, InstrumentScale, InstrumentZero, ThermalDrift, unit_of
 from vjm_updating.diagnose.kind_of_test import HoldOut
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.screening import far_off
@@ -23,6 +20,9 @@ from vjm_updating.diagnose.search import Search
 from vjm_updating.diagnose.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import TIME
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.forward import Forward
+from vjm_updating.inference.instrument import LEVER, InstrumentScale, InstrumentZero, ThermalDrift, unit_of
 from vjm_updating.mechanisms.catalogue import Maker, catalogue
 from vjm_updating.mechanisms.effect import Effect, Scene
 from vjm_updating.observation.observed import Observed, observe, straightened

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vjm_updating.diagnose.fitting import Fit
+from vjm_updating.inference.fitting import Fit
 
 
 @dataclass(frozen=True, eq=False)

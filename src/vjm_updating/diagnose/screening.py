@@ -18,8 +18,8 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.chi_bar_squared import Cone
-from vjm_updating.diagnose.fitting import Fit, Fitter, Held, prior
-from vjm_updating.diagnose.parameters import coordinates, release_key, sizeless, start
+from vjm_updating.inference.fitting import Fit, Fitter, Held, prior
+from vjm_updating.inference.parameters import coordinates, release_key, sizeless, start
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.significance import FALSE_ALARMS
 

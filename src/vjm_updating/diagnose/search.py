@@ -15,9 +15,7 @@ from scipy.stats import chi2
 
 from vjm_updating.diagnose.discrepancy import discrepancy, softened
 from vjm_updating.diagnose.evidence import Costs, choice, criterion
-from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.model_adequacy import Misfit, misfit
-from vjm_updating.diagnose.parameters import Hypothesis, afar, linear, release_key, sizeless, towards_nothing
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.screening import (
     STRONG,
@@ -30,7 +28,9 @@ from vjm_updating.diagnose.screening import (
     signatures,
     threshold,
 )
-from vjm_updating.diagnose.trust_region import best_fit
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.parameters import Hypothesis, afar, linear, release_key, sizeless, towards_nothing
+from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.effect import Effect
 
 WIDTH, BEAM, PAIRS = 8, 3, 3

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm_updating.diagnose.fitting import Fit
-from vjm_updating.diagnose.forward import Predictor
 from vjm_updating.diagnose.kinds import kind_of
-from vjm_updating.diagnose.parameters import (
+from vjm_updating.experiment import Measurement
+from vjm_updating.inference.fitting import Fit
+from vjm_updating.inference.forward import Predictor
+from vjm_updating.inference.parameters import (
     EffectCoordinate,
     Hypothesis,
     coordinates,
     nuisance_coordinates,
     release_key,
 )
-from vjm_updating.experiment import Measurement
 from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.observed import Observed
 

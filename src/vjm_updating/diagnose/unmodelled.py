@@ -1,7 +1,7 @@
 """The hypothesis that a cause acts which no catalogue has: shapes without a name, each kind of its own size.
 
 What the sheet's tolerances leave is then noise and zero-mean Gaussian shapes: smooth ones along the ramp, in time,
-while held, between the ways, and sudden ones (`vjm_updating.diagnose.residual_basis`), in one channel, or in all
+while held, between the ways, and sudden ones (`vjm_updating.inference.residual_basis`), in one channel, or in all
 where something gives way along the displacement, or rough. Some one kind is expected to act; of its size nothing
 is known, and it is integrated out. What remains is an evidence like any cause's, so that nothing but the posterior
 says whether a cause is named.
@@ -15,10 +15,10 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.discrepancy import softened
-from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.model_adequacy import blocks_of
-from vjm_updating.diagnose.residual_basis import smooth_shapes
 from vjm_updating.diagnose.screening import Projection
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.residual_basis import smooth_shapes
 from vjm_updating.observation.whitening import weighed
 
 SIZES = np.geomspace(0.5, 500.0, 40)

@@ -30,7 +30,8 @@ MOST = 12
 """Into which one step is divided at most."""
 NEAR = np.array([0.1, 0.03, 0.01, 0.003, 0.001])
 """Distances from a bifurcation, relative, at which there are equilibria in any case."""
-
+SHORTER, FINER = 12, 4
+"""How often, and into how many, the step is divided at which a path through given places stops."""
 SLOPE, CORRECTIONS = 1e-7, 4
 """Scaled residual, and steps of Newton's method at most, of equilibria from which derivatives are made: a machine
 that differs by a part in a thousand takes one step."""
@@ -45,17 +46,21 @@ class HalfRay:
         direction: ``(6,)`` displacement per unit of the ramp.
         reach: its end, positive.
         branch: +1 or −1, of two mirrored ones.
+        places: at which there are to be equilibria, so that nothing is interpolated there.
     """
 
     posture: str
     direction: tuple[float, ...]
     reach: float
     branch: int = 1
+    places: tuple[float, ...] = ()
 
     @classmethod
-    def of(cls, posture: str, direction: Array, reach: float, branch: int = 1) -> HalfRay:
+    def of(
+        cls, posture: str, direction: Array, reach: float, branch: int = 1, places: tuple[float, ...] = ()
+    ) -> HalfRay:
         """One along a direction ``(6,)``, without the rounding that would make two of it."""
-        return cls(posture, tuple(float(v) for v in np.round(direction, 15)), reach, branch)
+        return cls(posture, tuple(float(v) for v in np.round(direction, 15)), reach, branch, places)
 
 
 @dataclass(frozen=True)
@@ -190,10 +195,22 @@ def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool) -> Table:
     # what bends from the start has a knee in place of a bifurcation, and a march may step across it
     bent = gravity is not None or bool(machine.bow)
     grid = np.linspace(0.0, half.reach, NODES + 1)
+    if half.places:
+        grid = np.unique(np.concatenate([grid, half.places]))
+        # two equal displacements are one
+        grid = grid[np.concatenate([[True], np.diff(grid) > 1e-12 * half.reach])]
     table = _trace(problem, grid, loaded=bent)
     if gravity is None and bent and table.s[-1] < grid[-1]:
         # a bow in one plane leaves a bifurcation in the other
         bent, table = False, _trace(problem, grid, loaded=False)
+    for _ in range(SHORTER):
+        if not half.places or table.s[-1] >= half.places[-1]:
+            break
+        # where little breaks a symmetry the path turns sharply: a long step leaves it for the other branch
+        last, to = table.s[-1], grid[np.searchsorted(grid, table.s[-1], side="right")]
+        shorter = np.linspace(max(2.0 * last - to, 0.0), to, 2 * FINER + 1)
+        grid = np.unique(np.concatenate([grid, shorter]))
+        table = _trace(problem, grid, loaded=bent)
     finer = np.concatenate([_refined(table), grid[grid > table.s[-1]]])
     if np.isfinite(table.bifurcation):
         # towards a bifurcation the stiffness across the ray has a pole

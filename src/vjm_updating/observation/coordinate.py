@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -25,7 +26,10 @@ class Coordinate:
         sigma: of its prior, in units of the scale; infinite where there is none, zero where it is fixed.
         low: bound.
         high: bound.
+        difference: step of z, or share of it, by which what it does is differentiated.
     """
+
+    difference: ClassVar[float] = 0.03
 
     name: str
     kind: str

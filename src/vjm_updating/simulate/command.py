@@ -16,14 +16,14 @@ from vjm.io.files import check_writable, write_whole
 from vjm.rotations import Array
 from vjm_output.documents import as_json
 from vjm_updating.diagnose.experiment import left_over
-from vjm_updating.diagnose.fitting import Fitter
-from vjm_updating.diagnose.forward import Forward
-from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates, release_key, start
 from vjm_updating.diagnose.ramp_test import observe_ramps, ramp_effects
 from vjm_updating.experiment import Readings, read_sheet
 from vjm_updating.experiment.channels import POSE, POSTURE, RUN, TEMPERATURE, WRENCH
 from vjm_updating.experiment.measurement import planned_measurement
 from vjm_updating.experiment.sheet import Sheet
+from vjm_updating.inference.fitting import Fitter
+from vjm_updating.inference.forward import Forward
+from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, release_key, start
 from vjm_updating.mechanisms.catalogue import plug_in
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.coordinate import Coordinate

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vjm.io.errors import did_you_mean
-from vjm_updating.diagnose.parameters import release_key
+from vjm_updating.inference.parameters import release_key
 from vjm_updating.mechanisms.effect import Effect, Quantity
 
 Hidden = tuple[Effect, list[float]]

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from vjm_updating.diagnose.forward import Forward
-from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates, start
 from vjm_updating.diagnose.ramp_test import observe_ramps, ramp_effects
 from vjm_updating.experiment import measurement as reading
+from vjm_updating.inference.forward import Forward
+from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, start
 
 SHEET = """
 [test]

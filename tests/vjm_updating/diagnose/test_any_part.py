@@ -14,10 +14,10 @@ from vjm.model.parameters import compliance_factor
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnose.command import diagnose
 from vjm_updating.diagnose.document import Diagnosis
-from vjm_updating.diagnose.parameters import nuisance_coordinates
 from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.inference.parameters import nuisance_coordinates
 from vjm_updating.mechanisms.catalogue import catalogue
 from vjm_updating.mechanisms.effect import Scene
 from vjm_updating.mechanisms.modified_chain import foot_of, links_of

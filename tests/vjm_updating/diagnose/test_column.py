@@ -16,8 +16,8 @@ from vjm_updating.diagnose.estimates import Estimate
 from vjm_updating.diagnose.mark_selection import marks_gain
 from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.transfer import transfer
-from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.experiment import Readings, read_measurement
+from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.column import Fibres, column_force, yield_curve
 from vjm_validation.cli.main import run
 

@@ -10,7 +10,7 @@ from scipy.integrate import quad
 
 from vjm_updating.diagnose.equivalence_classes import distance
 from vjm_updating.diagnose.evidence import beyond_bounds, criterion
-from vjm_updating.diagnose.instrument import InstrumentZero
+from vjm_updating.inference.instrument import InstrumentZero
 from vjm_updating.mechanisms.link_lumping import LinkLumping
 from vjm_updating.observation.coordinate import Coordinate
 

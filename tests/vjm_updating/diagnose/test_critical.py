@@ -18,8 +18,8 @@ from vjm_updating.diagnose.critical import critical_points, knee
 from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.diagnose.stress import fibre_of, first_yield
-from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.experiment import read_measurement
+from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.column import column_force
 from vjm_validation.cli.main import run
 

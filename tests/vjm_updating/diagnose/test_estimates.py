@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vjm_updating.diagnose.estimates import Estimate, estimates, joined
-from vjm_updating.diagnose.parameters import coordinates
+from vjm_updating.inference.parameters import coordinates
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.contact_compliance import ContactCompliance
 from vjm_updating.mechanisms.load_misalignment import LoadMisalignment

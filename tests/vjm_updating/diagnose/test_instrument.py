@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from vjm_updating.diagnose.command import diagnose
-from vjm_updating.diagnose.instrument import ThermalDrift, lagging
 from vjm_updating.diagnose.ramp_test import observe_ramps, ramp_effects
 from vjm_updating.experiment import read_measurement
+from vjm_updating.inference.instrument import ThermalDrift, lagging
 
 SHIFT = 0.04
 """mm by which the gauge was set differently in the second posture: half of it are ten sigma of its zero, of which

@@ -10,10 +10,10 @@ import pytest
 from vjm_updating.diagnose.model_adequacy import misfit
 from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.ramp_test import observe_ramps
-from vjm_updating.diagnose.residual_basis import driven_place
 from vjm_updating.diagnose.search import Search
 from vjm_updating.diagnose.verdict import judge
 from vjm_updating.experiment.measurement import read_measurement
+from vjm_updating.inference.residual_basis import driven_place
 
 FORCE = 8.0
 """Four standard deviations of a reading, N."""

@@ -11,6 +11,7 @@ from vjm_updating.diagnose import preprocess as preparation
 from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.diagnose.screening import NEAR_BY, signatures
 from vjm_updating.experiment import read_measurement
+from vjm_updating.inference import refit
 
 BENT = 4.0
 """Sigmas of 0.003 that the force's scale is off: at the turns of the ramp, at 5 kN, thirty of a reading's noise."""
@@ -57,7 +58,7 @@ def test_a_refresh_that_changes_nothing_leaves_what_objectives_rest_on(make, tmp
     fitter, null = prepared.fitter, prepared.null
     # by hardly more than found before: the same
     found = fitter.whitening.memory.rho + 0.04
-    monkeypatch.setattr(preparation, "estimate_memory", lambda memory, *_: replace(memory, rho=found))
+    monkeypatch.setattr(refit, "estimate_memory", lambda memory, *_: replace(memory, rho=found))
     assert preparation.refresh(prepared, null) is None
     assert fitter.objective(null.found, null.at) == null.objective
 

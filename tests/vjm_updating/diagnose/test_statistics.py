@@ -7,9 +7,9 @@ import pytest
 
 from vjm_updating.diagnose.chi_bar_squared import Cone
 from vjm_updating.diagnose.critical import knee
-from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero
 from vjm_updating.diagnose.model_adequacy import DRAWS, Block, least_p_values
 from vjm_updating.diagnose.screening import Projection, Score, best_pairs, threshold
+from vjm_updating.inference.instrument import InstrumentScale, InstrumentZero
 
 
 def score(directions, effect=None):

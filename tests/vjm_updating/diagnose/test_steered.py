@@ -9,13 +9,13 @@ import pytest
 
 from vjm_updating.diagnose.command import diagnose
 from vjm_updating.diagnose.experiment import propose
-from vjm_updating.diagnose.forward import Forward
-from vjm_updating.diagnose.instrument import ThermalDrift
-from vjm_updating.diagnose.parameters import coordinates, nuisance_coordinates, start
 from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.ramp_test import observe_ramps
-from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.experiment import measurement as reading
+from vjm_updating.inference.forward import Forward
+from vjm_updating.inference.instrument import ThermalDrift
+from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, start
+from vjm_updating.inference.trust_region import best_fit
 
 PER = 12
 

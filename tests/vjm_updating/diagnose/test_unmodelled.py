@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from vjm_updating.diagnose.fitting import prior
 from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.ramp_test import observe_ramps
-from vjm_updating.diagnose.residual_basis import driven_place
 from vjm_updating.diagnose.unmodelled import SIZES, kind_present, unmodelled
 from vjm_updating.experiment.measurement import read_measurement
+from vjm_updating.inference.fitting import prior
+from vjm_updating.inference.residual_basis import driven_place
 from vjm_updating.observation.coordinate import Coordinate
 
 

@@ -4,9 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from vjm_updating.diagnose.instrument import InstrumentZero, ThermalDrift
 from vjm_updating.diagnose.model_adequacy import Misfit
-from vjm_updating.diagnose.parameters import coordinates
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.verdict import (
     Verdict,
@@ -15,6 +13,8 @@ from vjm_updating.diagnose.verdict import (
     proved,
     surely_nothing,
 )
+from vjm_updating.inference.instrument import InstrumentZero, ThermalDrift
+from vjm_updating.inference.parameters import coordinates
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.actuator_hardening import ActuatorHardening
 

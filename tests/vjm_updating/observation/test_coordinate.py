@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from vjm_updating.calibrate.parameters import Unknown
-from vjm_updating.diagnose.parameters import EffectCoordinate
 from vjm_updating.experiment import Kind
+from vjm_updating.inference.parameters import EffectCoordinate
 from vjm_updating.mechanisms.effect import Quantity
 from vjm_updating.observation.coordinate import Coordinate, instrument_errors
 from vjm_updating.observation.instrument_errors import SLOTS

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.diagnose.instrument import InstrumentScale, InstrumentZero, ThermalDrift, size_of
 from vjm_updating.experiment import Kind, Nuisance
 from vjm_updating.experiment.nuisances import possible_nuisances
+from vjm_updating.inference.instrument import InstrumentScale, InstrumentZero, ThermalDrift, size_of
 from vjm_updating.mechanisms.effect import Effect, Quantity
 from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.modified_chain import beam_of

@@ -13,25 +13,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.diagnose.fitting import Fit, Fitter, Held
-from vjm_updating.diagnose.normal_equations import bounded_step, inverse
-from vjm_updating.diagnose.parameters import Hypothesis, coordinates, of_effect, remakes, start
+from vjm_updating.inference.fitting import Fit, Fitter, Held
+from vjm_updating.inference.normal_equations import bounded_step, inverse
+from vjm_updating.inference.parameters import Hypothesis, coordinates, of_effect, remakes, start
 from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.evaluation import Evaluation
 
 ROUNDS, STEPS, HALVINGS = 25, 20, 6
 """Rounds at most, steps of Gauss-Newton in each, and dampings that are tried for a step."""
-ENOUGH = 0.03
-"""Fall of the squares, to be expected, at which a fit ends."""
-LEARNT = 3.0
-"""Fall of the squares from which a step tells more of the slopes than its rounding hides."""
+ENOUGH = 0.1
+"""Fall of the squares, to be expected, at which a fit ends; in units of the predictions' rounding."""
+LEARNT = 10.0
+"""Fall of the squares from which a step tells more of the slopes than its rounding hides; likewise."""
 RENEWED = 3
 """Steps from one differentiation to the next; Broyden's updates do in between."""
 PATIENT, HOPE, LOST = 1, 5.0, 8
 """A fit is given up after so many rounds where so many like the last would not reach its target; and where it has
 not reached it after so many."""
-ROUNDING = 0.3
-"""Squares by which the tables of two machines differ where they should not: they are interpolated."""
 POOR, GOOD = 0.25, 0.75
 """Shares of the fall to be expected below which slopes are made anew, and from which the region grows."""
 SHRINKS, GROWS, SMALLEST = 0.25, 2.0, 1e-3
@@ -74,11 +72,11 @@ class Descent:
             if there is not None:
                 value = fitter.squares(self.found, there)
                 fall = best - value
-                if fall > LEARNT:
+                if fall > LEARNT * fitter.rounding:
                     self._learn(J, at, there)
                     exact = False
                 at, best = there, value
-            ended = fall < ENOUGH
+            ended = fall < ENOUGH * fitter.rounding
             if ended and exact:
                 break
             exact = ended or count % RENEWED == 0
@@ -101,7 +99,7 @@ class Descent:
         A, b = self.fitter.system(found, at, J)
         for _ in range(HALVINGS):
             move = bounded_step(A, b, damping, fixed, linear, at.z, low, high)
-            if float(move @ b) < 0.5 * ENOUGH:
+            if float(move @ b) < 0.5 * ENOUGH * self.fitter.rounding:
                 break
             z = np.clip(at.z + move, low, high)
             there = self.fitter.evaluate(found, z, self.hypothesis, held=held)
@@ -151,6 +149,7 @@ def best_fit(
         return None
     J = fitter.slopes(found, at, hypothesis, borrowed)
     now = Descent(fitter, hypothesis, found, at, J, fitter.squares(found, at), own)
+    rounding, enough = fitter.rounding, ENOUGH * fitter.rounding
     # whether all slopes are of this very place
     current, radius, converged = borrowed is None, 1.0, False
     for count in range(ROUNDS):
@@ -160,25 +159,25 @@ def best_fit(
         exact = fitter.evaluate(found, there.z, hypothesis) if moved else there
         value = np.inf if exact is None else fitter.squares(found, exact)
         fall = now.worth - value
-        if exact is not None and fall > 0.0 and (fall >= 0.1 * expected or expected < ROUNDING):
+        if exact is not None and fall > 0.0 and (fall >= 0.1 * expected or expected < rounding):
             now.at, now.J, now.worth = exact, J, value
             radius = radius * GROWS if fall >= GOOD * expected else radius
-            if expected >= ENOUGH and fall < POOR * expected:
+            if expected >= enough and fall < POOR * expected:
                 fitter.renew(now.J, found, exact, hypothesis, fitter.of_machine)
                 current = True
             elif moved:
                 fitter.renew(now.J, found, exact, hypothesis, freed)
                 current = False
-        elif expected >= ROUNDING and current:
+        elif expected >= rounding and current:
             radius *= SHRINKS
             if radius < SMALLEST:
                 break
             continue
-        elif expected >= ROUNDING:
+        elif expected >= rounding:
             fitter.renew(now.J, found, now.at, hypothesis, fitter.of_machine)
             current = True
             continue
-        if expected < (ENOUGH if fall > 0.0 else ROUNDING):
+        if expected < (enough if fall > 0.0 else rounding):
             if current or borrowed is not None:
                 converged = True
                 break

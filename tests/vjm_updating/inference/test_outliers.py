@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vjm_updating.diagnose import outliers as wild
-from vjm_updating.diagnose.outliers import deleted
+from vjm_updating.inference import outliers as wild
+from vjm_updating.inference.outliers import deleted
 from vjm_updating.observation.noise import memory_of
 from vjm_updating.observation.whitening import Whitening
 

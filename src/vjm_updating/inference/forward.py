@@ -9,11 +9,12 @@ from typing import Protocol
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_updating.diagnose.instrument import ThermalDrift
-from vjm_updating.diagnose.parameters import Hypothesis, of_effect, release_key
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.rays import Ray
+from vjm_updating.inference.instrument import ThermalDrift
+from vjm_updating.inference.parameters import Hypothesis, of_effect, release_key
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.friction_loop import friction_torques
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
@@ -44,12 +45,14 @@ class Ramp:
         index: of the readings ``(k,)``.
         reach: how far tables go along the ray, and against it.
         branches: that both ways take behind a bifurcation.
+        places: at which tables have equilibria in any case, along the ray and against it.
     """
 
     ray: Ray
     index: np.ndarray
     reach: tuple[float, float]
     branches: tuple[int, int]
+    places: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())
 
 
 class Predictor(Protocol):
@@ -80,10 +83,12 @@ class Forward:
     Attributes:
         observed: the readings.
         branches: which of two mirrored branches a half-ray takes, by (ray, sign); +1 by default.
+        at_readings: whether tables have equilibria at the very displacements that were read, and must reach them.
     """
 
     observed: Observed
     branches: dict[tuple[int, int], int] = field(default_factory=dict)
+    at_readings: bool = field(default=False, kw_only=True)
     _tables: OrderedDict[Key, Table] = field(default_factory=OrderedDict)
     _known_pulls: dict[tuple[str, tuple[float, ...]], bool] = field(default_factory=dict)
     _known_ramps: dict[tuple[tuple[int, int], ...], list[Ramp]] = field(default_factory=dict, init=False)
@@ -184,9 +189,11 @@ class Forward:
             d = direction[0]
             measure = ramp.ray.measure @ _turned(ramp.ray.direction, d)
             up, down = (
-                self._table(machine, HalfRay.of(ramp.ray.posture, sign * d, reach, branch), reference)
-                for sign, reach, branch in zip((1, -1), ramp.reach, ramp.branches, strict=True)
+                self._table(machine, HalfRay.of(ramp.ray.posture, sign * d, reach, branch, places), reference)
+                for sign, reach, branch, places in zip((1, -1), ramp.reach, ramp.branches, ramp.places, strict=True)
             )
+            self._check_reach(up, ramp.places[0])
+            self._check_reach(down, ramp.places[1])
             tables.append((ramp.index, measure, up, down, d))
 
         n = len(place)
@@ -197,6 +204,26 @@ class Forward:
         sheaf = Sheaf([table for _, _, *two, _ in tables for table in two], both, measures, along)
         return sheaf.at, [(index, measure, up, down) for index, measure, up, down, _ in tables]
 
+    def behind_bifurcation(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
+        """Whether each reading ``(n,)`` lies behind a bifurcation of the machine of coordinates ``(n_z,)``."""
+        place = instrument_errors(found, z, self.observed.slots).true_displacement(self.observed.pose)
+        _, tables = self._lookup(self.machine(found, z, hypothesis), _own(found, z, hypothesis), place)
+        result = np.zeros(len(place), dtype=bool)
+        for index, measure, up, down in tables:
+            s = place[index] @ measure
+            result[index] = (s > up.bifurcation) | (-s > down.bifurcation)
+        return result
+
+    @staticmethod
+    def _check_reach(table: Table, places: Sequence[float]) -> None:
+        """That a table goes as far as the places that it is to have.
+
+        Raises:
+            NoConvergenceError: it does not.
+        """
+        if places and table.s[-1] < places[-1] * (1.0 - 1e-9):
+            raise NoConvergenceError(f"posture {table.problem.load_case.posture}: {table.stopped}")
+
     @property
     def _ramps(self) -> list[Ramp]:
         """The rays of the test, those of all runs along one on the same branches together."""
@@ -205,7 +232,7 @@ class Forward:
             for number in range(len(self.observed.rays))
         )
         if branches not in self._known_ramps:
-            self._known_ramps[branches] = _ramps(self.observed, branches)
+            self._known_ramps[branches] = _ramps(self.observed, branches, at_readings=self.at_readings)
         return self._known_ramps[branches]
 
     def _table(self, machine: ModifiedChain, half: HalfRay, reference: ModifiedChain | None = None) -> Table:
@@ -274,7 +301,7 @@ class Forward:
         return result
 
 
-def _ramps(observed: Observed, branches: Sequence[tuple[int, int]]) -> list[Ramp]:
+def _ramps(observed: Observed, branches: Sequence[tuple[int, int]], *, at_readings: bool) -> list[Ramp]:
     groups: dict[tuple[object, ...], list[int]] = {}
     for number, ray in enumerate(observed.rays):
         groups.setdefault((ray.posture, tuple(ray.direction.tolist()), branches[number]), []).append(number)
@@ -290,7 +317,8 @@ def _ramps(observed: Observed, branches: Sequence[tuple[int, int]]) -> list[Ramp
             max(float((sign * s).max()) * MARGIN, 0.0) + 0.02 * float(np.abs(s).max()) + 1e-3 for sign in (1, -1)
         )
         index = np.concatenate([observed.rays[k].index for k in numbers])
-        result.append(Ramp(ray, index, (up, down), branches[numbers[0]]))
+        both = tuple(np.unique(way[way > 0.0]).tolist() for way in (s, -s)) if at_readings else ((), ())
+        result.append(Ramp(ray, index, (up, down), branches[numbers[0]], (tuple(both[0]), tuple(both[1]))))
     return result
 
 

@@ -1,7 +1,7 @@
 """Hypotheses and readings: what a hypothesis predicts, how that changes with its coordinates, how well it fits.
 
 Readings are whitened by the covariance of their channels, the displacement's share included, and freed of their
-autocorrelation. `vjm_updating.diagnose.trust_region` finds the best coordinates.
+autocorrelation. `vjm_updating.inference.trust_region` finds the best coordinates.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_updating.diagnose.forward import Predictor, values_of
-from vjm_updating.diagnose.parameters import Hypothesis
+from vjm_updating.inference.forward import Predictor, values_of
+from vjm_updating.inference.parameters import Hypothesis
 from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.whitening import Whitening, weighed
 
 FARTHER = 3.0
 """Sigmas of a machine's nuisance that change much of what others do."""
-DIFFERENCE = 0.03
-"""Step of differences, in units of a coordinate."""
+ROUNDING = 0.3
+"""Squares by which the tables of two machines differ where they should not: they are interpolated."""
 
 
 @dataclass(frozen=True)
@@ -79,18 +79,20 @@ class Fitter:
 
     Attributes:
         forward: that predicts readings.
-        nuisances: coordinates of the nuisances.
+        nuisances: coordinates of every hypothesis: the nuisances, and what a calibration looks for.
         whitening: in force.
+        rounding: squares by which predictions of two machines differ where they should not.
     """
 
     forward: Predictor
     nuisances: tuple[Coordinate, ...]
     whitening: Whitening
+    rounding: float = ROUNDING
 
     @property
     def of_machine(self) -> list[int]:
         """Indices of the machine's nuisances, the same in every hypothesis."""
-        return [i for i, c in enumerate(self.nuisances) if c.kind in ("modulus", "length")]
+        return [i for i, c in enumerate(self.nuisances) if not c.of_instrument]
 
     def machine_slopes(self, fit: Fit) -> Array:
         """A fit's derivatives ``(n, 6, m)`` by the machine's nuisances."""
@@ -116,7 +118,7 @@ class Fitter:
             found: the hypothesis' coordinates.
             z: their values ``(n_z,)``.
             hypothesis: its causes.
-            beside: see `vjm_updating.diagnose.forward.Forward.evaluate`.
+            beside: see `vjm_updating.inference.forward.Forward.evaluate`.
             held: a machine near by whose tables are to serve; exact without.
         """
         near = None if beside is None else _made(beside, held)
@@ -195,7 +197,7 @@ class Fitter:
     def _difference(
         self, found: Sequence[Coordinate], at: Evaluation, hypothesis: Hypothesis, i: int, held: Held | None
     ) -> Array:
-        for h in (DIFFERENCE, -DIFFERENCE):
+        for h in (found[i].difference, -found[i].difference):
             z = at.z.copy()
             step = h * max(1.0, abs(z[i]))
             z[i] += step

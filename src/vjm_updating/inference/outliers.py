@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import hypergeom
 
 from vjm.rotations import Array
-from vjm_updating.diagnose.residual_basis import driven_place
+from vjm_updating.inference.residual_basis import driven_place
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.significance import FALSE_ALARMS, level, too_many
 from vjm_updating.observation.whitening import Whitening

@@ -1,0 +1,1 @@
+"""What calibration and diagnosis share: unknowns, forward model of the readings, fit, outliers, noise."""

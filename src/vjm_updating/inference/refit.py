@@ -1,0 +1,110 @@
+"""A fit with its own outliers, noise and branches: found about it and fitted again, until none of them changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.outliers import loads, outlying
+from vjm_updating.inference.residual_basis import smooth_shapes
+from vjm_updating.inference.trust_region import best_fit
+from vjm_updating.observation.autocorrelation import estimate_memory
+from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.observed import Observed
+
+WORSE = 6
+"""Rounds in which outliers are looked for, the worst first."""
+
+Without = Callable[[Observed, np.ndarray], Observed]
+"""The readings that count, where samples ``(n, 6)`` stand out."""
+
+
+def leave_out(fitter: Fitter, without: Without, everything: Observed, outliers: np.ndarray, at: Evaluation) -> None:
+    """Go on without outliers ``(n, 6)``, where the kind of test leaves any out."""
+    kept = without(everything, outliers)
+    fitter.forward.observed = kept
+    fitter.whitening = fitter.whitening.reading(kept)
+    fitter.weigh(at)
+
+
+def refit(fitter: Fitter, without: Without, everything: Observed, best: Fit) -> Fit:
+    """The best fit of the same causes without its outliers, its noise's memory and its branches found about it.
+
+    The fitter goes on with them.
+
+    Args:
+        fitter: of the test.
+        without: leaves outliers out.
+        everything: all readings.
+        best: where to begin.
+    """
+    leave_out(fitter, without, everything, np.zeros_like(everything.present), best.at)
+    whole = fitter.evaluate(best.found, best.at.z, best.hypothesis)
+    # of samples left out a fit does not say what should have been read
+    load = np.zeros(everything.present.shape) if whole is None else loads(everything, whole.residual)
+    at = whole or best.at
+    m = len(fitter.nuisances)
+    fit: Fit | None = None
+    wild, accidents = np.zeros(everything.present.shape), np.ones(6, dtype=bool)
+    for _ in range(WORSE):
+        found = outlying(everything, fitter.whitening, at.residual, wild, load)
+        # what with others turns out to be none is not looked for again
+        accidents &= found.any(axis=0) | ~wild.any(axis=0)
+        found = np.where(accidents, found, 0.0)
+        if fit is not None and np.array_equal(found, wild):
+            break
+        wild = found
+        leave_out(fitter, without, everything, wild != 0.0, at)
+        # outliers bend a fit and hide the noise's memory, and then their neighbours look wild
+        fit = choose_branches(fitter, best_fit(fitter, best.hypothesis, at.z[:m], best.values) or best)
+        remember(fitter, fit, ())
+        at = fit.at
+    return fit or best
+
+
+def remember(fitter: Fitter, base: Fit, changes: Sequence[Array]) -> None:
+    """Estimate the noise's memory; what effects or smooth shapes could explain does not count as noise.
+
+    Args:
+        fitter: of the test.
+        base: a fit.
+        changes: what effects do to the readings ``(n, 6)``.
+    """
+    observed, whitening = fitter.forward.observed, fitter.whitening
+    smooth, _ = smooth_shapes(observed)
+    sigma = np.array([c.sigma for c in base.found])
+    off = base.at.z - np.array([c.mean for c in base.found])
+    known = (sigma > 0.0) & np.isfinite(sigma)
+    J = whitening.instant(base.jacobian)
+    shapes = [J[:, :, ~known], np.repeat(smooth[:, None, :], 6, axis=1)]
+    if changes:
+        shapes.append(whitening.instant(np.stack(changes, axis=-1)))
+    sheet = J[:, :, known] * sigma[known]
+    # as it were at the sheet's own values
+    instant = whitening.instant(base.at.residual) - J[:, :, known] @ off[known]
+    sheet = np.concatenate([sheet, whitening.instant(whitening.slow)], axis=2)
+    memory = estimate_memory(observed.memory, instant, np.concatenate(shapes, axis=2), observed.present, sheet)
+    fitter.whitening = replace(whitening, memory=memory)
+
+
+def choose_branches(fitter: Fitter, base: Fit) -> Fit:
+    """Turn each half-ray to the branch that its readings are on, where the model has a bifurcation there."""
+    forward = fitter.forward
+    best = base
+    for number, ray in enumerate(forward.observed.rays):
+        s = forward.observed.pose[ray.index] @ ray.measure
+        for sign in (1, -1):
+            if not forward.branched(ray, sign, float((sign * s).max())):
+                continue
+            before = dict(forward.branches)
+            forward.branches[number, sign] = -forward.branches.get((number, sign), 1)
+            at = fitter.evaluate(best.found, best.at.z, best.hypothesis)
+            if at is None or fitter.objective(best.found, at) >= best.objective:
+                forward.branches = before
+            else:
+                best = replace(best, at=at, objective=fitter.objective(best.found, at))
+    return best
