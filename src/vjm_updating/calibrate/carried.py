@@ -22,7 +22,7 @@ from vjm.model.parameters import Parameter, compliance_entry, section_value
 from vjm.rotations import Array
 from vjm.sensitivity.gradients import by_posture
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.calibrate.fit import Fit
+from vjm_updating.calibrate.fit import Solution
 from vjm_updating.calibrate.parameters import split_parts, unknowns
 from vjm_updating.experiment import Measurement
 from vjm_updating.identify.rounding import Entry, printed_entries
@@ -123,7 +123,7 @@ def _entry(chain: Chain, entry: Entry) -> float:
     return float(beam.compliance[entry.row, entry.column])
 
 
-def after_calibration(fit: Fit) -> tuple[list[Predicted], Array, list[str]]:
+def after_calibration(fit: Solution) -> tuple[list[Predicted], Array, list[str]]:
     """Figures of the calibrated machine, the covariance of what they depend on, and its names."""
     found, at = fit.problem.unknowns, fit.problem.unknowns.on_chain
     chain = found.build(fit.z)

@@ -13,7 +13,7 @@ from vjm_output.documents import as_json, doubt_rows
 from vjm_output.optional_page import page_of
 from vjm_updating.calibrate.design import parsed_ramps
 from vjm_updating.calibrate.document import Calibration
-from vjm_updating.calibrate.fit import fit
+from vjm_updating.calibrate.fit import solve
 from vjm_updating.calibrate.problem import Problem, problem_of
 from vjm_updating.calibrate.results import results
 from vjm_updating.experiment import Measurement, read_measurement
@@ -87,7 +87,7 @@ def calibrate(
         OSError: the folder cannot be written to.
     """
     check_writable(out)
-    found = fit(task.problem)
+    found = solve(task.problem)
     progress(1)
     document, model = results(task.measurement, found, ramps=task.ramps, figure=figure, model_file=MODEL)
     document = document.model_copy(update={"doubts": doubt_rows(task.findings)})

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,10 +21,9 @@ from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.plain_numbers import plain_number
 from vjm.rotations import Array
 from vjm_updating.calibrate.carried import QUANTITIES, Predicted
-from vjm_updating.calibrate.fit import Fit
-from vjm_updating.calibrate.prediction import Branches
+from vjm_updating.calibrate.fit import Solution
+from vjm_updating.inference.fitting import Fitter
 from vjm_updating.observation.observed import planned
-from vjm_updating.observation.whitening import weighed
 
 READINGS = 20
 """Of a candidate, evenly along its ramp."""
@@ -70,7 +69,7 @@ def parsed_ramps(texts: Sequence[str], chain: Chain) -> list[LoadCase]:
     return found
 
 
-def usual_ramps(fit: Fit) -> list[LoadCase]:
+def usual_ramps(fit: Solution) -> list[LoadCase]:
     """Every posture along x to both sides, as far as the test went in that posture, else on the average."""
     problem, chain = fit.problem, fit.problem.unknowns.chain
     ends: dict[tuple[str, float], float] = {}
@@ -117,7 +116,9 @@ def label(figure: Predicted) -> str:
     return f"{figure.posture}:{figure.direction}:{figure.quantity}"
 
 
-def candidates(fit: Fit, target: Predicted | None, ramps: Sequence[LoadCase]) -> tuple[list[Candidate], list[str]]:
+def candidates(
+    fit: Solution, target: Predicted | None, ramps: Sequence[LoadCase]
+) -> tuple[list[Candidate], list[str]]:
     """What each ramp would bring, the best for the parameters first, and the ramps that the model cannot follow."""
     unknowns = fit.problem.unknowns
     before = np.linalg.inv(fit.covariance)
@@ -144,13 +145,14 @@ def named(ramp: LoadCase) -> str:
     return f"{ramp.posture}:{ramp.axis}:{ramp.to:g}"
 
 
-def _information(fit: Fit, ramp: LoadCase) -> Array:
+def _information(fit: Solution, ramp: LoadCase) -> Array:
     """What the readings of a candidate would say ``(n_z, n_z)``."""
     places = np.linspace(0.0, ramp.to, READINGS + 1)[1:]
     observed = planned(fit.problem.observed, ramp.posture, np.abs(ramp.direction), places)
-    at = replace(fit.problem, observed=observed).evaluate(fit.z, Branches())
-    assert at.jacobian is not None
-    whitening = weighed(fit.whitening.reading(observed), observed, at)
-    J = whitening.independent(at.jacobian).reshape(-1, len(fit.z))
-    result: Array = fit.loss.efficiency * (J.T @ J)
+    found = fit.problem.unknowns.all
+    own = Fitter(fit.problem.forward(observed), found, fit.whitening.reading(observed), fit.fitter.rounding)
+    at = own.forward.evaluate(found, fit.z, ())
+    own.weigh(at)
+    J = own.whitening.flat(own.slopes(found, at, ()))
+    result: Array = J.T @ J
     return result

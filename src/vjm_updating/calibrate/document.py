@@ -101,25 +101,23 @@ class ChannelRow(Row):
 
 
 class OutlierRow(Row):
-    """A reading that was hardly believed."""
+    """A reading with channels that do not count."""
 
     row: int
     posture: str
     channels: list[str]
-    weight: float
+    in_sigma: float = Field(description="how far the worst of them is off, over its noise")
 
 
 class FitRow(Row):
     """How well the model fits."""
 
     readings: int
-    steps: int
-    loss: str
-    efficiency: float
+    converged: bool
     fits: bool = Field(description="whether the residuals are what the sheet's noise allows")
     statement: str
     channels: list[ChannelRow]
-    wild: list[OutlierRow]
+    outliers: list[OutlierRow]
     behind_bifurcation: int = Field(description="readings behind a bifurcation")
 
 

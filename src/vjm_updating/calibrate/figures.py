@@ -8,12 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import TwoSlopeNorm
 
-from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_updating.calibrate.document import Calibration
-from vjm_updating.calibrate.fit import OUTLYING, Fit
-from vjm_updating.calibrate.problem import Trial
+from vjm_updating.calibrate.fit import Solution
 from vjm_updating.experiment.channels import POSE, WRENCH
 
 INK, NOMINAL, CALIBRATED, BAD = "#1b1f24", "#D55E00", "#0072B2", "#b00020"
@@ -26,29 +24,20 @@ STRONG = 0.3
 """Correlation from which a value is written."""
 
 
-def pictures(fit: Fit, document: Calibration) -> list[Picture]:
+def pictures(fit: Solution, document: Calibration) -> list[Picture]:
     """Every picture of the page."""
-    nominal = _nominal(fit)
-    found = [_fit_picture(fit, nominal), _residual_picture(fit, nominal), _correlation_picture(document)]
+    found = [_fit_picture(fit), _residual_picture(fit), _correlation_picture(document)]
     intervals = _interval_picture(document)
     return [*found[:2], *([intervals] if intervals else []), found[2]]
 
 
-def _nominal(fit: Fit) -> Trial | None:
-    problem = fit.problem
-    try:
-        return problem.evaluate(problem.unknowns.start, fit.at.branches, derivatives=False)
-    except (NoConvergenceError, ValueError):
-        return None
-
-
-def _driven(fit: Fit) -> int:
+def _driven(fit: Solution) -> int:
     """The component of the pose that moved most, a rad counting 100 mm."""
     size = np.max(np.abs(fit.problem.observed.pose), axis=0) * np.repeat([1.0, 100.0], 3)
     return int(np.argmax(size))
 
 
-def _labels(fit: Fit) -> dict[str, np.ndarray]:
+def _labels(fit: Solution) -> dict[str, np.ndarray]:
     """Readings by posture, every ray of it."""
     found: dict[str, list[np.ndarray]] = {}
     for ray in fit.problem.observed.rays:
@@ -56,7 +45,7 @@ def _labels(fit: Fit) -> dict[str, np.ndarray]:
     return {posture: np.sort(np.concatenate(parts)) for posture, parts in found.items()}
 
 
-def _fit_picture(fit: Fit, nominal: Trial | None) -> Picture:
+def _fit_picture(fit: Solution) -> Picture:
     observed, labels, axis = fit.problem.observed, _labels(fit), _driven(fit)
     channels = [int(c) for c in np.flatnonzero(observed.present.any(axis=0))]
     # what hardly moves says nothing in a picture
@@ -69,14 +58,11 @@ def _fit_picture(fit: Fit, nominal: Trial | None) -> Picture:
                 x = observed.pose[at, axis]
                 order = np.argsort(x, kind="stable")
                 read = observed.wrench[at, c]
-                outlying = observed.present[at, c] & (fit.weight[at, c] < OUTLYING)
+                outlying = fit.outliers[at, c]
                 ax.plot(x, read, ".", color="#8c96a0", ms=3.0, label="readings")
                 ax.plot(x[outlying], read[outlying], "x", color=BAD, ms=5.0, label="outlier")
-                if nominal is not None:
-                    ax.plot(
-                        x[order], (read - nominal.residual[at, c])[order], "--", color=NOMINAL, lw=1.2,
-                        label="nominal",
-                    )  # fmt: skip
+                drawn = (read - fit.nominal.residual[at, c])[order]
+                ax.plot(x[order], drawn, "--", color=NOMINAL, lw=1.2, label="nominal")
                 model = (read - fit.at.residual[at, c])[order]
                 ax.plot(x[order], model, "-", color=CALIBRATED, lw=1.2, label="calibrated")
                 if row == 0:
@@ -98,7 +84,7 @@ def _axis_name(column: str) -> str:
     return f"{name}, {unit.replace('Nmm', 'N mm')}"
 
 
-def _residual_picture(fit: Fit, nominal: Trial | None) -> Picture:
+def _residual_picture(fit: Solution) -> Picture:
     """Whitened residuals in the order of the readings, a lane for each channel."""
     observed = fit.problem.observed
     channels = [int(c) for c in np.flatnonzero(observed.present.any(axis=0))]
@@ -108,8 +94,9 @@ def _residual_picture(fit: Fit, nominal: Trial | None) -> Picture:
         for k, c in enumerate(channels):
             lane = -2.0 * EDGE * k
             at = np.flatnonzero(observed.present[:, c])
-            r = lane + np.clip(fit.residual[at, c] * fit.whitening.spread[c], -EDGE, EDGE)
-            outlying = fit.weight[at, c] < OUTLYING
+            outlying = fit.outliers[at, c]
+            own = np.where(outlying, fit.noises[at, c], fit.residual[at, c] * fit.whitening.spread[c])
+            r = lane + np.clip(own, -EDGE, EDGE)
             ax.axhspan(lane - 2.0, lane + 2.0, color="#e8eef4", zorder=0)
             ax.plot(at, r, ".", color=CALIBRATED, ms=2.0)
             ax.plot(at[outlying], r[outlying], "x", color=BAD, ms=4.0)
@@ -125,23 +112,20 @@ def _residual_picture(fit: Fit, nominal: Trial | None) -> Picture:
         ax.set_xlabel("reading")
         side.set_xlabel("share")
         content = drawing_of(fig)
-    before = _rms(fit, nominal)
     caption = (
         "Residuals of every reading, made independent of one another and divided by the noise of the sheet; bands "
-        f"are ±2σ, lanes ±{EDGE:g}σ, lines a standard normal density. Crosses are outliers.{before}"
+        f"are ±2σ, lanes ±{EDGE:g}σ, lines a standard normal density. Crosses are outliers.{_rms(fit)}"
     )
     return Picture("residuals", content, "Residuals", caption)
 
 
-def _rms(fit: Fit, nominal: Trial | None) -> str:
-    if nominal is None:
-        return ""
+def _rms(fit: Solution) -> str:
     own = fit.whitening
-    sizes = [float(np.sqrt(np.mean(own.instant(e.residual)[own.present] ** 2))) for e in (nominal, fit.at)]
+    sizes = [float(np.sqrt(np.mean(own.instant(e.residual)[own.present] ** 2))) for e in (fit.nominal, fit.at)]
     return f" Root mean square: {sizes[0]:.3g} sigma of the nominal model, {sizes[1]:.3g} of the calibrated one."
 
 
-def _postures_along(ax: Axes, fit: Fit) -> None:
+def _postures_along(ax: Axes, fit: Solution) -> None:
     for posture, at in _labels(fit).items():
         ax.axvline(float(at[0]), color="#c8ced4", lw=0.7, zorder=0)
         ax.annotate(posture, (float(at[0]), 1.0), xycoords=("data", "axes fraction"), xytext=(3, -9),

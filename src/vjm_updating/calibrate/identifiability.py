@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.calibrate.fit import Fit
+from vjm_updating.calibrate.fit import Solution
 
 UNSEEN = 0.25
 """Standard deviation in z from which on a direction counts as not seen: a factor of 1.6 is not excluded."""
@@ -74,7 +74,7 @@ class Identifiability:
         return bool(gradient @ self.unseen @ gradient <= SHARE * variance)
 
 
-def identifiability(fit: Fit) -> Identifiability:
+def identifiability(fit: Solution) -> Identifiability:
     """What the readings of a fit can tell."""
     p = fit.problem.unknowns.parameters
     prior = fit.problem.unknowns.sigma**-2.0
@@ -94,9 +94,9 @@ def identifiability(fit: Fit) -> Identifiability:
     )
 
 
-def _information(fit: Fit, which: np.ndarray) -> Array:
+def _information(fit: Solution, which: np.ndarray) -> Array:
     """The readings' information on some unknowns ``(k, k)``, all others being free within their priors."""
-    A = fit.information + np.diag(fit.problem.unknowns.sigma**-2.0)
+    A = fit.normal
     rest = np.setdiff1d(np.arange(len(A)), which)
     kept = fit.information[np.ix_(which, which)]
     if not len(rest):
@@ -106,7 +106,7 @@ def _information(fit: Fit, which: np.ndarray) -> Array:
     return 0.5 * (result + result.T)
 
 
-def _directions(fit: Fit, information: Array, which: np.ndarray) -> tuple[Direction, ...]:
+def _directions(fit: Solution, information: Array, which: np.ndarray) -> tuple[Direction, ...]:
     """Eigenvectors of an information on some parameters."""
     p = fit.problem.unknowns.parameters
     values, vectors = np.linalg.eigh(information)

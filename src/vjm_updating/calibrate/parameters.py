@@ -44,7 +44,10 @@ class Unknown(Coordinate):
         unit: of its value.
         nominal: value at z = 0.
         linear: whether the value is ``nominal + scale z``, and not ``nominal · exp(z)``.
+        difference: a ten-thousandth of a stiffness.
     """
+
+    difference = 1e-4
 
     unit: str = "1"
     nominal: float = 1.0

@@ -1,35 +1,39 @@
-"""A calibration as residuals of its unknowns."""
+"""What a calibration looks for in which readings, and the forward model of both."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibrate.parameters import Unknowns, default_parameters, unknowns
-from vjm_updating.calibrate.prediction import Branches, predict
 from vjm_updating.experiment import Measurement
-from vjm_updating.observation.coordinate import instrument_errors
-from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.inference.forward import Forward
+from vjm_updating.inference.parameters import Hypothesis
+from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.observed import Observed, observe
 
 
-@dataclass(frozen=True)
-class Trial(Evaluation):
-    """The readings against the model at one set of unknowns.
+@dataclass
+class CalibratedForward(Forward):
+    """Predicts readings by a machine with other parameters.
 
     Attributes:
-        branches: that the half-rays take.
-        branched: ``(n,)`` whether a reading lies behind a bifurcation.
-        jacobian: derivative of the residuals ``(n, 6, n_z)``; None where not asked for.
+        unknowns: parameters of the machine and nuisances of the test.
     """
 
-    branches: Branches
-    branched: np.ndarray
-    jacobian: Array | None
+    unknowns: Unknowns = field(kw_only=True)
+
+    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+        """The chain that the unknowns ``(n_z,)`` mean."""
+        changed = tuple(z[self.unknowns.on_chain].tolist())
+        return ModifiedChain(self.unknowns.build(z), self.observed.measurement.engine, changed=changed)
+
+    def reading(self, observed: Observed) -> CalibratedForward:
+        """The same for other readings of the same test."""
+        return CalibratedForward(observed, dict(self.branches), at_readings=True, unknowns=self.unknowns)
 
 
 @dataclass(frozen=True)
@@ -37,37 +41,23 @@ class Problem:
     """What is to be fitted, to what.
 
     Attributes:
-        engine: of the lumped model.
         unknowns: of the fit.
         observed: the readings, displacements as read.
     """
 
-    engine: VjmEngine
     unknowns: Unknowns
     observed: Observed
 
-    def evaluate(self, z: Array, branches: Branches, *, derivatives: bool = True) -> Trial:
-        """Readings against the model.
+    @property
+    def engine(self) -> VjmEngine:
+        """Of the lumped model."""
+        return self.observed.measurement.engine
 
-        Raises:
-            NoConvergenceError: the model does not reach a reading.
-        """
-        observed, unknowns = self.observed, self.unknowns
-        errors = instrument_errors(unknowns.all, z, observed.slots)
-        place = errors.true_displacement(observed.pose)
-        found = predict(self.engine, unknowns, z, observed.rays, place, branches, derivatives=derivatives)
-        residual = errors.residual(observed.wrench, found.wrench)
-        at = Trial(z, residual, found.wrench, found.stiffness, place, errors, branches, found.branched, None)
-        return at if found.derivative is None else replace(at, jacobian=self._jacobian(at, found.derivative))
-
-    def _jacobian(self, at: Evaluation, derivative: Array) -> Array:
-        """Of the residuals ``(n, 6, n_z)``, from the wrenches' by the unknowns that change the chain."""
-        J = np.zeros((*at.wrench.shape, len(self.unknowns)))
-        J[:, :, self.unknowns.on_chain] = -at.errors.gain[:, None] * derivative
-        for i, c in enumerate(self.unknowns.all):
-            if c.of_instrument:
-                J[:, :, i] = c.scale * at.slope(c.kind, c.subject, self.observed.slots)
-        return np.where(self.observed.present[:, :, None], np.nan_to_num(J), 0.0)
+    def forward(
+        self, observed: Observed, branches: Mapping[tuple[int, int], int] | None = None
+    ) -> CalibratedForward:
+        """The model at readings of this test, or at such as could be taken next, on given branches."""
+        return CalibratedForward(observed, dict(branches or {}), at_readings=True, unknowns=self.unknowns)
 
 
 def problem_of(measurement: Measurement, names: Sequence[str] = ()) -> Problem:
@@ -90,4 +80,4 @@ def problem_of(measurement: Measurement, names: Sequence[str] = ()) -> Problem:
             f"{observed.readings.file}: {count} readings for {found.parameters} parameters: "
             "look for fewer of them, or read more"
         )
-    return Problem(engine, found, observed)
+    return Problem(found, observed)

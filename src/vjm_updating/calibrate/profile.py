@@ -10,7 +10,7 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_updating.calibrate.fit import Fit
+from vjm_updating.calibrate.fit import Solution
 from vjm_updating.observation.significance import NORMAL_95
 
 CHI2_95 = 3.841458820694124
@@ -20,7 +20,7 @@ REACHED = 0.02
 MOST_TRIALS = 5
 
 
-def profile_interval(fit: Fit, index: int) -> tuple[float, float]:
+def profile_interval(fit: Solution, index: int) -> tuple[float, float]:
     """Ends of a parameter's 95 % interval in z.
 
     An end beyond the bound of a parameter is the bound. Where the model reaches no reading on the way, the end is
@@ -30,8 +30,8 @@ def profile_interval(fit: Fit, index: int) -> tuple[float, float]:
     return low, high
 
 
-def _end(fit: Fit, index: int, sign: float) -> float:
-    best, deviation = fit.objective(fit.at), float(np.sqrt(fit.covariance[index, index]))
+def _end(fit: Solution, index: int, sign: float) -> float:
+    best, deviation = fit.objective(fit.fit.at), float(np.sqrt(fit.covariance[index, index]))
     bound = float(fit.problem.unknowns.lowest[index])
     plain = fit.z[index] + sign * NORMAL_95 * deviation
     if sign < 0.0 and plain <= bound:
@@ -53,7 +53,7 @@ def _end(fit: Fit, index: int, sign: float) -> float:
     return float(fit.z[index] + trial)
 
 
-def _worse(fit: Fit, index: int, trial: float, best: float, shift: Array) -> tuple[float, Array]:
+def _worse(fit: Solution, index: int, trial: float, best: float, shift: Array) -> tuple[float, Array]:
     """How much worse the best fit with a parameter moved by ``trial`` is, and how the others moved beside the plan.
 
     Args:
@@ -66,16 +66,12 @@ def _worse(fit: Fit, index: int, trial: float, best: float, shift: Array) -> tup
     along = fit.covariance[:, index] / fit.covariance[index, index]
     z = np.maximum(fit.z + trial * along + trial**2 * shift, fit.problem.unknowns.lowest)
     z[index] = fit.z[index] + trial
-    at = fit.problem.evaluate(z, fit.at.branches, derivatives=False)
+    at = fit.evaluate(z)
     value = fit.objective(at)
     free = np.arange(len(z)) != index
-    r = fit.whitening.independent(at.residual)
-    pull = np.where(fit.problem.observed.present, fit.loss.weight(r) * r, 0.0).reshape(-1)
-    prior = fit.problem.unknowns.sigma**-2.0
-    gradient = fit.jacobian.reshape(-1, len(z)).T @ pull + prior * z
-    normal = fit.information + np.diag(prior)
+    _, downhill = fit.fitter.system(fit.problem.unknowns.all, at, fit.fit.jacobian)
     change = np.zeros(len(z))
-    change[free] = -np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
+    change[free] = np.linalg.solve(fit.normal[np.ix_(free, free)], downhill[free])
     # what the step will gain is known well enough without taking it
-    gain = float(-gradient[free] @ change[free])
+    gain = float(downhill[free] @ change[free])
     return value - best - gain, shift + change / trial**2

@@ -29,7 +29,7 @@ from vjm_updating.calibrate.document import (
     ParameterRow,
     PredictionsRow,
 )
-from vjm_updating.calibrate.fit import OUTLYING, Fit
+from vjm_updating.calibrate.fit import Solution
 from vjm_updating.calibrate.identifiability import Identifiability, identifiability, in_words
 from vjm_updating.calibrate.parameters import MATRIX
 from vjm_updating.calibrate.profile import profile_interval
@@ -48,7 +48,7 @@ STEP = 1e-5
 
 def results(
     measurement: Measurement,
-    fit: Fit,
+    fit: Solution,
     *,
     ramps: Sequence[LoadCase] = (),
     figure: str = "",
@@ -95,11 +95,11 @@ def results(
     return document, text
 
 
-def _names(fit: Fit) -> list[str]:
+def _names(fit: Solution) -> list[str]:
     return [unknown.name for unknown in fit.problem.unknowns.sought]
 
 
-def _parameters(fit: Fit, found: Identifiability) -> list[ParameterRow]:
+def _parameters(fit: Solution, found: Identifiability) -> list[ParameterRow]:
     rows = []
     for i in np.flatnonzero(found.separable):
         unknown, z = fit.problem.unknowns.sought[i], float(fit.z[i])
@@ -120,7 +120,7 @@ def _parameters(fit: Fit, found: Identifiability) -> list[ParameterRow]:
     return rows
 
 
-def _combinations(fit: Fit, found: Identifiability) -> list[CombinationRow]:
+def _combinations(fit: Solution, found: Identifiability) -> list[CombinationRow]:
     names, rows = _names(fit), []
     for one in found.combinations:
         half = NORMAL_95 * one.std
@@ -138,7 +138,7 @@ def _combinations(fit: Fit, found: Identifiability) -> list[CombinationRow]:
     return rows
 
 
-def _compliances(fit: Fit, found: Identifiability) -> list[ComplianceRow]:
+def _compliances(fit: Solution, found: Identifiability) -> list[ComplianceRow]:
     """The entries of every 6×6 that was looked for as a whole, with what is known of each."""
     names, p = _names(fit), fit.problem.unknowns.parameters
     rows = []
@@ -164,7 +164,7 @@ def _compliances(fit: Fit, found: Identifiability) -> list[ComplianceRow]:
     return rows
 
 
-def _nuisances(fit: Fit, found: Identifiability) -> list[NuisanceRow]:
+def _nuisances(fit: Solution, found: Identifiability) -> list[NuisanceRow]:
     rows = []
     for i, own in enumerate(fit.problem.unknowns.nuisances, fit.problem.unknowns.parameters):
         z, share = float(fit.z[i]), float(np.clip(found.from_data[i], 0.0, 1.0))
@@ -187,7 +187,7 @@ def _unit(nuisance: Coordinate) -> str:
     return "mm" if nuisance.kind == Kind.LENGTH else "1"
 
 
-def _joint(fit: Fit, found: Identifiability) -> MatrixRow:
+def _joint(fit: Solution, found: Identifiability) -> MatrixRow:
     """Covariance of what has a number of its own: separable parameters, seen combinations, nuisances."""
     unknowns = fit.problem.unknowns
     p, n = unknowns.parameters, len(unknowns)
@@ -213,7 +213,7 @@ def _joint(fit: Fit, found: Identifiability) -> MatrixRow:
     return MatrixRow(names=names, covariance=C.tolist(), correlation=(C / np.outer(size, size)).tolist())
 
 
-def _identifiability(fit: Fit, found: Identifiability) -> IdentifiabilityRow:
+def _identifiability(fit: Solution, found: Identifiability) -> IdentifiabilityRow:
     names = _names(fit)
     lost = [name for name, separable in zip(names, found.separable, strict=True) if not separable]
     postures = ", ".join(dict.fromkeys(ray.posture for ray in fit.problem.observed.rays))
@@ -236,19 +236,18 @@ def _identifiability(fit: Fit, found: Identifiability) -> IdentifiabilityRow:
     return IdentifiabilityRow(statement=words, directions=rows, not_separable=lost)
 
 
-def _fit(fit: Fit) -> FitRow:
+def _fit(fit: Solution) -> FitRow:
     problem = fit.problem
     present = problem.observed.present
-    nominal = problem.evaluate(problem.unknowns.start, fit.at.branches, derivatives=False).residual
     channels = []
     for c in np.flatnonzero(present.any(axis=0)):
         at = present[:, c]
-        good = at & (fit.weight[:, c] > 0.0)
+        good = at & ~fit.outliers[:, c]
         channels.append(
             ChannelRow(
                 channel=WRENCH[c],
                 readings=int(at.sum()),
-                rmse_nominal=float(np.sqrt(np.mean(nominal[at, c] ** 2))),
+                rmse_nominal=float(np.sqrt(np.mean(fit.nominal.residual[at, c] ** 2))),
                 rmse=float(np.sqrt(np.mean(fit.at.residual[at, c] ** 2))),
                 unit="N" if c < 3 else "N mm",
                 in_sigma=float(fit.whitening.spread[c] * np.sqrt(np.mean(fit.residual[good, c] ** 2))),
@@ -257,9 +256,9 @@ def _fit(fit: Fit) -> FitRow:
                 quantum=problem.observed.noise.quantum.get(WRENCH[c], 0.0),
             )
         )
-    outliers = [_outlier(fit, int(k)) for k in np.flatnonzero(fit.outliers)]
+    outliers = [_outlier(fit, int(k)) for k in np.flatnonzero(fit.outliers.any(axis=1))]
     worst = max(channels, key=lambda row: row.spread)
-    fits = worst.spread == 1.0 and fit.loss.name != "Huber"
+    fits = worst.spread == 1.0
     if fits:
         statement = "The residuals are what the sheet's noise allows."
     else:
@@ -270,23 +269,22 @@ def _fit(fit: Fit) -> FitRow:
         )
     return FitRow(
         readings=int(present.sum()),
-        steps=fit.steps,
-        loss=fit.loss.name,
-        efficiency=fit.loss.efficiency,
+        converged=fit.fit.converged,
         fits=fits,
         statement=statement,
         channels=channels,
-        wild=outliers,
-        behind_bifurcation=int(fit.at.branched.sum()),
+        outliers=outliers,
+        behind_bifurcation=int(fit.branched.sum()),
     )
 
 
-def _outlier(fit: Fit, k: int) -> OutlierRow:
+def _outlier(fit: Solution, k: int) -> OutlierRow:
     observed = fit.problem.observed
     posture = next(ray.posture for ray in observed.rays if k in ray.index)
-    bad = [WRENCH[c] for c in range(6) if observed.present[k, c] and fit.weight[k, c] < OUTLYING]
-    least = float(np.min(fit.weight[k, observed.present[k]]))
-    return OutlierRow(row=int(observed.readings.row[k]), posture=posture, channels=bad, weight=least)
+    bad = np.flatnonzero(fit.outliers[k])
+    off = float(np.abs(fit.noises[k, bad]).max())
+    channels = [WRENCH[c] for c in bad]
+    return OutlierRow(row=int(observed.readings.row[k]), posture=posture, channels=channels, in_sigma=off)
 
 
 def _figures(figures: Sequence[Predicted], covariance: Array, names: Sequence[str]) -> list[FigureRow]:
@@ -314,7 +312,7 @@ def _figures(figures: Sequence[Predicted], covariance: Array, names: Sequence[st
 
 
 def _design(
-    fit: Fit, calibrated: tuple[list[Predicted], Array, list[str]], ramps: Sequence[LoadCase], wanted: str
+    fit: Solution, calibrated: tuple[list[Predicted], Array, list[str]], ramps: Sequence[LoadCase], wanted: str
 ) -> DesignRow:
     figures, covariance, _ = calibrated
     target = design.in_view(figures, covariance, wanted)

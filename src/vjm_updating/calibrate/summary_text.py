@@ -20,10 +20,10 @@ WIDTH = 120
 def tables(document: Calibration) -> list[Table | str]:
     """What a person wants to know first."""
     found: list[Table | str] = [document.fit.statement, *document.identifiability.statement]
-    if document.fit.wild:
-        rows = ", ".join(str(one.row) for one in document.fit.wild[:10])
-        more = ", …" if len(document.fit.wild) > 10 else ""
-        found.append(f"{len(document.fit.wild)} outliers have little weight or none, in rows {rows}{more}")
+    if document.fit.outliers:
+        rows = ", ".join(str(one.row) for one in document.fit.outliers[:10])
+        more = ", …" if len(document.fit.outliers) > 10 else ""
+        found.append(f"{len(document.fit.outliers)} outliers do not count, in rows {rows}{more}")
     found += [_parameters(document)]
     if document.combinations:
         found.append(_combinations(document))

@@ -41,6 +41,7 @@ class ModifiedChain:
         asymmetry: stiffness in pull over that in push, by part.
         weight: mass in kg that is spread over each beam, by part.
         gravity: direction of the weight.
+        changed: what tells the nominal chain from others that were built from one: a calibration's unknowns.
     """
 
     nominal: Chain
@@ -51,12 +52,14 @@ class ModifiedChain:
     asymmetry: tuple[tuple[str, float], ...] = ()
     weight: tuple[tuple[str, float], ...] = ()
     gravity: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    changed: tuple[float, ...] = ()
 
     @property
     def key(self) -> tuple[object, ...]:
         """What tells two machines with one nominal chain apart."""
         return (
             self.engine, self.factors, self.lengthened, self.bow, self.asymmetry, self.weight, self.gravity,
+            self.changed,
         )  # fmt: skip
 
     def times(self, part: str, factor: float) -> ModifiedChain:

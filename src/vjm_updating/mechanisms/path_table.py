@@ -231,8 +231,10 @@ def beside(machine: ModifiedChain, half: HalfRay, pulls: bool, table: Table) -> 
     problem = _problem(machine, half, pulls)
     if problem.model.size != table.x.shape[1]:
         return None
+    # what is not interpolated is differentiated as exactly as it is solved
+    enough = TOLERANCE if half.places else SLOPE
     x, F, K, negative = problem.model.compiled.correct(
-        problem.target(0.0), problem.load_case.direction, table.s, table.x, table.wrench, SLOPE, CORRECTIONS
+        problem.target(0.0), problem.load_case.direction, table.s, table.x, table.wrench, enough, CORRECTIONS
     )
     # before a bifurcation the path goes on where it has become unstable, behind it the branch must still be there
     if len(x) < len(table.s) or negative[(table.s > table.bifurcation) | np.isinf(table.bifurcation)].any():

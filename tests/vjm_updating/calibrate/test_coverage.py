@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from vjm_updating.calibrate.fit import fit
+from vjm_updating.calibrate.fit import solve
 from vjm_updating.calibrate.problem import problem_of
 from vjm_updating.calibrate.profile import profile_interval
 from vjm_updating.experiment import read_measurement
@@ -52,7 +52,7 @@ def covered(test: tuple[int, np.ndarray], rho: float, outliers: float, steps: in
     with tempfile.TemporaryDirectory() as folder:
         files = synthetic.write(Path(folder), rows, sheet)
         measurement = read_measurement(files.data, files.sheet)
-    found = fit(problem_of(measurement, tuple(TRUTH)))
+    found = solve(problem_of(measurement, tuple(TRUTH)))
     ends = [profile_interval(found, i) for i in range(len(TRUTH))]
     return [low <= z <= high for (low, high), z in zip(ends, TRUTH.values(), strict=True)]
 

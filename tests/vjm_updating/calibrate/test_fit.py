@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm_updating.calibrate.fit import fit
-from vjm_updating.calibrate.prediction import Branches
+from vjm_updating.calibrate.fit import fitter_of, solve
 from vjm_updating.calibrate.problem import problem_of
 from vjm_updating.calibrate.profile import profile_interval
 from vjm_updating.experiment.channels import WRENCH
@@ -28,16 +27,18 @@ def test_clean_data_give_the_truth(make: Make):
 def test_slopes_are_the_models_own(make: Make):
     """The Jacobian against differences of the residuals, all unknowns, where slopes are not interpolated."""
     problem = problem_of(make(), tuple(TRUTH))
+    fitter, _ = fitter_of(problem)
+    forward, found = fitter.forward, problem.unknowns.all
     z = np.concatenate([list(TRUTH.values()), 0.3 * np.ones(len(problem.unknowns) - 3)])
-    at = problem.evaluate(z, Branches())
-    assert at.jacobian is not None
+    at = forward.evaluate(found, z, ())
+    J = fitter.slopes(found, at, ())
     scale = 1.0 / np.hypot(problem.observed.noise.wrench, 1.0)
-    smooth = ~at.branched
+    smooth = ~forward.behind_bifurcation(found, z, ())
     for i in range(len(z)):
         h = 1e-3 * np.eye(len(z))[i]
-        more, less = (problem.evaluate(z + s * h, Branches(), derivatives=False).residual for s in (1.0, -1.0))
+        more, less = (forward.evaluate(found, z + s * h, ()).residual for s in (1.0, -1.0))
         slope = (more - less) / 2e-3 * scale
-        exact = at.jacobian[:, :, i] * scale
+        exact = J[:, :, i] * scale
         # of differences over 1e-3 in z, where neither curvature nor rounding counts: 1e-11 of the forces
         np.testing.assert_allclose(exact[smooth], slope[smooth], atol=1e-4 * max(np.abs(slope).max(), 1.0))
 
@@ -47,17 +48,16 @@ def test_the_displacements_noise_is_what_it_makes_of_the_residuals(make: Make):
     problem = problem_of(make(), tuple(TRUTH))
     names = [unknown.name for unknown in problem.unknowns.all]
     z = np.where([name == "scale ux_mm" for name in names], 200.0, 0.0)
-    at = problem.evaluate(z, Branches(), derivatives=False)
+    forward, found = problem.forward(problem.observed), problem.unknowns.all
+    at = forward.evaluate(found, z, ())
     h, observed = 1e-5, problem.observed
-    moved = [
-        replace(problem, observed=replace(observed, pose=observed.pose + s * h * np.eye(6)[0])) for s in (1.0, -1.0)
-    ]
-    more, less = (other.evaluate(z, Branches(), derivatives=False).residual for other in moved)
+    moved = (replace(observed, pose=observed.pose + s * h * np.eye(6)[0]) for s in (1.0, -1.0))
+    more, less = (problem.forward(other).evaluate(found, z, ()).residual for other in moved)
     slope = (more - less) / (2.0 * h)
     noise = observed.noise
     covariance = noise.pose[0] ** 2 * slope[:, :, None] * slope[:, None, :] + np.diag(noise.wrench**2)
     L = whitening_of(observed, at).factors
-    smooth = ~at.branched
+    smooth = ~forward.behind_bifurcation(found, z, ())
     white = np.einsum("nij,njk,nlk->nil", L, covariance, L)[smooth]
     # of differences over 1e-5 mm
     np.testing.assert_allclose(white, np.tile(np.eye(6), (len(white), 1, 1)), atol=1e-3)
@@ -177,7 +177,7 @@ def test_a_full_compliance_is_found_and_stays_positive_definite(make: Make):
     truth = {f"foot.R{i + 1}{j + 1}": 0.1 * rng.standard_normal() for i in range(6) for j in range(i + 1)}
     ramps = {"A": (4.0, -4.0), "B": (4.0, -8.0), "C": (2.0, -2.0)}
     measurement = make(z=truth, ramps=ramps, steps=20)
-    found = fit(problem_of(measurement, ("foot.matrix",)))
+    found = solve(problem_of(measurement, ("foot.matrix",)))
     foot = next(beam for beam in found.problem.unknowns.build(found.z).beams if beam.name == "foot")
     true = next(
         beam for beam in found.problem.unknowns.build(with_truth(found, truth)).beams if beam.name == "foot"
