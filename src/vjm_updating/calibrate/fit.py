@@ -16,6 +16,7 @@ from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.calibrate.problem import CalibratedForward, Problem
 from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.outliers import standing_out
 from vjm_updating.inference.refit import choose_branches, leave_out, refit
 from vjm_updating.inference.trust_region import best_fit
@@ -25,8 +26,9 @@ from vjm_updating.observation.whitening import Whitening, whitening_of
 
 ROUNDING = 1e-6
 """Squares that a prediction is good for: equilibria at the readings themselves are not interpolated."""
-ROUNDS = 3
-"""In which spread and covariances of the readings are found again about a fit."""
+ROUNDS, SETTLED = 5, 1e-2
+"""In which spread and covariances of the readings are found again about a fit, and the change of an unknown, in its
+standard deviations, at which that ends."""
 MISFIT = 3.0
 """Standard errors by which the residuals' variance must exceed the sheet's to be another one."""
 
@@ -131,12 +133,19 @@ def solve(problem: Problem) -> Solution:
     fitter, nominal = fitter_of(problem)
     outliers = standing_out(everything, nominal.residual, fitter.whitening.factors)
     leave_out(fitter, Observed.without, everything, outliers, nominal)
-    fit = choose_branches(fitter, _best(fitter, start))
-    fit = refit(fitter, Observed.without, everything, _best(fitter, fit.at.z))
+    first = _best(fitter, start)
+    fit = choose_branches(fitter, first)
+    if fit is not first:
+        fit = _best(fitter, fit.at.z)
+    fit = refit(fitter, Observed.without, everything, fit)
     for _ in range(ROUNDS):
+        before, deviation = fit.at.z, np.sqrt(np.diag(inverse(fitter.normal(fit), np.ones(len(start), dtype=bool))))
         fitter.weigh(fit.at)
         fitter.whitening = replace(fitter.whitening, spread=_spread(fitter, fit, problem.unknowns.parameters))
-        fit = _best(fitter, fit.at.z)
+        fit = _best(fitter, before, fitter.machine_slopes(fit))
+        if np.max(np.abs(fit.at.z - before) / deviation) < SETTLED:
+            break
+    fit = replace(fit, jacobian=fitter.slopes(fit.found, fit.at, ()))
     return Solution(problem, problem.forward(everything, fitter.forward.branches), fitter, fit)
 
 
@@ -151,8 +160,8 @@ def fitter_of(problem: Problem) -> tuple[Fitter, Evaluation]:
     return Fitter(forward, problem.unknowns.all, whitening_of(problem.observed, nominal), ROUNDING), nominal
 
 
-def _best(fitter: Fitter, start: Array) -> Fit:
-    found = best_fit(fitter, (), start, [])
+def _best(fitter: Fitter, start: Array, borrowed: Array | None = None) -> Fit:
+    found = best_fit(fitter, (), start, [], borrowed=borrowed)
     if found is None:
         raise NoConvergenceError("the model does not reach the readings")
     return found

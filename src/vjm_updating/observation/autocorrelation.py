@@ -1,12 +1,11 @@
-"""The autocorrelation of the noise, of residuals that are noise alone or of such as a wrong model leaves, too.
+"""The autocorrelation of the noise, from residuals of a model that may be wrong.
 
-Residuals of a model that is right tell it directly. Where a model may get something wrong it is found by marginal
-likelihood: in each channel the whitened readings less the nominal model are noise with a memory, plus what the
-nuisances do (of unit variance in units of their sigmas), plus a mixture of given shapes whose size is found along
-with the memory. Where the model is right that size comes out as nothing, and all of the residual tells of the
-memory; where it is wrong the shapes are as free as in a restricted likelihood (Patterson and Thompson 1971). The
-sheet's standard deviation is believed. The channels of one rig have memories that are alike, so each is drawn to
-their common one.
+It is found by marginal likelihood: in each channel the whitened readings less the nominal model are noise with a
+memory, plus what the nuisances do (of unit variance in units of their sigmas), plus a mixture of given shapes whose
+size is found along with the memory. Where the model is right that size comes out as nothing, and all of the
+residual tells of the memory; where it is wrong the shapes are as free as in a restricted likelihood (Patterson and
+Thompson 1971). The sheet's standard deviation is believed. The channels of one rig have memories that are alike, so
+each is drawn to their common one.
 """
 
 from __future__ import annotations
@@ -19,10 +18,6 @@ from scipy.linalg import cho_factor, cho_solve
 from vjm.rotations import Array
 from vjm_updating.observation.noise import Memory
 
-STATIONARY = 0.98
-"""Largest autocorrelation of neighbouring readings; at 1 a sequence would have no mean."""
-LEAST_SAMPLES = 8
-"""Neighbours from which an autocorrelation is estimated."""
 GRID = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85, 0.91, 0.96)
 """Autocorrelations that are tried."""
 SIZES = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 1e3, 1e4, 1e5)
@@ -37,38 +32,6 @@ SILENT = 0.05
 """Median second difference of readings, in the sheet's standard deviations, below which there is no noise."""
 RANK = 0.02
 """Of singular values over the largest, below which shapes are one: what sets them apart is the gauge's noise."""
-
-
-def memory_of_residuals(memory: Memory, whitened: Array, present: np.ndarray) -> Memory:
-    """The memory with the autocorrelations of residuals that are noise alone.
-
-    What is not told apart from none counts as none. Outliers, beyond 4 standard deviations, are left out.
-
-    Args:
-        memory: who precedes whom.
-        whitened: residuals ``(n, 6)``, still with memory.
-        present: ``(n, 6)``.
-    """
-    rho = np.zeros(6)
-    for c in range(6):
-        if not present[:, c].any():
-            continue
-        size = np.abs(whitened[:, c])
-        good = present[:, c] & (size < 4.0 * max(1.4826 * float(np.median(size[present[:, c]])), 1.0))
-        linked = (memory.before[:, c] >= 0) & (memory.gap[:, c] == 1)
-        near = np.flatnonzero(linked & good & good[np.maximum(memory.before[:, c], 0)])
-        if len(near) < LEAST_SAMPLES:
-            continue
-        a, b = whitened[near, c], whitened[memory.before[near, c], c]
-        spread = float(np.mean(whitened[good, c] ** 2))
-        if spread == 0.0:
-            continue
-        r = float(np.mean(a * b)) / spread
-        if r < 2.0 / np.sqrt(len(near)):
-            continue
-        # residuals remember less than errors do (Marriott and Pope 1954)
-        rho[c] = min(r + (1.0 + 3.0 * r) / len(near), STATIONARY)
-    return replace(memory, rho=rho)
 
 
 def estimate_memory(
