@@ -8,7 +8,7 @@ from pathlib import Path
 
 SOURCES = Path(__file__).parents[2] / "src/vjm_updating"
 MOST_TUNED = 9
-"""What was reached; the aim is ten."""
+"""What was reached; ten was the aim."""
 
 TUNED = {
     "observation/significance": "FALSE_ALARMS",
