@@ -50,8 +50,10 @@ from vjm_updating.mechanisms.catalogue import plug_in
 DOCUMENT, MODEL, PAGE = "diagnosis.json", "extended-model.toml", "diagnosis.html"
 AGAIN = 2
 """Searches more at most, each about what the last one found."""
-HALF = 0.5
-"""How sure a verdict is where the noise found exceeds the sheet's by far."""
+NOISE_ALONE = 0.5
+"""Prior probability, even odds, that scatter far beyond what a sheet says of its instruments is noise, not a cause
+outside the catalogue: both may be of any size, so that no reading tells. Beside such a cause no verdict would be
+right; so the probability that one is, is this times that where the scatter is noise."""
 SHOWN = 12
 """Contrasts that are kept."""
 
@@ -194,7 +196,7 @@ def _document(
         causes=sorted({cause for c in candidates for cause in c.causes}),
         candidates=list(candidates),
         parameters=candidates[0].parameters if candidates else {},
-        confidence=verdict.confidence * (HALF if kind.scatter(observed) else 1.0),
+        confidence=verdict.confidence * (NOISE_ALONE if kind.scatter(observed) else 1.0),
         alternatives=[
             AlternativeRow(causes=sorted(r.causes), places=sorted(e.place for e in r.fit.hypothesis), confidence=w)
             for r, w in verdict.others

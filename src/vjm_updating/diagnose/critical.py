@@ -29,8 +29,6 @@ from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY
 
 LEAST = 5
 """Readings on either side of a knee."""
-FLAT = 0.3
-"""Slope behind a knee over that before it, at most."""
 FURTHER = 1.5
 """How far beyond the readings paths go."""
 
@@ -85,7 +83,7 @@ class Critical:
 def knee(s: Array, force: Array) -> float | None:
     """Force at the knee of a curve ``(n,)`` that rises, bends once and goes on nearly level; None where none is.
 
-    The best continuous pair of straight lines.
+    The best continuous pair of straight lines of which the second is nearer to level than to going on as before.
     """
     order = np.argsort(s)
     x, y = s[order], force[order]
@@ -96,7 +94,7 @@ def knee(s: Array, force: Array) -> float | None:
         X = np.column_stack([np.ones_like(x), np.minimum(x, at), np.maximum(x - at, 0.0)])
         c, *_ = np.linalg.lstsq(X, y, rcond=None)
         cost = float(np.sum((y - X @ c) ** 2))
-        if c[1] > 0.0 and c[2] < FLAT * c[1] and (best is None or cost < best[0]):
+        if c[1] > 0.0 and c[2] < c[1] - c[2] and (best is None or cost < best[0]):
             best = cost, float(c[0] + c[1] * at)
     straight = np.column_stack([np.ones_like(x), x])
     c, *_ = np.linalg.lstsq(straight, y, rcond=None)

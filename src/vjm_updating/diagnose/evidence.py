@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.special import log_ndtr
@@ -14,10 +14,8 @@ from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.parameters import Hypothesis, of_effect, release_key
 from vjm_updating.mechanisms.effect import Effect
-from vjm_updating.observation.significance import NORMAL_95
+from vjm_updating.observation.significance import NORMAL_95, accident
 
-DISGUISED = 12.0
-"""What a cause costs whose own parameter does not differ from nothing."""
 LAW_ERROR = 0.1
 """Relative error of a law, of the size of what its causes do: scale of a half-normal prior."""
 RARER, RAREST = 2.8, 8.0
@@ -31,12 +29,12 @@ class Costs:
 
     Attributes:
         third: of each cause beyond the second.
-        disguised: of a cause whose own parameter may as well be nothing.
+        disguised: of a cause whose own parameter may as well be nothing: that it acts would be a false alarm.
         law_error: relative error of the causes' laws, standard deviation; see `vjm_updating.diagnose.discrepancy`.
     """
 
     third: float = RAREST
-    disguised: float = DISGUISED
+    disguised: float = field(default_factory=accident)
     law_error: float = LAW_ERROR
 
 

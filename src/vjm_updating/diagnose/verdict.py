@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import expit, logit
+from scipy.stats import chi2
 
 from vjm_updating.diagnose.equivalence_classes import best_verdict
 from vjm_updating.diagnose.evidence import RARER
@@ -17,8 +19,6 @@ from vjm_updating.observation.significance import NORMAL_95
 
 RIVALS = 12
 """Hypotheses that are compared with the best at most."""
-AS_LIKELY = 0.1
-"""Probability over the likeliest's from which on a place counts as possible."""
 OFFSET, SLOPE = 0.8, 0.13
 """Of the logarithm of the odds that a verdict is right over that of its posterior's (docs/hidden-effects.md)."""
 
@@ -34,7 +34,8 @@ class Verdict:
         confidence: that kind and set are right.
         others: less likely ones with their probabilities.
         rest: what the best leaves.
-        places: of each member the hypotheses that have its causes elsewhere, and explain about as much.
+        places: of each member the hypotheses that have its causes elsewhere: the likeliest, see
+            `credible_places`.
         doubt: why causes that fit are not named, in words; empty where that is not so.
     """
 
@@ -87,10 +88,6 @@ def judge(search: Search, best: Ranked) -> Verdict:
     own = np.array([total[m] for m in members])
     share = own / own.sum()
     kind = "class" if len(members) > 1 else "named"
-    places = [
-        tuple(r for r, w in weights.items() if in_other_places(r, member) and w >= AS_LIKELY * weights[member])
-        for member in members
-    ]
     return Verdict(
         kind,
         tuple(members),
@@ -98,7 +95,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
         confidence(sure * (1.0 - unknown)),
         _others(weights, members),
         rest,
-        tuple(places),
+        tuple(credible_places(weights, member) for member in members),
     )
 
 
@@ -172,6 +169,22 @@ def surely_nothing(search: Search, strange: float) -> float:
     others = np.array([*search.singles(), strange])
     null = search.tried[frozenset()].criterion
     return float(1.0 / (1.0 + np.sum(np.exp(-0.5 * (others - null)))))
+
+
+def credible_places(weights: Mapping[Ranked, float], member: Ranked) -> tuple[Ranked, ...]:
+    """The likeliest hypotheses that have a member's causes elsewhere: with it, a credible set of 95 %.
+
+    So intervals of parameters hold what they say also where it is not known which place it is.
+
+    Args:
+        weights: of all hypotheses, their probabilities.
+        member: the likeliest with its causes.
+    """
+    elsewhere = sorted((r for r in weights if in_other_places(r, member)), key=lambda r: -weights[r])
+    w = np.array([weights[member], *(weights[r] for r in elsewhere)])
+    before = np.cumsum(w)[:-1] / w.sum()
+    enough = float(chi2.cdf(NORMAL_95**2, 1))
+    return tuple(r for r, held in zip(elsewhere, before, strict=True) if held < enough)
 
 
 def in_other_places(ranked: Ranked, member: Ranked) -> bool:

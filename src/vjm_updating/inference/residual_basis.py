@@ -10,6 +10,7 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.experiment.readings import Branch
 from vjm_updating.observation.observed import Observed
+from vjm_updating.observation.significance import level
 
 ORDER = 4
 """Of the polynomials in the displacement."""
@@ -17,8 +18,6 @@ WAVES, A_WAVE = 12, 4
 """Half waves over a ray's half at most, and readings for each of them."""
 JUMPS = 8
 """Parts of a sequence between which jumps are looked for."""
-CLEAR = 4.0
-"""Times by which a shape must exceed what the noise of the displacement makes of it."""
 
 
 def driven_place(observed: Observed) -> Array:
@@ -77,8 +76,9 @@ def smooth_shapes(observed: Observed) -> tuple[Array, list[str]]:
         p, w = place[on], way[on]
         t = clock[on] - clock[on].mean()
         t = t / max(float(np.abs(t).max()), 1e-12)
-        # a steady ramp tells the clock from the gauge by the gauge's noise alone, which is no shape
-        least = CLEAR * float(unsure[on].max()) * np.sqrt(len(p))
+        # a steady ramp tells the clock from the gauge by the gauge's noise alone, which is no shape: even the usual
+        # reading must show more of one than the largest of so many errors
+        least = level(len(p)) * float(unsure[on].max()) * np.sqrt(len(p))
         parts = [p**k for k in range(ORDER + 1)]
         kinds = ["shape"] * len(parts)
         if (p > 0.2).any() and (p < -0.2).any():

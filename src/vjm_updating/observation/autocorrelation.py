@@ -14,10 +14,14 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+from scipy.stats import beta, norm
 
 from vjm.rotations import Array
 from vjm_updating.observation.noise import Memory
+from vjm_updating.observation.significance import FALSE_ALARMS, NOISE_KNOWN
 
+STATIONARY = 0.98
+"""Largest autocorrelation of neighbouring readings; at 1 a sequence would have no mean."""
 GRID = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85, 0.91, 0.96)
 """Autocorrelations that are tried."""
 SIZES = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 1e3, 1e4, 1e5)
@@ -28,8 +32,6 @@ USUAL, WIDE = 0.4, 0.3
 """The common one, where nothing is known."""
 FEWEST = 12
 """Samples of a channel below which it takes the others' memory."""
-SILENT = 0.05
-"""Median second difference of readings, in the sheet's standard deviations, below which there is no noise."""
 RANK = 0.02
 """Of singular values over the largest, below which shapes are one: what sets them apart is the gauge's noise."""
 
@@ -60,8 +62,25 @@ def estimate_memory(
     for c, cost in zip(channels, costs + apart[:, common], strict=True):
         bends = np.diff(instant[present[:, c], c], n=2)
         # readings with hardly any of the noise that the sheet says tell nothing of its memory
-        rho[c] = _least(grid, cost) if float(np.median(np.abs(bends))) > SILENT else USUAL
+        rho[c] = USUAL if silent(bends) else _least(grid, cost)
     return replace(memory, rho=rho)
+
+
+def silent(bends: Array) -> bool:
+    """Whether second differences are so small that the readings have not the noise that their sheet says.
+
+    Noise of unit variance and of autocorrelation ρ has second differences of variance 2 (1 − ρ) (3 − ρ), the least
+    for the strongest memory. Their median is the middle one of an ordered sample (of whose shares the distribution
+    is a beta one); where it is smaller than `FALSE_ALARMS` allows, though the sheet says as much too much of the
+    standard deviation as it may, no memory is the reason.
+
+    Args:
+        bends: second differences ``(m,)`` of whitened readings; those three apart share no reading.
+    """
+    half = 0.5 * (len(bends) // 3 + 1)
+    least = np.sqrt(2.0 * (1.0 - STATIONARY) * (3.0 - STATIONARY) / NOISE_KNOWN)
+    quantile = norm.ppf(0.5 * (1.0 + beta.ppf(FALSE_ALARMS, half, half)))
+    return float(np.median(np.abs(bends))) < least * float(quantile)
 
 
 def _least(grid: Array, cost: Array) -> float:

@@ -15,11 +15,6 @@ from vjm.rotations import Array
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import POSE, WRENCH
 
-SET = 10.0
-"""Steps of a displacement over its noise from which on they are set, not rounded to."""
-FEW_LEVELS = 0.5
-"""Share of different values in a channel from which on its steps are looked for."""
-
 
 @dataclass(frozen=True)
 class Noise:
@@ -49,13 +44,14 @@ def noise_of(measurement: Measurement) -> Noise:
             continue
         noise = sheet.instrument[name].noise if name in sheet.instrument else 0.0
         step = rounding_step(readings.values[name]) if noise > 0.0 or name in WRENCH else 0.0
-        if name in POSE and step > SET * noise:
-            # so far apart they are the test's own steps, read to the last digit
-            step = 0.0
+        # a rounded reading is off by up to half a step, evenly
+        rounding = step / np.sqrt(12.0)
+        if name in POSE and rounding > noise:
+            # no gauge is better than its own rounding: these are the test's own steps, read to the last digit
+            step = rounding = 0.0
         if step > 0.1 * noise:
             quantum[name] = step
-        # a rounded reading is off by up to half a step, evenly
-        sigma[name] = float(np.hypot(noise, step / np.sqrt(12.0)))
+        sigma[name] = float(np.hypot(noise, rounding))
         if name in WRENCH and sigma[name] == 0.0:
             raise ValueError(f"{sheet.file}: [instrument.{name}] noise is zero: give the spread of one reading")
     return Noise(
@@ -66,10 +62,10 @@ def noise_of(measurement: Measurement) -> Noise:
 
 
 def rounding_step(values: Array) -> float:
-    """Step to which readings ``(n,)`` are rounded; 0 where there are too many different ones to tell."""
+    """Step to which readings ``(n,)`` are rounded; 0 where none is read twice, as of readings that are not."""
     known = values[~np.isnan(values)]
     levels = np.unique(known)
-    if len(levels) < 3 or len(levels) > FEW_LEVELS * len(known):
+    if len(levels) < 3 or len(levels) == len(known):
         return 0.0
     gaps = np.diff(levels)
     step = float(gaps.min())

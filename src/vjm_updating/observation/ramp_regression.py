@@ -30,8 +30,6 @@ LEAST = BENT + 3
 """Readings of a piece from which on it tells anything."""
 Piece = tuple[np.ndarray, bool]
 """Readings between turns, and whether the displacement changes there."""
-FOLLOWED = 0.5
-"""Share of what a gauge shows beside the lines that forces may follow at most."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +152,8 @@ def _believed(
 ) -> Steady | None:  # fmt: skip
     """The lines of some pieces, where forces ``(n, 6)``, over their noise, along others do not follow the gauge."""
     share = _followed(asked, sequence, when, read, forces)
-    if share is None or share >= FOLLOWED:
+    # of a drive that went straight the share is 0, of one that went where its gauge says 1: the nearer is likelier
+    if share is None or share >= 1.0 - share:
         return None
     lines, on = basis(known, when), np.concatenate([own for own, _ in known])
     moved = np.ones(len(read))
@@ -190,8 +189,8 @@ def _followed(
             followed += float(follow @ np.clip(left, -CUT * usual, CUT * usual))
             whole += float(follow @ follow)
             unsure += float(follow @ follow) * usual**2
-    # where noise alone could be taken for that share, forces tell nothing
-    if FOLLOWED * whole < NORMAL_95 * whole**0.5 or whole == 0.0:
+    # forces tell nothing where the intervals about both shares, of a standard deviation 1/√whole, overlap
+    if whole**0.5 < 2.0 * NORMAL_95:
         return None
     return followed / whole if followed > NORMAL_95 * unsure**0.5 else 0.0
 

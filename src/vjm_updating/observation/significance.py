@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import log
+
 from scipy.stats import betabinom, norm
 
 FALSE_ALARMS = 0.004
@@ -20,6 +22,11 @@ CUT = 4.0
 def level(count: int) -> float:
     """Standard deviations that the largest of so many independent residuals exceeds with `FALSE_ALARMS`."""
     return float(norm.isf(0.5 * FALSE_ALARMS / max(count, 1)))
+
+
+def accident() -> float:
+    """What a hypothesis costs that would be a false alarm: twice the negative logarithm of `FALSE_ALARMS`."""
+    return -2.0 * log(FALSE_ALARMS)
 
 
 def too_many(outliers: int, samples: int) -> bool:

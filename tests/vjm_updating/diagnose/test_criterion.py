@@ -11,8 +11,11 @@ from scipy.integrate import quad
 from vjm_updating.diagnose.equivalence_classes import distance
 from vjm_updating.diagnose.evidence import beyond_bounds, criterion
 from vjm_updating.inference.instrument import InstrumentZero
+from vjm_updating.inference.parameters import coordinates
+from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.link_lumping import LinkLumping
 from vjm_updating.observation.coordinate import Coordinate
+from vjm_updating.observation.significance import FALSE_ALARMS, NORMAL_95
 
 
 @pytest.mark.parametrize("pressed", [0.1, 1.0, 5.0, 30.0])
@@ -51,3 +54,19 @@ def test_what_either_is_or_is_not_has_no_parameter_to_pay_for():
     lumped, shifted = (criterion(fitter, fit, causes, 200.0) for fit in fits)
     # rounding of sums of a few tens
     assert shifted - lumped == pytest.approx(np.log(200.0), rel=1e-12)
+
+
+@pytest.mark.parametrize(("sigmas", "disguised"), [(0.99 * NORMAL_95, True), (1.01 * NORMAL_95, False)])
+def test_a_cause_that_may_as_well_be_nothing_costs_what_a_false_alarm_is_worth(sigmas, disguised):
+    drive = ActuatorCompliance()
+    fitter = SimpleNamespace(
+        forward=SimpleNamespace(), normal=lambda fit: np.eye(1), pressure=lambda fit: np.zeros(1)
+    )
+
+    def cost(z):
+        at = SimpleNamespace(z=np.array([z]))
+        fit = SimpleNamespace(hypothesis=(drive,), found=coordinates([], (drive,)), at=at, objective=50.0)
+        return criterion(fitter, fit, (drive,), 200.0)
+
+    # rounding of sums of a few tens
+    assert cost(sigmas) - cost(50.0) == pytest.approx(2.0 * np.log(1.0 / FALSE_ALARMS) * disguised, abs=1e-12)

@@ -100,6 +100,10 @@ def test_a_knee_is_seen_only_where_there_is_one():
     # one of the places is where the lines meet
     assert knee(s, np.minimum(1000.0 * s, 2000.0 + 50.0 * (s - 2.0))) == pytest.approx(2000.0, rel=1e-10)
     assert knee(s, 1000.0 * s) is None
+    # what goes on with more than half of its slope is not level
+    behind = [knee(s, np.minimum(1000.0 * s, 2000.0 + slope * (s - 2.0))) for slope in (490.0, 510.0)]
+    assert behind[0] == pytest.approx(2000.0, rel=1e-10)
+    assert behind[1] != pytest.approx(2000.0, rel=1e-3)
 
 
 SHEET = """

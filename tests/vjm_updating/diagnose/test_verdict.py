@@ -8,6 +8,7 @@ from vjm_updating.diagnose.model_adequacy import Misfit
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.verdict import (
     Verdict,
+    credible_places,
     in_other_places,
     needless,
     proved,
@@ -80,3 +81,18 @@ def test_a_cause_may_sit_in_another_place():
     assert not in_other_places(at("fx_N", converged=False), at("ux_mm"))
     # two places at once are another hypothesis
     assert not in_other_places(at("fx_N", "fz_N"), at("ux_mm"))
+
+
+def test_places_are_credible_up_to_what_an_interval_holds():
+    parts = "fx_N", "ux_mm", "fz_N", "fy_N"
+    first, *others = (ranked(ThermalDrift(part=part, by="K", span=1.0)) for part in parts)
+    for one in (first, *others):
+        one.fit.converged = True
+    other = ranked(ZERO)
+    # 0.90 and 0.94 are not enough, 0.96 is; another cause is no place
+    weights = {others[2]: 0.04, others[0]: 0.04, first: 0.9, others[1]: 0.02, other: 5.0}
+    weights = {one: weights[one] for one in (*others[::-1], other, first)}
+    assert set(credible_places(weights, first)) == {others[0], others[2]}
+    assert credible_places({first: 0.96, others[0]: 0.04}, first) == ()
+    # of many that are as likely, as many as make 95 in a hundred
+    assert len(credible_places({first: 0.25, others[0]: 0.25, others[1]: 0.25, others[2]: 0.25}, first)) == 3

@@ -5,8 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vjm_updating.observation.autocorrelation import USUAL, estimate_memory
+from vjm_updating.observation.autocorrelation import (
+    STATIONARY,
+    USUAL,
+    estimate_memory,
+    silent,
+)
 from vjm_updating.observation.noise import memory_of
+from vjm_updating.observation.significance import FALSE_ALARMS, NOISE_KNOWN
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.85])
@@ -39,3 +45,19 @@ def test_readings_without_noise_have_the_usual_memory():
     misfit = np.repeat((3.0 * np.sin(6.0 * t))[:, None], 6, axis=1)
     memory = estimate_memory(memory_of(np.zeros(n, dtype=int), present), misfit, shapes, present)
     assert memory.rho.tolist() == [USUAL] * 6
+
+
+@pytest.mark.parametrize("n", [20, 60, 300])
+def test_noise_of_the_strongest_memory_is_hardly_ever_taken_for_none(n):
+    rng = np.random.default_rng(n)
+    draws = 4000
+    # as much less than the sheet says as it may be
+    error = rng.standard_normal((n, draws)) / np.sqrt(NOISE_KNOWN)
+    for k in range(1, n):
+        error[k] = STATIONARY * error[k - 1] + np.sqrt(1.0 - STATIONARY**2) * error[k]
+    bends = np.diff(error, n=2, axis=0)
+    # a third of them counts as independent, so that it is rarer; and three standard errors of as many draws
+    alarms = float(np.mean([silent(b) for b in bends.T]))
+    assert alarms < FALSE_ALARMS + 3.0 * np.sqrt(FALSE_ALARMS / draws)
+    # a two-hundredth of the noise that the sheet says is none, whatever its memory
+    assert silent(np.diff(0.005 * rng.standard_normal(n), n=2))
