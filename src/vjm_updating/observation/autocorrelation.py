@@ -5,7 +5,8 @@ memory, plus what the nuisances do (of unit variance in units of their sigmas), 
 size is found along with the memory. Where the model is right that size comes out as nothing, and all of the
 residual tells of the memory; where it is wrong the shapes are as free as in a restricted likelihood (Patterson and
 Thompson 1971). The sheet's standard deviation is believed. The channels of one rig have memories that are alike, so
-each is drawn to their common one.
+each is drawn to their common one. That there is no memory at all is as probable before any reading as that there
+is one.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+from scipy.special import logsumexp
 from scipy.stats import beta, norm
 
 from vjm.rotations import Array
@@ -29,7 +31,7 @@ SIZES = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 1e3, 1e4, 1e5)
 ALIKE = 0.15
 """Spread of the channels' memories about their common one."""
 USUAL, WIDE = 0.4, 0.3
-"""The common one, where nothing is known."""
+"""The common one, where nothing is known but that there is a memory."""
 FEWEST = 12
 """Samples of a channel below which it takes the others' memory."""
 RANK = 0.02
@@ -53,17 +55,36 @@ def estimate_memory(
     if not channels:
         return replace(memory, rho=np.zeros(6))
     costs = np.array([_costs(memory, c, instant, shapes, known, present) for c in channels])
+    # readings with hardly any of the noise that the sheet says tell nothing of its memory
+    quiet = np.array([silent(np.diff(instant[present[:, c], c], n=2)) for c in channels])
+    # twice the negative logarithm of the priors: of a channel's memory (rows) beside the common one, and of that
     grid = np.array(GRID)
-    apart = ((grid[:, None] - grid[None, :]) / ALIKE) ** 2
+    apart, off = ((grid[:, None] - grid) / ALIKE) ** 2, ((grid - USUAL) / WIDE) ** 2
+    if not quiet.all() and _white(costs[~quiet], apart, off):
+        return replace(memory, rho=np.zeros(6))
     # by the common memory (columns): the least that each channel costs beside it
-    total = (costs[:, :, None] + apart).min(axis=1).sum(axis=0) + ((grid - USUAL) / WIDE) ** 2
+    total = (costs[:, :, None] + apart).min(axis=1).sum(axis=0) + off
     common = int(np.argmin(total))
     rho = np.where(present.any(axis=0), grid[common], 0.0)
-    for c, cost in zip(channels, costs + apart[:, common], strict=True):
-        bends = np.diff(instant[present[:, c], c], n=2)
-        # readings with hardly any of the noise that the sheet says tell nothing of its memory
-        rho[c] = USUAL if silent(bends) else _least(grid, cost)
+    for c, cost, nothing in zip(channels, costs + apart[:, common], quiet, strict=True):
+        rho[c] = USUAL if nothing else _least(grid, cost)
     return replace(memory, rho=rho)
+
+
+def _white(costs: Array, apart: Array, off: Array) -> bool:
+    """Whether noise without memory is more probable than with one; both are as probable before any reading.
+
+    Args:
+        costs: twice the negative logarithm of each channel's likelihood ``(c, g)`` by autocorrelation.
+        apart: of the prior ``(g, g)`` of a channel's memory (rows) beside the common one.
+        off: of the prior ``(g,)`` of the common one.
+    """
+    share = np.log(np.gradient(GRID))[:, None]
+    each = logsumexp(-0.5 * (costs[:, :, None] + apart) + share, axis=1)
+    own = each - logsumexp(-0.5 * apart + share, axis=0)
+    prior = share[:, 0] - 0.5 * off
+    with_memory = logsumexp(own.sum(axis=0) + prior) - logsumexp(prior)
+    return bool(-0.5 * costs[:, 0].sum() > with_memory)
 
 
 def silent(bends: Array) -> bool:

@@ -37,6 +37,21 @@ def test_memory_is_found_below_any_trend(rho, gaps):
     assert float(np.mean(found)) == pytest.approx(rho, abs=0.04)
 
 
+def test_noise_without_memory_is_found_to_have_none():
+    """A small memory that chance makes of it would widen every interval."""
+    n, tests = 40, 40
+    rng = np.random.default_rng(3)
+    present = np.ones((n, 6), dtype=bool)
+    shapes = np.ones((n, 6, 1))
+    found = [
+        estimate_memory(memory_of(np.zeros(n, dtype=int), present), rng.standard_normal((n, 6)), shapes, present)
+        for _ in range(tests)
+    ]
+    # where it is not, the evidence says so with odds of more than one to one
+    assert sum(not memory.rho.any() for memory in found) > tests // 2
+    assert float(np.mean([memory.rho for memory in found])) < 0.02
+
+
 def test_readings_without_noise_have_the_usual_memory():
     n = 100
     t = np.linspace(-1.0, 1.0, n)
