@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import expit, logit
-from scipy.stats import chi2
 
 from vjm_updating.diagnose.equivalence_classes import best_verdict
 from vjm_updating.diagnose.evidence import RARER
@@ -15,6 +14,7 @@ from vjm_updating.diagnose.model_adequacy import Misfit
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import RIVAL, Search
 from vjm_updating.diagnose.unmodelled import unmodelled
+from vjm_updating.observation.distributions import normal_sf
 from vjm_updating.observation.significance import NORMAL_95
 
 RIVALS = 12
@@ -183,7 +183,7 @@ def credible_places(weights: Mapping[Ranked, float], member: Ranked) -> tuple[Ra
     elsewhere = sorted((r for r in weights if in_other_places(r, member)), key=lambda r: -weights[r])
     w = np.array([weights[member], *(weights[r] for r in elsewhere)])
     before = np.cumsum(w)[:-1] / w.sum()
-    enough = float(chi2.cdf(NORMAL_95**2, 1))
+    enough = 1.0 - 2.0 * float(normal_sf(NORMAL_95))
     return tuple(r for r, held in zip(elsewhere, before, strict=True) if held < enough)
 
 

@@ -15,8 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.special import logsumexp
-from scipy.stats import beta, norm
+from scipy.special import betaincinv, logsumexp, ndtri
 
 from vjm.rotations import Array
 from vjm_updating.observation.noise import Memory
@@ -100,7 +99,7 @@ def silent(bends: Array) -> bool:
     """
     half = 0.5 * (len(bends) // 3 + 1)
     least = np.sqrt(2.0 * (1.0 - STATIONARY) * (3.0 - STATIONARY) / NOISE_KNOWN)
-    quantile = norm.ppf(0.5 * (1.0 + beta.ppf(FALSE_ALARMS, half, half)))
+    quantile = ndtri(0.5 * (1.0 + betaincinv(half, half, FALSE_ALARMS)))
     return float(np.median(np.abs(bends))) < least * float(quantile)
 
 
