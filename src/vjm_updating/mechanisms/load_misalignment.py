@@ -60,5 +60,6 @@ class LoadMisalignment(Effect):
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """About the axis x, along which tests go."""
-    return [LoadMisalignment()]
+    """About the axis along which the test goes."""
+    x, y, z = (tuple(float(v) for v in np.roll(axis, scene.driven)) for axis in np.eye(3))
+    return [LoadMisalignment(x, y, z)]
