@@ -1,7 +1,7 @@
 """An arm of beams on sprung joints by virtual work and textbook beams, linear, with one thing wrong in one link.
 
 Nothing of the package is in it: cantilevers' flexibilities, moved to the end-effector, add up, and what slips along
-a link shifts it. Laws are solved reading by reading, and none is a finder's own: play has hard ends, yield one sharp
+a link shifts it. Laws are solved reading by reading, and none is a finder's own: play has hard ends, yield a sharp
 knee, a contact is Hertz's, and a beam that creeps has one more spring and dashpot in each of its six directions.
 """
 
