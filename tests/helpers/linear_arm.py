@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+FREE = 1e3
+"""rad/(N mm) of a joint that turns as it likes: 1e12 times as much as a beam."""
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 HEAD = """format = 1
 name = "arm"
@@ -24,10 +26,10 @@ angle = "rad"
 """
 PART = """
 [[parts]]
-kind = "actuated"
+kind = "{kind}"
 name = "j-{name}"
 axis = "{axis}"
-compliance_rad_per_Nmm = {gives}
+{compliance}
 [[parts]]
 kind = "beam"
 name = "{name}"
@@ -59,7 +61,7 @@ class Link:
     Attributes:
         name: of the beam; the joint's is ``j-`` and that.
         axis: of the joint.
-        gives: of the joint, rad/(N mm).
+        gives: of the joint, rad/(N mm); `FREE` for a passive one.
         length: mm.
         EA: N.
         EI: N mm².
@@ -94,7 +96,12 @@ def arm(*names, width=1.0):
 
 def model(links, postures):
     """The text of the arm's model file."""
-    parts = "".join(PART.format(**vars(link)) for link in links)
+    parts = "".join(
+        PART.format(**vars(link), kind="joint", compliance="")
+        if link.gives == FREE
+        else PART.format(**vars(link), kind="actuated", compliance=f"compliance_rad_per_Nmm = {link.gives}")
+        for link in links
+    )
     rows = (
         f"{label} = {{ {', '.join(f'j-{n.name} = {a}' for n, a in zip(links, angles, strict=True))} }}\n"
         for label, angles in postures.items()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers import linear_arm
@@ -22,17 +24,25 @@ REACH = 0.1
 LINEAR = 1e-3
 
 
+def built(folder, links):
+    file = folder / "arm.toml"
+    file.write_text(linear_arm.model(links, ANGLES))
+    return ModifiedChain(load_chain(file), VjmEngine(8))
+
+
+def causes_of(machine):
+    scene = Scene(machine.nominal, machine.engine, 500.0, REACH, duration=100.0, interval=1.0)
+    return {effect.label: effect for effect in catalogue(scene)}
+
+
 @pytest.fixture(scope="module")
 def machine(tmp_path_factory):
-    file = tmp_path_factory.mktemp("arm") / "arm.toml"
-    file.write_text(linear_arm.model(LINKS, ANGLES))
-    return ModifiedChain(load_chain(file), VjmEngine(8))
+    return built(tmp_path_factory.mktemp("arm"), LINKS)
 
 
 @pytest.fixture(scope="module")
 def effects(machine):
-    scene = Scene(machine.nominal, machine.engine, 500.0, REACH, duration=100.0, interval=1.0)
-    return {effect.label: effect for effect in catalogue(scene)}
+    return causes_of(machine)
 
 
 def ramp(axis, n=21):
@@ -102,6 +112,34 @@ def test_what_gives_way_along_any_link_shifts_all_behind_it(machine, effects, ca
     effect = np.abs(expected - np.linalg.solve(arm.compliance(), u.T).T).max()
     assert effect > 20.0 * LINEAR * np.abs(expected).max()
     close(found.wrench, expected)
+
+
+@pytest.mark.parametrize("free", ["upper", "fore"])
+@pytest.mark.parametrize("link", ["upper", "fore"])
+def test_so_it_does_behind_and_before_a_passive_joint(tmp_path, free, link):
+    links = tuple(replace(one, gives=linear_arm.FREE) if one.name == free else one for one in LINKS)
+    leg, arm, u = built(tmp_path, links), linear_arm.Arm(links, ANGLES["bent"]), ramp(0)
+    (element,) = causes_of(leg)[f"joint_clearance.{link}"].elements(leg, (0.02, 0.1, 2.0))
+    history = history_of(leg, "bent", len(u))
+    found = balance(look_of(leg, "bent", 0), u, [element], history)
+    expected = arm.shifted(u, link, lambda N: float(element.law(np.array([N]), history)[0][0]))
+    assert (
+        np.abs(expected - np.linalg.solve(arm.compliance(), u.T).T).max() > 20.0 * LINEAR * np.abs(expected).max()
+    )
+    close(found.wrench, expected)
+
+
+def test_a_foot_is_loaded_along_the_link_on_it(tmp_path):
+    links = linear_arm.arm("foot", "upper", "fore")
+    file = tmp_path / "leg.toml"
+    file.write_text(linear_arm.model(links, {"bent": (0.0, 0.6, 0.9)}))
+    leg = ModifiedChain(load_chain(file), VjmEngine(8))
+    (slips,) = causes_of(leg)["plasticity.foot"].elements(leg, (100.0, 0.1, 0.3, 0.5))
+    assert slips.place.link == "upper"
+    two_ways = causes_of(leg)["tension_compression_asymmetry.foot"].machine(leg, (1.3, 0.0))
+    along = leg.line("bent", "upper")
+    assert two_ways.ways("bent", along + 2.0 * np.cross(along, [0.0, 1.0, 0.0])) == (1,)
+    assert two_ways.ways("bent", -along) == (-1,)
 
 
 @pytest.mark.parametrize("link", ["upper", "fore"])
