@@ -14,7 +14,7 @@ from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.experiment.channels import WRENCH
 
 TOLERANCE, STEP = 0.02, 2.0
-ANGLES = {"bent": (0.5, 0.9), "folded": (-0.4, 2.1), "drawn in": (0.2, -1.6)}
+ANGLES = {"bent": (0.5, 0.9, -0.7, 0.8), "folded": (-0.4, 2.1, 0.6, -1.1), "stretched": (0.3, 0.0, 0.0, 0.0)}
 NOISE = {name: 0.5 if name.endswith("_N") else 100.0 for name in WRENCH}
 SHEET = """[test]
 title = "an arm of one's own"
@@ -60,7 +60,7 @@ def measured(
     channel = f"u{'xyz'[driven]}_mm"
     rows, clock = [f"time_s,posture,{channel},{','.join(WRENCH)}"], 0.0
     for posture in postures:
-        arm, s = linear_arm.Arm(links, ANGLES[posture]), ramp(reach)
+        arm, s = linear_arm.Arm(links, ANGLES[posture][: len(links)]), ramp(reach)
         time, u = STEP * np.arange(len(s)), np.outer(s, np.eye(6)[driven])
         for t, at, W in zip(time, s, WRONG[cause](arm, time, u, link, own), strict=True):
             noise = dict(zip(NOISE, rng.standard_normal(6), strict=True))
@@ -69,7 +69,7 @@ def measured(
             rows.append(f"{clock + t},{posture},{at + 0.0005 * rng.standard_normal():.6f},{values}")
         clock += time[-1] + 60.0
     model, data, sheet = folder / "arm.toml", folder / "data.csv", folder / "sheet.toml"
-    model.write_text(linear_arm.model(links, {p: ANGLES[p] for p in postures}))
+    model.write_text(linear_arm.model(links, {p: ANGLES[p][: len(links)] for p in postures}))
     data.write_text("\n".join(rows) + "\n")
     text = SHEET.format(
         model=model, postures="\n".join(f'"{p}" = []' for p in postures), driven=channel, tolerance=TOLERANCE
@@ -86,8 +86,37 @@ def names(found: Diagnosis, cause: str, link: str) -> bool:
     )
 
 
+def found_in(
+    folder: Path, links: Sequence[linear_arm.Link], link: str, cause: str, seed: int, *postures: str
+) -> Diagnosis:
+    """What is said of an arm with a cause in a link, pushed and pulled along x."""
+    data, sheet = measured(folder, links, link, cause, 0, 0.1, seed, postures or ("bent", "folded"))
+    return diagnose(data, sheet, folder / "out")
+
+
+@pytest.mark.parametrize("cause", ["plasticity", "creep"])
+def test_what_is_wrong_with_a_link_is_named(tmp_path: Path, cause: str) -> None:
+    assert names(found_in(tmp_path, linear_arm.arm("upper", "fore"), "upper", cause, 0), cause, "upper")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("cause", WRONG)
 @pytest.mark.parametrize("link", ["upper", "fore"])
-def test_what_is_wrong_with_a_link_is_named(tmp_path: Path, cause: str, link: str) -> None:
-    data, sheet = measured(tmp_path, linear_arm.arm("upper", "fore"), link, cause, 0, 0.1, seed=0)
-    assert names(diagnose(data, sheet, tmp_path / "out"), cause, link)
+def test_so_is_everything_in_every_link(tmp_path: Path, cause: str, link: str, seed: int) -> None:
+    assert names(found_in(tmp_path, linear_arm.arm("upper", "fore"), link, cause, seed), cause, link)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("cause", "link"), [("joint_clearance", "upper"), ("creep", "fore"), ("plasticity", "root")]
+)
+def test_it_is_found_among_four_beams(tmp_path: Path, cause: str, link: str) -> None:
+    links = linear_arm.arm("root", "upper", "fore", "hand")
+    assert names(found_in(tmp_path, links, link, cause, 0), cause, link)
+
+
+@pytest.mark.slow
+def test_links_in_one_line_are_named_together(tmp_path: Path) -> None:
+    found = found_in(tmp_path, linear_arm.arm("upper", "fore"), "fore", "joint_clearance", 0, "stretched")
+    assert names(found, "joint_clearance", "upper or fore")
