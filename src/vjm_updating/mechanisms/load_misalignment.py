@@ -50,6 +50,11 @@ class LoadMisalignment(Effect):
         result[:, :3] = pose[:, :3] @ R.T
         return result
 
+    def tilted(self, values: Sequence[float]) -> Array:
+        """Unit vector ``(3,)`` along which the device really goes."""
+        result: Array = self.imposed(np.array([[*self.axis, 0.0, 0.0, 0.0]]), values)[0, :3]
+        return result
+
     def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
         """Angle, and direction about the axis from the first direction across."""
         a, b = values

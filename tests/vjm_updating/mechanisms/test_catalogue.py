@@ -109,7 +109,7 @@ def test_a_device_is_turned_about_whatever_axis_it_drives_along(tmp_path, axis):
     own = arm_scene(tmp_path, {"P": (0.1, 0.5, 0.7)}, driven=axis)
     tilt = next(effect for effect in catalogue(own) if effect.cause == "load_misalignment")
     assert tilt.axis == tuple(np.eye(3)[axis])
-    went = tilt.imposed(np.eye(6)[axis][None], (0.02, 0.01))[0, :3]
+    went = tilt.tilted((0.02, 0.01))
     # both angles tilt it, whichever way it goes
     assert np.arccos(went[axis]) == pytest.approx(np.hypot(0.02, 0.01), rel=1e-9)
 
