@@ -67,8 +67,7 @@ class Scene:
         duration: of the test, s; zero where there is no clock.
         interval: median time between readings, s.
         gravity: direction of the weight where it is known.
-        driven: axis of the world along which the displacement is imposed, 0 to 2.
-        postures: of the test; empty where that is not known: all of the chain's.
+        rays: posture and direction ``(6,)`` of each ramp of the test; empty where they are not known.
     """
 
     chain: Chain
@@ -78,17 +77,21 @@ class Scene:
     duration: float = 0.0
     interval: float = 0.0
     gravity: tuple[float, float, float] | None = None
-    driven: int = 0
-    postures: tuple[str, ...] = ()
+    rays: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
     @property
     def machine(self) -> ModifiedChain:
         """The nominal one."""
         return ModifiedChain(self.chain, self.engine)
 
+    @property
+    def driven(self) -> int:
+        """Axis of the world along which the displacement is imposed, 0 to 2: the first one of several."""
+        return min((int(np.argmax(np.abs(direction[:3]))) for _, direction in self.rays), default=0)
+
     def places(self, *, jointed: bool) -> list[tuple[str, str]]:
         """Links along which something may slip, or their joints may; see `along_links`."""
-        return along_links(self.machine, self.postures or self.chain.postures, jointed)
+        return along_links(self.machine, {label for label, _ in self.rays} or self.chain.postures, jointed)
 
 
 class Effect:

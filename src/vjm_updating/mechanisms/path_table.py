@@ -32,7 +32,7 @@ NEAR = np.array([0.1, 0.03, 0.01, 0.003, 0.001])
 """Distances from a bifurcation, relative, at which there are equilibria in any case."""
 
 BEGUN = 1e-3
-"""mm of a ramp that tells what a load does to each part."""
+"""mm of a ramp that tells what a load does to each part at first."""
 SLOPE, CORRECTIONS = 1e-7, 4
 """Scaled residual, and steps of Newton's method at most, of equilibria from which derivatives are made: a machine
 that differs by a part in a thousand takes one step."""
@@ -205,9 +205,9 @@ def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool | Ways) -> Table
 
 
 def first_force(machine: ModifiedChain, posture: str, direction: Array) -> Array:
-    """Force ``(3,)`` of the nominal machine where a ramp along ``direction`` (6,) begins."""
+    """Force ``(3,)`` per unit of a ramp along ``direction`` (6,) with which the nominal machine begins it."""
     plain = ModifiedChain(machine.nominal, machine.engine)
-    result: Array = tabulate(plain, HalfRay.of(posture, direction, BEGUN), ()).wrench[-1, :3]
+    result: Array = tabulate(plain, HalfRay.of(posture, direction, BEGUN), ()).slope[0, :3]
     return result
 
 

@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import FOOT
 from vjm.rotations import Array
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.element_sites import drive
 from vjm_updating.mechanisms.modified_chain import LINK, ModifiedChain, foot_of, links_of, place_of
+from vjm_updating.mechanisms.path_table import first_force
 from vjm_updating.mechanisms.series_elements import Element, memoryless
 
 RATIO = Quantity("ratio", 0.1, 10.0, 0.05, neutral=1.0)
@@ -92,8 +94,22 @@ class DriveAsymmetry(TwoWays):
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """Of the drive where the model has a spring there, of the foot and of each link."""
+    """Of the drive where the model has a spring there, of the foot and of each link, where the test loads them."""
     own = scene.machine.drive
     found: list[Effect] = [DriveAsymmetry(own.compliance)] if own and own.compliance > 0.0 else []
     found += [Asymmetry(part="foot", beam=FOOT)] if foot_of(scene.chain) else []
-    return [*found, *(Asymmetry(place_of(scene.chain, name) or LINK, name) for name in links_of(scene.chain))]
+    found += [Asymmetry(place_of(scene.chain, name) or LINK, name) for name in links_of(scene.chain)]
+    return [effect for effect in found if not isinstance(effect, Asymmetry) or _is_pulled(scene, effect)]
+
+
+def _is_pulled(scene: Scene, effect: Asymmetry) -> bool:
+    """Whether a ramp of the test pulls on the part, or pushes; what is only bent has one stiffness."""
+    machine = effect.machine(scene.machine, (1.0, 0.0))
+    for posture, direction in scene.rays:
+        try:
+            force = first_force(machine, posture, np.array(direction))
+        except NoConvergenceError:
+            return True
+        if any(machine.ways(posture, force)):
+            return True
+    return not scene.rays

@@ -55,6 +55,9 @@ BY_LINK = (
 )  # fmt: skip
 
 
+ALONG = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
 def arm_scene(tmp_path, angles, change=lambda text: text, **more):
     file = tmp_path / "arm.toml"
     file.write_text(change(linear_arm.model(ARM, angles)))
@@ -74,13 +77,27 @@ def test_every_link_of_an_arm_has_every_cause_of_links(tmp_path):
 
 def test_links_in_one_line_are_one_place_for_what_slips_along_it(tmp_path):
     postures = {"straight": (0.3, 0.0, 0.6), "bent": (0.1, 0.5, 0.7)}
-    found = catalogue(arm_scene(tmp_path, postures, postures=("straight",)))
+    found = catalogue(arm_scene(tmp_path, postures, rays=(("straight", ALONG),)))
     for cause in ("joint_clearance", "contact_compliance", "plasticity"):
         assert parts(found, cause) == ["upper or fore", "hand"], cause
     # what bends is another thing in each
     assert parts(found, "creep") == ["upper", "fore", "hand"]
-    both = catalogue(arm_scene(tmp_path, postures, postures=("straight", "bent")))
+    both = catalogue(arm_scene(tmp_path, postures, rays=(("straight", ALONG), ("bent", ALONG))))
     assert parts(both, "joint_clearance") == ["upper", "fore", "hand"]
+
+
+def test_what_a_test_only_bends_does_not_differ_between_pull_and_push(tmp_path):
+    # all in one plane, of which the end-effector is taken out
+    flat = {"P": (0.4, 0.0, 0.9)}
+    across, along = tuple(np.eye(6)[2]), ALONG
+    out_of_plane = catalogue(arm_scene(tmp_path, flat, _about_z, rays=(("P", across),)))
+    assert parts(out_of_plane, "tension_compression_asymmetry") == []
+    both = catalogue(arm_scene(tmp_path, flat, _about_z, rays=(("P", across), ("P", along))))
+    assert parts(both, "tension_compression_asymmetry") == ["upper", "fore", "hand"]
+
+
+def _about_z(text):
+    return text.replace('axis = "y"', 'axis = "z"')
 
 
 def test_only_a_link_with_a_joint_has_play(tmp_path):
@@ -106,7 +123,7 @@ def test_the_weight_is_that_of_every_link(tmp_path):
 
 @pytest.mark.parametrize("axis", range(3))
 def test_a_device_is_turned_about_whatever_axis_it_drives_along(tmp_path, axis):
-    own = arm_scene(tmp_path, {"P": (0.1, 0.5, 0.7)}, driven=axis)
+    own = arm_scene(tmp_path, {"P": (0.1, 0.5, 0.7)}, rays=(("P", tuple(-np.eye(6)[axis])),))
     tilt = next(effect for effect in catalogue(own) if effect.cause == "load_misalignment")
     assert tilt.axis == tuple(np.eye(3)[axis])
     went = tilt.tilted((0.02, 0.01))
