@@ -26,6 +26,7 @@ from vjm_updating.experiment.rays import Ray
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.mechanisms.load_misalignment import LoadMisalignment
 from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY
+from vjm_updating.mechanisms.path_table import first_force
 
 LEAST = 5
 """Readings on either side of a knee."""
@@ -168,11 +169,11 @@ def _extended(fitter: Fitter, fit: Fit, load_case: LoadCase) -> tuple[Point, Fir
         gravity = (x, y, z)
     own = LoadCase(load_case.posture, load_case.to, tuple(axis[0].tolist()), gravity=gravity)
     chain = extended_chain(fitter, fit)
-    pulls = bool(axis[0, :3] @ machine.line(load_case.posture) > 0.0)
-    for part, ratio in machine.asymmetry:
-        # which no file can say; here the way is known
-        factor = compliance_factor(chain, part)
-        chain = factor.apply(chain, ratio ** (-0.5 if pulls else 0.5))
+    if machine.asymmetry:
+        ways = machine.ways(load_case.posture, first_force(machine, load_case.posture, axis[0]))
+        for (part, ratio), way in zip(machine.asymmetry, ways, strict=True):
+            # which no file can say; here the way is known
+            chain = compliance_factor(chain, part).apply(chain, ratio ** (-0.5 * way))
     return _point(machine.engine, chain, own, fitter)
 
 

@@ -10,8 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from vjm.io.model_file import build_chain
 from vjm.io.toml_text import toml_text
 from vjm.model.chain import Chain
@@ -124,7 +122,7 @@ def _where(effect: Effect, values: Sequence[float], machine: ModifiedChain) -> s
         g = ",".join(f"{STANDARD_GRAVITY * v:.6g}" for v in machine.gravity)
         return f"{words} {g}"
     if isinstance(effect, LoadMisalignment):
-        tilted = effect.imposed(np.eye(6)[:1], values)[0, :3]
+        tilted = effect.tilted(values)
         return f"of the test, not of the machine: a command says --axis {','.join(f'{v:.6g}' for v in tilted)}"
     if isinstance(effect, ERRORS):
         return "an error of the instrument, not in the numbers below"

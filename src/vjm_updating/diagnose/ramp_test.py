@@ -141,6 +141,7 @@ def ramp_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]
         duration=0.0 if clock is None else float(clock.max() - clock.min()),
         interval=0.0 if clock is None else float(np.median(np.diff(clock))),
         gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
+        rays=tuple((ray.posture, tuple(ray.direction.tolist())) for ray in observed.rays),
     )
     largest = _largest(observed, scene)
     found: list[Effect] = list(catalogue(scene, more))

@@ -147,7 +147,7 @@ def needless(best: Ranked, rival: Ranked) -> bool:
     """Whether a rival that is no better says the same with more causes, or with a parameter more."""
     if len(rival.labels) > len(best.labels) or rival.labels > best.labels:
         return True
-    others = best.causes - rival.causes
+    others = (best.causes - rival.causes) | (best.labels - rival.labels)
     return any(others.intersection(effect.contains) for effect in rival.fit.hypothesis)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -17,8 +17,8 @@ from vjm_updating.inference.instrument import ThermalDrift
 from vjm_updating.inference.parameters import Hypothesis, of_effect, release_key
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.friction_loop import friction_torques
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.path_table import HalfRay, Sheaf, Table, beside, tabulate
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, Ways
+from vjm_updating.mechanisms.path_table import HalfRay, Sheaf, Table, beside, first_force, tabulate
 from vjm_updating.mechanisms.relaxation import OnRay, Relaxation, relaxed
 from vjm_updating.mechanisms.series_elements import Element, balance
 from vjm_updating.observation.coordinate import Coordinate, instrument_errors
@@ -90,7 +90,7 @@ class Forward:
     branches: dict[tuple[int, int], int] = field(default_factory=dict)
     at_readings: bool = field(default=False, kw_only=True)
     _tables: OrderedDict[Key, Table] = field(default_factory=OrderedDict)
-    _known_pulls: dict[tuple[str, tuple[float, ...]], bool] = field(default_factory=dict)
+    _known_pulls: dict[tuple[str, tuple[float, ...]], Array] = field(default_factory=dict)
     _known_ramps: dict[tuple[tuple[int, int], ...], list[Ramp]] = field(default_factory=dict, init=False)
 
     def reading(self, observed: Observed) -> Forward:
@@ -147,9 +147,11 @@ class Forward:
             histories.append(lambda u: self._friction(tables, u, limit, presliding))
         if histories:
             wrench, stiffness = self._with_history(look, place, elements, histories)
+        elif elements:
+            balanced = balance(look, place, elements, observed.history)
+            wrench, stiffness = balanced.wrench, balanced.stiffness
         else:
-            found_ = balance(look, place, elements, observed.history)
-            wrench, stiffness = found_.wrench, found_.stiffness
+            wrench, stiffness = look(place)
         turned = np.eye(6)
         for effect, v in own:
             turned = effect.imposed(turned, v)
@@ -241,7 +243,7 @@ class Forward:
             if key in self._tables:
                 self._tables.move_to_end(key)
                 return self._tables[key]
-        pulls = self._pulls(machine, half) if machine.asymmetry else True
+        pulls = self._pulls(machine, half) if machine.asymmetry else ()
         table = None
         if reference is not None and near is not None:
             table = beside(machine, half, pulls, self._table(reference, half))
@@ -250,14 +252,12 @@ class Forward:
             self._tables.popitem(last=False)
         return table
 
-    def _pulls(self, machine: ModifiedChain, half: HalfRay) -> bool:
-        """Whether a ramp pulls on the link."""
+    def _pulls(self, machine: ModifiedChain, half: HalfRay) -> Ways:
+        """What a ramp does to each part that differs between pull and push."""
         key = half.posture, tuple(np.round(half.direction, 3).tolist())
         if key not in self._known_pulls:
-            plain = ModifiedChain(machine.nominal, machine.engine)
-            table = self._table(plain, replace(half, reach=1e-3, branch=1))
-            self._known_pulls[key] = bool(table.wrench[-1, :3] @ machine.line(half.posture) > 0.0)
-        return self._known_pulls[key]
+            self._known_pulls[key] = first_force(machine, half.posture, np.array(half.direction))
+        return machine.ways(half.posture, self._known_pulls[key])
 
     def _with_history(
         self,

@@ -20,10 +20,12 @@ class ContactCompliance(Effect):
     """``x = x₁ (|N|/1000 N)^p`` with the sign of N; Hertz's p is 2/3.
 
     Attributes:
-        part: ``actuator`` or ``joints``.
+        part: ``actuator``, or ``joints`` for those of the only link; the link's name where there are several.
+        link: name of the link along which the joints' contact is; empty: the only one.
     """
 
     part: str = "actuator"
+    link: str = ""
     cause = "contact_compliance"
     title = "a contact in series, like Hertz's"
 
@@ -49,12 +51,11 @@ class ContactCompliance(Effect):
             slope = size / 1000.0 * power * (1.0 + (p - 1.0) * (N / 1000.0) ** 2 / r)
             return x, slope
 
-        place = drive(machine) if self.part == "actuator" else AlongLine()
+        place = drive(machine) if self.part == "actuator" else AlongLine(self.link)
         return (Element(place, memoryless(law)),)
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """In the drive's bearings, and in the joints'."""
-    has = ModifiedChain(scene.chain, scene.engine).drive_axis is not None
-    found: list[Effect] = [ContactCompliance("actuator")] if has else []
-    return [*found, ContactCompliance("joints")] if scene.chain.joints else found
+    """In the drive's bearings, and in those of each link's joints."""
+    found: list[Effect] = [ContactCompliance("actuator")] if scene.machine.drive_axis is not None else []
+    return [*found, *(ContactCompliance(part or "joints", link) for part, link in scene.places(jointed=True))]

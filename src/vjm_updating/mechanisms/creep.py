@@ -10,7 +10,7 @@ import numpy as np
 from vjm.model.chain import FOOT
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.element_sites import drive
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, foot_of, link_of
+from vjm_updating.mechanisms.modified_chain import LINK, ModifiedChain, foot_of, link_of, links_of, place_of
 from vjm_updating.mechanisms.relaxation import Relaxation
 from vjm_updating.mechanisms.series_elements import Element, retarded, together
 
@@ -27,16 +27,18 @@ class Creep(Effect):
     part of it comes later (a Prony series of two terms, Findley, Lai and Onaran 1976, chapter 5).
 
     Attributes:
-        part: ``actuator``, ``foot`` or ``link``.
+        part: ``actuator``, ``foot`` or ``link``; the link's name where there are several.
         compliance: of the drive's spring in the model, mm/N.
         duration: of the test, s.
         interval: between readings, s.
+        beam: the part's name in the chain; empty: that of the foot, or of the last link.
     """
 
     part: str = "foot"
     compliance: float = 0.0
     duration: float = 100.0
     interval: float = 1.0
+    beam: str = ""
     cause = "creep"
     title = "the force relaxes while the displacement is held"
 
@@ -73,17 +75,17 @@ class Creep(Effect):
         if self.part == "actuator":
             return None
         fraction, time, slow, later = values
-        part = FOOT if self.part == "foot" else link_of(machine.nominal)
+        part = self.beam or (FOOT if self.part == "foot" else link_of(machine.nominal))
         return Relaxation(part, ((1.0 - slow) * fraction, slow * fraction), (time, later * time))
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """In drive, foot and link, where they are elastic and there is a clock."""
+    """In the drive where it is elastic, and in each beam, where there is a clock."""
     if scene.duration <= 0.0 or scene.interval <= 0.0:
         return []
-    link = link_of(scene.chain)
-    clock = {"duration": scene.duration, "interval": scene.interval}
-    own = ModifiedChain(scene.chain, scene.engine).drive
-    found: list[Effect] = [Creep("actuator", own.compliance, **clock)] if own and own.compliance > 0.0 else []
-    found += [Creep("foot", **clock)] if foot_of(scene.chain) else []
-    return [*found, Creep("link", **clock)] if beam_of(scene.chain, link).section is not None else found
+    clock = scene.duration, scene.interval
+    own = scene.machine.drive
+    found: list[Effect] = [Creep("actuator", own.compliance, *clock)] if own and own.compliance > 0.0 else []
+    found += [Creep("foot", 0.0, *clock)] if foot_of(scene.chain) else []
+    links = links_of(scene.chain)
+    return [*found, *(Creep(place_of(scene.chain, name) or LINK, 0.0, *clock, name) for name in links)]

@@ -16,6 +16,7 @@ import numpy as np
 from vjm.model.chain import Chain
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
+from vjm_updating.mechanisms.element_sites import along_links
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.relaxation import Relaxation
 from vjm_updating.mechanisms.series_elements import Element
@@ -66,7 +67,7 @@ class Scene:
         duration: of the test, s; zero where there is no clock.
         interval: median time between readings, s.
         gravity: direction of the weight where it is known.
-        turns: whether passive joints turn noticeably.
+        rays: posture and direction ``(6,)`` of each ramp of the test; empty where they are not known.
     """
 
     chain: Chain
@@ -76,6 +77,21 @@ class Scene:
     duration: float = 0.0
     interval: float = 0.0
     gravity: tuple[float, float, float] | None = None
+    rays: tuple[tuple[str, tuple[float, ...]], ...] = ()
+
+    @property
+    def machine(self) -> ModifiedChain:
+        """The nominal one."""
+        return ModifiedChain(self.chain, self.engine)
+
+    @property
+    def driven(self) -> int:
+        """Axis of the world along which the displacement is imposed, 0 to 2: the first one of several."""
+        return min((int(np.argmax(np.abs(direction[:3]))) for _, direction in self.rays), default=0)
+
+    def places(self, *, jointed: bool) -> list[tuple[str, str]]:
+        """Links along which something may slip, or their joints may; see `along_links`."""
+        return along_links(self.machine, {label for label, _ in self.rays} or self.chain.postures, jointed)
 
 
 class Effect:
@@ -105,7 +121,7 @@ class Effect:
 
     @property
     def contains(self) -> tuple[str, ...]:
-        """Causes that are this one with a parameter at its neutral value."""
+        """Causes, or their labels where the place matters, that are this one with a parameter at its neutral."""
         return ()
 
     def quantities(self) -> tuple[Quantity, ...]:

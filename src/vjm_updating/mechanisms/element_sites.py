@@ -1,11 +1,21 @@
-"""Where elements sit in a machine."""
+"""Where elements sit in a machine: by the kinds of its parts, whatever these are called."""
 
 from __future__ import annotations
 
-from vjm.model.chain import FOOT
+from collections.abc import Iterable
+
+import numpy as np
+
+from vjm.model.chain import FOOT, Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.model.parts import Beam, PassiveJoint
 from vjm.rotations import rotate_matrix6
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, links_of, place_of
 from vjm_updating.mechanisms.series_elements import AlongAxis, Behind
+
+JOINTS = (PassiveJoint, ActuatedJoint, SprungJoint, CoupledJoint)
+SAME = 1e-9
+"""Difference of unit vectors that is rounding."""
 
 
 def drive(machine: ModifiedChain) -> AlongAxis:
@@ -21,8 +31,53 @@ def drive(machine: ModifiedChain) -> AlongAxis:
 
 
 def foot(machine: ModifiedChain) -> Behind:
-    """The foot's tip, which deflects by the foot's own compliance."""
+    """The foot's tip, which deflects by the foot's own compliance under the force along the link on it."""
     chain = machine.chain()
     beam = beam_of(chain, FOOT)
     C = rotate_matrix6(beam.tip_compliance(), chain.base[:3, :3] @ beam.own_frame)[:3, :3]
-    return Behind(tuple(tuple(float(v) for v in row) for row in C))
+    return Behind(
+        tuple(tuple(float(v) for v in row) for row in C), place_of(machine.nominal, links_of(machine.nominal)[0])
+    )
+
+
+def along_links(machine: ModifiedChain, postures: Iterable[str], jointed: bool) -> list[tuple[str, str]]:
+    """Places along links where something may slip or give way, from base to tool.
+
+    What slips shifts all that is behind it along the link's line, so that it makes no difference where along the
+    link it sits, at its root, in it or at its tip. Nor does it with links whose lines are one direction in every
+    posture of a test: no reading tells them apart, and they are one place.
+
+    Args:
+        machine: the nominal one.
+        postures: of the test.
+        jointed: only links with a joint between them and the beam, or the end of the chain, before or behind:
+            joints have play and contacts along the links that they join.
+
+    Returns:
+        Of each place what a verdict calls it, and the link whose line it is; both empty for the only link.
+    """
+    chain, labels = machine.nominal, sorted(postures)
+    names = [name for name in links_of(chain) if not jointed or has_joint(chain, name)]
+    if len(links_of(chain)) == 1:
+        return [("", "")] if names else []
+    places: list[tuple[list[str], np.ndarray]] = []
+    for name in names:
+        lines = np.array([machine.line(label, name) for label in labels])
+        same = next((own for own, other in places if len(labels) and np.abs(other - lines).max() < SAME), None)
+        if same is None:
+            places.append(([name], lines))
+        else:
+            same.append(name)
+    return [(" or ".join(own), own[0]) for own, _ in places]
+
+
+def has_joint(chain: Chain, link: str) -> bool:
+    """Whether a joint stands next to a link, other beams aside."""
+    at = next(i for i, part in enumerate(chain.parts) if part.name == link)
+    for side in (reversed(chain.parts[:at]), chain.parts[at + 1 :]):
+        for part in side:
+            if isinstance(part, Beam):
+                break
+            if isinstance(part, JOINTS):
+                return True
+    return False

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from vjm.model.chain import FOOT, Chain
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, foot_of
 
 UNLIKE = 0.2
 """Standard deviation of the foot's share of the weight about what both have were they of one material."""
@@ -15,16 +15,16 @@ UNLIKE = 0.2
 
 @dataclass(frozen=True)
 class Gravity(Effect):
-    """Weight of the bar and, where it is a beam, of the foot, spread evenly over each.
+    """Weight of the links and, where it is a beam, of the foot, spread evenly over each.
 
     Attributes:
-        beam: the bar's name.
+        links: shares of the links' weight by their names, as they have were they of one material.
         direction: of the weight.
         foot: share of the weight that the foot has if both are of one material; None: it is no beam, and could
             not bend under what it weighs.
     """
 
-    beam: str = "link"
+    links: tuple[tuple[str, float], ...] = (("link", 1.0),)
     direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
     foot: float | None = None
     cause = "gravity"
@@ -43,26 +43,27 @@ class Gravity(Effect):
 
     def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
         """Carrying its weight."""
-        if self.foot is None:
-            weight: tuple[tuple[str, float], ...] = ((self.beam, values[0]),)
-        else:
-            weight = ((FOOT, values[0] * values[1]), (self.beam, values[0] * (1.0 - values[1])))
+        own: tuple[tuple[str, float], ...] = ()
+        rest = values[0]
+        if self.foot is not None:
+            own, rest = ((FOOT, values[0] * values[1]),), values[0] * (1.0 - values[1])
+        weight = (*own, *((name, rest * share) for name, share in self.links))
         return replace(machine, weight=weight, gravity=self.direction)
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """Where the bar has a section that its weight acts on; down is −z where the sheet does not say."""
-    name = link_of(scene.chain)
-    if beam_of(scene.chain, name).section is None or (scene.engine.segments or 1) == 1:
+    """Where links have a section that their weight acts on; down is −z where the sheet does not say."""
+    size = _sizes(scene.chain)
+    foot = size.pop(FOOT, None) if foot_of(scene.chain) else None
+    if not size or (scene.engine.segments or 1) == 1:
         return []
-    return [Gravity(name, scene.gravity or (0.0, 0.0, -1.0), _share(scene.chain, name))]
+    links = sum(size.values())
+    shares = tuple((name, own / links) for name, own in size.items())
+    share = None if foot is None else foot / (foot + links)
+    return [Gravity(shares, scene.gravity or (0.0, 0.0, -1.0), share)]
 
 
-def _share(chain: Chain, link: str) -> float | None:
-    """The foot's share of both beams' volume, by their stiffness in pull."""
-    foot = next((beam for beam in chain.beams if beam.name == FOOT and link != FOOT), None)
-    if foot is None or foot.section is None:
-        return None
-    size = {beam.name: beam.count * beam.section.EA * beam.length for beam in (foot, beam_of(chain, link))
+def _sizes(chain: Chain) -> dict[str, float]:
+    """What is in proportion to the beams' volumes, by name: their stiffness in pull times their length."""
+    return {beam.name: beam.count * beam.section.EA * beam.length for beam in chain.beams
             if beam.section is not None}  # fmt: skip
-    return size[FOOT] / sum(size.values())

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from vjm_updating.mechanisms.effect import Effect, Scene
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, links_of
 
 SEGMENTS = 12
 """Springs that converge: their error is far below any reading's."""
@@ -14,7 +14,7 @@ SEGMENTS = 12
 
 @dataclass(frozen=True)
 class LinkLumping(Effect):
-    """The link distributed over segments."""
+    """Every link distributed over segments."""
 
     cause = "link_lumping"
     title = "one spring per link, where the link deflects all along it"
@@ -25,6 +25,6 @@ class LinkLumping(Effect):
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """Where the model has one spring a link and the link's section is known."""
-    link = beam_of(scene.chain, link_of(scene.chain))
-    return [LinkLumping()] if (scene.engine.segments or 1) == 1 and link.section is not None else []
+    """Where the model has one spring a link and the links' sections are known."""
+    known = all(beam_of(scene.chain, name).section is not None for name in links_of(scene.chain))
+    return [LinkLumping()] if (scene.engine.segments or 1) == 1 and known else []

@@ -50,6 +50,11 @@ class LoadMisalignment(Effect):
         result[:, :3] = pose[:, :3] @ R.T
         return result
 
+    def tilted(self, values: Sequence[float]) -> Array:
+        """Unit vector ``(3,)`` along which the device really goes."""
+        result: Array = self.imposed(np.array([[*self.axis, 0.0, 0.0, 0.0]]), values)[0, :3]
+        return result
+
     def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
         """Angle, and direction about the axis from the first direction across."""
         a, b = values
@@ -60,5 +65,6 @@ class LoadMisalignment(Effect):
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """About the axis x, along which tests go."""
-    return [LoadMisalignment()]
+    """About the axis along which the test goes."""
+    x, y, z = (tuple(float(v) for v in np.roll(axis, scene.driven)) for axis in np.eye(3))
+    return [LoadMisalignment(x, y, z)]

@@ -22,6 +22,12 @@ from vjm.vjm_engine import VjmEngine
 
 STANDARD_GRAVITY = 9.80665
 """m/s²."""
+LINK = "link"
+"""Word for a link that is the only one."""
+NEITHER = 1e-6
+"""Axial force over the whole one, below which a load neither pulls on a part nor pushes: it bends it."""
+Ways = tuple[int, ...]
+"""What a load does to each part that differs between pull and push: 1 it pulls, -1 it pushes, 0 neither."""
 KEPT = 64
 """Lumped models that are kept."""
 _MODELS: OrderedDict[tuple[object, ...], tuple[Chain, LumpedModel]] = OrderedDict()
@@ -85,17 +91,17 @@ class ModifiedChain:
         """Amplitudes of a beam's bow along its section's y and z axes, mm."""
         return next(((y, z) for name, y, z in self.bow if name == part), (0.0, 0.0))
 
-    def chain(self, pulls: bool = True) -> Chain:
-        """The chain as it is, in pull or in push, where these differ."""
+    def chain(self, pulls: bool | Ways = True) -> Chain:
+        """The chain as it is, in pull or in push, where these differ; of parts that do neither the mean."""
         chain = self.nominal
         for part, by in self.lengthened:
             parameter = beam_length(chain, part)
             chain = parameter.apply(chain, parameter.value + by) if by else chain
         for part, factor in self.factors:
             chain = compliance_factor(chain, part).apply(chain, factor) if factor != 1.0 else chain
-        for part, ratio in self.asymmetry:
+        for (part, ratio), way in zip(self.asymmetry, self._ways(pulls), strict=True):
             root = float(np.sqrt(ratio))
-            chain = compliance_factor(chain, part).apply(chain, 1.0 / root if pulls else root)
+            chain = compliance_factor(chain, part).apply(chain, 1.0 / root if way > 0 else root) if way else chain
         for part, mass in self.weight:
             beam = beam_of(chain, part)
             if mass and beam.section is not None:
@@ -105,7 +111,10 @@ class ModifiedChain:
                 chain = replace(chain, parts=parts)
         return chain
 
-    def model(self, posture: str, pulls: bool = True) -> LumpedModel:
+    def _ways(self, pulls: bool | Ways) -> Ways:
+        return pulls if isinstance(pulls, tuple) else (1 if pulls else -1,) * len(self.asymmetry)
+
+    def model(self, posture: str, pulls: bool | Ways = True) -> LumpedModel:
         """The lumped model in a posture, its springs free of stress where they are drawn: a bow is not in it.
 
         Machines that differ in nothing but the bow share one, and postures where only passive joints differ.
@@ -113,7 +122,7 @@ class ModifiedChain:
         standing = posture if self.nominal.held_joints else ""
         key = (
             id(self.nominal), self.engine, self.factors, self.lengthened, self.asymmetry, self.weight,
-            pulls or not self.asymmetry, standing,
+            self._ways(pulls), standing,
         )  # fmt: skip
         known = _MODELS.get(key)
         if known is None:
@@ -154,6 +163,12 @@ class ModifiedChain:
         result: Array = along / np.linalg.norm(along)
         return result
 
+    def ways(self, posture: str, force: Array) -> Ways:
+        """What a force ``(3,)`` at the end-effector does to each part that differs between pull and push."""
+        size = NEITHER * float(np.linalg.norm(force))
+        axial = [float(force @ self.line(posture, loaded_along(self.nominal, part))) for part, _ in self.asymmetry]
+        return tuple(int(np.sign(N)) if abs(N) >= size else 0 for N in axial)
+
     def lever(self, posture: str) -> Array:
         """From the base's origin to the end-effector ``(3,)`` in the unloaded posture, mm, world axes."""
         model = ModifiedChain(self.nominal, self.engine).model(posture)
@@ -181,6 +196,12 @@ def links_of(chain: Chain) -> list[str]:
 def link_of(chain: Chain) -> str:
     """The last link, along which the end-effector is carried."""
     return links_of(chain)[-1]
+
+
+def loaded_along(chain: Chain, part: str) -> str:
+    """The link whose line a part's load is taken along: its own, or that of the first link for a foot."""
+    links = links_of(chain)
+    return part if part in links else links[0]
 
 
 def place_of(chain: Chain, link: str) -> str:

@@ -19,7 +19,7 @@ from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE
 from vjm_updating.mechanisms.history_kernel import Packed, interpolated, looked_up
-from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, ModifiedChain, bowed
+from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, ModifiedChain, Ways, bowed
 from vjm_updating.mechanisms.relaxation_kernel import Path
 
 NODES = 16
@@ -32,6 +32,8 @@ NEAR = np.array([0.1, 0.03, 0.01, 0.003, 0.001])
 """Distances from a bifurcation, relative, at which there are equilibria in any case."""
 SHORTER, FINER = 12, 4
 """How often, and into how many, the step is divided at which a path through given places stops."""
+BEGUN = 1e-3
+"""mm of a ramp that tells what a load does to each part at first."""
 SLOPE, CORRECTIONS = 1e-7, 4
 """Scaled residual, and steps of Newton's method at most, of equilibria from which derivatives are made: a machine
 that differs by a part in a thousand takes one step."""
@@ -183,7 +185,7 @@ class Sheaf:
         return found
 
 
-def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool) -> Table:
+def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool | Ways) -> Table:
     """The stable equilibria of a machine along half a ray.
 
     Raises:
@@ -219,7 +221,14 @@ def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool) -> Table:
     return table if np.array_equal(finer, grid) else _trace(problem, finer, loaded=bent, known=table.turns)
 
 
-def beside(machine: ModifiedChain, half: HalfRay, pulls: bool, table: Table) -> Table | None:
+def first_force(machine: ModifiedChain, posture: str, direction: Array) -> Array:
+    """Force ``(3,)`` per unit of a ramp along ``direction`` (6,) with which the nominal machine begins it."""
+    plain = ModifiedChain(machine.nominal, machine.engine)
+    result: Array = tabulate(plain, HalfRay.of(posture, direction, BEGUN), ()).slope[0, :3]
+    return result
+
+
+def beside(machine: ModifiedChain, half: HalfRay, pulls: bool | Ways, table: Table) -> Table | None:
     """The equilibria of a machine that differs from a table's by next to nothing, at the same places.
 
     Each by Newton's method from the table's own, so that no path is traced and no bifurcation looked for: enough
@@ -243,7 +252,7 @@ def beside(machine: ModifiedChain, half: HalfRay, pulls: bool, table: Table) -> 
     return Table(table.s, F, own, K, x, table.bifurcation, problem, table.stopped, table.turns)
 
 
-def _problem(machine: ModifiedChain, half: HalfRay, pulls: bool) -> LumpedProblem:
+def _problem(machine: ModifiedChain, half: HalfRay, pulls: bool | Ways) -> LumpedProblem:
     gravity = None
     if any(mass for _, mass in machine.weight):
         x, y, z = (STANDARD_GRAVITY * g for g in machine.gravity)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
-from vjm_updating.mechanisms.element_sites import drive, foot
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, foot_of
+from vjm_updating.mechanisms.element_sites import drive, foot, has_joint
+from vjm_updating.mechanisms.modified_chain import LINK, ModifiedChain, foot_of, link_of
 from vjm_updating.mechanisms.series_elements import AlongLine, Element, together, yielding
 
 
@@ -18,12 +18,15 @@ class Plasticity(Effect):
     Two slip elements (Iwan 1967) make the yield gradual; hardening is partly isotropic, partly kinematic.
 
     Attributes:
-        part: ``actuator``, ``foot`` or ``joints`` (along the line of the link).
+        part: ``actuator``, ``foot``, or ``joints`` along the only link, ``link`` where it has none; the link's name
+            where there are several.
         force: largest of the test, N.
+        link: name of the link along which it slips; empty: the only one.
     """
 
     part: str = "foot"
     force: float = 1000.0
+    link: str = ""
     cause = "plasticity"
     title = "a permanent set after a yield load"
 
@@ -58,13 +61,18 @@ class Plasticity(Effect):
             yielding(limit, (1.0 - late) * soft, grows),
             yielding(0.5 * (limit + max(self.force, limit)), max(late, 1e-6) * soft, grows),
         )
-        place = drive(machine) if self.part == "actuator" else foot(machine) if self.part == "foot" else AlongLine()
-        return (Element(place, slips),)
+        match self.part:
+            case "actuator":
+                return (Element(drive(machine), slips),)
+            case "foot":
+                return (Element(foot(machine), slips),)
+        return (Element(AlongLine(self.link), slips),)
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """In drive, foot and joints."""
-    has = ModifiedChain(scene.chain, scene.engine).drive_axis is not None
-    found: list[Effect] = [Plasticity("actuator", scene.force)] if has else []
+    """In drive and foot, and along each link or in its joints."""
+    found: list[Effect] = [Plasticity("actuator", scene.force)] if scene.machine.drive_axis is not None else []
     found += [Plasticity("foot", scene.force)] if foot_of(scene.chain) else []
-    return [*found, Plasticity("joints", scene.force)] if scene.chain.joints else found
+    only = "joints" if has_joint(scene.chain, link_of(scene.chain)) else LINK
+    places = scene.places(jointed=False)
+    return [*found, *(Plasticity(part or only, scene.force, link) for part, link in places)]

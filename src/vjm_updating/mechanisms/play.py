@@ -1,4 +1,4 @@
-"""Lost motion: `actuator_backlash` in the drive, `joint_clearance` along the link in the passive joints."""
+"""Lost motion: `actuator_backlash` in the drive, `joint_clearance` along a link in its joints."""
 
 from __future__ import annotations
 
@@ -23,9 +23,13 @@ class Play(Effect):
 
     Attributes:
         force: largest of the test, N.
+        part: the link along which it is, where there are several.
+        link: name of the link whose line that is; empty: the only one.
     """
 
     force: float = 1000.0
+    part: str = ""
+    link: str = ""
 
     def quantities(self) -> tuple[Quantity, ...]:
         """Travel, place and softness."""
@@ -47,7 +51,7 @@ class Play(Effect):
             t = np.tanh(N / contact)
             return gap * (0.5 * t + offset), 0.5 * gap / contact * (1.0 - t**2)
 
-        place = drive(machine) if self.cause == "actuator_backlash" else AlongLine()
+        place = drive(machine) if self.cause == "actuator_backlash" else AlongLine(self.link)
         return (Element(place, memoryless(law), most=gap * (0.5 + abs(offset)) + 1e-9),)
 
 
@@ -61,15 +65,15 @@ class ActuatorBacklash(Play):
 
 @dataclass(frozen=True)
 class JointClearance(Play):
-    """Play along the link in the passive joints."""
+    """Play along a link in its joints."""
 
     cause = "joint_clearance"
-    title = "play along the link in the passive joints"
+    title = "play along the link in its joints"
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """In the drive, where there is one, and in the joints."""
+    """In the drive, where there is one, and along each link that has a joint."""
     found: list[Effect] = []
-    if ModifiedChain(scene.chain, scene.engine).drive_axis is not None:
+    if scene.machine.drive_axis is not None:
         found.append(ActuatorBacklash(force=scene.force))
-    return [*found, JointClearance(force=scene.force)] if scene.chain.joints else found
+    return [*found, *(JointClearance(scene.force, part, link) for part, link in scene.places(jointed=True))]

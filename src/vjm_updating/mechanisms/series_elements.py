@@ -2,16 +2,18 @@
 
 An element sits somewhere in the chain, a `Place` says where: which scalar of the wrench drives it, and how the
 end-effector moves with its extension at constant wrench. A drive before all else moves the whole chain along its
-axis. Play in the passive joints, and the link itself, act along the line through the joints, which is that of the
-force where the joints bear no torque. The tip of the foot moves by its translational compliance; its turn is taken
-back by the joints. So ``u = u_chain + Σ b_e x_e`` holds to first order in the turns, and the equilibrium is found
-with ``F = F(u_chain)`` of the chain's own table.
+axis. Play in the joints, and a link itself, act along the link's line: all that the link carries is shifted along
+it, so that by virtual work what drives it is the force at the end-effector along that line, wherever in the chain
+the link is. Of a link between passive joints, which bear no torque, that is all of the force. The tip of the foot
+moves by its translational compliance; its turn is taken back by the joints. So ``u = u_chain + Σ b_e x_e`` holds to
+first order in the turns and in the shifts over the links' lengths, and the equilibrium is found with
+``F = F(u_chain)`` of the chain's own table.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -33,14 +35,20 @@ class History:
     Attributes:
         time: s ``(n,)``; zero where there is no clock.
         begins: ``(n,)`` whether a reading is the first of a posture: what has a memory is fresh there.
-        line: unit vector ``(n, 3)`` along the link of each reading's unloaded posture, from root to tip.
+        line: unit vector ``(n, 3)`` along the last link of each reading's unloaded posture, from root to tip.
         lever: from the base's origin to the end-effector where it stands ``(n, 3)``, mm, world axes.
+        lines: the same as ``line`` of every link, by its name.
     """
 
     time: Array
     begins: np.ndarray
     line: Array
     lever: Array
+    lines: Mapping[str, Array] = field(default_factory=dict)
+
+    def along(self, link: str) -> Array:
+        """Unit vector ``(n, 3)`` along a link, the last one where there is no name."""
+        return self.lines[link] if link else self.line
 
 
 Law = Callable[[Array, History], tuple[Array, Array]]
@@ -104,19 +112,25 @@ class AboutAxis:
 
 @dataclass(frozen=True)
 class AlongLine:
-    """The link, or its joints, along the line through them, which is that of the force but for friction.
+    """A link, or its joints, along the line from its root to its tip.
 
-    The line is that of the unloaded link: it turns by some hundredths of a radian, which changes an axial force by
-    less than a thousandth.
+    Between passive joints that is the line of the force but for friction. It is that of the posture's unloaded
+    link, whichever link it is: under load it turns by some hundredths of a radian, which changes an axial force by
+    less than a thousandth where that is most of the force, else by as many hundredths of what is across.
+
+    Attributes:
+        link: its name; empty: the last one.
     """
+
+    link: str = ""
 
     def force(self, wrench: Array, history: History) -> Array:
         """Axial force, positive in pull."""
-        return _axial(wrench, history)
+        return _axial(wrench, history.along(self.link))
 
     def motion(self, wrench: Array, history: History) -> Array:
-        """Along the line."""
-        return np.hstack([history.line, np.zeros((len(wrench), 3))])
+        """Along the line, of all that the link carries."""
+        return np.hstack([history.along(self.link), np.zeros((len(wrench), 3))])
 
 
 @dataclass(frozen=True)
@@ -127,21 +141,23 @@ class Behind:
 
     Attributes:
         compliance: translational ``(3, 3)`` of the part's tip, world axes, mm/N.
+        link: name of the link that it carries; empty: the last one.
     """
 
     compliance: tuple[tuple[float, ...], ...]
+    link: str = ""
 
     def force(self, wrench: Array, history: History) -> Array:
         """Force along the link's line."""
-        return _axial(wrench, history)
+        return _axial(wrench, history.along(self.link))
 
     def motion(self, wrench: Array, history: History) -> Array:
         """The tip's motion by one newton along the line."""
-        return np.hstack([history.line @ np.array(self.compliance).T, np.zeros((len(wrench), 3))])
+        return np.hstack([history.along(self.link) @ np.array(self.compliance).T, np.zeros((len(wrench), 3))])
 
 
-def _axial(wrench: Array, history: History) -> Array:
-    result: Array = np.einsum("ij,ij->i", wrench[:, :3], history.line)
+def _axial(wrench: Array, line: Array) -> Array:
+    result: Array = np.einsum("ij,ij->i", wrench[:, :3], line)
     return result
 
 

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import FOOT
 from vjm.rotations import Array
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.element_sites import drive
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, foot_of, links_of, place_of
+from vjm_updating.mechanisms.modified_chain import LINK, ModifiedChain, foot_of, links_of, place_of
+from vjm_updating.mechanisms.path_table import first_force
 from vjm_updating.mechanisms.series_elements import Element, memoryless
 
-LINK = "link"
-"""Word for a link that is the only one."""
 RATIO = Quantity("ratio", 0.1, 10.0, 0.05, neutral=1.0)
 AS_DRAWN = Quantity("as_drawn", -1.5, 1.5, 0.5, usual=0.0, spread=0.7)
 """Which way has the drawn stiffness: pull at 1, push at -1, at 0 neither but their geometric mean."""
@@ -30,7 +30,8 @@ class TwoWays(Effect):
     @property
     def contains(self) -> tuple[str, ...]:
         """The part's compliance: in tests that pull only, or push only, it is the same."""
-        return (f"{self.part}_compliance",)
+        named = self.part in ("actuator", "foot", LINK)
+        return (f"{self.part}_compliance" if named else f"link_compliance.{self.part}",)
 
     def quantities(self) -> tuple[Quantity, ...]:
         """Pull stiffness over push stiffness, and which way is as drawn."""
@@ -93,8 +94,22 @@ class DriveAsymmetry(TwoWays):
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """Of the drive where the model has a spring there, of the foot and of the link."""
-    own = ModifiedChain(scene.chain, scene.engine).drive
+    """Of the drive where the model has a spring there, of the foot and of each link, where the test loads them."""
+    own = scene.machine.drive
     found: list[Effect] = [DriveAsymmetry(own.compliance)] if own and own.compliance > 0.0 else []
     found += [Asymmetry(part="foot", beam=FOOT)] if foot_of(scene.chain) else []
-    return [*found, *(Asymmetry(place_of(scene.chain, name) or LINK, name) for name in links_of(scene.chain))]
+    found += [Asymmetry(place_of(scene.chain, name) or LINK, name) for name in links_of(scene.chain)]
+    return [effect for effect in found if not isinstance(effect, Asymmetry) or _is_pulled(scene, effect)]
+
+
+def _is_pulled(scene: Scene, effect: Asymmetry) -> bool:
+    """Whether a ramp of the test pulls on the part, or pushes; what is only bent has one stiffness."""
+    machine = effect.machine(scene.machine, (1.0, 0.0))
+    for posture, direction in scene.rays:
+        try:
+            force = first_force(machine, posture, np.array(direction))
+        except NoConvergenceError:
+            return True
+        if any(machine.ways(posture, force)):
+            return True
+    return not scene.rays

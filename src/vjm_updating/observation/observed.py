@@ -13,7 +13,7 @@ from vjm_updating.experiment import Kind, Measurement, Readings
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH
 from vjm_updating.experiment.rays import Ray, rays
 from vjm_updating.experiment.thermometer import smoothed
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of
 from vjm_updating.mechanisms.series_elements import History
 from vjm_updating.observation.noise import Memory, Noise, memory_of, noise_of
 from vjm_updating.observation.ramp_regression import Steady, steady
@@ -81,10 +81,15 @@ class Observed:
 
     @cached_property
     def history(self) -> History:
-        """Clock, postures, lines of the last link, levers of the base; of a chain with a link that bends."""
+        """Clock, postures, lines of the links, levers of the base; of a chain with a link that bends."""
         machine = ModifiedChain(self.measurement.chain, self.measurement.engine)
         labels = self.readings.posture.tolist()
         places = {label: (machine.line(label), machine.lever(label)) for label in dict.fromkeys(labels)}
+        lines = {
+            link: np.array([own[label] for label in labels])
+            for link in links_of(machine.nominal)
+            for own in [{label: machine.line(label, link) for label in places}]
+        }
         begins = np.ones(len(labels), dtype=bool)
         begins[1:] = self.readings.posture[1:] != self.readings.posture[:-1]
         return History(
@@ -92,6 +97,7 @@ class Observed:
             begins,
             np.array([places[label][0] for label in labels]),
             np.array([places[label][1] for label in labels]) + self.pose[:, :3],
+            lines,
         )
 
     def without(self, wild: np.ndarray) -> Observed:

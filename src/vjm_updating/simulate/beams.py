@@ -146,7 +146,8 @@ def _with_off(chain: Chain, off: Mapping[tuple[str, str], float]) -> Chain:
 
 def _weighing(chain: Chain, effect: Gravity, values: Sequence[float]) -> Chain:
     share = values[1] if effect.foot is not None else 0.0
-    for name, mass in (("foot", values[0] * share), (effect.beam, values[0] * (1.0 - share))):
+    links = ((name, values[0] * (1.0 - share) * own) for name, own in effect.links)
+    for name, mass in (("foot", values[0] * share), *links):
         beam = next((beam for beam in chain.beams if beam.name == name), None)
         if beam is not None and beam.section is not None and mass:
             section = replace(beam.section, mass=mass / beam.length / beam.count)

@@ -18,6 +18,8 @@ from vjm_updating.inference.instrument import InstrumentZero, ThermalDrift
 from vjm_updating.inference.parameters import coordinates
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.actuator_hardening import ActuatorHardening
+from vjm_updating.mechanisms.part_compliance import LinkCompliance
+from vjm_updating.mechanisms.tension_compression_asymmetry import Asymmetry
 
 DRIFT, ZERO = ThermalDrift(part="ux_mm", by="K", span=1.0), InstrumentZero(part="fx_N")
 LINEAR, HARDENING = ActuatorCompliance(), ActuatorHardening()
@@ -34,6 +36,14 @@ def test_a_law_that_contains_another_and_is_no_better_is_needless():
     assert needless(ranked(ZERO), ranked(DRIFT))
     # the converse
     assert not needless(ranked(HARDENING), ranked(LINEAR))
+
+
+def test_a_links_two_stiffnesses_contain_that_links_softness_and_no_others():
+    softer, two_ways = LinkCompliance("fore", "fore"), {name: Asymmetry(name, name) for name in ("fore", "upper")}
+    assert needless(ranked(softer), ranked(two_ways["fore"]))
+    assert not needless(ranked(softer), ranked(two_ways["upper"]))
+    # an only link has no name
+    assert needless(ranked(LinkCompliance("rod")), ranked(Asymmetry("link", "rod")))
 
 
 def test_a_zero_error_beside_a_drift_of_another_channel_is_not_needless():

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
+from helpers import linear_arm
 
 from vjm.io.model_file import load_chain
 from vjm.vjm_engine import VjmEngine
@@ -28,6 +31,111 @@ def scene(segments=None):
 def test_every_cause_is_there():
     causes = {e.cause for segments in (None, 8) for e in catalogue(scene(segments))}
     assert causes == MECHANICAL
+
+
+PAPER = [
+    "link_lumping", "foot_lumping", "actuator_compliance", "actuator_hardening", "actuator_backlash",
+    "joint_clearance", "joint_friction", "contact_compliance.actuator", "contact_compliance.joints",
+    "base_compliance", "foot_compliance", "link_compliance", "link_length", "load_misalignment",
+    "tension_compression_asymmetry.foot", "tension_compression_asymmetry.link", "creep.foot", "creep.link",
+    "plasticity.actuator", "plasticity.foot", "plasticity.joints",
+]  # fmt: skip
+
+
+def test_a_foot_and_one_link_have_these_causes_in_these_places():
+    assert [effect.label for effect in catalogue(scene())] == PAPER
+    split = [effect.label for effect in catalogue(scene(8))]
+    assert sorted(split) == sorted({*PAPER, "link_bow", "gravity"} - {"link_lumping"})
+
+
+ARM = linear_arm.arm("upper", "fore", "hand")
+BY_LINK = (
+    "joint_clearance", "contact_compliance", "plasticity", "creep", "tension_compression_asymmetry",
+    "link_compliance", "link_length", "link_bow",
+)  # fmt: skip
+
+
+ALONG = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def arm_scene(tmp_path, angles, change=lambda text: text, **more):
+    file = tmp_path / "arm.toml"
+    file.write_text(change(linear_arm.model(ARM, angles)))
+    return Scene(load_chain(file), VjmEngine(8), 500.0, 1.0, 100.0, 1.0, **more)
+
+
+def parts(found, cause):
+    return [effect.part for effect in found if effect.cause == cause]
+
+
+def test_every_link_of_an_arm_has_every_cause_of_links(tmp_path):
+    found = catalogue(arm_scene(tmp_path, {"P": (0.1, 0.5, 0.7)}))
+    for cause in BY_LINK:
+        assert parts(found, cause) == ["upper", "fore", "hand"], cause
+    assert len({effect.label for effect in found}) == len(found)
+
+
+def test_links_in_one_line_are_one_place_for_what_slips_along_it(tmp_path):
+    postures = {"straight": (0.3, 0.0, 0.6), "bent": (0.1, 0.5, 0.7)}
+    found = catalogue(arm_scene(tmp_path, postures, rays=(("straight", ALONG),)))
+    for cause in ("joint_clearance", "contact_compliance", "plasticity"):
+        assert parts(found, cause) == ["upper or fore", "hand"], cause
+    # what bends is another thing in each
+    assert parts(found, "creep") == ["upper", "fore", "hand"]
+    both = catalogue(arm_scene(tmp_path, postures, rays=(("straight", ALONG), ("bent", ALONG))))
+    assert parts(both, "joint_clearance") == ["upper", "fore", "hand"]
+
+
+def test_what_a_test_only_bends_does_not_differ_between_pull_and_push(tmp_path):
+    # all in one plane, of which the end-effector is taken out
+    flat = {"P": (0.4, 0.0, 0.9)}
+    across, along = tuple(np.eye(6)[2]), ALONG
+    out_of_plane = catalogue(arm_scene(tmp_path, flat, _about_z, rays=(("P", across),)))
+    assert parts(out_of_plane, "tension_compression_asymmetry") == []
+    both = catalogue(arm_scene(tmp_path, flat, _about_z, rays=(("P", across), ("P", along))))
+    assert parts(both, "tension_compression_asymmetry") == ["upper", "fore", "hand"]
+
+
+def _about_z(text):
+    return text.replace('axis = "y"', 'axis = "z"')
+
+
+def test_only_a_link_with_a_joint_has_play(tmp_path):
+    def clamped(text):
+        """Without the joints on either side of the upper beam, which turn by nothing."""
+        return re.sub(r'\[\[parts\]\]\nkind = "actuated"\nname = "j-(upper|fore)"(\n.+){2}\n', "", text).replace(
+            "j-upper = 0.0, j-fore = 0.0, ", ""
+        )
+
+    found = catalogue(arm_scene(tmp_path, {"P": (0.0, 0.0, 0.7)}, clamped))
+    assert parts(found, "joint_clearance") == ["fore", "hand"]
+    assert parts(found, "plasticity") == ["upper or fore", "hand"]
+
+
+def test_the_weight_is_that_of_every_link(tmp_path):
+    own = arm_scene(tmp_path, {"P": (0.1, 0.5, 0.7)})
+    gravity = next(effect for effect in catalogue(own) if effect.cause == "gravity")
+    hung = dict(gravity.machine(own.machine, (4.0,)).weight)
+    volumes = {link.name: link.EA * link.length for link in ARM}
+    # shares of 4 kg: rounding
+    assert hung == pytest.approx({name: 4.0 * v / sum(volumes.values()) for name, v in volumes.items()}, rel=1e-12)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_device_is_turned_about_whatever_axis_it_drives_along(tmp_path, axis):
+    own = arm_scene(tmp_path, {"P": (0.1, 0.5, 0.7)}, rays=(("P", tuple(-np.eye(6)[axis])),))
+    tilt = next(effect for effect in catalogue(own) if effect.cause == "load_misalignment")
+    assert tilt.axis == tuple(np.eye(3)[axis])
+    went = tilt.tilted((0.02, 0.01))
+    # both angles tilt it, whichever way it goes
+    assert np.arccos(went[axis]) == pytest.approx(np.hypot(0.02, 0.01), rel=1e-9)
+
+
+def test_a_links_asymmetry_contains_that_links_compliance_only(tmp_path):
+    found = {effect.label: effect for effect in catalogue(arm_scene(tmp_path, {"P": (0.1, 0.5, 0.7)}))}
+    assert found["tension_compression_asymmetry.fore"].contains == ("link_compliance.fore",)
+    only = {effect.label: effect for effect in catalogue(scene(8))}
+    assert only["tension_compression_asymmetry.link"].contains == ("link_compliance",)
 
 
 def test_lumping_is_a_cause_of_lumped_models_only():

@@ -1,0 +1,197 @@
+"""Effects in a link that is not the last one, against an arm by virtual work with nothing of the package in it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers import linear_arm
+
+from vjm.io.model_file import load_chain
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.mechanisms.catalogue import catalogue
+from vjm_updating.mechanisms.effect import Scene
+from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.path_table import HalfRay, tabulate
+from vjm_updating.mechanisms.relaxation import relaxed
+from vjm_updating.mechanisms.series_elements import History, balance
+
+LINKS = linear_arm.arm("upper", "fore")
+ANGLES = {"bent": (0.5, 0.9), "folded": (-0.4, 2.1)}
+REACH = 0.1
+"""mm: the arm is linear up to some 1e-4."""
+LINEAR = 1e-3
+
+
+def built(folder, links):
+    file = folder / "arm.toml"
+    file.write_text(linear_arm.model(links, ANGLES))
+    return ModifiedChain(load_chain(file), VjmEngine(8))
+
+
+def causes_of(machine):
+    scene = Scene(machine.nominal, machine.engine, 500.0, REACH, duration=100.0, interval=1.0)
+    return {effect.label: effect for effect in catalogue(scene)}
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory):
+    return built(tmp_path_factory.mktemp("arm"), LINKS)
+
+
+@pytest.fixture(scope="module")
+def effects(machine):
+    return causes_of(machine)
+
+
+def ramp(axis, n=21):
+    """Up, back and to the other side ``(n, 6)``."""
+    u = np.zeros((n, 6))
+    u[:, axis] = REACH * np.interp(np.linspace(0.0, 4.0, n), [0, 1, 3, 4], [0, 1, -1, 0])
+    return u
+
+
+def history_of(machine, posture, n):
+    lines = {link.name: np.tile(machine.line(posture, link.name), (n, 1)) for link in LINKS}
+    return History(
+        np.linspace(0.0, 60.0, n), np.arange(n) == 0, lines["fore"], np.tile(machine.lever(posture), (n, 1)), lines
+    )
+
+
+def tables_of(machine, posture, axis, pulls=True):
+    return [
+        tabulate(machine, HalfRay.of(posture, sign * np.eye(6)[axis], 1.1 * REACH), pulls) for sign in (1.0, -1.0)
+    ]
+
+
+def look_of(machine, posture, axis):
+    up, down = tables_of(machine, posture, axis)
+
+    def look(u):
+        s = u[:, axis]
+        W, K = (np.where((s >= 0.0).reshape(-1, *[1] * (a.ndim - 1)), a, b)
+                for a, b in zip(up.at(np.maximum(s, 0.0)), down.at(np.maximum(-s, 0.0)), strict=True))  # fmt: skip
+        off = u - np.outer(s, np.eye(6)[axis])
+        return W + np.einsum("nij,nj->ni", K, off), K
+
+    return look
+
+
+def close(found, expected, share=LINEAR):
+    """Forces, and moments over a length of the arm, in units of the largest force."""
+    unit = np.repeat([1.0, 300.0], 3)
+    np.testing.assert_allclose(found / unit, expected / unit, rtol=0.0, atol=share * np.abs(expected / unit).max())
+
+
+@pytest.mark.parametrize("posture", ANGLES)
+def test_arms_are_one_and_the_same(machine, posture):
+    arm = linear_arm.Arm(LINKS, ANGLES[posture])
+    for axis in range(3):
+        u = ramp(axis)
+        close(look_of(machine, posture, axis)(u)[0], np.linalg.solve(arm.compliance(), u.T).T)
+    for link in LINKS:
+        np.testing.assert_allclose(machine.line(posture, link.name), arm.line[link.name], atol=1e-12)
+
+
+@pytest.mark.parametrize("link", ["upper", "fore"])
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize(
+    ("cause", "values"),
+    [
+        ("joint_clearance", (0.02, 0.1, 20.0)),
+        ("contact_compliance", (0.02, 2.0 / 3.0)),
+    ],
+)
+def test_what_gives_way_along_any_link_shifts_all_behind_it(machine, effects, cause, values, link, axis):
+    u, arm = ramp(axis), linear_arm.Arm(LINKS, ANGLES["bent"])
+    (element,) = effects[f"{cause}.{link}"].elements(machine, values)
+    history = history_of(machine, "bent", len(u))
+    found = balance(look_of(machine, "bent", axis), u, [element], history)
+    expected = arm.shifted(u, link, lambda N: float(element.law(np.array([N]), history)[0][0]))
+    effect = np.abs(expected - np.linalg.solve(arm.compliance(), u.T).T).max()
+    assert effect > 20.0 * LINEAR * np.abs(expected).max()
+    close(found.wrench, expected)
+
+
+@pytest.mark.parametrize("free", ["upper", "fore"])
+@pytest.mark.parametrize("link", ["upper", "fore"])
+def test_so_it_does_behind_and_before_a_passive_joint(tmp_path, free, link):
+    links = tuple(replace(one, gives=linear_arm.FREE) if one.name == free else one for one in LINKS)
+    leg, arm, u = built(tmp_path, links), linear_arm.Arm(links, ANGLES["bent"]), ramp(0)
+    (element,) = causes_of(leg)[f"joint_clearance.{link}"].elements(leg, (0.02, 0.1, 2.0))
+    history = history_of(leg, "bent", len(u))
+    found = balance(look_of(leg, "bent", 0), u, [element], history)
+    expected = arm.shifted(u, link, lambda N: float(element.law(np.array([N]), history)[0][0]))
+    assert (
+        np.abs(expected - np.linalg.solve(arm.compliance(), u.T).T).max() > 20.0 * LINEAR * np.abs(expected).max()
+    )
+    close(found.wrench, expected)
+
+
+def test_a_foot_is_loaded_along_the_link_on_it(tmp_path):
+    links = linear_arm.arm("foot", "upper", "fore")
+    file = tmp_path / "leg.toml"
+    file.write_text(linear_arm.model(links, {"bent": (0.0, 0.6, 0.9)}))
+    leg = ModifiedChain(load_chain(file), VjmEngine(8))
+    (slips,) = causes_of(leg)["plasticity.foot"].elements(leg, (100.0, 0.1, 0.3, 0.5))
+    assert slips.place.link == "upper"
+    two_ways = causes_of(leg)["tension_compression_asymmetry.foot"].machine(leg, (1.3, 0.0))
+    along = leg.line("bent", "upper")
+    assert two_ways.ways("bent", along + 2.0 * np.cross(along, [0.0, 1.0, 0.0])) == (1,)
+    assert two_ways.ways("bent", -along) == (-1,)
+
+
+@pytest.mark.parametrize("link", ["upper", "fore"])
+def test_any_link_yields_along_itself(machine, effects, link):
+    u, arm = ramp(0), linear_arm.Arm(LINKS, ANGLES["bent"])
+    along = np.linalg.solve(arm.compliance(), u.T)[:3].T @ arm.line[link]
+    limit, soft = 0.4 * float(np.abs(along).max()), 2e-4
+    effect = effects[f"plasticity.{link}"]
+    elements = effect.elements(machine, (limit, soft, 0.0, 0.0))
+    found = balance(look_of(machine, "bent", 0), u, elements, history_of(machine, "bent", len(u)))
+    expected = arm.yielding(u, link, limit, soft)
+    # a set remains: at the end, where the end-effector is back, there is a force
+    assert np.abs(expected[-1, :3]).max() > 0.05 * np.abs(expected[:, :3]).max()
+    close(found.wrench, expected)
+
+
+@pytest.mark.parametrize("link", ["upper", "fore"])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_any_link_may_differ_between_pull_and_push(machine, effects, link, axis):
+    arm, ratio = linear_arm.Arm(LINKS, ANGLES["bent"]), 1.4
+    changed = effects[f"tension_compression_asymmetry.{link}"].machine(machine, (ratio, 0.0))
+    for sign in (1.0, -1.0):
+        d = sign * np.eye(6)[axis]
+        force = np.linalg.solve(arm.compliance(), d)[:3]
+        ways = changed.ways("bent", force)
+        assert ways == (int(np.sign(force @ arm.line[link])),)
+        found = tabulate(changed, HalfRay.of("bent", d, REACH), ways).wrench[-1]
+        close(found[None], arm.two_ways(REACH * d[None], link, ratio))
+
+
+def test_a_load_that_only_bends_a_link_neither_pulls_nor_pushes(machine, effects):
+    changed = effects["tension_compression_asymmetry.upper"].machine(machine, (1.4, 0.0))
+    across = np.cross(machine.line("bent", "upper"), [0.0, 0.0, 1.0])
+    assert changed.ways("bent", 100.0 * across) == (0,)
+    own = tabulate(changed, HalfRay.of("bent", np.eye(6)[2], REACH), (0,))
+    np.testing.assert_array_equal(own.wrench, tabulate(machine, HalfRay.of("bent", np.eye(6)[2], REACH), ()).wrench)
+
+
+@pytest.mark.parametrize("link", ["upper", "fore"])
+@pytest.mark.parametrize("axis", [0, 2])
+def test_any_beam_creeps_on_its_own(machine, effects, link, axis):
+    u, arm = ramp(axis, 61), linear_arm.Arm(LINKS, ANGLES["bent"])
+    history = history_of(machine, "bent", len(u))
+    ray = (np.arange(len(u)), np.eye(6)[axis], *tables_of(machine, "bent", axis))
+    elastic = np.linalg.solve(arm.compliance(), u.T).T
+    off = []
+    for share in (0.02, 0.1):
+        own = effects[f"creep.{link}"].relaxation(machine, (share, 9.0, 0.0, 10.0))
+        assert own.part == link
+        expected = arm.creeping(history.time, u, link, share, 9.0) - elastic
+        found = relaxed([ray], u, history, own)
+        off.append(np.abs((found - expected)[:, :3]).max() / np.abs(expected[:, :3]).max())
+    # right to first order in the share: measured 0.0045 and 0.020 at most
+    assert off[0] < 0.3 * 0.02
+    assert off[1] < 0.3 * 0.1
