@@ -16,9 +16,10 @@ import numpy as np
 from vjm.io.model_file import build_chain
 from vjm.io.toml_text import toml_text
 from vjm.model.chain import Chain
+from vjm.model.joints import SprungJoint
 from vjm.model.parts import Actuator, Beam, Section
 from vjm.rotations import Array, rotate_matrix6, shift_compliance
-from vjm_updating.calibrate.parameters import split_parts
+from vjm_updating.calibrate.parameters import GEARED, split_parts
 from vjm_updating.experiment import Measurement
 
 ALIKE = 1e-12
@@ -38,6 +39,8 @@ def calibrated_document(measurement: Measurement, chain: Chain) -> dict[str, Any
     for table, old, new in zip(document["parts"], measurement.chain.parts, chain.parts, strict=True):
         if isinstance(old, Actuator) and isinstance(new, Actuator):
             table["compliance_mm_per_N"] = float(new.compliance)
+        elif isinstance(new, GEARED):
+            _joint(table, new)
         elif isinstance(old, Beam) and isinstance(new, Beam):
             _beam(table, old, new, by_section=new.name in split)
     file, sheet = measurement.readings.file, measurement.sheet
@@ -56,6 +59,17 @@ def calibrated_text(measurement: Measurement, chain: Chain) -> str:
     build_chain(document, "calibrated-model.toml")
     head = f"# Calibrated from {measurement.readings.file} with {measurement.sheet.file} by `validate calibrate`.\n"
     return head + toml_text(document)
+
+
+def _joint(table: dict[str, Any], new: GEARED) -> None:
+    """What a joint has of compliances, in the keys of its kind."""
+    if isinstance(new, SprungJoint):
+        table["stiffness_N_per_mm" if new.slides else "stiffness_Nmm_per_rad"] = float(new.stiffness)
+        return
+    if new.compliance > 0.0:
+        table["compliance_mm_per_N" if new.slides else "compliance_rad_per_Nmm"] = float(new.compliance)
+    if any(new.lateral):
+        table["lateral_rad_per_Nmm"] = [float(c) for c in new.lateral]
 
 
 def _beam(table: dict[str, Any], old: Beam, new: Beam, *, by_section: bool) -> None:

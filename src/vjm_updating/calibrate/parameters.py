@@ -2,8 +2,8 @@
 
 All are coordinates z that are zero at nominal. A stiffness or a compliance is its nominal value times exp(z), so
 that it stays positive; a 6×6 compliance is ``L R Rᵀ Lᵀ`` with L the Cholesky factor of the nominal one and R lower
-triangular with ``exp(z_ii)`` on its diagonal, so that it stays positive definite. A drive that is nominally rigid
-has ``value = unit · z``, bounded below.
+triangular with ``exp(z_ii)`` on its diagonal, so that it stays positive definite. A drive or joint that is
+nominally rigid has ``value = unit · z``, bounded below.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 
 from vjm.io.errors import did_you_mean
 from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
 from vjm.model.parameters import SECTION_VALUES, Parameter, beam_length
 from vjm.model.parts import Actuator, Beam, Part
 from vjm.rotations import Array
@@ -33,6 +34,10 @@ RIGID = 1e-4
 MATRIX = tuple((i, j) for i in range(6) for j in range(i + 1))
 """Entries of the triangular factor, row by row."""
 SECTION = ("EA", "GJ", "EIy", "EIz")
+ABOUT = ("compliance", "lateral-1", "lateral-2")
+"""Compliances of a joint: about or along its own axis, and about the two `vjm.model.joints.joint_axes` across."""
+GEARED = ActuatedJoint | CoupledJoint | SprungJoint
+"""Joints that stand at a coordinate, and may have a compliance there."""
 
 
 @dataclass(frozen=True)
@@ -147,8 +152,18 @@ def split_parts(engine: VjmEngine, chain: Chain) -> set[str]:
 
 
 def default_parameters(engine: VjmEngine, chain: Chain) -> list[str]:
-    """One factor for every elastic part."""
-    return [f"{beam.name}.factor" for beam in chain.beams]
+    """One factor for every beam, and the compliance of every drive and joint that has one."""
+    driven = (p for p in chain.parts if isinstance(p, Actuator | GEARED) and compliance_of(p, ABOUT[0]) > 0.0)
+    return [*(f"{beam.name}.factor" for beam in chain.beams), *(f"{part.name}.{ABOUT[0]}" for part in driven)]
+
+
+def compliance_of(part: Actuator | GEARED, what: str) -> float:
+    """A compliance of a drive or joint, one of `ABOUT`, in mm/N or rad/(N mm); zero for a rigid one."""
+    if isinstance(part, SprungJoint):
+        return 1.0 / part.stiffness
+    return (
+        part.compliance if isinstance(part, Actuator) or what == ABOUT[0] else part.lateral[ABOUT.index(what) - 1]
+    )
 
 
 def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Sequence[Nuisance]) -> Unknowns:
@@ -159,7 +174,8 @@ def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Seque
         engine: whose springs decide whether a part's section or its 6×6 counts.
         names: parameters as ``part.what``: ``factor``; ``EA``, ``GJ``, ``EIy``, ``EIz``, ``GAy``, ``GAz`` or all of
             the first four as ``section``; ``C11`` to ``C66`` (a row and column of the 6×6 scaled, which scales its
-            diagonal entry) or ``diagonal``; the full 6×6 as ``matrix``; a drive's ``compliance``.
+            diagonal entry) or ``diagonal``; the full 6×6 as ``matrix``; a drive's or joint's ``compliance``; a
+            joint's ``lateral-1`` and ``lateral-2``.
         extra: the sheet's nuisances. A modulus acts on what of its part is not looked for itself, and drops out
             where nothing is left.
 
@@ -179,7 +195,7 @@ def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Seque
             if one in mine:
                 raise ValueError(f"parameter '{name}': {part_name}'s {one} is looked for twice: name it once")
             mine.add(one)
-        block, change = _block(name, part, what, split)
+        block, change = _block(name, part, what, split, chain.characteristic_length)
         changes.append((len(sought), len(sought) + len(block), change))
         sought += block
     for nuisance in extra:
@@ -207,7 +223,7 @@ def _spelt_out(names: Sequence[str]) -> list[str]:
 
 
 def _part(chain: Chain, name: str) -> Part:
-    parts = {part.name: part for part in chain.parts if isinstance(part, Beam | Actuator)}
+    parts = {part.name: part for part in chain.parts if isinstance(part, Beam | Actuator | GEARED)}
     if name not in parts:
         raise ValueError(
             f"parameter of '{name}': {chain.name} has no such elastic part{did_you_mean(name, parts)}; "
@@ -218,7 +234,7 @@ def _part(chain: Chain, name: str) -> Part:
 
 def _meant(what: str, part: Part, split: set[str]) -> set[str]:
     """The single values that a name stands for."""
-    if isinstance(part, Actuator):
+    if not isinstance(part, Beam):
         return {what}
     if what in ("factor", "matrix"):
         return set(SECTION_VALUES) if part.name in split else {f"C{i}{i}" for i in range(1, 7)}
@@ -239,16 +255,10 @@ def _unknown(name: str, unit: str, nominal: float) -> Unknown:
     return Unknown(name, "parameter", name.partition(".")[0], 1.0, sigma=WEAK, unit=unit, nominal=nominal)
 
 
-def _block(name: str, part: Part, what: str, split: set[str]) -> tuple[list[Unknown], Change]:
+def _block(name: str, part: Part, what: str, split: set[str], length: float) -> tuple[list[Unknown], Change]:
     """The coordinates of one name and what they do."""
-    if isinstance(part, Actuator):
-        if what != "compliance":
-            raise ValueError(f"parameter '{name}': a drive has the parameter '{part.name}.compliance'")
-        nominal = part.compliance
-        own = _unknown(name, "mm/N", nominal)
-        if nominal == 0.0:
-            own = replace(own, scale=SOFT_DRIVE, low=RIGID, linear=True)
-        return [own], _drive(part, own)
+    if isinstance(part, Actuator | GEARED):
+        return _softness(name, part, what, length)
     assert isinstance(part, Beam)
     if what == "factor":
         scaled = _meant("factor", part, split)
@@ -335,8 +345,35 @@ def _length(own: Coordinate) -> Change:
     return change
 
 
-def _drive(part: Actuator, own: Unknown) -> Change:
-    return lambda chain, z: _with(chain, replace(part, compliance=own.value(float(z[0]))))
+def _softness(name: str, part: Actuator | GEARED, what: str, length: float) -> tuple[list[Unknown], Change]:
+    """The coordinate of a drive's or joint's compliance; a rigid one's unit is `SOFT_DRIVE`, at the ``length``."""
+    if isinstance(part, ActuatedJoint) and part.matrix is not None:
+        raise ValueError(f"parameter '{name}': {part.name} has a whole 6×6, which is not looked for")
+    known = ABOUT if isinstance(part, ActuatedJoint | CoupledJoint) else ABOUT[:1]
+    if what not in known:
+        raise ValueError(
+            f"parameter '{name}': {part.name} has the parameters {', '.join(f'{part.name}.{k}' for k in known)}"
+        )
+    slides = isinstance(part, Actuator) or (part.slides and what == ABOUT[0])
+    nominal = compliance_of(part, what)
+    own = _unknown(name, "mm/N" if slides else "rad/(N mm)", nominal)
+    if nominal == 0.0:
+        own = replace(own, scale=SOFT_DRIVE / (1.0 if slides else length**2), low=RIGID, linear=True)
+
+    def change(chain: Chain, z: Array) -> Chain:
+        value, now = own.value(float(z[0])), next(p for p in chain.parts if p.name == part.name)
+        match now:
+            case SprungJoint():
+                return _with(chain, replace(now, stiffness=1.0 / value))
+            case ActuatedJoint() | CoupledJoint() if what != ABOUT[0]:
+                lateral = list(now.lateral)
+                lateral[ABOUT.index(what) - 1] = value
+                return _with(chain, replace(now, lateral=(lateral[0], lateral[1])))
+            case Actuator() | ActuatedJoint() | CoupledJoint():
+                return _with(chain, replace(now, compliance=value))
+        raise TypeError(f"{part.name} is no drive any more")
+
+    return [own], change
 
 
 def _with(chain: Chain, changed: Part) -> Chain:

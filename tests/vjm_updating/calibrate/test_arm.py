@@ -10,7 +10,7 @@ import pytest
 from vjm.continuation.direction import Direction
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
-from vjm.model.parameters import compliance_factor
+from vjm.model.parameters import compliance_factor, joint_compliance
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibrate import carried, design
 from vjm_updating.calibrate.command import MODEL, calibrate, prepare
@@ -96,3 +96,51 @@ def test_the_whole_calibration_of_an_arm_is_written(tmp_path: Path):
     drawn = {beam.name: beam for beam in load_chain("planar-2r").beams}
     for name, factor in SOFTER.items():
         assert drawn[name].section.EIz / beams[name].section.EIz == pytest.approx(factor, rel=1e-5)
+
+
+GEARS = {"shoulder": 1.3, "elbow": 0.8}
+"""Compliances of the gears over nominal."""
+
+
+def test_the_gears_of_an_arm_are_found_and_written(tmp_path: Path):
+    """In the plane of the arm, which its joints turn in: what bends is as drawn."""
+    chain, engine = load_chain("planar-2r"), VjmEngine.of(4, 1)
+    for name, factor in GEARS.items():
+        gear = joint_compliance(chain, name)
+        chain = gear.apply(chain, factor * gear.value)
+    rows = ["posture,ux_mm,fx_N,fy_N"]
+    for posture in ("bent", "folded"):
+        path = engine.trace(chain, LoadCase(posture, 2.0, "x", steps=10))
+        rows += [f"{posture},{s:.9f},{w[0]:.9f},{w[1]:.9f}" for s, w in zip(path.s, path.wrench, strict=True)]
+    data, sheet = tmp_path / "data.csv", tmp_path / "sheet.toml"
+    data.write_text("\n".join(rows) + "\n")
+    sheet.write_text(
+        '[test]\nmodel = "planar-2r"\n[model]\nlink_segments = 4\n'
+        # so precise that the weak priors hold nothing back
+        "[instrument.ux_mm]\nnoise = 1e-5\n[instrument.fx_N]\nnoise = 5e-4\n[instrument.fy_N]\nnoise = 5e-4\n"
+    )
+    names = [f"{name}.compliance" for name in GEARS]
+    task = prepare(data, sheet, names)
+    assert [unknown.unit for unknown in task.problem.unknowns.sought] == ["rad/(N mm)"] * 2
+    document = calibrate(task, tmp_path / "out")
+    # the file has nine decimals
+    for row, factor in zip(document.parameters, GEARS.values(), strict=True):
+        assert row.over_nominal == pytest.approx(factor, rel=1e-5)
+    written = load_chain(tmp_path / "out" / MODEL)
+    for name in GEARS:
+        own, true = (joint_compliance(c, name).value for c in (written, chain))
+        assert own == pytest.approx(true, rel=1e-5)
+
+
+def test_what_a_joint_has_is_what_can_be_looked_for(tmp_path: Path):
+    measured(tmp_path)
+    measurement = read_measurement(tmp_path / "data.csv", tmp_path / "sheet.toml")
+    for names, words in (
+        (("elbow.factor",), "has the parameters elbow.compliance, elbow.lateral-1, elbow.lateral-2"),
+        (("elbow.compliance", "elbow.compliance"), "looked for twice"),
+        (("wrist.compliance",), "no such elastic part"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            problem_of(measurement, names)
+    rigid = problem_of(measurement, ("elbow.lateral-1",)).unknowns.sought[0]
+    assert (rigid.nominal, rigid.linear) == (0.0, True)
