@@ -15,9 +15,9 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import chi2
 
 from vjm.rotations import Array
+from vjm_updating.observation.distributions import chi2_sf
 
 DRAWS, SEED = 4000, 19630612
 """Of noise, from which the weights of a cone follow."""
@@ -67,11 +67,11 @@ class Cone:
 
     def chance(self, squares: Array) -> Array:
         """p-value of squares explained, where the residual is white noise of unit variance."""
-        whole: Array = chi2.sf(squares, self.dimension)
+        whole: Array = chi2_sf(squares, self.dimension)
         if not self.edges.shape[1]:
             return whole
         ways = 2.0 if self.mirrored else 1.0
-        parts = [w * chi2.sf(squares, j) for j, w in enumerate(self._weights) if j]
+        parts = [w * chi2_sf(squares, j) for j, w in enumerate(self._weights) if j]
         return np.where(np.asarray(squares) > 0.0, np.minimum(ways * sum(parts), whole), 1.0)
 
     @cached_property

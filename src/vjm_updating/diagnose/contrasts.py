@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.residual_basis import driven_place, loading
 from vjm_updating.diagnose.screening import projection
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.observation.distributions import normal_sf
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Contrast:
     @property
     def p(self) -> float:
         """Two-sided p-value."""
-        return float(2.0 * norm.sf(abs(self.significance)))
+        return float(2.0 * normal_sf(abs(self.significance)))
 
 
 def contrasts(fitter: Fitter, null: Fit) -> list[Contrast]:

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import norm
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit, Fitter, prior
 from vjm_updating.diagnose.parameters import release_key
+from vjm_updating.observation.distributions import normal_sf
 
 APART, UNSURE, SURE = 2.3, 0.7, 0.95
 """Distance at which two causes are as likely one class as not, its standard deviation, and the chance that nothing
@@ -66,7 +66,7 @@ def best_verdict(fitter: Fitter, fits: Sequence[Fit], weights: Array) -> tuple[l
     alike = np.ones((k, k))
     for i, j in combinations(range(k), 2):
         apart = max(distance(fitter, fits[i], fits[j]), distance(fitter, fits[j], fits[i]))
-        alike[i, j] = alike[j, i] = SURE * float(norm.sf((apart - APART) / UNSURE))
+        alike[i, j] = alike[j, i] = SURE * float(normal_sf((apart - APART) / UNSURE))
     best: list[int] = []
     most = -1.0
     for size in range(1, k + 1):

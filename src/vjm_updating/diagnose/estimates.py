@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm, qmc
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit, Fitter
 from vjm_updating.diagnose.forward import values_of
 from vjm_updating.diagnose.normal_equations import inverse
 from vjm_updating.diagnose.parameters import of_effect, release_key
+from vjm_updating.observation.distributions import latin_hypercube, normal_quantile
 from vjm_updating.observation.significance import NORMAL_95
 
 DRAWS = 512
@@ -92,8 +92,8 @@ def joined(here: Mapping[str, Estimate], others: Sequence[Mapping[str, Estimate]
 def _normal(covariance: Array) -> Array:
     """Errors ``(DRAWS, k)`` of a covariance ``(k, k)``, always the same ones, spread evenly."""
     sizes, axes = np.linalg.eigh(covariance)
-    even = qmc.LatinHypercube(len(covariance), rng=0).random(DRAWS)
-    result: Array = norm.ppf(even) * np.sqrt(np.maximum(sizes, 0.0)) @ axes.T
+    even = latin_hypercube(DRAWS, len(covariance), 0)
+    result: Array = normal_quantile(even) * np.sqrt(np.maximum(sizes, 0.0)) @ axes.T
     return result
 
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import chi2
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.fitting import Fit, Fitter, prior
 from vjm_updating.diagnose.residual_basis import smooth_shapes, sudden_shapes
 from vjm_updating.diagnose.screening import Projection, projection
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.observation.distributions import chi2_isf, chi2_sf
 from vjm_updating.observation.significance import NOISE_KNOWN
 
 DRAWS = 4000
@@ -62,7 +62,7 @@ def misfit(fitter: Fitter, fit: Fit) -> Misfit:
         return Misfit(1.0, 0.0, "", *_strained(fit))
     squares = np.array([float(np.sum((b.directions.T @ space.residual) ** 2)) for b in blocks])
     freedom = np.array([b.directions.shape[1] for b in blocks])
-    p = np.asarray(chi2.sf(squares, freedom))
+    p = np.asarray(chi2_sf(squares, freedom))
     worst = int(np.argmin(p))
     # the rank of the least p among its draws; far out in its tail it goes with the p itself
     least = least_p_values(blocks, max(float(p[worst]), 2.0 * TAIL))
@@ -71,7 +71,7 @@ def misfit(fitter: Fitter, fit: Fit) -> Misfit:
         rank = min(rank, float(p[worst] * TAIL / np.quantile(least, TAIL)))
     together, size = _together(smooth, space)
     large, beyond = _too_large(space, fitter.whitening.present)
-    overall = min(large, float(chi2.sf(together, size)))
+    overall = min(large, float(chi2_sf(together, size)))
     total = min(1.0, 3.0 * min(rank, overall))
     left = max(together - size, float(squares[worst]) - int(freedom[worst]), beyond, 0.0)
     named = blocks[worst].name if total < 0.05 and rank <= large else ""
@@ -93,9 +93,9 @@ def _strained(fit: Fit) -> tuple[float, str]:
         return 1.0, ""
     squares = off[sheet] ** 2
     farthest = sheet[int(np.argmax(squares))]
-    together = float(chi2.sf(squares.sum(), len(sheet)))
+    together = float(chi2_sf(squares.sum(), len(sheet)))
     # one alone is lost among twenty that are right
-    alone = len(sheet) * float(chi2.sf(squares.max(), 1))
+    alone = len(sheet) * float(chi2_sf(squares.max(), 1))
     words = f"{fit.found[farthest].name} {abs(off[farthest]):.1f} sigma from the sheet's"
     return min(1.0, 2.0 * min(together, alone)), words
 
@@ -111,8 +111,8 @@ def least_p_values(blocks: Sequence[Block], level: float) -> Array:
     for a, b in pairwise(edges.tolist()):
         squares = np.sum(draws[:, a:b] ** 2, axis=1, dtype=float)
         # the chance is slow to compute, and of most draws not needed
-        rare = squares >= chi2.isf(level, b - a)
-        result[rare] = np.minimum(result[rare], chi2.sf(squares[rare], b - a))
+        rare = squares >= chi2_isf(level, b - a)
+        result[rare] = np.minimum(result[rare], chi2_sf(squares[rare], b - a))
     return result
 
 
@@ -162,5 +162,5 @@ def _too_large(space: Projection, present: np.ndarray) -> tuple[float, float]:
     own = 1.0 - np.sum(space.basis[: space.rows] ** 2, axis=1)
     parts = [np.ones(space.rows, dtype=bool), *(channel == c for c in np.unique(channel))]
     sizes = [(float(squares[on].sum()), float(own[on].sum())) for on in parts]
-    chance = min(float(chi2.sf(size / NOISE_KNOWN, freedom)) for size, freedom in sizes)
+    chance = min(float(chi2_sf(size / NOISE_KNOWN, freedom)) for size, freedom in sizes)
     return min(1.0, len(parts) * chance), max(size - NOISE_KNOWN * freedom for size, freedom in sizes)

@@ -8,10 +8,10 @@ where too many differ it is the model that is wrong, and none of them is wild.
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import hypergeom
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.residual_basis import driven_place
+from vjm_updating.observation.distributions import drawn_sf
 from vjm_updating.observation.observed import Observed
 from vjm_updating.observation.significance import FALSE_ALARMS, level, too_many
 from vjm_updating.observation.whitening import Whitening
@@ -174,7 +174,7 @@ def _smallest(load: Array, way: Array) -> float:
         return 1.0
     upto, count = np.flatnonzero(short) + 1, np.arange(1, many + 1)
     # up to each of them: at least so many of them within the first; one alone says nothing
-    chance = np.asarray(hypergeom.sf(count - 1, len(short), many, upto))
+    chance = drawn_sf(count, len(short), many, upto)
     return float(chance[1:].min())
 
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
-from scipy.stats import chi2
 
 from vjm_updating.diagnose.discrepancy import discrepancy, softened
 from vjm_updating.diagnose.evidence import Costs, choice, criterion
@@ -32,6 +31,7 @@ from vjm_updating.diagnose.screening import (
 )
 from vjm_updating.diagnose.trust_region import best_fit
 from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.distributions import chi2_sf
 
 WIDTH, BEAM, PAIRS = 8, 3, 3
 """Hypotheses that are fitted in full at each size, those of one size that are extended, and pairs from nothing."""
@@ -177,7 +177,7 @@ class Search:
             return float(own[0].cone.chance(np.array([gain]))[0]) < self.alarm
         free = sum(max(len(effect.quantities()), 1) for effect in ranked.fit.hypothesis)
         # so many more hypotheses there are of that size
-        return float(chi2.sf(gain, free)) < self.alarm / max(len(self.effects), 1) ** (len(labels) - 1)
+        return float(chi2_sf(gain, free)) < self.alarm / max(len(self.effects), 1) ** (len(labels) - 1)
 
     def _scores(self, base: Ranked) -> list[Score]:
         """What every other effect explains beside a hypothesis, its laws right to some per cent only."""
@@ -229,7 +229,7 @@ class Search:
                 FIRST_ORDER * worth,
             )
             for a, b, worth in best_pairs(projection(self.fitter, self._near_null), self.first, PAIRS)
-            if chi2.sf(worth, a.cone.dimension + b.cone.dimension) < rare
+            if chi2_sf(worth, a.cone.dimension + b.cone.dimension) < rare
         ]
 
     def _backward(self, best: Ranked) -> list[Move]:

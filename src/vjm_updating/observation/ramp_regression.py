@@ -15,9 +15,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from vjm.rotations import Array
+from vjm_updating.observation.distributions import chi2_isf
 from vjm_updating.observation.significance import CUT, FALSE_ALARMS, NOISE_KNOWN, NORMAL_95, level
 
 MEMORY = 0.8
@@ -163,7 +163,7 @@ def _believed(
     # else it does something else than to be noisy
     free = len(squares) * (1.0 - MEMORY**2) / (1.0 + MEMORY**2)
     regular = float(squares.max()) < level(len(squares)) ** 2
-    regular &= float(squares.mean()) < float(chi2.isf(FALSE_ALARMS, free)) / free
+    regular &= float(squares.mean()) < chi2_isf(FALSE_ALARMS, free) / free
     return Steady(lines, sequence, moved) if regular else None
 
 

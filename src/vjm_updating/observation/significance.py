@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scipy.stats import betabinom, norm
+from vjm_updating.observation.distributions import normal_isf, rare_share_sf
 
 FALSE_ALARMS = 0.004
 """Chance at which a test in which nothing is wrong is taken for one in which something is."""
@@ -19,9 +19,9 @@ CUT = 4.0
 
 def level(count: int) -> float:
     """Standard deviations that the largest of so many independent residuals exceeds with `FALSE_ALARMS`."""
-    return float(norm.isf(0.5 * FALSE_ALARMS / max(count, 1)))
+    return normal_isf(0.5 * FALSE_ALARMS / max(count, 1))
 
 
 def too_many(outliers: int, samples: int) -> bool:
     """Whether so many of a channel's samples are no accidents: their share would be rarer than `FALSE_ALARMS`."""
-    return bool(betabinom.sf(outliers - 1, samples, 1.0, 1.0 / OUTLIERS - 1.0) < FALSE_ALARMS)
+    return rare_share_sf(outliers, samples, 1.0 / OUTLIERS - 1.0) < FALSE_ALARMS

@@ -13,9 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from vjm.rotations import Array
+from vjm_updating.observation.distributions import f_logsf, normal_isf
 from vjm_updating.poses.study import State, Study
 
 NOTED = 3.0
@@ -101,8 +101,8 @@ def _sigmas(explained: float, total: float, p: int, n: int) -> float:
     if p == 0 or freedom <= 0 or total <= explained:
         return 0.0
     F = explained / p / ((total - explained) / freedom)
-    log_p = float(stats.f.logsf(F, p, freedom))
-    return float(min(stats.norm.isf(np.exp(log_p)) if log_p > -700.0 else np.sqrt(-2.0 * log_p), MOST))
+    log_p = f_logsf(F, p, freedom)
+    return float(min(normal_isf(float(np.exp(log_p))) if log_p > -700.0 else np.sqrt(-2.0 * log_p), MOST))
 
 
 def _by_region(study: Study, state: State, left: Array, Q: Array) -> Contrast:
