@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any
 
 import matplotlib as mpl
@@ -185,20 +185,22 @@ class Drawing:
     """A figure as its files.
 
     Attributes:
-        png: the bytes of a PNG file.
+        image: the bytes of a PNG file, or what makes them.
         vector: what a page embeds instead, where the figure has named lines.
     """
 
-    png: bytes
+    image: bytes | Callable[[], bytes]
     vector: Vector | None = None
+
+    @cached_property
+    def png(self) -> bytes:
+        """The bytes of a PNG file, drawn when they are first asked for: a page that has lines needs none."""
+        return self.image if isinstance(self.image, bytes) else self.image()
 
 
 def drawing_of(fig: Figure) -> Drawing:
     """The figure as PNG and, with its values, as SVG."""
-    image = png(fig)
-    # laid out once; measuring the labels again takes as long as to draw
-    fig.set_layout_engine("none")
-    return Drawing(image, vector(fig, RC, f"plot{hashlib.sha256(image).hexdigest()[:8]}"))
+    return Drawing(partial(png, fig), vector(fig, RC, DPI))
 
 
 @dataclass(frozen=True)

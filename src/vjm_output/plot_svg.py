@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import json
 import re
@@ -45,13 +46,13 @@ class _Line:
     y: Any
 
 
-def vector(fig: Figure, rc: dict[Any, Any], name: str) -> Vector | None:
+def vector(fig: Figure, rc: dict[Any, Any], dpi: float) -> Vector | None:
     """The figure as SVG with the values behind it; None where no line of it has a name.
 
     Args:
-        fig: drawn in the report's style, its panels where they stay.
+        fig: in the report's style. Its panels stay where they are from here on.
         rc: matplotlib's settings of that style.
-        name: of the figure, unique on its page.
+        dpi: pixels per inch of its PNG, by which labels are measured where they still make room for themselves.
     """
     lines: list[_Line] = []
     marked: list[str] = []
@@ -76,10 +77,25 @@ def vector(fig: Figure, rc: dict[Any, Any], name: str) -> Vector | None:
     if not lines:
         return None
     stream = io.StringIO()
-    with mpl.rc_context({**rc, "svg.fonttype": "none", "svg.hashsalt": name, "path.simplify": True}):
+    with mpl.rc_context({**rc, "svg.fonttype": "none", "svg.hashsalt": "vjm", "path.simplify": True}):
+        _lay_out(fig, dpi)
         fig.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
-    panels, file = json.dumps([_panel(fig, ax) for ax in fig.axes]), stream.getvalue()
-    return Vector(_element(file, name, marked), _table(fig, lines), panels, file)
+    panels, file, table = json.dumps([_panel(fig, ax) for ax in fig.axes]), stream.getvalue(), _table(fig, lines)
+    # unique on its page; the names of lines stand in the table
+    name = f"plot{hashlib.sha256((file + table).encode()).hexdigest()[:8]}"
+    return Vector(_element(file, name, marked), table, panels, file)
+
+
+def _lay_out(fig: Figure, dpi: float) -> None:
+    """Give the panels their places, once: measuring the labels takes as long as to draw."""
+    engine = fig.get_layout_engine()
+    if engine is None:
+        return
+    own = fig.dpi
+    fig.dpi = dpi
+    engine.execute(fig)
+    fig.dpi = own
+    fig.set_layout_engine("none")
 
 
 def _plain(label: str) -> str:

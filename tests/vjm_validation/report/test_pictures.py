@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +15,9 @@ from vjm.model.load_case import LoadCase
 from vjm.model.parts import Placement
 from vjm.platform.problem import ManipulatorEngine
 from vjm.vjm_engine import VjmEngine
-from vjm_output import off_screen
+from vjm_output import off_screen, plot_style
 from vjm_output.number_text import number
-from vjm_output.plot_style import PAGE_WIDTH, Margins, figure
+from vjm_output.plot_style import PAGE_WIDTH, Margins, drawing_of, figure
 from vjm_validation.report.figures import (
     Window,
     difference_to,
@@ -235,3 +236,33 @@ def test_a_robot_turns_with_the_radii_of_its_parts(pressed):
     leg = load_manipulator("orthoglide").legs[0].chain
     assert {round(radius, 3) for radius in radii_of(leg).values()} <= radii
     assert np.asarray(Image.open(io.BytesIO(picture.content))).min() < 100
+
+
+def test_a_figure_with_lines_is_drawn_as_svg_and_as_png_when_asked(monkeypatch):
+    drawn, places = [], []
+    make = plot_style.png
+    monkeypatch.setattr(plot_style, "png", lambda fig: drawn.append(fig) or make(fig))
+    for label in ("force", None):
+        with figure(2.0, 1) as (fig, (ax,)):
+            ax.plot([0.0, 1.0], [0.0, 1e5], label=label)
+            ax.set_ylabel("a label of\ntwo lines")
+            content = drawing_of(fig)
+        assert (content.vector is not None) == (label is not None)
+        assert drawn == []
+        assert content.png[1:4] == b"PNG"
+        assert content.png is content.png
+        assert drawn.pop() is fig
+        places.append(ax.get_position().bounds)
+    # room is made for the labels either way, the same
+    assert places[0] == pytest.approx(places[1], abs=1e-3)
+    assert places[0][0] > 0.06
+
+
+def test_ids_of_figures_on_one_page_differ():
+    ids = []
+    for label in ("one", "two"):
+        with figure(2.0, 1) as (fig, (ax,)):
+            ax.plot([0.0, 1.0], label=label)
+            ids.append(set(re.findall(r'\bid="([^"]*)"', drawing_of(fig).vector.svg)))
+    assert len(ids[0]) > 5
+    assert ids[0].isdisjoint(ids[1])
