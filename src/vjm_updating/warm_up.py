@@ -1,0 +1,38 @@
+"""Compile the kernels of histories into the cache beside them: ``python -m vjm_updating.warm_up``.
+
+The installation runs it after `vjm.warm_up`. The first diagnosis would wait for it else, ten seconds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vjm.io.model_file import load_chain
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.mechanisms.column import column_force
+from vjm_updating.mechanisms.friction_loop import friction_torques
+from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.path_table import HalfRay, Sheaf, tabulate
+from vjm_updating.mechanisms.relaxation import Relaxation, relaxed
+from vjm_updating.mechanisms.series_elements import History, retarded, yielding
+
+
+def main() -> None:
+    """Go through two readings of every kind."""
+    along = np.eye(6)[[0, 0]]
+    machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(4))
+    table = tabulate(machine, HalfRay.of("A", along[0], 0.1), False)
+    both, own = np.zeros((2, 2), dtype=np.int64), 0.05 * along
+    Sheaf([table], both, along, along).at(own)
+    table.at(own[:, 0])
+    history = History(np.array([0.0, 1.0]), np.array([True, False]), along[:, :3], along[:, :3])
+    relaxed([(np.arange(2), along, table, table)], own, history, Relaxation("link", (0.1,), (10.0,)))
+    force = np.array([0.0, 1.0])
+    retarded(1e-6, 10.0)(force, history)
+    yielding(0.5, 1e-6)(force, history)
+    friction_torques(np.zeros((2, 1)), np.ones((2, 1, 1)), 1.0, history.begins, np.zeros((2, 1)))
+    column_force(force, 100.0, 1e6)
+
+
+if __name__ == "__main__":
+    main()

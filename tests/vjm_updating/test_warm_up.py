@@ -1,0 +1,40 @@
+"""What the installation compiles is what a diagnosis calls."""
+
+from __future__ import annotations
+
+from importlib import resources
+
+import pytest
+
+from vjm_updating import warm_up
+from vjm_updating.diagnose.command import diagnose
+from vjm_updating.mechanisms import column, history_kernel, relaxation_kernel
+
+ENTRIES = (
+    column._forces,
+    history_kernel.interpolated,
+    history_kernel.looked_up,
+    history_kernel.friction_along,
+    history_kernel.decaying,
+    history_kernel.flowing,
+    relaxation_kernel.relaxed_wrenches,
+)
+
+
+def compiled() -> list[list[object]]:
+    return [list(entry.signatures) for entry in ENTRIES]
+
+
+def test_every_kernel_is_compiled():
+    warm_up.main()
+    assert all(compiled())
+
+
+@pytest.mark.slow
+def test_a_diagnosis_has_nothing_left_to_compile(tmp_path):
+    warm_up.main()
+    before = compiled()
+    folder = resources.files("vjm_validation") / "examples/hidden-bow"
+    only = ("joint_friction", "creep", "plasticity")
+    diagnose(folder / "readings.csv", folder / "sheet.toml", tmp_path, only=only)
+    assert compiled() == before
