@@ -17,7 +17,7 @@ from vjm_updating.experiment import read_measurement
 from . import synthetic
 from .conftest import ENGINE, RAMPS, TRUTH
 
-REPETITIONS, FEW = 400, 24
+REPETITIONS, FEW = 400, 16
 LENGTH_MM = 0.2
 """Tolerance of the link's length."""
 
