@@ -1,6 +1,6 @@
 """Tails of the distributions that tests of significance ask for, by `scipy.special` alone.
 
-`scipy.stats` has them too and more, but takes a second to import, and far longer for a single number.
+`scipy.stats` has them too and more, but takes a third of a second to import, and far longer for one number.
 """
 
 from __future__ import annotations
