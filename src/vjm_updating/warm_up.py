@@ -21,7 +21,7 @@ def main() -> None:
     """Go through two readings of every kind."""
     along = np.eye(6)[[0, 0]]
     machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(4))
-    table = tabulate(machine, HalfRay.of("A", along[0], 0.1), False)
+    table = tabulate(machine, HalfRay.of("A", along[0], 0.1), ())
     both, own = np.zeros((2, 2), dtype=np.int64), 0.05 * along
     Sheaf([table], both, along, along).at(own)
     table.at(own[:, 0])
