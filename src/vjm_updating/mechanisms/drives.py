@@ -12,14 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
 from vjm.rotations import Array
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.element_sites import SAME, drive
 from vjm_updating.mechanisms.joint_motions import joint_motions
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.modified_chain import NEITHER, ModifiedChain
 from vjm_updating.mechanisms.part_compliance import FACTOR
+from vjm_updating.mechanisms.path_table import first_wrench
 from vjm_updating.mechanisms.series_elements import AtJoint, Element, Place
 
 Driven = ActuatedJoint | SprungJoint | CoupledJoint
@@ -44,6 +46,7 @@ class Drive:
         compliance: of its spring in the model at the lever, mm/N.
         matters: change of it that matters, mm/N at the lever; of a joint a share, `part_compliance.FACTOR`'s, of
             what the joint has or the whole machine shows in the test, whichever is more.
+        force: the largest one on it in the test, at the lever, N.
     """
 
     part: str = ""
@@ -52,6 +55,7 @@ class Drive:
     lever: float = 1.0
     compliance: float = 0.0
     matters: float = USUAL
+    force: float = 1000.0
 
     def place(self, machine: ModifiedChain) -> Place:
         """Where elements sit.
@@ -139,7 +143,7 @@ def drives(scene: Scene) -> list[Drive]:
     """
     machine, chain = scene.machine, scene.chain
     own = machine.drive
-    found = [] if own is None else [Drive(compliance=own.compliance)]
+    found = [] if own is None else [Drive(compliance=own.compliance, force=scene.force)]
     joints = [part for part in chain.parts if isinstance(part, Driven) and _is_driven(chain, part)]
     if not joints:
         return found
@@ -156,14 +160,36 @@ def drives(scene: Scene) -> list[Drive]:
             places.append(([joint], motion))
         else:
             same.append(joint)
+    begun = _begun(scene)
     for same, _ in places:
         first = same[0]
         lever = 1.0 if first.slides else length
         name = " or ".join(joint.name for joint in same)
         compliance = compliance_of(first) * lever**2
         matters = FACTOR.scale * max(compliance, scene.reach / scene.force)
-        found.append(Drive(name, first.name, not first.slides, lever, compliance, matters))
+        load = _load(begun, first.name, lever) * scene.force or scene.force
+        found.append(Drive(name, first.name, not first.slides, lever, compliance, matters, load))
     return found
+
+
+def _begun(scene: Scene) -> list[tuple[Array, dict[str, Array]]]:
+    """Of each ramp the wrench ``(6,)`` with which it begins, over its force, and the joints' motions ``(6,)``."""
+    found = []
+    for posture, direction in scene.rays:
+        try:
+            wrench = first_wrench(scene.machine, posture, np.array(direction))
+        except NoConvergenceError:
+            continue
+        if wrench[:3].any():
+            wrench /= np.linalg.norm(wrench[:3])
+            found.append((wrench, joint_motions(scene.machine, posture)))
+    return found
+
+
+def _load(begun: Sequence[tuple[Array, dict[str, Array]]], joint: str, lever: float) -> float:
+    """Largest force on a joint at its lever, over that at the end-effector; zero where none is felt."""
+    found = max((abs(float(wrench @ motions[joint])) / lever for wrench, motions in begun), default=0.0)
+    return found if found > NEITHER else 0.0
 
 
 def _is_driven(chain: Chain, joint: Driven) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers import linear_arm
 
 from vjm.io.model_file import build_chain, load_chain, read_document
 from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
@@ -39,11 +40,9 @@ def softer(joint, by):
     return arm(lambda part: replace(part, compliance=part.compliance + by) if part.name == joint else part)
 
 
-def scene_of(machine, postures=("bent", "folded"), **more):
-    return Scene(
-        machine.nominal, machine.engine, 300.0, 1.0,
-        rays=tuple((posture, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)) for posture in postures), **more,
-    )  # fmt: skip
+def scene_of(machine, postures=("bent", "folded"), axis=0, force=300.0):
+    rays = tuple((posture, tuple(np.eye(6)[axis])) for posture in postures)
+    return Scene(machine.nominal, machine.engine, force, 1.0, rays=rays)
 
 
 def effect_of(machine, label, **more):
@@ -196,3 +195,52 @@ def test_a_file_says_it(joint):
     found = {part.name: part.compliance for part in written.parts if part.name in JOINTS}
     drawn = {part.name: part.compliance for part in machine.nominal.parts if part.name in JOINTS}
     assert found == pytest.approx({name: c + SOFT * (name == joint) for name, c in drawn.items()}, rel=1e-12)
+
+
+LINKS = linear_arm.arm("upper", "fore")
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("joint", ["j-upper", "j-fore"])
+@pytest.mark.parametrize(
+    ("cause", "values"),
+    [("actuator_backlash", (1e-4, 0.1, 5000.0)), ("actuator_hardening", (4.0, 2e-8, 1.0))],
+)
+def test_a_gears_law_is_that_of_its_moment(tmp_path, cause, values, joint, axis):
+    """Against virtual work with nothing of the package in it, at loads at which the arm is linear."""
+    angles, reach = (0.5, 0.9), 0.1
+    file = tmp_path / "arm.toml"
+    file.write_text(linear_arm.model([replace(link, gives=0.0) for link in LINKS], {"bent": angles}))
+    machine = ModifiedChain(load_chain(file), VjmEngine(8))
+    truth = linear_arm.Arm([replace(link, gives=0.0) for link in LINKS], angles)
+    effect = effect_of(machine, f"{cause}.{joint}", postures=("bent",), axis=axis, force=1000.0)
+    u, found = in_series(machine, effect, values, "bent", axis, reach)
+    largest = effect.drive.force * effect.drive.lever
+    expected = truth.shifted(u, joint, lambda M: law_of(cause, values, M, largest))
+    plain = np.linalg.solve(truth.compliance(), u.T).T
+    size = np.abs(expected / UNIT).max()
+    moved = np.abs((expected - plain) / UNIT).max()
+    # the arm is linear up to some 1e-3 of the forces; what no moment turns has none
+    np.testing.assert_allclose(found.wrench / UNIT, expected / UNIT, rtol=0.0, atol=1e-3 * size)
+    felt = np.abs(plain @ truth.moves[joint]).max() > 1e-6 * np.abs(plain[:, 3:]).max()
+    assert felt == (moved > 5e-3 * size)
+
+
+def law_of(cause, values, moment, largest):
+    """Turn in rad under a moment in N mm."""
+    if cause == "actuator_backlash":
+        gap, offset, contact = values
+        return gap * (0.5 * np.tanh(moment / contact) + offset)
+    ratio, c, m = values
+    u = abs(moment) / largest
+    return c * moment * (1.0 + (1.0 / ratio - 1.0) * u**m / (m + 1.0))
+
+
+def test_the_largest_moment_on_a_gear_is_that_of_the_test(tmp_path):
+    machine = arm()
+    for one in drives(scene_of(machine, ("bent",))):
+        path = machine.engine.trace(machine.nominal, LoadCase("bent", 1e-3, "x", steps=4))
+        moment = abs(path.wrench[-1] @ joint_motions(machine, "bent")[one.joint])
+        expected = 300.0 * moment / np.linalg.norm(path.wrench[-1, :3])
+        # a ramp's beginning: a micrometre over some hundred millimetres, of a difference of large moments
+        assert one.force * one.lever == pytest.approx(expected, rel=1e-2)
