@@ -117,6 +117,7 @@ class Arm:
         moves: what 1 mm along a link or 1 rad in a joint does to the end-effector ``(6,)`` by name.
         joints: compliance of the joints at the end-effector ``(6, 6)``.
         beams: likewise of each beam by its name.
+        gears: likewise of each joint.
     """
 
     def __init__(self, links, angles):
@@ -129,10 +130,11 @@ class Arm:
             places.append((link, about, at, R, p))
         self.line = {link.name: R[:, 0] for link, _, _, R, _ in places}
         self.moves = {name: np.concatenate([line, np.zeros(3)]) for name, line in self.line.items()}
-        self.joints, self.beams = np.zeros((6, 6)), {}
+        self.joints, self.beams, self.gears = np.zeros((6, 6)), {}, {}
         for link, about, at, turn, tip in places:
             by_turn = self.moves[f"j-{link.name}"] = np.concatenate([np.cross(about, p - at), about])
-            self.joints += link.gives * np.outer(by_turn, by_turn)
+            self.gears[f"j-{link.name}"] = link.gives * np.outer(by_turn, by_turn)
+            self.joints += self.gears[f"j-{link.name}"]
             world = np.kron(np.eye(2), turn)
             moved = np.eye(6)
             moved[:3, 3:] = -cross(p - tip)
@@ -197,7 +199,8 @@ class Arm:
         Its compliance gains ``share/(1 − share)`` of itself with a delay of ``tau/(1 − share)``.
         """
         own = factors or {}
-        C, gain = self.compliance(own), own.get(link, 1.0) * self.beams[link] * share / (1.0 - share)
+        part = own.get(link, 1.0) * (self.beams | self.gears)[link]
+        C, gain = self.compliance(own), part * share / (1.0 - share)
         v, result = np.zeros(6), np.zeros((len(u), 6))
         for k in range(1, len(time)):
             h = (time[k] - time[k - 1]) / steps * (1.0 - share) / tau

@@ -132,7 +132,11 @@ class InDrive(Effect):
     def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
         """The law where the drive is."""
         own = np.asarray(values) / self.drive.factors(self.sliding())
-        return self.sliding_elements(self.drive.place(machine), own.tolist())
+        return self.sliding_elements(self.site(machine), own.tolist())
+
+    def site(self, machine: ModifiedChain) -> Place:
+        """Where elements sit."""
+        return self.drive.place(machine)
 
 
 def drives(scene: Scene) -> list[Drive]:

@@ -54,14 +54,29 @@ def stiffening(moment: float) -> float:
 
 def hardening(arm: linear_arm.Arm, u: np.ndarray, joint: str, own: dict[str, float]) -> np.ndarray:
     """Wrenches ``(n, 6)`` of an arm of which one gear hardens."""
-    rigid, b = copy.copy(arm), arm.moves[joint]
-    rigid.joints = arm.joints - GEAR * np.outer(b, b)
-    return rigid.shifted(u, joint, stiffening, own)
+    return without_gear(arm, joint).shifted(u, joint, stiffening, own)
+
+
+def one_way(moment: float) -> float:
+    """Turn of a gear that is twice as stiff to one side, in the mean as drawn."""
+    return GEAR * moment * (0.5**0.5 if moment > 0.0 else 2.0**0.5)
+
+
+def without_gear(arm: linear_arm.Arm, joint: str) -> linear_arm.Arm:
+    """An arm of which one gear is rigid."""
+    rigid = copy.copy(arm)
+    rigid.joints = arm.joints - arm.gears[joint]
+    return rigid
 
 
 WRONG_IN_JOINTS = {
     "actuator_backlash": lambda arm, time, u, joint, own: arm.loose(u, joint, GAP, own),
     "actuator_hardening": lambda arm, time, u, joint, own: hardening(arm, u, joint, own),
+    "plasticity": lambda arm, time, u, joint, own: arm.yielding(u, joint, 2000.0, 1e-8, own),
+    "creep": lambda arm, time, u, joint, own: arm.creeping(time, u, joint, 0.3, 40.0, own),
+    "tension_compression_asymmetry": lambda arm, time, u, joint, own: without_gear(arm, joint).shifted(
+        u, joint, one_way, own
+    ),
 }
 """Of gears that give way by `GEAR` in the model."""
 
@@ -87,7 +102,9 @@ def measured(
     for posture in postures:
         arm, s = linear_arm.Arm(links, ANGLES[posture][: len(links)]), ramp(reach)
         time, u = STEP * np.arange(len(s)), np.outer(s, np.eye(6)[driven])
-        for t, at, W in zip(time, s, (WRONG | WRONG_IN_JOINTS)[cause](arm, time, u, link, own), strict=True):
+        for t, at, W in zip(
+            time, s, (WRONG_IN_JOINTS if link in arm.gears else WRONG)[cause](arm, time, u, link, own), strict=True
+        ):
             noise = dict(zip(NOISE, rng.standard_normal(6), strict=True))
             read = (v * scale[n] + zero[n] + NOISE[n] * noise[n] for n, v in zip(NOISE, W, strict=True))
             values = ",".join(f"{v:.3f}" for v in read)
