@@ -114,8 +114,10 @@ class Arm:
 
     Attributes:
         line: unit vectors ``(3,)`` along the links by name.
+        moves: what 1 mm along a link or 1 rad in a joint does to the end-effector ``(6,)`` by name.
         joints: compliance of the joints at the end-effector ``(6, 6)``.
         beams: likewise of each beam by its name.
+        gears: likewise of each joint.
     """
 
     def __init__(self, links, angles):
@@ -127,10 +129,12 @@ class Arm:
             p = p + R @ np.array([link.length, 0.0, 0.0])
             places.append((link, about, at, R, p))
         self.line = {link.name: R[:, 0] for link, _, _, R, _ in places}
-        self.joints, self.beams = np.zeros((6, 6)), {}
+        self.moves = {name: np.concatenate([line, np.zeros(3)]) for name, line in self.line.items()}
+        self.joints, self.beams, self.gears = np.zeros((6, 6)), {}, {}
         for link, about, at, turn, tip in places:
-            by_turn = np.concatenate([np.cross(about, p - at), about])
-            self.joints += link.gives * np.outer(by_turn, by_turn)
+            by_turn = self.moves[f"j-{link.name}"] = np.concatenate([np.cross(about, p - at), about])
+            self.gears[f"j-{link.name}"] = link.gives * np.outer(by_turn, by_turn)
+            self.joints += self.gears[f"j-{link.name}"]
             world = np.kron(np.eye(2), turn)
             moved = np.eye(6)
             moved[:3, 3:] = -cross(p - tip)
@@ -141,9 +145,12 @@ class Arm:
         return self.joints + sum((factors or {}).get(name, 1.0) * C for name, C in self.beams.items())
 
     def shifted(self, u, link, law, factors=None):
-        """Wrenches ``(n, 6)`` at displacements ``(n, 6)`` where ``law(N)`` mm slip along a link under N newtons."""
+        """Wrenches ``(n, 6)`` at displacements ``(n, 6)`` where ``law(N)`` mm slip along a link under N newtons.
+
+        In a joint, ``j-`` and the link's name, these are rad and N mm.
+        """
         K = np.linalg.inv(self.compliance(factors))
-        b = np.concatenate([self.line[link], np.zeros(3)])
+        b = self.moves[link]
         result = np.empty((len(u), 6))
         for k, one in enumerate(u):
             all_of_it, stiff = b @ K @ one, b @ K @ b
@@ -155,14 +162,14 @@ class Arm:
     def loose(self, u, link, gap, factors=None):
         """The same with a play of a whole travel ``gap``, the unloaded arm in its middle, with hard ends."""
         K = np.linalg.inv(self.compliance(factors))
-        b = np.concatenate([self.line[link], np.zeros(3)])
+        b = self.moves[link]
         x = np.clip(u @ K @ b / (b @ K @ b), -0.5 * gap, 0.5 * gap)
         return (u - np.outer(x, b)) @ K
 
     def yielding(self, u, link, limit, soft, factors=None):
         """The same where it yields along the link from ``limit`` N on, ``soft`` mm/N, hardening kinematic."""
         K = np.linalg.inv(self.compliance(factors))
-        b = np.concatenate([self.line[link], np.zeros(3)])
+        b = self.moves[link]
         stiff, slip = b @ K @ b, 0.0
         result = np.empty((len(u), 6))
         for k, one in enumerate(u):
@@ -192,7 +199,8 @@ class Arm:
         Its compliance gains ``share/(1 − share)`` of itself with a delay of ``tau/(1 − share)``.
         """
         own = factors or {}
-        C, gain = self.compliance(own), own.get(link, 1.0) * self.beams[link] * share / (1.0 - share)
+        part = own.get(link, 1.0) * (self.beams | self.gears)[link]
+        C, gain = self.compliance(own), part * share / (1.0 - share)
         v, result = np.zeros(6), np.zeros((len(u), 6))
         for k in range(1, len(time)):
             h = (time[k] - time[k - 1]) / steps * (1.0 - share) / tau

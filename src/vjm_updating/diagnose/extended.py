@@ -33,7 +33,7 @@ from vjm_updating.mechanisms.part_compliance import PartCompliance
 
 FILE = "extended-model.toml"
 WORDS: dict[type[Effect], str] = {
-    ActuatorCompliance: "in the drive's compliance_mm_per_N",
+    ActuatorCompliance: "in the drive's compliance",
     BaseCompliance: "in the mounts before the chain",
     PartCompliance: "in the part's section and matrix",
     LinkLength: "in the link's length_mm",
@@ -124,6 +124,8 @@ def _where(effect: Effect, values: Sequence[float], machine: ModifiedChain) -> s
     if isinstance(effect, LoadMisalignment):
         tilted = effect.tilted(values)
         return f"of the test, not of the machine: a command says --axis {','.join(f'{v:.6g}' for v in tilted)}"
+    if isinstance(effect, ActuatorCompliance) and not effect.is_written(machine.nominal, values):
+        return "not in the numbers below: the joint's matrix is rigid in a direction askew to its axis"
     if isinstance(effect, ERRORS):
         return "an error of the instrument, not in the numbers below"
     return words or "not in the numbers below: a chain of springs has no word for it"

@@ -1,48 +1,87 @@
-"""A drive that deflects linearly along its axis."""
+"""A drive that deflects linearly along its axis, or about it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from vjm.io.checks import checked_part_compliance
 from vjm.model.chain import Chain
-from vjm.model.parts import Actuator
+from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.model.parts import Actuator, Part
+from vjm_updating.mechanisms.drives import BEFORE_JOINTS, Drive, Driven, InDrive, drives, softened
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene, part_table
-from vjm_updating.mechanisms.element_sites import drive
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.series_elements import Element, memoryless
+from vjm_updating.mechanisms.series_elements import Element, Place, memoryless
 
 
 @dataclass(frozen=True)
-class ActuatorCompliance(Effect):
-    """``x = c N`` along the drive."""
+class ActuatorCompliance(InDrive):
+    """``x = c N`` along the drive, or ``x = c M`` about the axis of a joint that turns.
 
+    Attributes:
+        part: the joint in which the drive is; empty: the drive before all passive joints.
+        drive: the same.
+    """
+
+    part: str = ""
+    drive: Drive = BEFORE_JOINTS
     cause = "actuator_compliance"
     title = "the drive deflects linearly along its axis"
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def sliding(self) -> tuple[Quantity, ...]:
         """Beyond what the model has."""
         return (Quantity("compliance_mm_per_N", 0.0, 1e-2, 1e-5, neutral=0.0),)
 
-    def trials(self) -> Sequence[tuple[float, ...]]:
+    def sliding_trials(self) -> Sequence[tuple[float, ...]]:
         """A twentieth of a foot's."""
         return [(1e-5,)]
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+    def sliding_elements(self, place: Place, values: Sequence[float]) -> tuple[Element, ...]:
         """One spring."""
         c = values[0]
-        return (Element(drive(machine), memoryless(lambda N: (c * N, np.full_like(N, c)))),)
+        return (Element(place, memoryless(lambda N: (c * N, np.full_like(N, c)))),)
+
+    def built(self, chain: Chain, values: Sequence[float]) -> Chain:
+        """A chain with it, added to what the joint, or each drive that slides before all joints, has."""
+
+        def soft(part: Part) -> Part:
+            if isinstance(part, Actuator) and not self.drive.joint:
+                return replace(part, compliance=part.compliance + values[0])
+            if isinstance(part, Driven) and part.name == self.drive.joint:
+                return softened(part, values[0])
+            return part
+
+        return replace(chain, parts=tuple(soft(part) for part in chain.parts))
+
+    def is_written(self, nominal: Chain, values: Sequence[float]) -> bool:
+        """Whether a file can say it: not beside a 6×6 compliance that is rigid askew to the joint's axis."""
+        for part in self.built(nominal, values).parts:
+            if isinstance(part, ActuatedJoint) and part.name == self.drive.joint and part.matrix is not None:
+                try:
+                    checked_part_compliance(part.matrix)
+                except ValueError:
+                    return False
+        return True
 
     def write(self, document: dict[str, Any], nominal: Chain, values: Sequence[float]) -> None:
-        """Added to what each drive has."""
-        for part in nominal.parts:
-            if isinstance(part, Actuator):
-                part_table(document, part.name)["compliance_mm_per_N"] = float(part.compliance + values[0])
+        """Added to what the joint, or each drive, has."""
+        if not self.is_written(nominal, values):
+            return
+        for part in self.built(nominal, values).parts:
+            mine = part.name == self.drive.joint or (isinstance(part, Actuator) and not self.drive.joint)
+            table = part_table(document, part.name)
+            match part:
+                case SprungJoint() if mine:
+                    table["stiffness_N_per_mm" if part.slides else "stiffness_Nmm_per_rad"] = float(part.stiffness)
+                case ActuatedJoint(matrix=matrix) if mine and matrix is not None:
+                    table["compliance"] = matrix.tolist()
+                case Actuator() | ActuatedJoint() | CoupledJoint() if mine:
+                    table[self.quantities()[0].name] = float(part.compliance)
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """Where there is a drive."""
-    return [ActuatorCompliance()] if ModifiedChain(scene.chain, scene.engine).drive_axis is not None else []
+    """In every drive."""
+    return [ActuatorCompliance(own.part, own) for own in drives(scene)]

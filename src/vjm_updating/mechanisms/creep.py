@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.model.chain import FOOT
+from vjm_updating.mechanisms.drives import BEFORE_JOINTS, Drive, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
-from vjm_updating.mechanisms.element_sites import drive
 from vjm_updating.mechanisms.modified_chain import LINK, ModifiedChain, foot_of, link_of, links_of, place_of
 from vjm_updating.mechanisms.relaxation import Relaxation
 from vjm_updating.mechanisms.series_elements import Element, retarded, together
@@ -27,11 +27,12 @@ class Creep(Effect):
     part of it comes later (a Prony series of two terms, Findley, Lai and Onaran 1976, chapter 5).
 
     Attributes:
-        part: ``actuator``, ``foot`` or ``link``; the link's name where there are several.
+        part: ``actuator``, ``foot`` or ``link``; the link's name where there are several, or a joint's.
         compliance: of the drive's spring in the model, mm/N.
         duration: of the test, s.
         interval: between readings, s.
         beam: the part's name in the chain; empty: that of the foot, or of the last link.
+        drive: which, where the part is the drive before all passive joints or one in a joint.
     """
 
     part: str = "foot"
@@ -39,8 +40,13 @@ class Creep(Effect):
     duration: float = 100.0
     interval: float = 1.0
     beam: str = ""
+    drive: Drive = BEFORE_JOINTS
     cause = "creep"
     title = "the force relaxes while the displacement is held"
+
+    @property
+    def _is_drive(self) -> bool:
+        return self.part == "actuator" or bool(self.drive.joint)
 
     def quantities(self) -> tuple[Quantity, ...]:
         """φ, τ, how much of φ is late, and how many times as late."""
@@ -62,17 +68,17 @@ class Creep(Effect):
 
     def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
         """The drive's, of two terms behind its own spring: a spring on an axis, so that this is exact."""
-        if self.part != "actuator":
+        if not self._is_drive:
             return ()
         fraction, time, slow, later = values
         gain = self.compliance * fraction / (1.0 - fraction)
         delay = time / (1.0 - fraction)
         terms = together(retarded((1.0 - slow) * gain, delay), retarded(slow * gain, later * delay))
-        return (Element(drive(machine), terms, smooth=True),)
+        return (Element(self.drive.place(machine), terms, smooth=True),)
 
     def relaxation(self, machine: ModifiedChain, values: Sequence[float]) -> Relaxation | None:
         """A beam's, which bends as well."""
-        if self.part == "actuator":
+        if self._is_drive:
             return None
         fraction, time, slow, later = values
         part = self.beam or (FOOT if self.part == "foot" else link_of(machine.nominal))
@@ -80,12 +86,12 @@ class Creep(Effect):
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """In the drive where it is elastic, and in each beam, where there is a clock."""
+    """In each drive that is elastic, and in each beam, where there is a clock."""
     if scene.duration <= 0.0 or scene.interval <= 0.0:
         return []
     clock = scene.duration, scene.interval
-    own = scene.machine.drive
-    found: list[Effect] = [Creep("actuator", own.compliance, *clock)] if own and own.compliance > 0.0 else []
+    elastic = [own for own in drives(scene) if own.compliance > 0.0]
+    found: list[Effect] = [Creep(own.part or "actuator", own.compliance, *clock, drive=own) for own in elastic]
     found += [Creep("foot", 0.0, *clock)] if foot_of(scene.chain) else []
     links = links_of(scene.chain)
     return [*found, *(Creep(place_of(scene.chain, name) or LINK, 0.0, *clock, name) for name in links)]

@@ -89,9 +89,14 @@ class Scene:
         """Axis of the world along which the displacement is imposed, 0 to 2: the first one of several."""
         return min((int(np.argmax(np.abs(direction[:3]))) for _, direction in self.rays), default=0)
 
+    @property
+    def labels(self) -> set[str]:
+        """Postures of the test; all that the chain has where none are known."""
+        return {label for label, _ in self.rays} or set(self.chain.postures)
+
     def places(self, *, jointed: bool) -> list[tuple[str, str]]:
         """Links along which something may slip, or their joints may; see `along_links`."""
-        return along_links(self.machine, {label for label, _ in self.rays} or self.chain.postures, jointed)
+        return along_links(self.machine, self.labels, jointed)
 
 
 class Effect:

@@ -223,8 +223,13 @@ def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool | Ways) -> Table
 
 def first_force(machine: ModifiedChain, posture: str, direction: Array) -> Array:
     """Force ``(3,)`` per unit of a ramp along ``direction`` (6,) with which the nominal machine begins it."""
+    return first_wrench(machine, posture, direction)[:3]
+
+
+def first_wrench(machine: ModifiedChain, posture: str, direction: Array) -> Array:
+    """Wrench ``(6,)`` per unit of a ramp along ``direction`` (6,) with which the nominal machine begins it."""
     plain = ModifiedChain(machine.nominal, machine.engine)
-    result: Array = tabulate(plain, HalfRay.of(posture, direction, BEGUN), ()).slope[0, :3]
+    result: Array = tabulate(plain, HalfRay.of(posture, direction, BEGUN), ()).slope[0]
     return result
 
 

@@ -5,32 +5,35 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from vjm_updating.mechanisms.drives import BEFORE_JOINTS, Drive, InDrive, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
-from vjm_updating.mechanisms.element_sites import drive, foot, has_joint
+from vjm_updating.mechanisms.element_sites import foot, has_joint
 from vjm_updating.mechanisms.modified_chain import LINK, ModifiedChain, foot_of, link_of
-from vjm_updating.mechanisms.series_elements import AlongLine, Element, together, yielding
+from vjm_updating.mechanisms.series_elements import AlongLine, Element, Place, together, yielding
 
 
 @dataclass(frozen=True)
-class Plasticity(Effect):
+class Plasticity(InDrive):
     """Slip with linear hardening once the force is beyond the yield force, and more of it later on.
 
     Two slip elements (Iwan 1967) make the yield gradual; hardening is partly isotropic, partly kinematic.
 
     Attributes:
         part: ``actuator``, ``foot``, or ``joints`` along the only link, ``link`` where it has none; the link's name
-            where there are several.
+            where there are several, or a joint's.
         force: largest of the test, N.
         link: name of the link along which it slips; empty: the only one.
+        drive: which, where the part is the drive before all passive joints or one in a joint.
     """
 
     part: str = "foot"
     force: float = 1000.0
     link: str = ""
+    drive: Drive = BEFORE_JOINTS
     cause = "plasticity"
     title = "a permanent set after a yield load"
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def sliding(self) -> tuple[Quantity, ...]:
         """Axial force at first yield, the plastic compliance in the end, and shapes.
 
         The compliance of the foot is over its elastic one. Shapes: how much of it comes half-way from first yield
@@ -48,12 +51,12 @@ class Plasticity(Effect):
             Quantity("isotropic_share", 0.0, 1.0, 0.1, usual=0.5, spread=0.4),
         )
 
-    def trials(self) -> Sequence[tuple[float, ...]]:
+    def sliding_trials(self) -> Sequence[tuple[float, ...]]:
         """Early and late yield."""
         soft = 0.1 if self.part == "foot" else 2e-5
         return [(share * self.force, soft, 0.3, 0.5) for share in (0.3, 0.5, 0.7, 0.85)]
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+    def sliding_elements(self, place: Place, values: Sequence[float]) -> tuple[Element, ...]:
         """One element with that law."""
         limit, soft, late, grows = values
         soft = max(soft, 1e-12)
@@ -61,17 +64,18 @@ class Plasticity(Effect):
             yielding(limit, (1.0 - late) * soft, grows),
             yielding(0.5 * (limit + max(self.force, limit)), max(late, 1e-6) * soft, grows),
         )
-        match self.part:
-            case "actuator":
-                return (Element(drive(machine), slips),)
-            case "foot":
-                return (Element(foot(machine), slips),)
-        return (Element(AlongLine(self.link), slips),)
+        return (Element(place, slips),)
+
+    def site(self, machine: ModifiedChain) -> Place:
+        """Where it slips."""
+        if self.part == "actuator" or self.drive.joint:
+            return self.drive.place(machine)
+        return foot(machine) if self.part == "foot" else AlongLine(self.link)
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """In drive and foot, and along each link or in its joints."""
-    found: list[Effect] = [Plasticity("actuator", scene.force)] if scene.machine.drive_axis is not None else []
+    """In drives and foot, and along each link or in its joints."""
+    found: list[Effect] = [Plasticity(own.part or "actuator", own.force, drive=own) for own in drives(scene)]
     found += [Plasticity("foot", scene.force)] if foot_of(scene.chain) else []
     only = "joints" if has_joint(scene.chain, link_of(scene.chain)) else LINK
     places = scene.places(jointed=False)

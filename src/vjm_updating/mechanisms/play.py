@@ -1,4 +1,4 @@
-"""Lost motion: `actuator_backlash` in the drive, `joint_clearance` along a link in its joints."""
+"""Lost motion: `actuator_backlash` in a drive, `joint_clearance` along a link in its joints."""
 
 from __future__ import annotations
 
@@ -8,18 +8,88 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.mechanisms.drives import BEFORE_JOINTS, Drive, InDrive, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
-from vjm_updating.mechanisms.element_sites import drive
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
-from vjm_updating.mechanisms.series_elements import AlongLine, Element, memoryless
+from vjm_updating.mechanisms.series_elements import AlongLine, Element, Place, memoryless
 
 
-@dataclass(frozen=True)
-class Play(Effect):
+def play(place: Place, values: Sequence[float]) -> Element:
     """Free travel, whose ends are met within a small force.
 
     ``x = g (½ tanh(N/N₀) + o)``: g is the whole travel, N₀ how soft its ends are, and o where in it the unloaded
-    machine stood, counted so that ``x = 0`` there.
+    machine stood, counted so that ``x = 0`` there. It ends at half the travel to both sides.
+
+    Args:
+        place: where it is.
+        values: g in mm, o, N₀ in N.
+    """
+    gap, offset, contact = values
+
+    def law(N: Array) -> tuple[Array, Array]:
+        t = np.tanh(N / contact)
+        return gap * (0.5 * t + offset), 0.5 * gap / contact * (1.0 - t**2)
+
+    return Element(place, memoryless(law), most=gap * (0.5 + abs(offset)) + 1e-9)
+
+
+def travel(force: float, share: float = 1.0) -> tuple[Quantity, ...]:
+    """Travel, place and softness.
+
+    Args:
+        force: largest of the test, N.
+        share: of the forces at which ends are usually met.
+    """
+    return (
+        Quantity("gap_mm", 0.0, 5.0, 0.01, neutral=0.0),
+        Quantity("offset_share", -0.5, 0.5, 0.1, usual=0.0, spread=0.2),
+        Quantity("contact_N", 0.3 * share, 0.2 * force, 20.0 * share, usual=10.0 * share, spread=0.8, log=True),
+    )
+
+
+def travels(share: float = 1.0) -> Sequence[tuple[float, ...]]:
+    """Small and large ones, hard and soft."""
+    return [(0.01, 0.0, 5.0 * share), (0.01, 0.0, 60.0 * share), (0.06, 0.0, 10.0 * share)]
+
+
+@dataclass(frozen=True)
+class ActuatorBacklash(InDrive):
+    """Lost motion in a drive, see `play`.
+
+    A joint may bear little: its ends are met at the share of its load that they are of a drive's usual one.
+
+    Attributes:
+        force: largest of the test on the drive, N.
+        part: the joint in which the drive is; empty: the drive before all passive joints.
+        drive: the same.
+    """
+
+    force: float = 1000.0
+    part: str = ""
+    drive: Drive = BEFORE_JOINTS
+    cause = "actuator_backlash"
+    title = "lost motion in the drive"
+
+    @property
+    def _share(self) -> float:
+        return self.force / BEFORE_JOINTS.force if self.drive.joint else 1.0
+
+    def sliding(self) -> tuple[Quantity, ...]:
+        """Travel, place and softness."""
+        return travel(self.force, self._share)
+
+    def sliding_trials(self) -> Sequence[tuple[float, ...]]:
+        """Small and large ones, hard and soft."""
+        return travels(self._share)
+
+    def sliding_elements(self, place: Place, values: Sequence[float]) -> tuple[Element, ...]:
+        """One element."""
+        return (play(place, values),)
+
+
+@dataclass(frozen=True)
+class JointClearance(Effect):
+    """Play along a link in its joints, see `play`.
 
     Attributes:
         force: largest of the test, N.
@@ -30,50 +100,23 @@ class Play(Effect):
     force: float = 1000.0
     part: str = ""
     link: str = ""
-
-    def quantities(self) -> tuple[Quantity, ...]:
-        """Travel, place and softness."""
-        return (
-            Quantity("gap_mm", 0.0, 5.0, 0.01, neutral=0.0),
-            Quantity("offset_share", -0.5, 0.5, 0.1, usual=0.0, spread=0.2),
-            Quantity("contact_N", 0.3, 0.2 * self.force, 20.0, usual=10.0, spread=0.8, log=True),
-        )
-
-    def trials(self) -> Sequence[tuple[float, ...]]:
-        """Small and large ones, hard and soft."""
-        return [(0.01, 0.0, 5.0), (0.01, 0.0, 60.0), (0.06, 0.0, 10.0)]
-
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
-        """One element that ends at half the travel to both sides."""
-        gap, offset, contact = values
-
-        def law(N: Array) -> tuple[Array, Array]:
-            t = np.tanh(N / contact)
-            return gap * (0.5 * t + offset), 0.5 * gap / contact * (1.0 - t**2)
-
-        place = drive(machine) if self.cause == "actuator_backlash" else AlongLine(self.link)
-        return (Element(place, memoryless(law), most=gap * (0.5 + abs(offset)) + 1e-9),)
-
-
-@dataclass(frozen=True)
-class ActuatorBacklash(Play):
-    """Lost motion in the drive."""
-
-    cause = "actuator_backlash"
-    title = "lost motion in the drive"
-
-
-@dataclass(frozen=True)
-class JointClearance(Play):
-    """Play along a link in its joints."""
-
     cause = "joint_clearance"
     title = "play along the link in its joints"
 
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Travel, place and softness."""
+        return travel(self.force)
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Small and large ones, hard and soft."""
+        return travels()
+
+    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+        """One element."""
+        return (play(AlongLine(self.link), values),)
+
 
 def effects(scene: Scene) -> list[Effect]:
-    """In the drive, where there is one, and along each link that has a joint."""
-    found: list[Effect] = []
-    if scene.machine.drive_axis is not None:
-        found.append(ActuatorBacklash(force=scene.force))
+    """In every drive, and along each link that has a joint."""
+    found: list[Effect] = [ActuatorBacklash(own.force, own.part, own) for own in drives(scene)]
     return [*found, *(JointClearance(scene.force, part, link) for part, link in scene.places(jointed=True))]

@@ -1,13 +1,14 @@
 """Elements in series with a chain: what deflects under its force by a law of its own, perhaps of its history.
 
 An element sits somewhere in the chain, a `Place` says where: which scalar of the wrench drives it, and how the
-end-effector moves with its extension at constant wrench. A drive before all else moves the whole chain along its
-axis. Play in the joints, and a link itself, act along the link's line: all that the link carries is shifted along
-it, so that by virtual work what drives it is the force at the end-effector along that line, wherever in the chain
-the link is. Of a link between passive joints, which bear no torque, that is all of the force. The tip of the foot
-moves by its translational compliance; its turn is taken back by the joints. So ``u = u_chain + Σ b_e x_e`` holds to
-first order in the turns and in the shifts over the links' lengths, and the equilibrium is found with
-``F = F(u_chain)`` of the chain's own table.
+end-effector moves with its extension at constant wrench. A drive before all else moves the whole chain along
+its axis. What turns in a joint turns all behind it, and the moment about the joint's axis drives it. Play in
+the joints, and a link itself, act along the link's line: all that the link carries is shifted along it, so that
+by virtual work what drives it is the force at the end-effector along that line, wherever in the chain the link
+is. Of a link between passive joints, which bear no torque, that is all of the force. The tip of the foot moves
+by its translational compliance; its turn is taken back by the joints. So ``u = u_chain + Σ b_e x_e`` holds to
+first order in the turns and in the shifts over the links' lengths, and the equilibrium is found with ``F =
+F(u_chain)`` of the chain's own table.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ class History:
         line: unit vector ``(n, 3)`` along the last link of each reading's unloaded posture, from root to tip.
         lever: from the base's origin to the end-effector where it stands ``(n, 3)``, mm, world axes.
         lines: the same as ``line`` of every link, by its name.
+        joints: what a unit of each held joint, mm or rad, does to the end-effector ``(n, 6)``, by its name.
     """
 
     time: Array
@@ -45,6 +47,7 @@ class History:
     line: Array
     lever: Array
     lines: Mapping[str, Array] = field(default_factory=dict)
+    joints: Mapping[str, Array] = field(default_factory=dict)
 
     def along(self, link: str) -> Array:
         """Unit vector ``(n, 3)`` along a link, the last one where there is no name."""
@@ -108,6 +111,31 @@ class AboutAxis:
         result = np.empty((len(history.lever), 6))
         result[:, :3], result[:, 3:] = history.lever @ skew(self.axis).T, self.axis
         return result
+
+
+@dataclass(frozen=True)
+class AtJoint:
+    """A held joint, about its axis or along it, as it stands in the nominal machine under the same displacement.
+
+    Of one that turns the element's extension is the shift of a point at a lever from the axis, and what drives it
+    the moment of the end-effector's wrench about the axis over the lever, so that laws are in mm and N.
+
+    Attributes:
+        joint: its name.
+        lever: mm; 1 for one that slides.
+    """
+
+    joint: str
+    lever: float = 1.0
+
+    def force(self, wrench: Array, history: History) -> Array:
+        """Force along the axis, or ``axis · (m + (r − p) × f)`` over the lever, N."""
+        result: Array = np.einsum("ij,ij->i", wrench, self.motion(wrench, history))
+        return result
+
+    def motion(self, wrench: Array, history: History) -> Array:
+        """All that the joint carries turns or slides."""
+        return history.joints[self.joint] / self.lever
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import FOOT
 from vjm.rotations import Array
+from vjm_updating.mechanisms.drives import BEFORE_JOINTS, Drive, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
-from vjm_updating.mechanisms.element_sites import drive
 from vjm_updating.mechanisms.modified_chain import LINK, ModifiedChain, foot_of, links_of, place_of
 from vjm_updating.mechanisms.path_table import first_force
 from vjm_updating.mechanisms.series_elements import Element, memoryless
@@ -68,14 +68,22 @@ class Asymmetry(TwoWays):
 
 @dataclass(frozen=True)
 class DriveAsymmetry(TwoWays):
-    """A drive whose spring differs between pull and push along its axis.
+    """A drive whose spring differs between pull and push along its axis, or between both ways about it.
 
     Attributes:
         compliance: of the drive's spring in the model, mm/N.
+        part: ``actuator``, or the joint in which it is.
+        drive: the same.
     """
 
     compliance: float = 1e-5
     part: str = "actuator"
+    drive: Drive = BEFORE_JOINTS
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """The drive's compliance."""
+        return (f"actuator_compliance.{self.drive.part}".rstrip("."),)
 
     def trials(self) -> Sequence[tuple[float, ...]]:
         """Stiffer in pull, and softer, by either way or by both."""
@@ -90,13 +98,13 @@ class DriveAsymmetry(TwoWays):
             slope = np.where(N > 0.0, pull, push)
             return slope * N, slope
 
-        return (Element(drive(machine), memoryless(law)),)
+        return (Element(self.drive.place(machine), memoryless(law)),)
 
 
 def effects(scene: Scene) -> list[Effect]:
-    """Of the drive where the model has a spring there, of the foot and of each link, where the test loads them."""
-    own = scene.machine.drive
-    found: list[Effect] = [DriveAsymmetry(own.compliance)] if own and own.compliance > 0.0 else []
+    """Of each drive where the model has a spring, of the foot and of each link, where the test loads them."""
+    elastic = [own for own in drives(scene) if own.compliance > 0.0]
+    found: list[Effect] = [DriveAsymmetry(own.compliance, own.part or "actuator", own) for own in elastic]
     found += [Asymmetry(part="foot", beam=FOOT)] if foot_of(scene.chain) else []
     found += [Asymmetry(place_of(scene.chain, name) or LINK, name) for name in links_of(scene.chain)]
     return [effect for effect in found if not isinstance(effect, Asymmetry) or _is_pulled(scene, effect)]

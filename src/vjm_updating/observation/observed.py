@@ -13,6 +13,7 @@ from vjm_updating.experiment import Kind, Measurement, Readings
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH
 from vjm_updating.experiment.rays import Ray, rays
 from vjm_updating.experiment.thermometer import smoothed
+from vjm_updating.mechanisms.joint_motions import motions_of_readings
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of
 from vjm_updating.mechanisms.series_elements import History
 from vjm_updating.observation.noise import Memory, Noise, memory_of, noise_of
@@ -81,7 +82,7 @@ class Observed:
 
     @cached_property
     def history(self) -> History:
-        """Clock, postures, lines of the links, levers of the base; of a chain with a link that bends."""
+        """Clock, postures, lines of links, levers of the base, motions by joints; for chains of links that bend."""
         machine = ModifiedChain(self.measurement.chain, self.measurement.engine)
         labels = self.readings.posture.tolist()
         places = {label: (machine.line(label), machine.lever(label)) for label in dict.fromkeys(labels)}
@@ -90,6 +91,7 @@ class Observed:
             for link in links_of(machine.nominal)
             for own in [{label: machine.line(label, link) for label in places}]
         }
+        rays = [(ray.posture, ray.direction, ray.index, self.pose[ray.index] @ ray.measure) for ray in self.rays]
         begins = np.ones(len(labels), dtype=bool)
         begins[1:] = self.readings.posture[1:] != self.readings.posture[:-1]
         return History(
@@ -98,6 +100,7 @@ class Observed:
             np.array([places[label][0] for label in labels]),
             np.array([places[label][1] for label in labels]) + self.pose[:, :3],
             lines,
+            motions_of_readings(machine, labels, rays),
         )
 
     def without(self, wild: np.ndarray) -> Observed:

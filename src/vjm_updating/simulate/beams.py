@@ -19,8 +19,9 @@ from vjm.engines import EngineOptions, engine_by_name
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
-from vjm.model.parts import Actuator, Part, PassiveJoint, Section
+from vjm.model.parts import Part, Section
 from vjm.rotations import Array, rotation_from_vector
+from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
 from vjm_updating.mechanisms.base_compliance import BaseCompliance
 from vjm_updating.mechanisms.gravity import Gravity
 from vjm_updating.mechanisms.link_bow import LinkBow
@@ -101,8 +102,8 @@ class BeamMachine:
                 chain = _weighing(chain, effect, values)
                 x, y, z = (scipy.constants.g * v for v in effect.direction)
                 gravity = (x, y, z)
-            elif effect.cause == "actuator_compliance":
-                chain = chain.with_actuator_compliance(_drive(chain).compliance + values[0])
+            elif isinstance(effect, ActuatorCompliance):
+                chain = effect.built(chain, values)
             elif isinstance(effect, BaseCompliance):
                 chain = replace(chain, parts=(*effect.mounts(self.chain, values), *chain.parts))
         if bows:
@@ -153,14 +154,6 @@ def _weighing(chain: Chain, effect: Gravity, values: Sequence[float]) -> Chain:
             section = replace(beam.section, mass=mass / beam.length / beam.count)
             chain = _replaced(chain, name, [replace(beam, section=section)])
     return chain
-
-
-def _drive(chain: Chain) -> Actuator:
-    """The drive before the joints, which the catalogue has made sure of."""
-    ahead = [part for part in chain.parts if isinstance(part, Actuator | PassiveJoint)]
-    if not ahead or not isinstance(ahead[0], Actuator):
-        raise ValueError("--hide actuator_compliance: the chain has no drive before its joints")
-    return ahead[0]
 
 
 def _in_pieces(chain: Chain, bows: Mapping[str, Sequence[float]]) -> Chain:

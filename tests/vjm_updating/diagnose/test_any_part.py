@@ -7,22 +7,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import traced
 
 from vjm.io.model_file import load_chain
-from vjm.model.load_case import LoadCase
+from vjm.model.chain import Chain
 from vjm.model.parameters import compliance_factor
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnose.command import diagnose
 from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.diagnose.ramp_test import observe_ramps
 from vjm_updating.experiment import read_measurement
-from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.inference.parameters import nuisance_coordinates
 from vjm_updating.mechanisms.catalogue import catalogue
 from vjm_updating.mechanisms.effect import Scene
 from vjm_updating.mechanisms.modified_chain import foot_of, links_of
 
-SOFTER, TOLERANCE = 1.207, 0.02
+SOFTER, TOLERANCE = 1.207, traced.TOLERANCE
 HEAD = """format = 1
 name = "chain"
 title = "Beams behind one another"
@@ -49,20 +49,6 @@ wall_mm = 3.0
 youngs_modulus_MPa = 70000.0
 poissons_ratio = 0.33
 """
-SHEET = """[test]
-title = "a machine of one's own"
-model = "{model}"
-[postures]
-{postures}
-[tolerance]
-link_length_mm = 0.2
-modulus_rel = 0.02
-[instrument.{driven}]
-noise = 0.001
-zero = 0.002
-scale = 0.001
-"""
-INSTRUMENT = "[instrument.{name}]\nnoise = {noise}\nzero = {noise}\nscale = 0.003\n"
 
 
 def four_beams(folder: Path) -> Path:
@@ -88,34 +74,12 @@ def four_beams(folder: Path) -> Path:
 def measured(
     folder: Path, model: str | Path, soft: str, postures: Sequence[str], driven: str, reach: float, seed: int
 ) -> tuple[Path, Path]:
-    """Data and sheet of a machine with one part softened; its moduli, zeros and scales are drawn, too."""
-    rng = np.random.default_rng(seed)
-    chain = load_chain(model)
-    for beam in chain.beams:
-        factor = float(np.exp(TOLERANCE * rng.standard_normal())) * (SOFTER if beam.name == soft else 1.0)
-        chain = compliance_factor(chain, beam.name).apply(chain, factor)
-    noise = {name: 0.5 if name.endswith("_N") else 100.0 for name in WRENCH}
-    zero = {name: noise[name] * rng.standard_normal() for name in WRENCH}
-    scale = {name: 1.0 + 0.003 * rng.standard_normal() for name in WRENCH}
-    direction = np.eye(6)["xyz".index(driven[1])]
-    rows, clock = [f"time_s,posture,{driven},{','.join(WRENCH)}"], 0.0
-    for posture in postures:
-        for to in (reach, -reach):
-            # twice the springs of the model that the finder takes
-            path = VjmEngine(24).trace(chain, LoadCase(posture, to, tuple(direction), steps=12))
-            for k in (*range(len(path.s)), *reversed(range(len(path.s) - 1))):
-                clock += 2.0
-                u = np.sign(to) * path.s[k] + 0.001 * rng.standard_normal()
-                read = (
-                    path.wrench[k][i] * scale[name] + zero[name] + noise[name] * rng.standard_normal()
-                    for i, name in enumerate(WRENCH)
-                )
-                rows.append(f"{clock},{posture},{u:.5f},{','.join(f'{v:.3f}' for v in read)}")
-    data, sheet = folder / "data.csv", folder / "sheet.toml"
-    data.write_text("\n".join(rows) + "\n")
-    text = SHEET.format(model=model, postures="\n".join(f"{p} = []" for p in postures), driven=driven)
-    sheet.write_text(text + "".join(INSTRUMENT.format(name=n, noise=s) for n, s in noise.items()))
-    return data, sheet
+    """Data and sheet of a machine with one part softened."""
+
+    def softer(chain: Chain) -> Chain:
+        return compliance_factor(chain, soft).apply(chain, SOFTER)
+
+    return traced.measured(folder, model, softer, postures, driven, reach, seed)
 
 
 def is_named(found: Diagnosis, part: str) -> bool:
@@ -149,7 +113,7 @@ def test_every_part_of_a_machine_has_its_tolerances_and_causes(tmp_path: Path) -
         assert [c.subject for c in coordinates if c.kind == kind] == names
     effects = catalogue(Scene(measurement.chain, measurement.engine, 100.0, 1.0))
     for cause in ("link_compliance", "link_length", "link_bow", "tension_compression_asymmetry"):
-        assert [e.part for e in effects if e.cause == cause and e.part != "actuator"] == names
+        assert [e.part for e in effects if e.cause == cause and not e.part.startswith("j-")] == names
     assert len({e.label for e in effects}) == len(effects)
 
 

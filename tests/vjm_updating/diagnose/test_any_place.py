@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +41,44 @@ WRONG = {
     "creep": lambda arm, time, u, link, own: arm.creeping(time, u, link, 0.06, 40.0, own),
     "tension_compression_asymmetry": lambda arm, time, u, link, own: arm.two_ways(u, link, 1.3, own),
 }
+GEAR, DOUBLED = 2e-8, 5000.0
+"""rad/(N mm), and N mm at which a gear is e times as stiff."""
+GAP = 5e-5
+"""rad."""
+
+
+def stiffening(moment: float) -> float:
+    """Turn of a gear whose stiffness grows as an exponential of the moment."""
+    return float(GEAR * DOUBLED * np.sign(moment) * -np.expm1(-abs(moment) / DOUBLED))
+
+
+def hardening(arm: linear_arm.Arm, u: np.ndarray, joint: str, own: dict[str, float]) -> np.ndarray:
+    """Wrenches ``(n, 6)`` of an arm of which one gear hardens."""
+    return without_gear(arm, joint).shifted(u, joint, stiffening, own)
+
+
+def one_way(moment: float) -> float:
+    """Turn of a gear that is twice as stiff to one side, in the mean as drawn."""
+    return GEAR * moment * (0.5**0.5 if moment > 0.0 else 2.0**0.5)
+
+
+def without_gear(arm: linear_arm.Arm, joint: str) -> linear_arm.Arm:
+    """An arm of which one gear is rigid."""
+    rigid = copy.copy(arm)
+    rigid.joints = arm.joints - arm.gears[joint]
+    return rigid
+
+
+WRONG_IN_JOINTS = {
+    "actuator_backlash": lambda arm, time, u, joint, own: arm.loose(u, joint, GAP, own),
+    "actuator_hardening": lambda arm, time, u, joint, own: hardening(arm, u, joint, own),
+    "plasticity": lambda arm, time, u, joint, own: arm.yielding(u, joint, 2000.0, 1e-8, own),
+    "creep": lambda arm, time, u, joint, own: arm.creeping(time, u, joint, 0.3, 40.0, own),
+    "tension_compression_asymmetry": lambda arm, time, u, joint, own: without_gear(arm, joint).shifted(
+        u, joint, one_way, own
+    ),
+}
+"""Of gears that give way by `GEAR` in the model."""
 
 
 def ramp(reach: float) -> np.ndarray:
@@ -62,7 +102,9 @@ def measured(
     for posture in postures:
         arm, s = linear_arm.Arm(links, ANGLES[posture][: len(links)]), ramp(reach)
         time, u = STEP * np.arange(len(s)), np.outer(s, np.eye(6)[driven])
-        for t, at, W in zip(time, s, WRONG[cause](arm, time, u, link, own), strict=True):
+        for t, at, W in zip(
+            time, s, (WRONG_IN_JOINTS if link in arm.gears else WRONG)[cause](arm, time, u, link, own), strict=True
+        ):
             noise = dict(zip(NOISE, rng.standard_normal(6), strict=True))
             read = (v * scale[n] + zero[n] + NOISE[n] * noise[n] for n, v in zip(NOISE, W, strict=True))
             values = ",".join(f"{v:.3f}" for v in read)
@@ -87,12 +129,18 @@ def names(found: Diagnosis, cause: str, link: str) -> bool:
 
 
 def found_in(
-    folder: Path, links: Sequence[linear_arm.Link], link: str, cause: str, seed: int, *postures: str
+    folder: Path,
+    links: Sequence[linear_arm.Link],
+    link: str,
+    cause: str,
+    seed: int,
+    *postures: str,
+    driven: int = 0,
 ) -> Diagnosis:
-    """What is said of an arm with a cause in a link, pushed and pulled along x."""
+    """What is said of an arm with a cause in a link or a joint, pushed and pulled along one axis."""
     # some hundred newtons: four beams are five times as soft
     reach = 0.1 if len(links) == 2 else 0.5
-    data, sheet = measured(folder, links, link, cause, 0, reach, seed, postures or ("bent", "folded"))
+    data, sheet = measured(folder, links, link, cause, driven, reach, seed, postures or ("bent", "folded"))
     return diagnose(data, sheet, folder / "out")
 
 
@@ -134,3 +182,28 @@ def test_it_is_found_among_four_beams(tmp_path: Path, cause: str, link: str) -> 
 def test_links_in_one_line_are_named_together(tmp_path: Path) -> None:
     found = found_in(tmp_path, linear_arm.arm("upper", "fore"), "fore", "joint_clearance", 0, "stretched")
     assert names(found, "joint_clearance", "upper or fore")
+
+
+def geared(*names: str) -> tuple[linear_arm.Link, ...]:
+    """An arm on elastic gears."""
+    return tuple(replace(link, gives=GEAR) for link in linear_arm.arm(*names))
+
+
+@pytest.mark.parametrize(
+    ("cause", "joint", "seed"),
+    [
+        ("actuator_backlash", "j-fore", 0),
+        *(pytest.param(cause, joint, seed, marks=pytest.mark.slow)
+          for cause in WRONG_IN_JOINTS for joint in ("j-upper", "j-fore") for seed in range(2)
+          if (cause, joint, seed) != ("actuator_backlash", "j-fore", 0)),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_gear_is_named_with_its_joint(
+    tmp_path: Path, cause: str, joint: str, seed: int
+) -> None:
+    # along y, where both gears bear moments
+    found = found_in(tmp_path, geared("upper", "fore"), joint, cause, seed, driven=1)
+    assert names(found, cause, joint)
+    if cause == "actuator_backlash":
+        gap = found.parameters["actuator_backlash.gap_rad"]
+        assert abs(gap.value - GAP) < 3.0 * gap.std + 0.05 * GAP

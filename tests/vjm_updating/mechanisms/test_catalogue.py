@@ -53,6 +53,10 @@ BY_LINK = (
     "joint_clearance", "contact_compliance", "plasticity", "creep", "tension_compression_asymmetry",
     "link_compliance", "link_length", "link_bow",
 )  # fmt: skip
+BY_JOINT = (
+    "actuator_compliance", "actuator_hardening", "actuator_backlash", "plasticity", "creep",
+    "tension_compression_asymmetry",
+)  # fmt: skip
 
 
 ALONG = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -64,8 +68,9 @@ def arm_scene(tmp_path, angles, change=lambda text: text, **more):
     return Scene(load_chain(file), VjmEngine(8), 500.0, 1.0, 100.0, 1.0, **more)
 
 
-def parts(found, cause):
-    return [effect.part for effect in found if effect.cause == cause]
+def parts(found, cause, joints=False):
+    """Links in which a cause is looked for, or joints, whose names begin with j."""
+    return [effect.part for effect in found if effect.cause == cause and effect.part.startswith("j-") is joints]
 
 
 def test_every_link_of_an_arm_has_every_cause_of_links(tmp_path):
@@ -73,6 +78,19 @@ def test_every_link_of_an_arm_has_every_cause_of_links(tmp_path):
     for cause in BY_LINK:
         assert parts(found, cause) == ["upper", "fore", "hand"], cause
     assert len({effect.label for effect in found}) == len(found)
+
+
+def test_every_joint_of_an_arm_has_every_cause_of_drives(tmp_path):
+    found = catalogue(arm_scene(tmp_path, {"P": (0.1, 0.5, 0.7)}))
+    for cause in BY_JOINT:
+        assert parts(found, cause, joints=True) == ["j-upper", "j-fore", "j-hand"], cause
+
+    def rigid(text):
+        return text.replace("compliance_rad_per_Nmm = 1e-09", "")
+
+    # what has no spring has none that relaxes, or differs between both ways
+    found = catalogue(arm_scene(tmp_path, {"P": (0.1, 0.5, 0.7)}, rigid))
+    assert [cause for cause in BY_JOINT if parts(found, cause, joints=True)] == list(BY_JOINT[:4])
 
 
 def test_links_in_one_line_are_one_place_for_what_slips_along_it(tmp_path):

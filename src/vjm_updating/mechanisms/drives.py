@@ -1,0 +1,231 @@
+"""Drives of a machine: the one before all passive joints, and those in the joints of a serial robot.
+
+What deflects in a joint that turns is told in rad and N mm. Laws take it at a lever, the chain's longest straight
+piece L: a turn x moves a point there by L x mm, and a moment M is a force M/L there. So one law, and one size that
+matters, serve drives that slide and joints that turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.errors import NoConvergenceError
+from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
+from vjm.rotations import Array
+from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
+from vjm_updating.mechanisms.element_sites import SAME, drive
+from vjm_updating.mechanisms.joint_motions import joint_motions
+from vjm_updating.mechanisms.modified_chain import NEITHER, ModifiedChain
+from vjm_updating.mechanisms.part_compliance import FACTOR
+from vjm_updating.mechanisms.path_table import first_wrench
+from vjm_updating.mechanisms.series_elements import AtJoint, Element, Place
+
+Driven = ActuatedJoint | SprungJoint | CoupledJoint
+SOFT = "_mm_per_N"
+"""Ending of compliances."""
+TURNED = {SOFT: ("_rad_per_Nmm", -2), "_mm": ("_rad", -1), "_N": ("_Nmm", 1)}
+"""Endings of quantities of what slides, those of what turns, and which power of the lever lies between."""
+
+USUAL = 1e-5
+"""mm/N of a drive before all passive joints that matter."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Where something is driven; by default the drive before all passive joints.
+
+    Attributes:
+        part: what a verdict calls it; empty for the drive before all passive joints.
+        joint: name of the joint; empty for that drive.
+        turns: whether it turns.
+        lever: mm at which a turn is counted; 1 for what slides.
+        compliance: of its spring in the model at the lever, mm/N.
+        matters: change of it that matters, mm/N at the lever; of a joint a share, `part_compliance.FACTOR`'s, of
+            what the joint has or the whole machine shows in the test, whichever is more.
+        force: the largest one on it in the test, at the lever, N.
+    """
+
+    part: str = ""
+    joint: str = ""
+    turns: bool = False
+    lever: float = 1.0
+    compliance: float = 0.0
+    matters: float = USUAL
+    force: float = 1000.0
+
+    def place(self, machine: ModifiedChain) -> Place:
+        """Where elements sit.
+
+        Raises:
+            ValueError: there is no such drive.
+        """
+        return AtJoint(self.joint, self.lever) if self.joint else drive(machine)
+
+    def told(self, quantity: Quantity) -> Quantity:
+        """A quantity of what slides, in mm and N, as that of this drive."""
+        if not self.joint:
+            return quantity
+        name, per = self._unit(quantity.name)
+        soft = quantity.name.endswith(SOFT)
+        neutral = None if quantity.neutral is None else quantity.neutral * per
+        return Quantity(
+            name, quantity.low * per, np.inf if soft else quantity.high * per,
+            quantity.scale * per * (self.matters / USUAL if soft else 1.0), neutral, quantity.usual * per,
+            quantity.spread * (1.0 if quantity.log else per), quantity.log,
+        )  # fmt: skip
+
+    def sizes(self, quantities: Sequence[Quantity]) -> Array:
+        """How many times as large values ``(k,)`` matter as those of the drive before all passive joints."""
+        return np.array([self.matters / USUAL if q.name.endswith(SOFT) else 1.0 for q in quantities])
+
+    def factors(self, quantities: Sequence[Quantity]) -> Array:
+        """Factors ``(k,)`` from values of what slides, in mm and N, to those of this drive."""
+        return np.array([self._unit(q.name)[1] for q in quantities])
+
+    def _unit(self, name: str) -> tuple[str, float]:
+        if self.turns:
+            for ending, (own, power) in TURNED.items():
+                if name.endswith(ending):
+                    return name.removesuffix(ending) + own, self.lever**power
+        return name, 1.0
+
+
+BEFORE_JOINTS = Drive()
+"""That before all passive joints."""
+
+
+class InDrive(Effect):
+    """A cause in a drive, told by a law in mm and N.
+
+    Attributes:
+        drive: which.
+    """
+
+    drive: Drive = BEFORE_JOINTS
+
+    def sliding(self) -> tuple[Quantity, ...]:
+        """The parameters of the law, in mm and N."""
+        raise NotImplementedError
+
+    def sliding_trials(self) -> Sequence[tuple[float, ...]]:
+        """Values of these to begin a search from."""
+        raise NotImplementedError
+
+    def sliding_elements(self, place: Place, values: Sequence[float]) -> tuple[Element, ...]:
+        """Elements with the law in a place."""
+        raise NotImplementedError
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The parameters, in rad and N mm where the drive turns."""
+        return tuple(self.drive.told(q) for q in self.sliding())
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Values of the parameters to begin a search from."""
+        quantities = self.sliding()
+        factors = self.drive.factors(quantities) * self.drive.sizes(quantities)
+        return [tuple(float(v) for v in factors * trial) for trial in self.sliding_trials()]
+
+    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[Element, ...]:
+        """The law where the drive is."""
+        own = np.asarray(values) / self.drive.factors(self.sliding())
+        return self.sliding_elements(self.site(machine), own.tolist())
+
+    def site(self, machine: ModifiedChain) -> Place:
+        """Where elements sit."""
+        return self.drive.place(machine)
+
+
+def drives(scene: Scene) -> list[Drive]:
+    """The drive before all passive joints, where there is one, and those in joints, from base to tool.
+
+    Joints that move the end-effector alike in every posture of a test, about one line or along one direction, are
+    one place: no reading tells them apart. A joint on a branch that does not carry the end-effector is none.
+    """
+    machine, chain = scene.machine, scene.chain
+    own = machine.drive
+    found = [] if own is None else [Drive(compliance=own.compliance, force=scene.force)]
+    joints = [part for part in chain.parts if isinstance(part, Driven) and _is_driven(chain, part)]
+    if not joints:
+        return found
+    length = chain.characteristic_length
+    moved = [joint_motions(machine, label) for label in sorted(scene.labels)]
+    places: list[tuple[list[Driven], Array]] = []
+    for joint in joints:
+        motion = np.array([at[joint.name] / np.repeat([1.0, 1.0 / length], 3) for at in moved])
+        if not np.abs(motion).max(initial=0.0) > SAME:
+            continue
+        size = np.abs(motion).max()
+        same = next((one for one, other in places if np.abs(other - motion).max() < SAME * size), None)
+        if same is None:
+            places.append(([joint], motion))
+        else:
+            same.append(joint)
+    begun = _begun(scene)
+    for same, _ in places:
+        first = same[0]
+        lever = 1.0 if first.slides else length
+        name = " or ".join(joint.name for joint in same)
+        compliance = compliance_of(first) * lever**2
+        matters = FACTOR.scale * max(compliance, scene.reach / scene.force)
+        load = _load(begun, first.name, lever) * scene.force or scene.force
+        found.append(Drive(name, first.name, not first.slides, lever, compliance, matters, load))
+    return found
+
+
+def _begun(scene: Scene) -> list[tuple[Array, dict[str, Array]]]:
+    """Of each ramp the wrench ``(6,)`` with which it begins, over its force, and the joints' motions ``(6,)``."""
+    found = []
+    for posture, direction in scene.rays:
+        try:
+            wrench = first_wrench(scene.machine, posture, np.array(direction))
+        except NoConvergenceError:
+            continue
+        if wrench[:3].any():
+            wrench /= np.linalg.norm(wrench[:3])
+            found.append((wrench, joint_motions(scene.machine, posture)))
+    return found
+
+
+def _load(begun: Sequence[tuple[Array, dict[str, Array]]], joint: str, lever: float) -> float:
+    """Largest force on a joint at its lever, over that at the end-effector; zero where none is felt."""
+    found = max((abs(float(wrench @ motions[joint])) / lever for wrench, motions in begun), default=0.0)
+    return found if found > NEITHER else 0.0
+
+
+def _is_driven(chain: Chain, joint: Driven) -> bool:
+    """Whether it has a drive, or a spring in its place that is free of stress in every posture."""
+    if isinstance(joint, SprungJoint):
+        at = [held.get(joint.name, 0.0) for held in chain.held.values()]
+        return all(replace(joint, value=value).stretch == 0.0 for value in at)
+    return True
+
+
+def compliance_of(joint: Driven) -> float:
+    """Of a joint's spring about or along its axis, rad/(N mm) or mm/N."""
+    match joint:
+        case SprungJoint():
+            return 1.0 / joint.stiffness
+        case ActuatedJoint(matrix=matrix) if matrix is not None:
+            return float(_along(joint) @ matrix @ _along(joint))
+    return joint.compliance
+
+
+def softened(joint: Driven, by: float) -> Driven:
+    """A joint with a compliance about or along its axis, rad/(N mm) or mm/N, added to what it has."""
+    match joint:
+        case SprungJoint():
+            return replace(joint, stiffness=1.0 / (1.0 / joint.stiffness + by))
+        case ActuatedJoint(matrix=matrix) if matrix is not None:
+            return replace(joint, matrix=matrix + by * np.outer(_along(joint), _along(joint)))
+    return replace(joint, compliance=joint.compliance + by)
+
+
+def _along(joint: HeldJoint) -> Array:
+    """What the joint does to what is behind it ``(6,)``, in its own frame."""
+    result = np.zeros(6)
+    result[slice(0, 3) if joint.slides else slice(3, 6)] = joint.axis
+    return result

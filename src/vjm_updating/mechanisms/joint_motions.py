@@ -1,0 +1,112 @@
+"""What the held joints of a machine do to its end-effector, unloaded and where loads have bent what is between."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from vjm.errors import NoConvergenceError
+from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint
+from vjm.rotations import Array
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, springs_of
+from vjm_updating.mechanisms.path_table import HalfRay, tabulate
+
+BEHIND = " gives way"
+"""Behind a joint's name, that of a part which moves as the joint does."""
+KEPT = 64
+"""Half-rays that are kept."""
+_ALONG: OrderedDict[tuple[object, ...], tuple[Chain, Array, dict[str, Array]]] = OrderedDict()
+"""With the chain that each was made from, which keeps its identity."""
+
+
+def joint_motions(machine: ModifiedChain, posture: str) -> dict[str, Array]:
+    """What a unit of what gives way in each held joint does to the end-effector ``(6,)``, by the joints' names.
+
+    In the unloaded posture, world axes: ``(a × (r − p), a)`` per rad about an axis a through p, ``(a, 0)`` per mm
+    along it, with what a coupling passes on as it bends.
+    """
+    found = _motions(ModifiedChain(machine.nominal, machine.engine), posture, None)
+    return {name: at[0] for name, at in found.items()}
+
+
+def motions_of_readings(
+    machine: ModifiedChain, labels: Sequence[str], rays: Sequence[tuple[str, Array, np.ndarray, Array]]
+) -> dict[str, Array]:
+    """The same at every reading ``(n, 6)``, the nominal machine being displaced as it was there.
+
+    The arm of a moment changes by what lies between joint and end-effector under load, and small moments are
+    differences of large ones. Behind a bifurcation it is that of the bifurcation.
+
+    Args:
+        machine: the nominal one.
+        labels: posture of each reading.
+        rays: posture, direction ``(6,)``, indices of the readings, and their places on the ray.
+    """
+    plain = ModifiedChain(machine.nominal, machine.engine)
+    if not any(isinstance(part, HeldJoint) for part in plain.nominal.parts):
+        return {}
+    still = {label: joint_motions(plain, label) for label in dict.fromkeys(labels)}
+    result = {name: np.array([still[label][name] for label in labels]) for name in still[labels[0]]}
+    for posture, direction, index, place in rays:
+        for sign in (1.0, -1.0):
+            own = sign * place > 0.0
+            if not own.any():
+                continue
+            half = HalfRay.of(posture, sign * direction, float(np.abs(place[own]).max()))
+            s, found = _along(plain, half)
+            for name, motion in found.items():
+                for k in range(6):
+                    result[name][index[own], k] = np.interp(np.abs(place[own]), s, motion[:, k])
+    return result
+
+
+def _along(machine: ModifiedChain, half: HalfRay) -> tuple[Array, dict[str, Array]]:
+    """Places ``(m,)`` on half a ray, and motions ``(m, 6)`` there by the joints' names."""
+    key = (id(machine.nominal), machine.engine, half)
+    if key not in _ALONG:
+        try:
+            table = tabulate(machine, half, ())
+            before = table.s <= table.bifurcation
+            s, x = table.s[before], table.x[before]
+        except NoConvergenceError:
+            s, x = np.zeros(1), None
+        _ALONG[key] = machine.nominal, s, _motions(machine, half.posture, x)
+        if len(_ALONG) > KEPT:
+            _ALONG.popitem(last=False)
+    _, s, found = _ALONG[key]
+    return s, found
+
+
+def _motions(machine: ModifiedChain, posture: str, x: Array | None) -> dict[str, Array]:
+    """Motions ``(m, 6)`` at coordinates ``(m, n)`` of a machine's model in a posture, unloaded by default."""
+    chain = machine.nominal
+    joints = [part for part in chain.parts if isinstance(part, HeldJoint)]
+    model = machine.engine.model(_yielding(chain.at(posture)))
+    own = {joint.name: springs_of(model, joint.name + BEHIND)[0].start for joint in joints}
+    kept = np.setdiff1d(np.arange(model.size), list(own.values()))
+    at = np.tile(model.configuration(model.chain.posture(posture)), (1 if x is None else len(x), 1))
+    if x is not None:
+        at[:, kept] = x
+    J = np.array([model.kinematics(one).jacobian for one in at])
+    result = {name: J[:, :, k] for name, k in own.items()}
+    for joint in joints:
+        if isinstance(joint, CoupledJoint) and joint.as_bent:
+            for name, ratio in joint.ratios:
+                result[name] = result[name] + ratio * J[:, :, own[joint.name]]
+    return result
+
+
+def _yielding(chain: Chain) -> Chain:
+    """The chain with a second joint of each held one's axis behind it, which gives way and moves with no other."""
+    parts = []
+    for part in chain.parts:
+        parts.append(part)
+        if isinstance(part, HeldJoint):
+            parts.append(ActuatedJoint(part.name + BEHIND, part.axis, part.slides, 1.0, value=0.0))
+    held = {part.name for part in chain.parts if isinstance(part, HeldJoint)}
+    after = {name: where + BEHIND if where in held else where for name, where in chain.after.items()}
+    return replace(chain, parts=tuple(parts), after=after)

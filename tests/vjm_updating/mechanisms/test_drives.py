@@ -1,0 +1,246 @@
+"""Causes in the joints of an arm, against the arm with the same built into its joints and against closed forms."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers import linear_arm
+
+from vjm.io.model_file import build_chain, load_chain, read_document
+from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.model.load_case import LoadCase
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.mechanisms.catalogue import catalogue
+from vjm_updating.mechanisms.drives import drives
+from vjm_updating.mechanisms.effect import Scene
+from vjm_updating.mechanisms.joint_motions import joint_motions, motions_of_readings
+from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.path_table import HalfRay, tabulate
+from vjm_updating.mechanisms.series_elements import History, balance
+
+JOINTS = ("shoulder", "elbow")
+SOFT = 5e-6
+"""rad/(N mm) beyond 5e-7 and 1e-6 of the model."""
+LENGTH = 500.0
+"""mm of the longest link."""
+UNIT = np.repeat([1.0, 900.0], 3)
+"""Moments over the arm's length."""
+
+
+def arm(change=lambda part: part):
+    chain = load_chain("planar-2r")
+    return ModifiedChain(replace(chain, parts=tuple(change(part) for part in chain.parts)), VjmEngine(4))
+
+
+def softer(joint, by):
+    """The arm with a joint's own compliance larger in its model."""
+    return arm(lambda part: replace(part, compliance=part.compliance + by) if part.name == joint else part)
+
+
+def scene_of(machine, postures=("bent", "folded"), axis=0, force=300.0):
+    rays = tuple((posture, tuple(np.eye(6)[axis])) for posture in postures)
+    return Scene(machine.nominal, machine.engine, force, 1.0, rays=rays)
+
+
+def effect_of(machine, label, **more):
+    return next(effect for effect in catalogue(scene_of(machine, **more)) if effect.label == label)
+
+
+def history_of(machine, posture, axis, u):
+    n = len(u)
+    lever = np.tile(machine.lever(posture), (n, 1))
+    joints = motions_of_readings(
+        machine, [posture] * len(u), [(posture, np.eye(6)[axis], np.arange(len(u)), u[:, axis])]
+    )
+    return History(
+        np.arange(float(n)), np.arange(n) == 0, np.tile(machine.line(posture), (n, 1)), lever, {}, joints
+    )
+
+
+def look_of(machine, posture, axis, reach):
+    """The machine's own wrench and stiffness on a ramp to one side."""
+    table = tabulate(machine, HalfRay.of(posture, np.eye(6)[axis], 1.05 * reach), pulls=())
+
+    def look(u):
+        W, K = table.at(u[:, axis])
+        return W + np.einsum("nij,nj->ni", K, u - np.outer(u[:, axis], np.eye(6)[axis])), K
+
+    return look
+
+
+def in_series(machine, effect, values, posture, axis, reach, n=9):
+    u = np.outer(np.linspace(0.0, reach, n)[1:], np.eye(6)[axis])
+    elements = effect.elements(machine, values)
+    return u, balance(look_of(machine, posture, axis, reach), u, elements, history_of(machine, posture, axis, u))
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("posture", ["bent", "folded"])
+@pytest.mark.parametrize("joint", JOINTS)
+def test_a_soft_drive_in_series_is_the_joint_with_its_compliance(joint, posture, axis):
+    machine, soft = arm(), softer(joint, SOFT)
+    effect = effect_of(machine, f"actuator_compliance.{joint}")
+    for reach in (1e-4, 0.1, 1.0):
+        _, found = in_series(machine, effect, (SOFT,), posture, axis, reach)
+        drawn, expected = (
+            m.engine.trace(m.nominal, LoadCase(posture, reach, "xy"[axis], steps=8)).wrench[1:] / UNIT
+            for m in (machine, soft)
+        )
+        size = np.abs(expected).max()
+        assert np.abs(expected - drawn).max() > 3e-3 * size
+        # rounding of small loads, and first order in what moves over the links' length: measured 1.7 at most
+        off = 1e-6 if reach == 1e-4 else 2.0 * reach / LENGTH
+        np.testing.assert_allclose(found.wrench / UNIT, expected, rtol=0.0, atol=off * size)
+
+
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.6, 0.0, 0.8)])
+@pytest.mark.parametrize("kind", ["slides", "matrix", "sprung", "coupled", "as commanded"])
+def test_every_kind_of_joint_is_a_drive(kind, axis):
+    """Motion by what the model's end-effector does if the joint's compliance is ten times as large."""
+    axis = np.array(axis)
+    made = {
+        "slides": lambda c: ActuatedJoint("elbow", axis, True, compliance=1e-5 + c),
+        "matrix": lambda c: ActuatedJoint(
+            "elbow", axis, matrix=1e-6 * np.eye(6) + c * np.outer(np.r_[0, 0, 0, axis], np.r_[0, 0, 0, axis])
+        ),
+        "sprung": lambda c: SprungJoint("elbow", axis, stiffness=1.0 / (1e-6 + c)),
+        "coupled": lambda c: CoupledJoint("elbow", axis, ratios=(("shoulder", 2.0),), compliance=1e-6 + c),
+        "as commanded": lambda c: CoupledJoint(
+            "elbow", axis, ratios=(("shoulder", 2.0),), as_bent=False, compliance=1e-6 + c
+        ),
+    }[kind]
+
+    def built(c):
+        chain = arm(lambda part: made(c) if part.name == "elbow" else replace(part, compliance=0.0)
+                    if part.name == "shoulder" else part).nominal  # fmt: skip
+        held = {label: dict(values) for label, values in chain.held.items()}
+        if kind in ("coupled", "as commanded"):
+            held = {label: {"shoulder": values["shoulder"]} for label, values in held.items()}
+        return ModifiedChain(replace(chain, held=held), VjmEngine(4))
+
+    machine, c = built(0.0), 1e-5
+    effect = effect_of(machine, "actuator_compliance.elbow")
+    assert effect.quantities()[0].name == ("compliance_mm_per_N" if kind == "slides" else "compliance_rad_per_Nmm")
+    # compliance at the end-effector of the machine with more of it in the joint, less that of the machine as drawn
+    stiff = [tabulate(m, HalfRay.of("bent", np.eye(6)[0], 1e-4), ()).stiffness[0] for m in (machine, built(c))]
+    more = np.linalg.inv(stiff[1]) - np.linalg.inv(stiff[0])
+    motion = joint_motions(machine, "bent")["elbow"]
+    np.testing.assert_allclose(more, c * np.outer(motion, motion), atol=1e-6 * np.abs(more).max())
+    np.testing.assert_allclose(
+        tabulate(ModifiedChain(effect.built(machine.nominal, (c,)), machine.engine),
+                 HalfRay.of("bent", np.eye(6)[0], 1e-4), ()).stiffness[0], stiff[1], rtol=1e-9, atol=1e-6,
+    )  # fmt: skip
+
+
+def test_a_coupling_passes_on_what_bends():
+    def with_belt(c):
+        def change(part):
+            if part.name == "elbow":
+                return CoupledJoint("elbow", part.axis, ratios=(("shoulder", -1.0),))
+            return replace(part, compliance=c) if part.name == "shoulder" else part
+
+        # no beam between the joints: a coupling across one is for another engine
+        chain = arm(change).nominal
+        parts = sorted(
+            chain.parts, key=lambda part: ("shoulder", "elbow", "upper", "fore", "tool").index(part.name)
+        )
+        held = {label: {"shoulder": values["shoulder"]} for label, values in chain.held.items()}
+        return ModifiedChain(replace(chain, parts=tuple(parts), held=held), VjmEngine(4))
+
+    motion = joint_motions(with_belt(0.0), "bent")["shoulder"]
+    more = np.subtract(*(
+        np.linalg.inv(tabulate(with_belt(c), HalfRay.of("bent", np.eye(6)[0], 1e-4), ()).stiffness[0])
+        for c in (3e-6, 1e-6)
+    ))  # fmt: skip
+    np.testing.assert_allclose(more, 2e-6 * np.outer(motion, motion), atol=1e-12)
+    # turned back by as much, and moved by nothing: both axes are one
+    np.testing.assert_allclose(motion, 0.0, atol=1e-9)
+
+
+def test_joints_about_one_line_are_one_place():
+    def twice(part):
+        return (part, ActuatedJoint("wrist", part.axis, value=None)) if part.name == "elbow" else (part,)
+
+    chain = load_chain("planar-2r")
+    parts = tuple(new for part in chain.parts for new in twice(part))
+    held = {label: {**values, "wrist": 0.3} for label, values in chain.held.items()}
+    machine = ModifiedChain(replace(chain, parts=parts, held=held), VjmEngine(4))
+    assert [one.part for one in drives(scene_of(machine))] == ["shoulder", "elbow or wrist"]
+
+
+def test_sizes_follow_from_the_arms_lengths():
+    (quantity,) = effect_of(arm(), "actuator_compliance.elbow").quantities()
+    assert quantity.name == "compliance_rad_per_Nmm"
+    # 2 % of the gear's own, which moves the longest link's end by more than 1 mm in 300 N does
+    assert quantity.scale == pytest.approx(0.02 * 1e-6)
+    (quantity,) = effect_of(softer("elbow", -1e-6), "actuator_compliance.elbow").quantities()
+    assert quantity.scale == pytest.approx(0.02 / 300.0 / LENGTH**2)
+
+
+def test_the_papers_chain_has_its_one_drive():
+    machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(8))
+    (one,) = drives(Scene(machine.nominal, machine.engine, 300.0, 1.0))
+    assert (one.part, one.joint, one.turns, one.lever) == ("", "", False, 1.0)
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_a_file_says_it(joint):
+    machine = arm()
+    document = copy.deepcopy(read_document("planar-2r").content)
+    effect_of(machine, f"actuator_compliance.{joint}").write(document, machine.nominal, (SOFT,))
+    written = build_chain(document, "soft.toml")
+    found = {part.name: part.compliance for part in written.parts if part.name in JOINTS}
+    drawn = {part.name: part.compliance for part in machine.nominal.parts if part.name in JOINTS}
+    assert found == pytest.approx({name: c + SOFT * (name == joint) for name, c in drawn.items()}, rel=1e-12)
+
+
+LINKS = linear_arm.arm("upper", "fore")
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("joint", ["j-upper", "j-fore"])
+@pytest.mark.parametrize(
+    ("cause", "values"),
+    [("actuator_backlash", (1e-4, 0.1, 5000.0)), ("actuator_hardening", (4.0, 2e-8, 1.0))],
+)
+def test_a_gears_law_is_that_of_its_moment(tmp_path, cause, values, joint, axis):
+    """Against virtual work with nothing of the package in it, at loads at which the arm is linear."""
+    angles, reach = (0.5, 0.9), 0.1
+    file = tmp_path / "arm.toml"
+    file.write_text(linear_arm.model([replace(link, gives=0.0) for link in LINKS], {"bent": angles}))
+    machine = ModifiedChain(load_chain(file), VjmEngine(8))
+    truth = linear_arm.Arm([replace(link, gives=0.0) for link in LINKS], angles)
+    effect = effect_of(machine, f"{cause}.{joint}", postures=("bent",), axis=axis, force=1000.0)
+    u, found = in_series(machine, effect, values, "bent", axis, reach)
+    largest = effect.drive.force * effect.drive.lever
+    expected = truth.shifted(u, joint, lambda M: law_of(cause, values, M, largest))
+    plain = np.linalg.solve(truth.compliance(), u.T).T
+    size = np.abs(expected / UNIT).max()
+    moved = np.abs((expected - plain) / UNIT).max()
+    # the arm is linear up to some 1e-3 of the forces; what no moment turns has none
+    np.testing.assert_allclose(found.wrench / UNIT, expected / UNIT, rtol=0.0, atol=1e-3 * size)
+    felt = np.abs(plain @ truth.moves[joint]).max() > 1e-6 * np.abs(plain[:, 3:]).max()
+    assert felt == (moved > 5e-3 * size)
+
+
+def law_of(cause, values, moment, largest):
+    """Turn in rad under a moment in N mm."""
+    if cause == "actuator_backlash":
+        gap, offset, contact = values
+        return gap * (0.5 * np.tanh(moment / contact) + offset)
+    ratio, c, m = values
+    u = abs(moment) / largest
+    return c * moment * (1.0 + (1.0 / ratio - 1.0) * u**m / (m + 1.0))
+
+
+def test_the_largest_moment_on_a_gear_is_that_of_the_test(tmp_path):
+    machine = arm()
+    for one in drives(scene_of(machine, ("bent",))):
+        path = machine.engine.trace(machine.nominal, LoadCase("bent", 1e-3, "x", steps=4))
+        moment = abs(path.wrench[-1] @ joint_motions(machine, "bent")[one.joint])
+        expected = 300.0 * moment / np.linalg.norm(path.wrench[-1, :3])
+        # a ramp's beginning: a micrometre over some hundred millimetres, of a difference of large moments
+        assert one.force * one.lever == pytest.approx(expected, rel=1e-2)
