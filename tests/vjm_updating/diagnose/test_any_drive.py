@@ -33,14 +33,9 @@ def names(found: Diagnosis, cause: str, joint: str) -> bool:
     )
 
 
-@pytest.mark.parametrize(
-    ("joint", "seed"),
-    [
-        ("elbow", 0),
-        *(pytest.param(joint, seed, marks=pytest.mark.slow) for joint, seed in
-          (("shoulder", 0), ("elbow", 1), ("shoulder", 1), ("elbow", 2), ("shoulder", 2))),
-    ],
-)  # fmt: skip
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("joint", ["elbow", "shoulder"])
 def test_a_soft_gear_is_named_with_its_joint(tmp_path: Path, joint: str, seed: int) -> None:
     data, sheet = traced.measured(
         tmp_path, "planar-2r", lambda chain: softer(chain, joint), ("bent", "folded"), "uy_mm", 0.5, seed
