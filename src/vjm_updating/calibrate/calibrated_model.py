@@ -19,8 +19,9 @@ from vjm.model.chain import Chain
 from vjm.model.joints import SprungJoint
 from vjm.model.parts import Actuator, Beam, Section
 from vjm.rotations import Array, rotate_matrix6, shift_compliance
-from vjm_updating.calibrate.parameters import GEARED, split_parts
+from vjm_updating.calibrate.parameters import split_parts
 from vjm_updating.experiment import Measurement
+from vjm_updating.mechanisms.drives import Driven
 
 ALIKE = 1e-12
 """Spread of factors below which they are one."""
@@ -39,7 +40,7 @@ def calibrated_document(measurement: Measurement, chain: Chain) -> dict[str, Any
     for table, old, new in zip(document["parts"], measurement.chain.parts, chain.parts, strict=True):
         if isinstance(old, Actuator) and isinstance(new, Actuator):
             table["compliance_mm_per_N"] = float(new.compliance)
-        elif isinstance(new, GEARED):
+        elif isinstance(new, Driven):
             _joint(table, new)
         elif isinstance(old, Beam) and isinstance(new, Beam):
             _beam(table, old, new, by_section=new.name in split)
@@ -61,7 +62,7 @@ def calibrated_text(measurement: Measurement, chain: Chain) -> str:
     return head + toml_text(document)
 
 
-def _joint(table: dict[str, Any], new: GEARED) -> None:
+def _joint(table: dict[str, Any], new: Driven) -> None:
     """What a joint has of compliances, in the keys of its kind."""
     if isinstance(new, SprungJoint):
         table["stiffness_N_per_mm" if new.slides else "stiffness_Nmm_per_rad"] = float(new.stiffness)

@@ -146,7 +146,8 @@ def solve(problem: Problem) -> Solution:
         if np.max(np.abs(fit.at.z - before) / deviation) < SETTLED:
             break
     fit = replace(fit, jacobian=fitter.slopes(fit.found, fit.at, ()))
-    return Solution(problem, problem.forward(everything, fitter.forward.branches), fitter, fit)
+    assert isinstance(fitter.forward, CalibratedForward)
+    return Solution(problem, fitter.forward.reading(everything), fitter, fit)
 
 
 def fitter_of(problem: Problem) -> tuple[Fitter, Evaluation]:

@@ -22,6 +22,7 @@ from vjm.model.parts import Actuator, Beam, Part
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment import Kind, Nuisance
+from vjm_updating.mechanisms.drives import Driven
 from vjm_updating.mechanisms.modified_chain import beam_of
 from vjm_updating.observation.coordinate import Coordinate
 
@@ -36,8 +37,6 @@ MATRIX = tuple((i, j) for i in range(6) for j in range(i + 1))
 SECTION = ("EA", "GJ", "EIy", "EIz")
 ABOUT = ("compliance", "lateral-1", "lateral-2")
 """Compliances of a joint: about or along its own axis, and about the two `vjm.model.joints.joint_axes` across."""
-GEARED = ActuatedJoint | CoupledJoint | SprungJoint
-"""Joints that stand at a coordinate, and may have a compliance there."""
 
 
 @dataclass(frozen=True)
@@ -153,11 +152,11 @@ def split_parts(engine: VjmEngine, chain: Chain) -> set[str]:
 
 def default_parameters(engine: VjmEngine, chain: Chain) -> list[str]:
     """One factor for every beam, and the compliance of every drive and joint that has one."""
-    driven = (p for p in chain.parts if isinstance(p, Actuator | GEARED) and compliance_of(p, ABOUT[0]) > 0.0)
+    driven = (p for p in chain.parts if isinstance(p, Actuator | Driven) and compliance_of(p, ABOUT[0]) > 0.0)
     return [*(f"{beam.name}.factor" for beam in chain.beams), *(f"{part.name}.{ABOUT[0]}" for part in driven)]
 
 
-def compliance_of(part: Actuator | GEARED, what: str) -> float:
+def compliance_of(part: Actuator | Driven, what: str) -> float:
     """A compliance of a drive or joint, one of `ABOUT`, in mm/N or rad/(N mm); zero for a rigid one."""
     if isinstance(part, SprungJoint):
         return 1.0 / part.stiffness
@@ -223,7 +222,7 @@ def _spelt_out(names: Sequence[str]) -> list[str]:
 
 
 def _part(chain: Chain, name: str) -> Part:
-    parts = {part.name: part for part in chain.parts if isinstance(part, Beam | Actuator | GEARED)}
+    parts = {part.name: part for part in chain.parts if isinstance(part, Beam | Actuator | Driven)}
     if name not in parts:
         raise ValueError(
             f"parameter of '{name}': {chain.name} has no such elastic part{did_you_mean(name, parts)}; "
@@ -257,7 +256,7 @@ def _unknown(name: str, unit: str, nominal: float) -> Unknown:
 
 def _block(name: str, part: Part, what: str, split: set[str], length: float) -> tuple[list[Unknown], Change]:
     """The coordinates of one name and what they do."""
-    if isinstance(part, Actuator | GEARED):
+    if isinstance(part, Actuator | Driven):
         return _softness(name, part, what, length)
     assert isinstance(part, Beam)
     if what == "factor":
@@ -345,7 +344,7 @@ def _length(own: Coordinate) -> Change:
     return change
 
 
-def _softness(name: str, part: Actuator | GEARED, what: str, length: float) -> tuple[list[Unknown], Change]:
+def _softness(name: str, part: Actuator | Driven, what: str, length: float) -> tuple[list[Unknown], Change]:
     """The coordinate of a drive's or joint's compliance; a rigid one's unit is `SOFT_DRIVE`, at the ``length``."""
     if isinstance(part, ActuatedJoint) and part.matrix is not None:
         raise ValueError(f"parameter '{name}': {part.name} has a whole 6×6, which is not looked for")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from vjm.rotations import Array
@@ -33,7 +33,9 @@ class CalibratedForward(Forward):
 
     def reading(self, observed: Observed) -> CalibratedForward:
         """The same for other readings of the same test."""
-        return CalibratedForward(observed, dict(self.branches), at_readings=True, unknowns=self.unknowns)
+        return CalibratedForward(
+            observed, dict(self.branches), self._tables, self._known_pulls, at_readings=True, unknowns=self.unknowns
+        )
 
 
 @dataclass(frozen=True)
@@ -53,11 +55,9 @@ class Problem:
         """Of the lumped model."""
         return self.observed.measurement.engine
 
-    def forward(
-        self, observed: Observed, branches: Mapping[tuple[int, int], int] | None = None
-    ) -> CalibratedForward:
-        """The model at readings of this test, or at such as could be taken next, on given branches."""
-        return CalibratedForward(observed, dict(branches or {}), at_readings=True, unknowns=self.unknowns)
+    def forward(self, observed: Observed) -> CalibratedForward:
+        """The model at readings of this test, or at such as could be taken next."""
+        return CalibratedForward(observed, at_readings=True, unknowns=self.unknowns)
 
 
 def problem_of(measurement: Measurement, names: Sequence[str] = ()) -> Problem:

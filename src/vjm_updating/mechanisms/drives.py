@@ -7,6 +7,7 @@ matters, serve drives that slide and joints that turn.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -98,7 +99,7 @@ BEFORE_JOINTS = Drive()
 """That before all passive joints."""
 
 
-class InDrive(Effect):
+class InDrive(Effect, ABC):
     """A cause in a drive, told by a law in mm and N.
 
     Attributes:
@@ -107,17 +108,17 @@ class InDrive(Effect):
 
     drive: Drive = BEFORE_JOINTS
 
+    @abstractmethod
     def sliding(self) -> tuple[Quantity, ...]:
         """The parameters of the law, in mm and N."""
-        raise NotImplementedError
 
+    @abstractmethod
     def sliding_trials(self) -> Sequence[tuple[float, ...]]:
         """Values of these to begin a search from."""
-        raise NotImplementedError
 
+    @abstractmethod
     def sliding_elements(self, place: Place, values: Sequence[float]) -> tuple[Element, ...]:
         """Elements with the law in a place."""
-        raise NotImplementedError
 
     def quantities(self) -> tuple[Quantity, ...]:
         """The parameters, in rad and N mm where the drive turns."""
