@@ -128,7 +128,7 @@ def test_a_missing_mesh_is_left_out_and_said(tmp_path):
             joint("one", "a", "b") + joint("two", "b", "c", more='<axis xyz="0 0 1"/><mimic joint="two"/>'),
             "joint 'two' mimics itself",
         ),
-        ("<joint", "is no URDF that can be read"),
+        ("<joint", "is no XML that can be read"),
     ],
 )
 def test_refusal(tmp_path, joints, says):

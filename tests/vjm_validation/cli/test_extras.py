@@ -20,7 +20,6 @@ BLOCKED = (
     "vtk",
     "jinja2",
     "openseespy",
-    "urdf_parser_py",
     "distributed",
     "pandas",
 )

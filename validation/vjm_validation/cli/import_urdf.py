@@ -9,7 +9,6 @@ from cyclopts import Parameter
 
 from vjm.io.files import write_whole
 from vjm.io.model_file import build_chain
-from vjm.io.toml_text import toml_text
 from vjm.io.urdf import import_urdf
 from vjm_output import terminal
 from vjm_validation.cli.status import OK, UsageError
@@ -27,11 +26,11 @@ def import_(
     if file.exists():
         raise UsageError(f"{file}: exists already; give another --out")
     chain = build_chain(found.document, file.name)
-    write_whole(file, toml_text(found.document))
+    write_whole(file, found.text())
     console = terminal.console()
     console.print(f"{file}: {len(chain.parts)} parts, {len(found.to_fill_in)} actuated joints", soft_wrap=True)
-    for line in found.left_out:
-        console.print(f"left out: {line}", soft_wrap=True, highlight=False)
+    for line in found.notes.lines():
+        console.print(line, soft_wrap=True, highlight=False, markup=False)
     if found.to_fill_in:
         console.print(
             f"to be filled in, placeholders now: the compliance of {', '.join(found.to_fill_in)}", soft_wrap=True

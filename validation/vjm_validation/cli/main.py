@@ -94,7 +94,6 @@ EXTRAS = {
     "vtk": "report",
     "jinja2": "report",
     "openseespy": "opensees",
-    "urdf_parser_py": "urdf",
     "distributed": "cluster",
     "gmsh": "solid",
     "skfem": "solid",
