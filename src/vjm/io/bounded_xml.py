@@ -9,7 +9,6 @@ from __future__ import annotations
 import codecs
 import re
 from dataclasses import dataclass, field
-from encodings.aliases import aliases
 from pathlib import Path
 from xml.parsers import expat
 
@@ -25,8 +24,12 @@ _MARKS = (
     (codecs.BOM_UTF32_BE, "utf-32"),
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
+    (b"<\0", "utf-16-le"),
+    (b"\0<", "utf-16-be"),
 )
-_DECLARED = re.compile(rb"<\?xml\b[^>]{0,200}?\bencoding\s*=\s*[\"']([^\"'>]{1,40})[\"']")
+_NO_FILE = {"idna", "punycode", "unicode-escape", "raw-unicode-escape", "undefined", "mbcs", "oem"}
+"""Python's codecs that are no encoding of a text file; those of bytes fail when they are tried."""
+_DECLARED = re.compile(r"<\?xml\b[^>]{0,200}?\bencoding\s*=\s*[\"']([^\"'>]{1,40})[\"']")
 _HEADER = re.compile(r"<\?xml\b[^>]*>")
 _AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#[0-9]{1,7}|#x[0-9a-fA-F]{1,6});)")
 
@@ -102,30 +105,35 @@ def parse_xml(raw: bytes, file: str) -> XmlFile:
 def _decoded(raw: bytes, file: str) -> tuple[str, list[str]]:
     """The text of a file and what is to be said of its encoding."""
     mark = next((name for start, name in _MARKS if raw.startswith(start)), None)
-    found = _DECLARED.search(raw[:2000])
-    declared = found.group(1).decode("latin-1").lower() if found else "utf-8"
-    said = f"as its header declares ({declared})" if found else "as a file without a declared encoding is"
-    # a byte order mark says it for certain
+    head = raw[:2000].decode(mark or "latin-1", "ignore")
+    found = _DECLARED.search(head)
+    declared = found.group(1).lower() if found else mark or "utf-8"
+    # how the file begins says it for certain
     for encoding in (mark,) if mark else (declared, "utf-8", "cp1252", "latin-1"):
         if not _is_text(encoding):
             continue
         try:
             text = raw.decode("utf-8-sig" if encoding == "utf-8" else encoding)
-        except UnicodeError as error:
+        except (UnicodeError, LookupError) as error:
             if mark:
                 raise ModelFileError(f"{file}: begins as {mark} and is not: save it as UTF-8") from error
             continue
-        same = _is_text(declared) and codecs.lookup(encoding).name == codecs.lookup(declared).name
-        if same or (mark and not found):
+        if _is_text(declared) and _family(encoding) == _family(declared):
             return text, []
+        said = f"as its header declares ({declared})" if found else "as UTF-8"
         where = "" if mark else f" (line {_first_odd_line(raw, declared)})"
         return text, [f"the file is not encoded {said}{where}: read as {encoding}; save it as UTF-8"]
     raise ModelFileError(f"{file}: is no text: save it as UTF-8")
 
 
+def _family(encoding: str) -> str:
+    """An encoding's name without the order of its bytes."""
+    return codecs.lookup(encoding).name.removesuffix("-le").removesuffix("-be").removesuffix("-sig")
+
+
 def _is_text(encoding: str) -> bool:
     try:
-        return codecs.lookup(encoding).name.replace("-", "_") in {*aliases.values(), "utf_8", "utf_16", "utf_32"}
+        return codecs.lookup(encoding).name not in _NO_FILE
     except (LookupError, ValueError):
         return False
 

@@ -8,7 +8,6 @@ Written after the format's description and the reader of the ROS project, urdfdo
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +23,8 @@ MOVING: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismati
 TYPES = (*MOVING, "fixed", "floating", "planar")
 HEAVIEST = 1e4
 """kg, of a model file."""
+PROPOSED = 8
+"""Ends that a refusal names."""
 _VERSION = re.compile(r"1\.[0-2]")
 
 
@@ -142,7 +143,7 @@ class _Reader:
                 raise ModelFileError(f"{self._file}: every link hangs on another: a loop without closure")
             raise ModelFileError(
                 f"{self._file}: has {len(roots)} links without a parent ({', '.join(roots)}); a robot has one, its "
-                f"base: connect them, or take the way to one link: --tip {self._proposed(after)}"
+                f"base: connect them{self._proposed()}"
             )
         found: list[_RawJoint] = []
         todo = [roots[0]]
@@ -157,12 +158,21 @@ class _Reader:
             raise ModelFileError(f"{self._file}: link '{lost}' is its own ancestor: a loop without closure")
         return found
 
-    def _proposed(self, after: Mapping[str, list[_RawJoint]]) -> str:
-        ends = [name for name in self._links if name in self._into and name not in after]
-        return " or ".join(f"'{name}'" for name in ends) or "LINK"
+    def _proposed(self) -> str:
+        """The ends to which a way leads that nothing is wrong with."""
+        parents = {joint.parent for joints in self._joints.values() for joint in joints}
+        ends = []
+        for name in self._links:
+            if name and name not in parents and name in self._into:
+                try:
+                    self._way(name, propose=False)
+                except ModelFileError:
+                    continue
+                ends.append(name)
+        return f"; or take the way to one link, --tip {' or '.join(ends[:PROPOSED])}" if ends else ""
 
-    def _way(self, tip: str) -> list[_RawJoint]:
-        """The joints from the root to a link."""
+    def _way(self, tip: str, *, propose: bool = True) -> list[_RawJoint]:
+        """The joints from the root to a link; refusals propose other ways unless they are tried just now."""
         if tip not in self._links:
             known = [name for name in self._links if name]
             hint = did_you_mean(tip, known) or f" (there are {', '.join(known)})"
@@ -171,20 +181,20 @@ class _Reader:
         at = tip
         self._link(at)
         while joints := self._into.get(at, []):
-            self._refuse_parents(at, joints)
-            self._check(joints[0])
+            self._refuse_parents(at, joints, propose=propose)
+            self._check(joints[0], propose=propose)
             if any(joint.child == joints[0].parent for joint in [*way, joints[0]]):
                 raise ModelFileError(f"{self._file}: link '{at}' is its own ancestor: a loop without closure")
             way.insert(0, joints[0])
             at = joints[0].parent
         return way
 
-    def _refuse_parents(self, name: str, joints: list[_RawJoint]) -> None:
+    def _refuse_parents(self, name: str, joints: list[_RawJoint], *, propose: bool = True) -> None:
         if len(joints) > 1:
             raise ModelFileError(
                 f"{self._file}: line {joints[1].element.line}: link '{name}' has two parents, the joints "
                 f"'{joints[0].name}' and '{joints[1].name}': a loop; describe it as a manipulator with legs, see "
-                "docs/manipulators.md, or give a --tip whose way does not meet it"
+                f"docs/manipulators.md{self._proposed() if propose else ''}"
             )
 
     def _link(self, name: str) -> Element:
@@ -196,7 +206,7 @@ class _Reader:
             raise ModelFileError(f"{self._file}: {len(several)} links are called '{name}' (lines {lines}): rename")
         return several[0]
 
-    def _check(self, joint: _RawJoint) -> None:
+    def _check(self, joint: _RawJoint, *, propose: bool = True) -> None:
         """Refuse a joint that connects nothing, has another's name, or moves as no model's does."""
         place = Place(self._file, f"joint '{joint.name}'", joint.element.line)
         if not joint.name:
@@ -210,8 +220,8 @@ class _Reader:
             self._link(name)
         if joint.type in ("floating", "planar"):
             raise place.error(
-                f"is {joint.type}, and a machine stands on its base: make it fixed, or give a --tip whose way does "
-                "not meet it"
+                f"is {joint.type}, and a machine stands on its base: make it fixed"
+                f"{self._proposed() if propose else ''}"
             )
         if joint.type not in TYPES:
             raise place.error(
