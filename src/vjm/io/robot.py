@@ -12,6 +12,8 @@ from vjm.io.sections import LONGEST_MM
 from vjm.rotations import Array
 
 Kind = Literal["fixed", "turns", "slides"]
+Turns = tuple[tuple[tuple[float, float, float], float], ...]
+"""Axes ``(3,)`` and angles in rad, one after another."""
 HUGE = LONGEST_MM
 """mm or rad: the longest length of a model file, and 16,000 turns. A limit beyond it binds nothing."""
 
@@ -26,7 +28,7 @@ class Placing:
     """
 
     shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    turns: tuple[tuple[tuple[float, float, float], float], ...] = ()
+    turns: Turns = ()
 
     @property
     def is_identity(self) -> bool:

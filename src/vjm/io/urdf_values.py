@@ -9,7 +9,7 @@ from decimal import Decimal
 
 from vjm.io.bounded_xml import Element
 from vjm.io.errors import ModelFileError, printed
-from vjm.io.robot import HUGE, Placing
+from vjm.io.robot import HUGE, Placing, Turns
 from vjm.io.sections import LONGEST_MM
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,6})?")
@@ -152,9 +152,7 @@ def placing(
     return Placing(shift, tuple((axis, angle) for axis, angle in zip(axes, reduced, strict=True) if angle))
 
 
-def quaternion_turns(
-    x: float, y: float, z: float, w: float
-) -> tuple[tuple[tuple[float, float, float], float], ...]:
+def quaternion_turns(x: float, y: float, z: float, w: float) -> Turns:
     """The turn of a quaternion of any length above zero: axis, and angle in rad."""
     sine = math.hypot(x, y, z)
     angle = 2.0 * math.atan2(sine, abs(w))

@@ -22,6 +22,9 @@ BLOCKED = (
     "openseespy",
     "distributed",
     "pandas",
+    "mujoco",
+    "xacro",
+    "robot_descriptions",
 )
 SOLID = ("gmsh", "skfem", "pypardiso")
 SOLID_WORDS = ["--youngs", "70000", "--poisson", "0.33", "--base", "base", "--tip", "tip"]
