@@ -97,6 +97,8 @@ class _Reader:
             child = name if last else f"{name}-{k + 1}"
             bodies.setdefault(child, Body(child))
             place = _placing(shift, turns, here - anchor)
+            if not self._name("JOINT", joint):
+                self._notes.changed.append(f"a joint of body '{name}' has no name: '{self._joint_name(joint)}'")
             joints.append(self._joint(joint, parent, child, place, mimics.get(joint)))
             # a joint's own reference: the angle at which the file shows the machine
             shift, turns, anchor, parent = np.zeros(3), (), here, child

@@ -96,12 +96,15 @@ class _Writer:
         self._ends_with: dict[str, str] = {robot.root: ""}
         self._carried_by: dict[str, str] = {robot.root: ""}
         self._names = Labels(robot.notes)
-        self._title = self._names.new(robot.name, "the robot")
-        # joints keep their names, whatever else wants them
+        self._title = Labels(robot.notes).new(robot.name, "the robot")
+        # joints and ends keep their names, whatever else wants them
         moving = [joint for joint in robot.joints if joint.kind != "fixed"]
         self._label = {
             joint.name: self._names.new(joint.name, "joint") for joint in (*robot.masters.values(), *moving)
         }
+        parents = {joint.parent for joint in robot.joints}
+        tips = [] if tip is not None else [joint.child for joint in robot.joints if joint.child not in parents]
+        self._tips = {name: self._names.new(name, "link") for name in tips} if len(tips) > 1 else {}
         self._leads: set[str] = set()
         self._fill: list[str] = []
 
@@ -211,10 +214,7 @@ class _Writer:
             "postures": {"home": self._posture},
         }
         found = Imported(document, self._notes, self._fill)
-        if self._tip is None:
-            parents = {joint.parent for joint in self._robot.joints}
-            tips = [name for name in self._robot.bodies if name not in parents and self._ends_with[name]]
-            if len(tips) > 1:
-                document["ends"] = {self._names.new(tip, "link"): self._ends_with[tip] for tip in tips}
-                found.ends = tips
+        if self._tips:
+            document["ends"] = {label: self._ends_with[name] for name, label in self._tips.items()}
+            found.ends = list(self._tips)
         return found

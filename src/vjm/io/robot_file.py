@@ -1,4 +1,4 @@
-"""A robot's description from wherever it comes: a URDF, an MJCF file, xacro macros, or a package of descriptions."""
+"""A robot's description: a URDF, an MJCF file, xacro macros, or a robot of the package ``robot_descriptions``."""
 
 from __future__ import annotations
 

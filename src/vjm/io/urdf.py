@@ -15,7 +15,7 @@ from vjm.io.bounded_xml import Element, XmlFile, read_xml
 from vjm.io.errors import ModelFileError, did_you_mean, printed
 from vjm.io.robot import Body, Joint, Kind, Mimic, Notes, Placing, Robot
 from vjm.io.robot_document import Imported, robot_document
-from vjm.io.urdf_content import survey
+from vjm.io.urdf_content import XACRO, survey
 from vjm.io.urdf_values import WHOLE_TURN, Place, finite, length_vector, number, placing, usable_limits, vector
 
 METRE = 1000.0
@@ -79,6 +79,7 @@ class _Reader:
     def __init__(self, xml: XmlFile, file: str) -> None:
         self._root, self._file = xml.root, file
         self._notes = Notes(doubtful=list(xml.notes))
+        self._weightless: list[str] = []
         self._links: dict[str, list[Element]] = {}
         for link in xml.root.all("link"):
             self._links.setdefault(link.attributes.get("name", ""), []).append(link)
@@ -113,6 +114,8 @@ class _Reader:
             if joint.mimic is not None and joint.mimic.joint not in wanted
         }
         survey(self._root, [*(self._links[name][0] for name in names), *(j.element for j in taken)], self._notes)
+        if self._weightless:
+            self._notes.doubtful.append(f"links whose <inertial> gives no mass: {', '.join(self._weightless)}")
         off = [name for name in self._links if name not in bodies]
         if off:
             self._notes.left_out.append(f"links that are not on the way to '{tip}': {', '.join(off)}")
@@ -129,11 +132,13 @@ class _Reader:
         for name in self._links:
             self._link(name)
         if not self._links:
-            raise ModelFileError(f"{self._file}: has no <link>: a robot has one, its base")
+            raise ModelFileError(f"{self._file}: has no <link>: a robot has one, its base{self._macros()}")
         after: dict[str, list[_RawJoint]] = {}
-        for several in self._joints.values():
+        for name, several in self._joints.items():
             for joint in several:
                 self._check(joint)
+            self._only(name)
+            for joint in several:
                 after.setdefault(joint.parent, []).append(joint)
         for name, joints in self._into.items():
             self._refuse_parents(name, joints)
@@ -158,6 +163,11 @@ class _Reader:
             raise ModelFileError(f"{self._file}: link '{lost}' is its own ancestor: a loop without closure")
         return found
 
+    def _macros(self) -> str:
+        """A hint where links may be hidden in macros."""
+        hidden = any(child.tag.startswith(XACRO) for child in self._root.children)
+        return "; it holds xacro macros, which --xacro expands" if hidden else ""
+
     def _proposed(self) -> str:
         """The ends to which a way leads that nothing is wrong with."""
         parents = {joint.parent for joints in self._joints.values() for joint in joints}
@@ -175,7 +185,8 @@ class _Reader:
         """The joints from the root to a link; refusals propose other ways unless they are tried just now."""
         if tip not in self._links:
             known = [name for name in self._links if name]
-            hint = did_you_mean(tip, known) or f" (there are {', '.join(known)})"
+            hint = did_you_mean(tip, known) or f" (there are {', '.join(known) or 'none'})"
+            hint += self._macros()
             raise ModelFileError(f"{self._file}: no link '{tip}'{hint}")
         way: list[_RawJoint] = []
         at = tip
@@ -185,6 +196,8 @@ class _Reader:
             self._check(joints[0], propose=propose)
             if any(joint.child == joints[0].parent for joint in [*way, joints[0]]):
                 raise ModelFileError(f"{self._file}: link '{at}' is its own ancestor: a loop without closure")
+            if any(joint.name == joints[0].name for joint in way):
+                self._only(joints[0].name)
             way.insert(0, joints[0])
             at = joints[0].parent
         return way
@@ -211,7 +224,6 @@ class _Reader:
         place = Place(self._file, f"joint '{joint.name}'", joint.element.line)
         if not joint.name:
             raise Place(self._file, "a joint", joint.element.line).error("has no name: give one")
-        self._only(joint.name)
         for what, name in (("parent", joint.parent), ("child", joint.child)):
             if not name:
                 raise place.error(f"names no {what}: add <{what} link=...>")
@@ -241,6 +253,8 @@ class _Reader:
         link = self._link(name)
         inertial = link.first("inertial")
         if inertial is None or (mass := inertial.first("mass")) is None:
+            if inertial is not None:
+                self._weightless.append(name)
             return Body(name)
         place = Place(self._file, f"link '{name}'", mass.line)
         value = finite(place, mass, "value")
@@ -248,6 +262,8 @@ class _Reader:
             raise place.error(f"has a mass of {printed(value)} kg: it must not be below zero")
         if value > HEAVIEST:
             raise place.error(f"has a mass of {printed(value)} kg, above {printed(HEAVIEST)} kg: is it in g?")
+        if not value:
+            self._weightless.append(name)
         origin = inertial.first("origin")
         if not value or origin is None:
             return Body(name, value)
@@ -269,7 +285,9 @@ class _Reader:
     def _moving(self, raw: _RawJoint, where: Placing, mimic: Mimic | None) -> Joint:
         place = Place(self._file, f"joint '{raw.name}'", raw.element.line)
         axis = (1.0, 0.0, 0.0)
-        if (element := raw.element.first("axis")) is not None and "xyz" in element.attributes:
+        if (element := raw.element.first("axis")) is None or "xyz" not in element.attributes:
+            self._notes.doubtful.append(f"joint '{raw.name}' gives no axis: x, as the format has it")
+        else:
             x, y, z = vector(place.inside(element), element, "xyz")
             if not any((x, y, z)):
                 raise place.inside(element).error("has an axis of length zero: give its direction")

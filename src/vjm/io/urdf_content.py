@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from vjm.io.bounded_xml import Element
 from vjm.io.robot import Notes
+from vjm.io.urdf_values import UNEXPANDED
 
 SHAPES = "shapes and meshes, which no command reads"
 INERTIA = "moments of inertia, which statics does not need"
@@ -49,6 +50,7 @@ ATTRIBUTES: dict[str, dict[str, str]] = {
 ONCE = {"inertial", "origin", "mass", "parent", "child", "axis", "limit", "mimic"}
 """Elements of which the first is read."""
 UNUSED_WHEN_FIXED = ("axis", "limit", "mimic")
+XACRO = "xacro:"
 MANY = 3
 """Lines that are named; of more it is said how many."""
 
@@ -63,14 +65,17 @@ def survey(root: Element, owners: Iterable[Element], notes: Notes) -> None:
     """
     left: dict[str, dict[str, list[int]]] = {}
     odd: dict[str, list[int]] = {}
+    macros: list[int] = []
 
     def leave(why: str, what: str, line: int) -> None:
         target = left.setdefault(why, {}) if why else odd
         target.setdefault(what, []).append(line)
 
     def look(element: Element) -> Iterator[Element]:
-        for key in element.attributes:
-            known = ATTRIBUTES[element.tag].get(key)
+        for key, value in element.attributes.items():
+            if UNEXPANDED.search(value):
+                macros.append(element.line)
+            known = ATTRIBUTES.get(element.tag, {}).get(key)
             if known is None and not key.startswith("xmlns"):
                 leave("", f'{key}="…" in <{element.tag}>', element.line)
             elif known:
@@ -81,6 +86,8 @@ def survey(root: Element, owners: Iterable[Element], notes: Notes) -> None:
             known = CHILDREN.get(element.tag, {}).get(child.tag)
             if known is None:
                 leave("", f"<{child.tag}> in <{element.tag}>", child.line)
+                if child.tag.startswith(XACRO):
+                    macros.append(child.line)
             elif known:
                 leave(known, f"<{child.tag}>", child.line)
                 for inner in _below(child):
@@ -102,8 +109,8 @@ def survey(root: Element, owners: Iterable[Element], notes: Notes) -> None:
         notes.left_out.append(f"{why}: {', '.join(_counted(what, len(lines)) for what, lines in things.items())}")
     for what, lines in odd.items():
         notes.left_out.append(f"not understood: {what} ({_lines(lines)})")
-    if any(":" in what and "xacro" in what for what in odd):
-        notes.doubtful.append("the file holds xacro macros that are not expanded: --xacro expands them")
+    if macros:
+        notes.doubtful.append(f"the file holds xacro that is not expanded ({_lines(macros)}): --xacro expands it")
 
 
 def _below(element: Element) -> Iterator[Element]:

@@ -12,9 +12,9 @@ from vjm.io.errors import ModelFileError, printed
 from vjm.io.robot import HUGE, Placing, Turns
 from vjm.io.sections import LONGEST_MM
 
-_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,6})?")
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
 _ODD = re.compile(r"[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
-_UNEXPANDED = re.compile(r"\$[{(]")
+UNEXPANDED = re.compile(r"\$[{(]")
 WHOLE_TURN = 2.0 * math.pi
 XACRO = "it holds unexpanded xacro; expand it by --xacro, or with ROS' own command"
 
@@ -71,7 +71,7 @@ def vector(place: Place, element: Element, key: str, length: int = 3, power: int
         return [0.0] * length
     words = text.split()
     if len(words) != length:
-        hint = XACRO if _UNEXPANDED.search(text) else f"give {length} numbers with blanks between them"
+        hint = XACRO if UNEXPANDED.search(text) else f"give {length} numbers with blanks between them"
         raise place.error(f"has <{element.tag} {key}={_quoted(element, key)}>: {hint}")
     values = [_value(place, element, key, word, power) for word in words]
     if not all(map(math.isfinite, values)):
@@ -82,9 +82,9 @@ def vector(place: Place, element: Element, key: str, length: int = 3, power: int
 def _value(place: Place, element: Element, key: str, text: str, power: int) -> float:
     word = text.strip()
     if _NUMBER.fullmatch(word):
-        return float(Decimal(word).scaleb(power))
+        return float(Decimal(word).scaleb(power)) if power else float(word)
     if not _ODD.fullmatch(word):
-        hint = XACRO if _UNEXPANDED.search(word) else "give a number"
+        hint = XACRO if UNEXPANDED.search(word) else "give a number"
         raise place.error(f"has <{element.tag} {key}={_quoted(element, key)}>, which is no number: {hint}")
     if "nan" in word.lower():
         raise place.error(f"has <{element.tag} {key}={_quoted(element, key)}>: give a number")

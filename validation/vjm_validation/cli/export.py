@@ -24,12 +24,12 @@ def export_(
     force: Annotated[bool, Parameter(help="Write over a file that is there.", negative="")] = False,
     strict: Strict = False,
 ) -> int:
-    """Write a machine's geometry, joints, limits and masses as a URDF or MJCF, and say what that cannot hold."""
+    """Write a machine's geometry, joints, limits and masses as URDF or MJCF, and say what that cannot hold."""
     chain = load_model(model)
     if not isinstance(chain, Chain):
         legs = ", ".join(leg.name for leg in chain.legs)
         raise UsageError(
-            f"{model}: its legs {legs} close loops, and a URDF is a tree, as is what is written of MJCF: export the "
+            f"{model}: its legs {legs} close loops, and a URDF is a tree, as is the MJCF written here: export the "
             "model file of one leg, written as a chain"
         )
     files = {"--urdf": urdf, "--mjcf": mjcf}
