@@ -28,12 +28,14 @@ class Imported:
         notes: what the document does not have of the description, has otherwise, or what is doubtful in it.
         to_fill_in: joints whose compliance is a placeholder.
         ends: links at the ends of the tree, where it has several.
+        joints: names of the moving joints in the document by those in the description.
     """
 
     document: dict[str, Any]
     notes: Notes = field(default_factory=Notes)
     to_fill_in: list[str] = field(default_factory=list)
     ends: list[str] = field(default_factory=list)
+    joints: dict[str, str] = field(default_factory=dict)
 
     @property
     def left_out(self) -> list[str]:
@@ -213,7 +215,7 @@ class _Writer:
             "parts": self._parts,
             "postures": {"home": self._posture},
         }
-        found = Imported(document, self._notes, self._fill)
+        found = Imported(document, self._notes, self._fill, joints=self._label)
         if self._tips:
             document["ends"] = {label: self._ends_with[name] for name, label in self._tips.items()}
             found.ends = list(self._tips)
