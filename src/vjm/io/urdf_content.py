@@ -37,6 +37,7 @@ ATTRIBUTES: dict[str, dict[str, str]] = {
     "link": {"name": "", "type": CONTROL},
     "joint": {"name": "", "type": ""},
     "origin": {"xyz": "", "rpy": "", "quat_xyzw": ""},
+    "inertial/origin": {"xyz": "", "rpy": INERTIA, "quat_xyzw": INERTIA},
     "mass": {"value": ""},
     "parent": {"link": ""},
     "child": {"link": ""},
@@ -71,11 +72,11 @@ def survey(root: Element, owners: Iterable[Element], notes: Notes) -> None:
         target = left.setdefault(why, {}) if why else odd
         target.setdefault(what, []).append(line)
 
-    def look(element: Element) -> Iterator[Element]:
+    def look(element: Element, name: str) -> Iterator[tuple[Element, str]]:
         for key, value in element.attributes.items():
             if UNEXPANDED.search(value):
                 macros.append(element.line)
-            known = ATTRIBUTES.get(element.tag, {}).get(key)
+            known = ATTRIBUTES.get(name, {}).get(key)
             if known is None and not key.startswith("xmlns"):
                 leave("", f'{key}="…" in <{element.tag}>', element.line)
             elif known:
@@ -99,12 +100,13 @@ def survey(root: Element, owners: Iterable[Element], notes: Notes) -> None:
             elif fixed and child.tag in UNUSED_WHEN_FIXED:
                 leave(FIXED, f"<{child.tag}>", child.line)
             elif element.tag != "robot":
-                yield child
+                inside = f"{element.tag}/{child.tag}"
+                yield child, inside if inside in ATTRIBUTES else child.tag
             seen.add(child.tag)
 
-    todo = [root, *owners]
+    todo = [(element, element.tag) for element in (root, *owners)]
     while todo:
-        todo += look(todo.pop())
+        todo += look(*todo.pop())
     for why, things in left.items():
         notes.left_out.append(f"{why}: {', '.join(_counted(what, len(lines)) for what, lines in things.items())}")
     for what, lines in odd.items():
