@@ -341,7 +341,7 @@ def fingers(*names_and_mimics: tuple[str, str, str]) -> str:
     [
         arm(j2=joint("j2", "l1", "l2", more=LIMIT + '<mimic joint="j1"/>')),
         arm(j2=joint("j2", "l1", "l2", "continuous", more='<mimic joint="j1" multiplier="-2" offset="0.1"/>')),
-        arm(j2=joint("j2", "l1", "l2", "prismatic", more='<mimic joint="j1" multiplier="0.3" offset="-1"/>' + LIMIT)),
+        arm(j2=joint("j2", "l1", "l2", "prismatic", more='<mimic joint="j1" multiplier="-3" offset="1"/>' + LIMIT)),
         arm(j2=joint("j2", "l1", "l2", more=LIMIT + '<mimic joint="j1" multiplier="0" offset="0.4"/>')),
         # the master behind its follower
         arm(j1=joint("j1", "base", "l1", more=LIMIT + '<mimic joint="j2" multiplier="-0.5" offset="0.2"/>')),
