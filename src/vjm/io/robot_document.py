@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vjm.io.errors import ModelFileError
+from vjm.io.errors import ModelFileError, printed
 from vjm.io.robot import Joint, Mimic, Notes, Robot, axis_key
 from vjm.io.toml_text import toml_text
 
@@ -120,6 +120,11 @@ class _Writer:
             pending.remove(ready)
             self._add(ready)
         self._say_massless()
+        base = self._robot.bodies[self._robot.root]
+        if base.mass:
+            self._notes.left_out.append(
+                f"the mass of '{base.name}', {printed(base.mass)} kg: the base moves nothing"
+            )
         return self._with_ends()
 
     def _ready(self, joint: Joint) -> bool:

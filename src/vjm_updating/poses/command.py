@@ -12,6 +12,7 @@ from vjm import __version__
 from vjm.io.errors import did_you_mean
 from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
+from vjm.io.mjcf_text import mjcf_text
 from vjm.io.model_file import build_chain
 from vjm.io.urdf_text import urdf_text
 from vjm.rotations import Array, rotation_vector
@@ -33,7 +34,7 @@ from vjm_updating.poses.verdict import judge
 
 DIAGNOSIS, DIAGNOSIS_PAGE, EXTENDED = "diagnosis.json", "diagnosis.html", "extended-model.toml"
 CALIBRATION, CALIBRATION_PAGE, CALIBRATED = "calibration.json", "calibration.html", "calibrated-model.toml"
-URDF = "calibrated.urdf"
+URDF, MJCF = "calibrated.urdf", "calibrated.xml"
 USUAL = ("frame_error", "joint_compliance")
 """Families of a calibration that names none."""
 SHOWN = 12
@@ -109,7 +110,7 @@ def diagnose_poses(
     progress("verdict")
     verdict = judge(study, steps, findings)
     first, last = steps[0].state, steps[-1].state
-    common, model, urdf = _common(measurement, study, first, last, begun)
+    common, written = _common(measurement, study, first, last, begun)
     found = rows.PoseDiagnosis(
         **common
         | {"doubts": doubt_rows(verdict.findings)},
@@ -126,7 +127,7 @@ def diagnose_poses(
         next=verdict.next,
     )  # fmt: skip
     progress("report")
-    files = {DIAGNOSIS: as_json(found), EXTENDED: model, URDF: urdf}
+    files = {DIAGNOSIS: as_json(found), EXTENDED: written.pop(CALIBRATED), **written}
     _write(out, files, DIAGNOSIS_PAGE, measurement.sheet, study, steps, found)
     return found
 
@@ -171,11 +172,11 @@ def calibrate_poses(
         if candidates is None
         else read_candidates(candidates, measurement.sheet, study.machine.joints, study.machine.slides)
     )
-    common, model, urdf = _common(measurement, study, first, last, begun, listed)
+    common, written = _common(measurement, study, first, last, begun, listed)
     found = rows.PoseCalibration(**common | {"doubts": doubt_rows(findings)})
     steps = [Step("", first, ()), Step(", ".join(hypothesis.names), last, ())]
     progress("report")
-    files = {CALIBRATION: as_json(found), CALIBRATED: model, URDF: urdf}
+    files = {CALIBRATION: as_json(found), **written}
     _write(out, files, CALIBRATION_PAGE, measurement.sheet, study, steps, found)
     return found
 
@@ -221,8 +222,8 @@ def _common(
     last: State,
     begun: float,
     candidates: Array | None = None,
-) -> tuple[dict[str, object], str, str]:
-    """What a calibration and a diagnosis say alike, the model file and the URDF."""
+) -> tuple[dict[str, object], dict[str, str]]:
+    """What a calibration and a diagnosis say alike, and the machine as model file, URDF and MJCF by file name."""
     data, frames = study.data, last.frames
     content, left_out = calibrated_document(measurement, study, last)
     chain = build_chain(content, "the calibrated model")
@@ -284,7 +285,7 @@ def _common(
         ),
         "seconds": time.perf_counter() - begun,
     }
-    return common, calibrated_text(content), urdf_text(chain)
+    return common, {CALIBRATED: calibrated_text(content), URDF: urdf_text(chain), MJCF: mjcf_text(chain)}
 
 
 def _vector(R: np.ndarray) -> np.ndarray:

@@ -29,6 +29,7 @@ class PoseMeasurement:
         chain: the machine of the model.
         machine: the same, extended.
         model_sha256: of the model file; of a URDF the empty text.
+        doubts: what is likely a mistake in a URDF.
     """
 
     sheet: PoseSheet
@@ -37,6 +38,7 @@ class PoseMeasurement:
     chain: Chain
     machine: PoseMachine
     model_sha256: str
+    doubts: tuple[str, ...] = ()
 
 
 def read_pose_measurement(data: Path, sheet: Path) -> PoseMeasurement:
@@ -46,7 +48,7 @@ def read_pose_measurement(data: Path, sheet: Path) -> PoseMeasurement:
         ValueError: one of them or the model cannot be used; one line that says what, where and the remedy.
     """
     page = read_pose_sheet(sheet)
-    content, file, sha256 = _document(page, sheet)
+    content, file, sha256, doubts = _document(page, sheet)
     chain = build_chain(content, file, sha256)
     driven = tuple(joint for joint in chain.held_joints if not isinstance(joint, CoupledJoint))
     names = [joint.name for joint in driven]
@@ -62,14 +64,15 @@ def read_pose_measurement(data: Path, sheet: Path) -> PoseMeasurement:
     except ValueError as error:
         raise SheetError(f"{page.file}: {error}") from error
     readings = read_poses(data, page, machine.joints, machine.slides)
-    return PoseMeasurement(page, readings, content, chain, machine, sha256)
+    return PoseMeasurement(page, readings, content, chain, machine, sha256, doubts)
 
 
-def _document(page: PoseSheet, path: Path) -> tuple[dict[str, Any], str, str]:
+def _document(page: PoseSheet, path: Path) -> tuple[dict[str, Any], str, str, tuple[str, ...]]:
     near = path.parent / page.test.model
     if near.suffix == ".urdf":
         if not near.is_file():
             raise SheetError(f"{page.file}: [test] model: no file {near.name} beside the sheet")
-        return import_urdf(near, page.test.tip).document, near.name, ""
+        found = import_urdf(near, page.test.tip)
+        return found.document, near.name, "", tuple(found.notes.doubtful)
     source = read_document(near if near.is_file() else page.test.model)
-    return source.content, source.file, source.sha256
+    return source.content, source.file, source.sha256, ()

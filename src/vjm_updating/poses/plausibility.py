@@ -69,6 +69,7 @@ def considered(measurement: PoseMeasurement, study: Study, *, strict: bool = Fal
     rules = (joints_and_markers, outliers, repeated, few, torques, temperature, gravity)
     found = [finding for rule in rules for finding in rule(study)]
     name = f"{measurement.sheet.file}, model {measurement.sheet.test.model}"
+    found += [Finding(Grade.DOUBTFUL, name, doubt) for doubt in measurement.doubts]
     result = worst_first(
         [*found, *(model_findings(measurement.document, name) if measurement.model_sha256 else [])]
     )

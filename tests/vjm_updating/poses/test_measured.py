@@ -52,7 +52,7 @@ def test_the_command_writes_four_files(tmp_path, capsys):
     arguments = [str(EXAMPLE / "readings.csv"), "--sheet", str(EXAMPLE / "sheet.toml"), "--out", str(tmp_path)]
     assert status("calibrate", *arguments, "--fit", "frame_error", "joint_compliance") == 0
     assert "joint_compliance.shoulder-lift" in capsys.readouterr().out
-    names = {"calibration.json", "calibration.html", "calibrated-model.toml", "calibrated.urdf"}
+    names = {"calibration.json", "calibration.html", "calibrated-model.toml", "calibrated.urdf", "calibrated.xml"}
     assert {path.name for path in tmp_path.iterdir()} == names
     assert status("calibrate", *arguments, "--fit", "frame_eror") == 2
     assert "frame_error" in capsys.readouterr().err

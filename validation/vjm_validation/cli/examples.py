@@ -45,7 +45,7 @@ EXAMPLES = {
     ),
     "identify": ("validate identify orthoglide-chain --part link", "", "docs/identification.md"),
     "import": ("validate import robot.urdf --tip tool0", "validate check robot.toml", "docs/model-file.md"),
-    "export": ("validate export ur10 --urdf ur10.urdf", "", "docs/model-file.md"),
+    "export": ("validate export ur10 --urdf ur10.urdf --mjcf ur10.xml", "", "docs/model-file.md"),
     "example": ("validate example ur10-poses", "the command that it prints", "docs/examples.md"),
     "check": ("validate check MODEL.toml", "", "docs/model-file.md"),
     "map": ("validate map orthoglide --grid 11 --report map.html", "", "docs/manipulators.md"),
