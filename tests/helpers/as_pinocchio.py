@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio
 
+from helpers.urdf_arm import imported, written
 from vjm.io.model_file import build_chain
 from vjm.io.robot_document import Imported
 from vjm.tree.equilibria import equilibria, unloaded_frames
@@ -16,6 +17,8 @@ from vjm.tree.model import TreeModel
 
 ROBOTS = Path(pinocchio.__file__).parents[4] / "share/example-robot-data/robots"
 G = 9.81
+# the worst of all robots are 2.3e-12 mm, and 1.4e-13 of the largest torque: rounding over some thirty joints
+FRAMES, TORQUES = 1e-10, 1e-11
 # rad/(N mm) and mm/N: springs so stiff that the machine's weight, up to 1e6 N mm, moves them by 1e-12
 RIGID = 1e-18
 JOINT = re.compile(r"<joint\b[^>]*?>.*?</joint>", re.DOTALL)
@@ -125,3 +128,13 @@ class Compared:
         wanted = np.array([expected[name] for name in self.model.joints])
         largest = max(np.abs(wanted).max(), 1e-3)
         self.torques = max(self.torques, np.abs(found - wanted).max() / largest)
+
+
+def agrees(folder: Path, text: str, like: str | None = None) -> Imported:
+    """The import of a text is what Pinocchio reads of it, or of a text without what Pinocchio refuses."""
+    found = imported(folder, text)
+    compared = Compared(written(folder, like or text), found)
+    assert compared.frames < FRAMES
+    assert compared.rotations < 1e-12
+    assert compared.torques < TORQUES
+    return found

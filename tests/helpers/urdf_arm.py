@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
+
+import pytest
+
+from vjm.io.errors import ModelFileError
+from vjm.io.model_file import build_chain
+from vjm.io.robot_document import Imported
+from vjm.io.urdf import import_urdf
 
 INERTIA = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
 LIMIT = '<limit lower="-2" upper="2" effort="100" velocity="2"/>'
@@ -55,3 +63,28 @@ def written(folder: Path, text: str, encoding: str = "utf-8") -> Path:
     file = folder / "arm.urdf"
     file.write_bytes(text.encode(encoding))
     return file
+
+
+def imported(folder: Path, text: str, tip: str | None = None, encoding: str = "utf-8") -> Imported:
+    """The import of a text, which builds."""
+    found = import_urdf(written(folder, text, encoding), tip)
+    build_chain(tomllib.loads(found.text()), "arm.toml")
+    return found
+
+
+def refusal(folder: Path, text: str, tip: str | None = None) -> str:
+    """Why a text is refused, in one line."""
+    with pytest.raises(ModelFileError) as caught:
+        import_urdf(written(folder, text), tip)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def said(found: Imported) -> str:
+    """All that is to be said of an import."""
+    return "\n".join(found.notes.lines())
+
+
+def parts(found: Imported) -> dict[str, dict[str, object]]:
+    """Tables by the parts' names."""
+    return {part["name"]: part for part in found.document["parts"]}

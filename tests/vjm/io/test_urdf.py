@@ -1,14 +1,13 @@
-"""URDFs: every robot of a public collection against Pinocchio, every kind of odd file, and what is refused."""
+"""URDFs: every robot of a public collection against Pinocchio; limits, names, mimics and tips of made-up ones."""
 
 from __future__ import annotations
 
 import math
-import tomllib
 from pathlib import Path
 
 import pytest
-from helpers.as_pinocchio import ROBOTS, Compared
-from helpers.urdf_arm import LIMIT, arm, joint, link, written
+from helpers.as_pinocchio import FRAMES, ROBOTS, TORQUES, Compared, agrees
+from helpers.urdf_arm import LIMIT, arm, imported, joint, link, parts, refusal, said, written
 
 from vjm.io.errors import ModelFileError
 from vjm.io.model_file import build_chain
@@ -17,8 +16,6 @@ from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.model import TreeModel
 
 FILES = sorted(file.relative_to(ROBOTS).as_posix() for file in ROBOTS.rglob("*.urdf"))
-# the worst of all robots are 2.3e-12 mm, and 1.4e-13 of the largest torque: rounding over some thirty joints
-FRAMES, TORQUES = 1e-10, 1e-11
 REFUSED = {
     "alex_psyonic_hands.urdf": "mimics 'index_q1', which is no joint",
     "iris_simple.urdf": "no joint moves",
@@ -26,37 +23,6 @@ REFUSED = {
     "ur3.urdf": "has no <link>",
 }
 CASES = Path(__file__).parents[4] / "shared/cases/urdf"
-
-
-def imported(tmp_path, text, tip=None, encoding="utf-8"):
-    found = import_urdf(written(tmp_path, text, encoding), tip)
-    build_chain(tomllib.loads(found.text()), "arm.toml")
-    return found
-
-
-def refusal(tmp_path, text, tip=None):
-    with pytest.raises(ModelFileError) as caught:
-        import_urdf(written(tmp_path, text), tip)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
-
-
-def said(found) -> str:
-    return "\n".join(found.notes.lines())
-
-
-def parts(found):
-    return {part["name"]: part for part in found.document["parts"]}
-
-
-def agrees(tmp_path, text, like=None, **how):
-    """The import of a text is what Pinocchio reads of it, or of a text without what Pinocchio refuses."""
-    found = imported(tmp_path, text)
-    compared = Compared(written(tmp_path, like or text), found, **how)
-    assert compared.frames < FRAMES
-    assert compared.rotations < 1e-12
-    assert compared.torques < TORQUES
-    return found
 
 
 # --- robots that people have ----------------------------------------------------------------------------------
@@ -81,163 +47,7 @@ def test_a_way_to_one_link_is_read_of_a_robot_that_is_refused():
         assert Compared(file, import_urdf(file, end), weighed=False).frames < FRAMES
 
 
-# --- what is not used does not matter -------------------------------------------------------------------------
-
-SHAPE = "<visual><geometry>{}</geometry></visual>"
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"more": '<xacro:foo a="1"/>'},
-        {"more": '<gazebo><sim:plugin a="1"/></gazebo>'},
-        {"l1": link("l1", more=SHAPE.format('<capsule radius="1" length="x"/>'))},
-        {"l1": link("l1", more=SHAPE.format('<box size="1"/><sphere radius="-1"/>'))},
-        {"l1": link("l1", more=SHAPE.format('<mesh filename="a&b.dae" scale="0.001"/>'))},
-        {"l1": link("l1", more=SHAPE.format("<box/>") + "<visual><material><color/></material></visual>")},
-        {"l1": link("l1", more='<collision><origin xyz="nan a"/></collision>')},
-        {"more": '<transmission name="t"><joint name="j1"/><actuator/></transmission>'},
-        {"header": '\n  <!-- by hand -- not by xacro -->\n<?xml version="1.0"?>\n'},
-        {"header": '\ufeff<?xml version="1.0" encoding="utf-8" standalone="yes"?>\n'},
-        {"header": ""},
-        {"robot": '<robot name="arm" version="1.1" xmlns:xacro="http://a.b">'},
-        {"robot": '<!DOCTYPE robot><robot name="arm" xmlns="http://a.b">'},
-        {"l2": link("l2", inertia="")},
-        {"l2": link("l2", inertia='<inertia ixx="1" iyy="nan"/>')},
-        {"l2": link("l2", inertia='<inertia ixx="a"/>')},
-        {"j2": joint("j2", "l1", "l2", more='<limit lower="-2" upper="2"/>')},
-        {"j2": joint("j2", "l1", "l2", more='<limit lower="-2" upper="2" effort="inf" velocity="x"/>')},
-        {"j2": joint("j2", "l1", "l2", more=LIMIT + '<dynamics damping="x"/><safety_controller/>')},
-    ],
-)
-def test_what_is_not_used_does_not_matter(tmp_path, changes):
-    sound = agrees(tmp_path, arm())
-    assert imported(tmp_path, arm(**changes)).document["parts"] == sound.document["parts"]
-
-
-@pytest.mark.parametrize(
-    ("encoding", "declared", "note"),
-    [
-        ("utf-8", "", ""),
-        ("utf-8-sig", "utf-8", ""),
-        ("utf-16", "utf-16", ""),
-        ("utf-16-le", "utf-16", ""),
-        ("latin-1", "ISO-8859-1", ""),
-        ("koi8-r", "koi8-r", ""),
-        ("latin-1", "", "line 2): read as cp1252"),
-        ("latin-1", "utf-8", "as its header declares (utf-8) (line 2): read as cp1252"),
-        ("utf-8", "us-ascii", "declares (us-ascii) (line 2): read as utf-8"),
-        ("utf-8", "no-such", "declares (no-such) (line 1): read as utf-8"),
-        ("utf-16", "utf-8", "declares (utf-8): read as utf-16"),
-    ],
-)
-def test_every_encoding_is_read_and_a_wrong_one_named(tmp_path, encoding, declared, note):
-    letter = "я" if encoding == "koi8-r" else "ü"
-    said_so = f' encoding="{declared}"' if declared else ""
-    header = f'<?xml version="1.0"{said_so}?>\n'
-    found = imported(tmp_path, arm(header=header, robot=f'<robot name="a{letter}">'), encoding=encoding)
-    assert found.document["title"].startswith(f"a{letter},")
-    assert [line for line in found.notes.doubtful if "encoded" in line] == found.notes.doubtful
-    assert note in said(found)
-    assert bool(note) == bool(found.notes.doubtful)
-
-
-# --- nothing in silence ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        ({"l2": link("l2", "-5")}, "line 5: link 'l2' has a mass of -5 kg"),
-        ({"l2": link("l2", "nan")}, 'link \'l2\' has <mass value="nan">'),
-        ({"l2": link("l2", "inf")}, "which is not finite"),
-        ({"l2": link("l2", "2,5")}, "which is no number: give a number"),
-        ({"l2": link("l2", "1_0")}, "which is no number"),
-        ({"l2": link("l2", "２")}, "which is no number"),
-        ({"l2": link("l2", "0x2")}, "which is no number"),
-        ({"l2": link("l2", "")}, "which is no number"),
-        ({"l2": link("l2", "${m}")}, "unexpanded xacro; expand it by --xacro"),
-        ({"l2": link("l2").replace('value="2"', 'valeu="2"')}, "has <mass> without value"),
-        ({"l2": link("l2", "20000")}, "above 10000 kg: is it in g?"),
-        ({"base": link("base", "-1")}, "link 'base' has a mass of -1 kg"),
-        ({"l2": link("l2").replace("0.15 0.01", "0.15")}, "give 3 numbers with blanks between them"),
-        ({"more": link("l1")}, "2 links are called 'l1' (lines 4, 10)"),
-        ({"more": link("l3") + joint("j1", "l1", "l3")}, "2 joints are called 'j1' (lines 7, 11)"),
-        ({"j2": joint("j2", "l1", "l2", "hinge")}, "line 8: joint 'j2' has the type 'hinge': give one of revolute"),
-        ({"j2": joint("j2", "l1", "l2", "Revolute")}, "did you mean 'revolute'"),
-        ({"j2": joint("j2", "l1", "l2", "")}, "has the type ''"),
-        ({"j2": joint("j2", "l1", "l2", "floating")}, "joint 'j2' is floating"),
-        ({"j2": joint("j2", "l1", "l2", "planar")}, "joint 'j2' is planar"),
-        ({"j2": joint("j2", "l1", "l2", more='<limit lower="2" upper="-2"/>')}, "2 to -2 rad, reversed"),
-        ({"j2": joint("j2", "l1", "l2", more='<limit lower="1"/>')}, "reversed (upper is not given, and so 0)"),
-        ({"j2": joint("j2", "l1", "l2", more='<limit lower="nan" upper="1"/>')}, '<limit lower="nan">'),
-        ({"j2": joint("j2", "l1", "l2", more='<limit lower="a" upper="1"/>')}, "which is no number"),
-        ({"j2": joint("j2", "l1", "l2", axis="0 0 0")}, "axis of length zero"),
-        ({"j2": joint("j2", "l1", "l2", axis="0 1")}, "give 3 numbers"),
-        ({"j2": joint("j2", "l1", "l2", axis="0 nan 1")}, "give a number"),
-        ({"j2": joint("j2", "l1", "l2", origin='<origin xyz="0 0 inf"/>')}, "which is not finite"),
-        ({"j2": joint("j2", "l1", "l2", origin='<origin xyz="300 0 0"/>')}, "beyond 100 m: is it in mm?"),
-        ({"j2": joint("j2", "l1", "l2", origin='<origin rpy="0,0,1"/>')}, "blanks between"),
-        ({"j2": joint("j2", "l1", "l9")}, "names the link 'l9', which is not there"),
-        ({"j2": joint("j2", "l1", "l2").replace('<child link="l2"/>', "")}, "joint 'j2' names no child"),
-        ({"j2": joint("j2", "l2", "l2")}, "its own ancestor"),
-        ({"j1": joint("j1", "l2", "l1")}, "its own ancestor"),
-        ({"more": joint("j0", "tool", "base")}, "every link hangs on another"),
-        ({"more": link("l3")}, "has 2 links without a parent (base, l3)"),
-        ({"more": joint("j3", "base", "l2")}, "link 'l2' has two parents, the joints 'j2' and 'j3'"),
-        ({"more": joint("", "l2", "l3") + link("l3")}, "a joint has no name"),
-        ({"more": '<link/>'}, "a link has no name"),
-        ({"j2": joint("j2", "l1", "l2", more='<mimic joint="j2"/>')}, "joint 'j2' mimics itself"),
-        ({"j2": joint("j2", "l1", "l2", more='<mimic joint="jt"/>')}, "mimics 'jt', which is fixed"),
-        ({"j2": joint("j2", "l1", "l2", more='<mimic joint="j"/>')}, "mimics 'j', which is no joint"),
-        ({"j2": joint("j2", "l1", "l2", more='<mimic joint="j1" multiplier="nan"/>')}, '<mimic multiplier="nan">'),
-        (
-            {k: joint(k, *way, more=f'<mimic joint="{m}"/>') for k, way, m in
-             (("j1", ("base", "l1"), "j2"), ("j2", ("l1", "l2"), "j1"))},
-            "joint 'j1' mimics itself by way of j2",
-        ),
-        ({"robot": '<!DOCTYPE r [<!ENTITY a "aaa">]>\n<robot name="&a;">'}, "declares the entity 'a'"),
-        ({"robot": '<sdf><robot name="arm">', "end": "</robot></sdf>"}, "is no URDF, which begins with <robot>"),
-        ({"end": ""}, "is no XML that can be read"),
-        ({"more": "<a>" * 150 + "</a>" * 150}, "nested deeper than 100"),
-        ({"j1": joint("j1", "base", "l1", "fixed"), "j2": joint("j2", "l1", "l2", "fixed")}, "no joint moves"),
-    ],
-)  # fmt: skip
-def test_a_refusal_names_line_and_remedy(tmp_path, changes, says):
-    assert says in refusal(tmp_path, arm(**changes))
-
-
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        ({"more": "<lnik/>"}, "left out: not understood: <lnik> in <robot> (line 10)"),
-        ({"more": "<xacro:gripper/>"}, "not understood: <xacro:gripper> in <robot>"),
-        ({"more": "<xacro:gripper/>"}, "doubtful: the file holds xacro that is not expanded (line 10)"),
-        ({"l1": link("${p}"), "j1": joint("j1", "base", "${p}"), "j2": joint("j2", "${p}", "l2")}, "not expanded"),
-        ({"j2": joint("j2", "l1", "l2").replace("<limit", '<limit lowr="1"')}, 'lowr="…" in <limit> (line 8)'),
-        ({"l2": '<link name="l2"/>'}, "doubtful: moving links without mass: l2"),
-        ({"l2": link("l2", "0")}, "links whose <inertial> gives no mass: l2"),
-        ({"l2": link("l2").replace('<mass value="2"/>', "")}, "links whose <inertial> gives no mass: l2"),
-        ({"l2": link("l2", more='<inertial><mass value="9"/></inertial>')}, "<link> has another <inertial>"),
-        ({"j2": joint("j2", "l1", "l2", more='<limit lower="0" upper="0"/>')}, "its limits are equal (0 rad)"),
-        ({"j2": joint("j2", "l1", "l2", more='<limit lower="-180" upper="90"/>')}, "are they in degrees?"),
-        ({"j2": joint("j2", "l1", "l2", more="")}, "joint 'j2' is revolute and has no <limit>"),
-        ({"j2": joint("j2", "l1", "l2", "prismatic", more="")}, "joint 'j2' is prismatic and has no <limit>"),
-        ({"j2": joint("j2", "l1", "l2", "continuous")}, "limits of joint 'j2': it is continuous"),
-        ({"j2": joint("j2", "l1", "l2", axis="")}, "joint 'j2' gives no axis: x"),
-        ({"j2": joint("j2", "l1", "l2", origin='<origin rpy="90 0 0"/>')}, 'rpy "90 0 0" is beyond a whole turn'),
-        ({"j2": joint("j2", "l1", "l2", more='<mimic joint="j1" offset="90"/>')}, "is beyond a whole turn"),
-        ({"j2": joint("j.2", "l1", "l2")}, "changed: joint 'j.2' is called 'j-2'"),
-        ({"robot": "<robot>"}, "changed: the robot has no name: called 'arm'"),
-        ({"robot": '<robot name="arm" version="2.7">'}, "version '2.7' is not known"),
-        ({"j2": joint("j2", "l1", "l2", more='<limit lower="-inf" upper="1"/>')}, "its limit beyond 100000 rad"),
-    ],
-)  # fmt: skip
-def test_what_is_odd_is_said_in_the_list_and_in_the_file(tmp_path, changes, says):
-    found = imported(tmp_path, arm(**changes))
-    assert says in said(found)
-    assert says in found.text()
-    assert says not in said(imported(tmp_path, arm()))
+# --- limits, axes, rotations ----------------------------------------------------------------------------------
 
 
 def test_a_second_inertial_is_read_as_pinocchio_reads_it(tmp_path):

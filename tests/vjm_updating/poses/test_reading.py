@@ -2,14 +2,18 @@
 
 import numpy as np
 import pytest
+from helpers.urdf_arm import arm, joint
 from hidden_effects.poses.injector import Hidden, rest
 from hidden_effects.poses.robots import PLANAR, SEVEN, document, sheet_text
 
+from vjm.io.findings import Grade
 from vjm.io.toml_text import toml_text
 from vjm.rotations import rotation_from_vector, rotation_vector
 from vjm_updating.poses.command import prepared
+from vjm_updating.poses.measurement import read_pose_measurement
+from vjm_updating.poses.plausibility import considered
 from vjm_updating.poses.readings import rotation_by
-from vjm_updating.poses.study import Hypothesis
+from vjm_updating.poses.study import Hypothesis, Study
 
 NOISE_RAD = 1e-4
 
@@ -94,3 +98,14 @@ def test_what_cannot_be_used_is_said_in_one_line(csv, change, said, tmp_path):
         prepared(tmp_path / "readings.csv", tmp_path / "sheet.toml")
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_what_is_doubtful_in_a_urdf_is_doubted_of_the_test(tmp_path):
+    turned = joint("joint-2", "l1", "l2", origin='<origin xyz="0.3 0 0" rpy="90 0 0"/>')
+    (tmp_path / "robot.urdf").write_text(arm(j1=joint("joint-1", "base", "l1", axis="0 0 1"), j2=turned))
+    (tmp_path / "readings.csv").write_text(CSV)
+    (tmp_path / "sheet.toml").write_text(sheet_text(PLANAR, 0.05).replace('"model.toml"', '"robot.urdf"'))
+    measurement = read_pose_measurement(tmp_path / "readings.csv", tmp_path / "sheet.toml")
+    assert ["is beyond a whole turn" in doubt for doubt in measurement.doubts] == [True]
+    found = [str(one) for one in considered(measurement, Study(measurement)) if one.grade is Grade.DOUBTFUL]
+    assert any("sheet.toml, model robot.urdf: joint 'joint-2'" in line for line in found)

@@ -44,6 +44,7 @@ def test_without_a_tip_the_ends_are_proposed(tmp_path, capsys):
     [
         ([], "give a robot's file, or --from-description NAME"),
         (["FILE", "--from-description", "panda"], "not both"),
+        (["--from-description", "panda", "--xacro"], "--xacro and --xacro-argument go with a file"),
         (["FILE", "--tip", "toll"], "no link 'toll'; did you mean 'tool'"),
         (["FILE", "--xacro-argument", "a"], "--xacro-argument a: write NAME=VALUE"),
         (["FOLDER"], "is a directory"),

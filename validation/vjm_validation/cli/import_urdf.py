@@ -50,6 +50,8 @@ def _description(urdf: Path | None, name: str | None, xacro: bool, arguments: tu
     if (urdf is None) == (name is None):
         raise UsageError("give a robot's file, or --from-description NAME" + (", not both" if name else ""))
     if name is not None:
+        if xacro:
+            raise UsageError("--xacro and --xacro-argument go with a file: leave them out")
         return cached_description(name)
     assert urdf is not None
     given = {}
