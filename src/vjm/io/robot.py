@@ -117,9 +117,10 @@ class Notes:
     changed: list[str] = field(default_factory=list)
 
     def lines(self) -> list[str]:
-        """All of it, a line each."""
+        """All of it, a line each, whatever letters names have."""
         named = (("left out", self.left_out), ("doubtful", self.doubtful), ("changed", self.changed))
-        return [f"{word}: {text}" for word, texts in named for text in texts]
+        lines = (f"{word}: {text}" for word, texts in named for text in texts)
+        return ["".join(c if c.isprintable() else " " for c in line) for line in lines]
 
 
 @dataclass

@@ -44,7 +44,7 @@ class Imported:
 
     def text(self) -> str:
         """The model file, with what is to be said of it as comments at its head."""
-        head = "".join(f"# {' '.join(line.split())}\n" for line in self.notes.lines())
+        head = "".join(f"# {line}\n" for line in self.notes.lines())
         return f"{head}\n{toml_text(self.document)}" if head else toml_text(self.document)
 
 

@@ -189,18 +189,20 @@ class _Reader:
             hint += self._macros()
             raise ModelFileError(f"{self._file}: no link '{tip}'{hint}")
         way: list[_RawJoint] = []
-        at = tip
+        names, passed, at = set[str](), {tip}, tip
         self._link(at)
         while joints := self._into.get(at, []):
             self._refuse_parents(at, joints, propose=propose)
             self._check(joints[0], propose=propose)
-            if any(joint.child == joints[0].parent for joint in [*way, joints[0]]):
+            if joints[0].parent in passed:
                 raise ModelFileError(f"{self._file}: link '{at}' is its own ancestor: a loop without closure")
-            if any(joint.name == joints[0].name for joint in way):
+            if joints[0].name in names:
                 self._only(joints[0].name)
-            way.insert(0, joints[0])
+            names.add(joints[0].name)
+            way.append(joints[0])
             at = joints[0].parent
-        return way
+            passed.add(at)
+        return way[::-1]
 
     def _refuse_parents(self, name: str, joints: list[_RawJoint], *, propose: bool = True) -> None:
         if len(joints) > 1:

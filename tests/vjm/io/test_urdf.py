@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import math
 from pathlib import Path
 
@@ -110,14 +111,31 @@ def test_quaternions_of_later_versions(tmp_path, version):
 
 
 @pytest.mark.parametrize(
-    "name", ["Gelenkärm", "關節", "a b", "a.b", "a/b", "1st", "'q'", "&quot;q&quot;", "ø", "-", "🤖"]
+    "name",
+    [
+        "Gelenkärm",
+        "關節",
+        "a b",
+        "a.b",
+        "a/b",
+        "1st",
+        "'q'",
+        "&quot;q&quot;",
+        "ø",
+        "-",
+        "🤖",
+        "a&#127;b",
+        "a&#10;b",
+        "[bold]",
+        "a\u202eb",
+    ],
 )
 def test_any_name_is_read(tmp_path, name):
     text = arm(j2=joint(name, "l1", "l2"), l2=link("l2"), robot=f'<robot name="{name}">')
     found = imported(tmp_path, text)
     assert len(found.document["postures"]["home"]) == 2
     assert "the robot" in said(found)
-    plain = name.replace("&quot;", '"')
+    plain = "".join(c if c.isprintable() else " " for c in html.unescape(name))
     assert f"joint '{plain}' is called" in said(found)
 
 
