@@ -48,7 +48,7 @@ def status(*arguments):
     return end.value.code
 
 
-def test_the_command_writes_four_files(tmp_path, capsys):
+def test_the_command_writes_its_files(tmp_path, capsys):
     arguments = [str(EXAMPLE / "readings.csv"), "--sheet", str(EXAMPLE / "sheet.toml"), "--out", str(tmp_path)]
     assert status("calibrate", *arguments, "--fit", "frame_error", "joint_compliance") == 0
     assert "joint_compliance.shoulder-lift" in capsys.readouterr().out
