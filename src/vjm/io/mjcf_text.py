@@ -24,6 +24,11 @@ def mjcf_text(chain: Chain) -> str:
 
     A drive that is elastic about or along its own axis alone, and a sprung joint, have their ``stiffness`` there;
     the spring is free of stress in the machine's first posture, or at its rest.
+
+    Example:
+        >>> from vjm.io.model_file import load_chain
+        >>> mjcf_text(load_chain("planar-2r")).splitlines()[0]
+        '<mujoco model="planar-2r">'
     """
     mujoco = ET.Element("mujoco", model=chain.name)
     ET.SubElement(mujoco, "compiler", angle="radian", autolimits="true")

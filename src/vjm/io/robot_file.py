@@ -43,6 +43,10 @@ def import_robot(description: Description, tip: str | None = None) -> Imported:
     Raises:
         ModelFileError: no such file or link, or what is to be read of it makes no machine.
         ImportError: an optional extra that it needs is not installed.
+
+    Example:
+        >>> found = import_robot(Description(Path("scene.xml")), "hand")  # doctest: +SKIP
+        >>> found.notes.lines()  # doctest: +SKIP
     """
     path = description.path
     xml = expanded(path, description.arguments) if description.xacro else read_xml(path)

@@ -15,6 +15,11 @@ def urdf_text(chain: Chain) -> str:
 
     Beams are rigid there. Where a mass is a point, its inertia is left at zero. Lengths, limits, masses and
     couplings are written exactly, rotations to 1e-15: `vjm.io.urdf.import_urdf` finds the same machine.
+
+    Example:
+        >>> from vjm.io.model_file import load_chain
+        >>> urdf_text(load_chain("planar-2r")).splitlines()[1]
+        '<robot name="planar-2r">'
     """
     robot = ET.Element("robot", name=chain.name)
     base, bodies = chain_bodies(chain)
