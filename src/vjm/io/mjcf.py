@@ -31,11 +31,22 @@ def mjcf_robot(path: Path, tip: str | None = None) -> Robot:
         ImportError: MuJoCo, an optional extra, is not installed.
     """
     mujoco: Library = importlib.import_module("mujoco")
+    warnings: list[str] = []
+    # else it writes them into a file where the user stands
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(warnings.append)
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        spec = mujoco.MjSpec.from_file(str(path))
+        # moments of inertia are not read, and may be what no body has
+        spec.compiler.balanceinertia = True
+        model = spec.compile()
     except ValueError as error:
         raise ModelFileError(f"{path.name}: MuJoCo does not read it: {error}") from error
-    return _Reader(mujoco, model, path.name).robot(tip)
+    finally:
+        mujoco.set_mju_user_warning(before)
+    robot = _Reader(mujoco, model, path.name).robot(tip)
+    robot.notes.doubtful += [f"MuJoCo says: {warning.strip()}" for warning in warnings]
+    return robot
 
 
 class _Reader:

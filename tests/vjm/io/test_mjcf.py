@@ -112,6 +112,12 @@ def test_a_refusal_is_one_line(tmp_path, text, says):
     assert "\n" not in str(caught.value)
 
 
+def test_an_inertia_that_no_body_has_does_not_matter(tmp_path):
+    text = ODD.format(**RADIANS)
+    found = imported(tmp_path, text.replace('diaginertia="1 1 1"', 'diaginertia="1 1 9"'))
+    assert found.document["parts"] == imported(tmp_path, text).document["parts"]
+
+
 def test_closures_and_springs_are_said_to_be_left_out(tmp_path):
     text = ODD.format(**RADIANS).replace(
         "</equality>", '<connect name="loop" body1="a" anchor="0 0 0"/></equality>'
