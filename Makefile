@@ -5,8 +5,9 @@
 PYTHON = python3
 VENV = .venv
 BIN = $(VENV)/bin
-# What is imported is compiled then: of 30 000 modules that is every tenth.
-PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input --no-compile
+# Wheels only: a source archive would need a compiler or build tools that a fresh machine does not have. What is
+# imported is compiled then: of 30 000 modules that is every tenth.
+PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input --no-compile --only-binary :all:
 # The tests in as many processes as there are cores; those of a file share what they set up. In the order of the
 # folders: by the number of their tests, files with a few long ones would come last, when other processes are idle.
 SHARED = -n auto --dist loadfile --no-loadscope-reorder
