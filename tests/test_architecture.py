@@ -30,7 +30,7 @@ TEST_BENCH = ROOT / "tests/hidden_effects"
 MAY_IMPORT = {
     "vjm": {"numpy", "scipy", "numba"},
     # pydantic's error types live in its core
-    "vjm.io": {"numpy", "scipy", "pydantic", "pydantic_core", "urdf_parser_py"},
+    "vjm.io": {"numpy", "scipy", "pydantic", "pydantic_core", "mujoco", "xacro"},
     # what it shows results with, imported when asked
     "vjm.notebook": {"numpy", "matplotlib", "pandas"},
     "vjm_output": {"vjm", "numpy", "pydantic", "matplotlib", "jinja2", "markupsafe", "rich"},

@@ -14,7 +14,9 @@ from types import FrameType
 
 from fuzz.mutations import mutated
 from vjm.io.manipulator_file import load_model
+from vjm.io.model_file import build_chain
 from vjm.io.model_plausibility import findings_of
+from vjm.io.robot_file import Description, import_robot
 from vjm_output.terminal import one_line
 from vjm_updating.experiment import read_measurement, read_sheet
 from vjm_updating.experiment.plausibility import plausibility
@@ -40,6 +42,9 @@ link_length_mm = 0.2
 DATA = "time_s,posture,ux_mm,fx_N,temperature_C\n" + "".join(
     f"{k},A,{-0.05 * k:.3f},{-165.0 * k:.2f},{21.0 + 0.01 * k:.2f}\n" for k in range(12)
 )
+
+
+ARM = resources.files("vjm_validation").joinpath("examples", "arm", "arm.urdf")
 
 
 class HangError(Exception):
@@ -72,6 +77,7 @@ def subjects() -> list[Subject]:
     ]
     found.append(Subject("sheet.toml", SHEET.encode(), read_sheet))
     found.append(Subject("data.csv", DATA.encode(), _measure))
+    found.append(Subject("arm.urdf", ARM.read_bytes(), _imported))
     return found
 
 
@@ -86,6 +92,10 @@ def _judge(file: Path) -> object:
     """A model, and what is implausible about it."""
     load_model(file)
     return findings_of(file)
+
+
+def _imported(file: Path) -> object:
+    return build_chain(import_robot(Description(file)).document, file.name)
 
 
 def _measure(data: Path) -> object:

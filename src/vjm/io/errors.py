@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import reprlib
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
@@ -10,18 +11,24 @@ from typing import Any
 import pydantic
 from pydantic_core import ErrorDetails
 
+LONGEST = 2000
+"""Characters of a message; of a longer one its middle is left out."""
+
 
 class ModelFileError(ValueError):
     """A model file cannot be read or describes no sane machine; its text is one line."""
 
     def __init__(self, message: str) -> None:
-        # a quoted key may hold a line break
-        super().__init__(" ".join(message.split()))
+        # a quoted key may hold a line break, or a whole file
+        line = " ".join(message.split())
+        super().__init__(line if len(line) <= LONGEST else f"{line[: LONGEST // 2]} … {line[-LONGEST // 2 :]}")
 
 
 def printed(value: float, digits: int = 6) -> str:
     """A number as people write it: ``1.1e-4``, not ``0.00011`` or ``1.1e-04``."""
     value = float(f"{value:.{digits}g}")
+    if not math.isfinite(value):
+        return str(value)
     if value == 0.0 or 1e-2 <= abs(value) < 1e6:
         return f"{value:.6g}"
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")

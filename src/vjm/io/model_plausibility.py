@@ -96,6 +96,22 @@ def model_findings(content: Mapping[str, Any], file: str) -> list[Finding]:
     return worst_first(Finding(g, f"{file}: {w}", t) for rule in RULES for g, w, t in rule(model))
 
 
+def weight_findings(name_or_path: str | Path) -> list[Finding]:
+    """What is implausible about a chain under its own weight: that it has none.
+
+    Raises:
+        ModelFileError: see `vjm.io.manipulator_file.load_model`.
+    """
+    document = read_document(name_or_path)
+    if document.content.get("kind") == KIND:
+        return []
+    model = ModelFile.model_validate(document.content)
+    if any(mass_of(part.part()) for part in model.parts):
+        return []
+    found = "no part has a mass, so that under --gravity it weighs nothing: give its links mass_kg"
+    return [Finding(Grade.DOUBTFUL, document.file, found)]
+
+
 def _machine(content: Mapping[str, Any]) -> Iterator[Found]:
     """Of a manipulator: how its legs stand, and how far its drives go."""
     table = ManipulatorFile.model_validate(content)

@@ -1,315 +1,352 @@
-"""URDF files of robots: read into a model document, and written from a chain.
+"""URDF files of robots, read into a model document.
 
 A URDF knows links with masses and joints with axes, metres and radians. It knows no elasticity: the document that
-comes of it has compliances to be filled in. Reading needs the optional extra ``vjm-stiffness[urdf]``.
+comes of it has compliances to be filled in. What no model needs is not looked at, and what is left out is said.
+Written after the format's description and the reader of the ROS project, urdfdom.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
+import re
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from scipy.spatial.transform import Rotation
+from vjm.io.bounded_xml import Element, XmlFile, read_xml
+from vjm.io.errors import ModelFileError, did_you_mean, printed
+from vjm.io.robot import Body, Joint, Kind, Mimic, Notes, Placing, Robot
+from vjm.io.robot_document import Imported, robot_document
+from vjm.io.urdf_content import XACRO, survey
+from vjm.io.urdf_values import WHOLE_TURN, Place, finite, length_vector, number, placing, usable_limits, vector
 
-from vjm.io.errors import ModelFileError, did_you_mean
-from vjm.rotations import Array, frame
-
-Element = Any
-"""Of a URDF, as the parser has it."""
 METRE = 1000.0
-TO_BE_FILLED_IN = 1e-8
-"""rad/(N mm): a placeholder of the size of an industrial arm's gear; 1e-5 rad/(N m)."""
-MOVING = ("revolute", "continuous", "prismatic")
-ROUNDED = 9
-"""Digits behind the point of mm and of unit vectors that are kept: URDFs print π/2 with few digits."""
-
-
-@dataclass
-class Imported:
-    """A model document and what is to be said of it.
-
-    Attributes:
-        document: as TOML would give it, see `vjm.io.model_file.build_chain`.
-        left_out: what the document does not have of the URDF.
-        to_fill_in: joints whose compliance is a placeholder.
-    """
-
-    document: dict[str, Any]
-    left_out: list[str] = field(default_factory=list)
-    to_fill_in: list[str] = field(default_factory=list)
+MOVING: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismatic": "slides"}
+TYPES = (*MOVING, "fixed", "floating", "planar")
+HEAVIEST = 1e4
+"""kg, of a model file."""
+PROPOSED = 8
+"""Ends that a refusal names."""
+_VERSION = re.compile(r"1\.[0-2]")
 
 
 def import_urdf(path: str | Path, tip: str | None = None) -> Imported:
     """The model document of a URDF: the whole tree, or what leads from the root to one link.
 
-    Masses of links on fixed joints are kept. Weights of links that are not on the way to the tip are left out.
+    Masses of links on fixed joints are kept. With a tip, nothing but the way to it is looked at.
 
     Args:
         path: of the file.
         tip: name of the link at the end.
 
     Raises:
-        ModelFileError: no such file or link, no URDF, a loop, a link with two parents, or a floating joint.
-        ImportError: the parser, an optional extra, is not installed.
+        ModelFileError: no such file or link, no URDF, or what is to be read of it makes no machine.
+
+    Example:
+        >>> found = import_urdf("arm.urdf", "tool0")  # doctest: +SKIP
+        >>> chain = build_chain(found.document, "arm.urdf")  # doctest: +SKIP
     """
     file = Path(path)
-    robot = _parsed(file)
-    parent = _parents(robot, file.name)
-    roots = [link.name for link in robot.links if link.name not in parent]
-    if len(roots) != 1:
-        raise ModelFileError(f"{file.name}: has {len(roots)} links without a parent; a robot has one, its base")
-    links = [link.name for link in robot.links]
-    if tip is not None and tip not in links:
-        raise ModelFileError(
-            f"{file.name}: no link '{tip}'{did_you_mean(tip, links) or ' (there are ' + ', '.join(links) + ')'}"
-        )
-    _refuse_loops(parent, file.name)
-    return _Import(robot, parent, roots[0], tip, file.name).result()
+    xml = read_xml(file)
+    return robot_document(urdf_robot(xml, file.name, tip), tip)
 
 
-def _parsed(file: Path) -> Element:
-    try:
-        from urdf_parser_py import urdf, xml_reflection
-    except ImportError:
-        raise ImportError("reading URDFs needs the optional extra: pip install 'vjm-stiffness[urdf]'") from None
-    try:
-        raw = file.read_bytes()
-    except OSError as error:
-        raise ModelFileError(f"{file}: cannot be read: {error.strerror}") from error
-    # the parser prints what it does not know, such as transmissions, to the terminal
-    before, xml_reflection.core.on_error = xml_reflection.core.on_error, lambda message: None
-    try:
-        return urdf.URDF.from_xml_string(raw)
-    except Exception as error:  # the parser raises whatever its XML reader and its own assertions do
-        why = " ".join(str(error).split()) or type(error).__name__
-        raise ModelFileError(f"{file.name}: is no URDF that can be read: {why}") from error
-    finally:
-        xml_reflection.core.on_error = before
+def urdf_robot(xml: XmlFile, file: str, tip: str | None = None) -> Robot:
+    """The robot of a URDF's elements, see `import_urdf`.
+
+    Raises:
+        ModelFileError: as `import_urdf`.
+    """
+    if xml.root.tag != "robot":
+        other = {"sdf": "an SDF file", "mujoco": "an MJCF file; give it the suffix .xml", "COLLADA": "a mesh"}
+        what = other.get(xml.root.tag, f"its outermost element is <{xml.root.tag}>")
+        raise ModelFileError(f"{file}: line {xml.root.line}: is no URDF, which begins with <robot>: {what}")
+    return _Reader(xml, file).robot(tip)
 
 
-def _parents(robot: Element, file: str) -> dict[str, Any]:
-    """The joint before each link."""
-    parent: dict[str, Any] = {}
-    links = {link.name for link in robot.links}
-    for joint in robot.joints:
-        for name in (joint.parent, joint.child):
-            if name not in links:
-                raise ModelFileError(f"{file}: joint '{joint.name}' names the link '{name}', which is not there")
-        if joint.child in parent:
-            raise ModelFileError(
-                f"{file}: link '{joint.child}' has two parents, the joints '{parent[joint.child].name}' and "
-                f"'{joint.name}': a loop; describe it as a manipulator with legs, see docs/manipulators.md"
+@dataclass(frozen=True)
+class _RawJoint:
+    """A joint as written: its names and its element."""
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    element: Element
+
+
+class _Reader:
+    """One file."""
+
+    def __init__(self, xml: XmlFile, file: str) -> None:
+        self._root, self._file = xml.root, file
+        self._notes = Notes(doubtful=list(xml.notes))
+        self._weightless: list[str] = []
+        self._links: dict[str, list[Element]] = {}
+        for link in xml.root.all("link"):
+            self._links.setdefault(link.attributes.get("name", ""), []).append(link)
+        self._joints: dict[str, list[_RawJoint]] = {}
+        self._into: dict[str, list[_RawJoint]] = {}
+        for element in xml.root.all("joint"):
+            parent, child = element.first("parent"), element.first("child")
+            joint = _RawJoint(
+                element.attributes.get("name", ""),
+                element.attributes.get("type", ""),
+                parent.attributes.get("link", "") if parent else "",
+                child.attributes.get("link", "") if child else "",
+                element,
             )
-        if joint.type in ("floating", "planar"):
-            raise ModelFileError(
-                f"{file}: joint '{joint.name}' is {joint.type}: a machine stands on its base; make it fixed"
-            )
-        parent[joint.child] = joint
-    return parent
+            self._joints.setdefault(joint.name, []).append(joint)
+            self._into.setdefault(joint.child, []).append(joint)
+        version = xml.root.attributes.get("version", "1.0").strip()
+        self._quaternions = version in ("1.1", "1.2")
+        if not _VERSION.fullmatch(version):
+            self._notes.doubtful.append(f"the file's version {version!r} is not known: read as 1.0")
 
-
-def _refuse_loops(parent: dict[str, Any], file: str) -> None:
-    for link in parent:
-        at, steps = link, 0
-        while at in parent:
-            at, steps = parent[at].parent, steps + 1
-            if steps > len(parent):
-                raise ModelFileError(f"{file}: link '{link}' is its own ancestor: a loop without closure")
-
-
-class _Import:
-    """One import, link by link."""
-
-    def __init__(self, robot: Element, parent: dict[str, Any], root: str, tip: str | None, file: str) -> None:
-        self._robot, self._parent, self._root, self._tip, self._file = robot, parent, root, tip, file
-        self._parts: list[dict[str, Any]] = []
-        self._posture: dict[str, float] = {}
-        self._names: set[str] = set()
-        self._ends_with: dict[str, str] = {root: ""}
-        self._labels: dict[str, str] = {}
-        self._lost: list[str] = []
-        self._fill: list[str] = []
-
-    def result(self) -> Imported:
-        wanted = self._way() if self._tip is not None else None
-        children: dict[str, list[Any]] = {}
-        for joint in self._robot.joints:
-            children.setdefault(joint.parent, []).append(joint)
-        self._weigh(self._root)
-        todo = [self._root]
-        while todo:
-            link = todo.pop(0)
-            for joint in children.get(link, []):
-                if wanted is None or joint.child in wanted:
-                    self._add(joint)
-                    todo.insert(0, joint.child)
-        if wanted is not None:
-            off = [link.name for link in self._robot.links if link.name not in wanted and self._mass(link) > 0.0]
-            if off:
-                self._lost.append(
-                    f"links that are not on the way to '{self._tip}', with their masses: {', '.join(off)}"
-                )
-        if any(link.visuals or link.collisions for link in self._robot.links):
-            self._lost.append("shapes and meshes, which no command reads")
-        return Imported(self._document(children), self._lost, self._fill)
-
-    def _way(self) -> set[str]:
-        links, at = set[str](), str(self._tip)
-        while True:
-            links.add(at)
-            if at not in self._parent:
-                return links
-            at = self._parent[at].parent
-
-    def _name(self, wanted: str) -> str:
-        """A name as model files have it, not yet taken."""
-        name = "".join(c if c.isalnum() or c in "_-" else "-" for c in wanted) or "part"
-        name = name if name[0].isalpha() else f"p-{name}"
-        while name in self._names:
-            name += "-"
-        self._names.add(name)
-        return name
-
-    def _after(self, link: str) -> dict[str, str]:
-        behind = self._ends_with[link]
-        last = self._parts[-1]["name"] if self._parts else ""
-        return {} if behind == last else {"after": behind}
-
-    def _add(self, joint: Element) -> None:
-        T = _origin(joint.origin)
-        behind = joint.parent
-        fixed = joint.type not in MOVING
-        if not np.allclose(T, np.eye(4), atol=1e-12) or fixed:
-            table = {"kind": "link", "name": self._name(joint.name if fixed else f"{joint.name}-origin")}
-            self._parts.append({**table, **self._after(behind), **_placed(T)})
-            self._ends_with[joint.child] = table["name"]
-        else:
-            self._ends_with[joint.child] = self._ends_with[behind]
-        if not fixed:
-            self._add_moving(joint)
-        self._weigh(joint.child)
-
-    def _add_moving(self, joint: Element) -> None:
-        name = self._name(joint.name)
-        self._labels[joint.name] = name
-        axis = np.array(joint.axis if joint.axis is not None else [1.0, 0.0, 0.0], dtype=float)
-        length = float(np.linalg.norm(axis))
-        if not length > 0.0:
-            raise ModelFileError(
-                f"{self._file}: joint '{joint.name}' has an axis of length zero: give its direction"
-            )
-        slides = joint.type == "prismatic"
-        table: dict[str, Any] = {
-            "kind": "actuated", "name": name, **self._after(joint.child), "axis": _axis(axis / length),
-        }  # fmt: skip
-        if slides:
-            table["motion"] = "slides"
-        if joint.mimic is not None:
-            scale, unit = (
-                1.0 if joint.mimic.multiplier is None else joint.mimic.multiplier,
-                METRE if slides else 1.0,
-            )
-            if joint.mimic.joint == joint.name:
-                raise ModelFileError(f"{self._file}: joint '{joint.name}' mimics itself: name another joint")
-            other = next((j for j in self._robot.joints if j.name == joint.mimic.joint), None)
-            if other is None or joint.mimic.joint not in self._labels:
-                raise ModelFileError(
-                    f"{self._file}: joint '{joint.name}' mimics '{joint.mimic.joint}', no moving joint before it"
-                )
-            ratio = scale * unit / (METRE if other.type == "prismatic" else 1.0)
-            table |= {"kind": "coupled", "to": {self._labels[joint.mimic.joint]: ratio}, "coupling": "as bent"}
-            if joint.mimic.offset:
-                table["offset_mm" if slides else "offset_rad"] = joint.mimic.offset * unit
-        else:
-            table["compliance_mm_per_N" if slides else "compliance_rad_per_Nmm"] = (
-                1e-4 if slides else TO_BE_FILLED_IN
-            )
-            self._fill.append(name)
-            self._limit(joint, table, slides)
-        self._parts.append(table)
-        self._ends_with[joint.child] = name
-
-    def _limit(self, joint: Element, table: dict[str, Any], slides: bool) -> None:
-        low = high = 0.0
-        if joint.limit is not None and joint.type != "continuous":
-            unit = METRE if slides else 1.0
-            low, high = float(joint.limit.lower or 0.0) * unit, float(joint.limit.upper or 0.0) * unit
-            if low < high:
-                table["limits_mm" if slides else "limits_rad"] = [low, high]
-        inside = low >= high or low <= 0.0 <= high
-        self._posture[table["name"]] = 0.0 if inside else 0.5 * (low + high)
-
-    def _weigh(self, link: str) -> None:
-        found = next(one for one in self._robot.links if one.name == link)
-        if not self._mass(found) > 0.0:
-            return
-        if self._ends_with[link] == "":
-            return  # what stands on the base moves nothing
-        centre = _origin(found.inertial.origin)[:3, 3]
-        table: dict[str, Any] = {"kind": "payload", "name": self._name(f"{link}-mass"), **self._after(link)}
-        table |= {"mass_kg": self._mass(found), "centre_of_mass_mm": _numbers(centre)}
-        self._parts.append(table)
-        self._ends_with[link] = table["name"]
-
-    @staticmethod
-    def _mass(link: Element) -> float:
-        return 0.0 if link.inertial is None else float(link.inertial.mass or 0.0)
-
-    def _document(self, children: dict[str, list[Any]]) -> dict[str, Any]:
-        name = self._name(self._robot.name or "robot")
-        document: dict[str, Any] = {
-            "format": 1,
-            "name": name,
-            "title": f"{self._robot.name}, imported from {self._file}",
-            "source": f"{self._file}; compliances are placeholders, to be filled in",
-            "units": {"length": "mm", "force": "N", "angle": "rad"},
-            "parts": self._parts,
-            "postures": {"home": self._posture},
+    def robot(self, tip: str | None) -> Robot:
+        taken = self._all() if tip is None else self._way(tip)
+        root = taken[0].parent if taken else tip or next(iter(self._links))
+        names = [root, *(joint.child for joint in taken)]
+        bodies = {name: self._body(name) for name in names}
+        joints = [self._joint(joint) for joint in taken]
+        wanted = {joint.name for joint in taken}
+        masters = {
+            joint.mimic.joint: self._master(joint.mimic.joint)
+            for joint in joints
+            if joint.mimic is not None and joint.mimic.joint not in wanted
         }
-        if self._tip is None:
-            tips = [link.name for link in self._robot.links if not children.get(link.name)]
-            ends = {self._name(tip): self._ends_with[tip] for tip in tips if self._ends_with.get(tip)}
-            if len(ends) > 1:
-                document["ends"] = ends
-        return document
+        survey(self._root, [*(self._links[name][0] for name in names), *(j.element for j in taken)], self._notes)
+        if self._weightless:
+            self._notes.doubtful.append(f"links whose <inertial> gives no mass: {', '.join(self._weightless)}")
+        off = [name for name in self._links if name not in bodies]
+        if off:
+            self._notes.left_out.append(f"links that are not on the way to '{tip}': {', '.join(off)}")
+        name = self._root.attributes.get("name", "").strip()
+        if not name:
+            name = self._file.split(".")[0]
+            self._notes.changed.append(f"the robot has no name: called '{name}'")
+        return Robot(name, root, bodies, joints, masters, self._file, self._notes)
 
+    # --- which links and joints ---------------------------------------------------------------------------
 
-def _origin(origin: Element) -> Array:
-    """Frame ``(4, 4)`` of a URDF's origin, mm: roll, pitch, yaw about fixed axes."""
-    if origin is None:
-        return np.eye(4)
-    roll, pitch, yaw = (float(v) for v in (origin.rpy or (0.0, 0.0, 0.0)))
-    cr, sr, cp, sp, cy, sy = (f(a) for a in (roll, pitch, yaw) for f in (math.cos, math.sin))
-    R = np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
-    return frame(R, METRE * np.array([float(v) for v in (origin.xyz or (0.0, 0.0, 0.0))]))
+    def _all(self) -> list[_RawJoint]:
+        """Every joint, parents before children."""
+        for name in self._links:
+            self._link(name)
+        if not self._links:
+            raise ModelFileError(f"{self._file}: has no <link>: a robot has one, its base{self._macros()}")
+        after: dict[str, list[_RawJoint]] = {}
+        for name, several in self._joints.items():
+            for joint in several:
+                self._check(joint)
+            self._only(name)
+            for joint in several:
+                after.setdefault(joint.parent, []).append(joint)
+        for name, joints in self._into.items():
+            self._refuse_parents(name, joints)
+        roots = [name for name in self._links if name not in self._into]
+        if len(roots) != 1:
+            if not roots:
+                raise ModelFileError(f"{self._file}: every link hangs on another: a loop without closure")
+            raise ModelFileError(
+                f"{self._file}: has {len(roots)} links without a parent ({', '.join(roots)}); a robot has one, its "
+                f"base: connect them{self._proposed()}"
+            )
+        found: list[_RawJoint] = []
+        todo = [roots[0]]
+        while todo:
+            name = todo.pop()
+            if found_here := self._into.get(name):
+                found += found_here
+            todo += [joint.child for joint in reversed(after.get(name, []))]
+        if len(found) < sum(map(len, self._joints.values())):
+            reached = {roots[0], *(joint.child for joint in found)}
+            lost = next(name for name in self._links if name not in reached)
+            raise ModelFileError(f"{self._file}: link '{lost}' is its own ancestor: a loop without closure")
+        return found
 
+    def _macros(self) -> str:
+        """A hint where links may be hidden in macros."""
+        hidden = any(child.tag.startswith(XACRO) for child in self._root.children)
+        return "; it holds xacro macros, which --xacro expands" if hidden else ""
 
-def _placed(T: Array) -> dict[str, Any]:
-    """Keys of a link's translation and turns."""
-    table: dict[str, Any] = {"translation_mm": _numbers(T[:3, 3])}
-    # by a quaternion: exact near a half turn too, which URDFs have as π of few digits
-    vector = Rotation.from_matrix(T[:3, :3]).as_rotvec()
-    angle = float(np.linalg.norm(vector))
-    if angle > 1e-12:
-        table["turns"] = [{"turn_about": _axis(vector / angle), "angle_deg": math.degrees(angle)}]
-    return table
+    def _proposed(self) -> str:
+        """The ends to which a way leads that nothing is wrong with."""
+        parents = {joint.parent for joints in self._joints.values() for joint in joints}
+        ends = []
+        for name in self._links:
+            if name and name not in parents and name in self._into:
+                try:
+                    self._way(name, propose=False)
+                except ModelFileError:
+                    continue
+                ends.append(name)
+        return f"; or take the way to one link, --tip {' or '.join(ends[:PROPOSED])}" if ends else ""
 
+    def _way(self, tip: str, *, propose: bool = True) -> list[_RawJoint]:
+        """The joints from the root to a link; refusals propose other ways unless they are tried just now."""
+        if tip not in self._links:
+            known = [name for name in self._links if name]
+            hint = did_you_mean(tip, known) or f" (there are {', '.join(known) or 'none'})"
+            hint += self._macros()
+            raise ModelFileError(f"{self._file}: no link '{tip}'{hint}")
+        way: list[_RawJoint] = []
+        at = tip
+        self._link(at)
+        while joints := self._into.get(at, []):
+            self._refuse_parents(at, joints, propose=propose)
+            self._check(joints[0], propose=propose)
+            if any(joint.child == joints[0].parent for joint in [*way, joints[0]]):
+                raise ModelFileError(f"{self._file}: link '{at}' is its own ancestor: a loop without closure")
+            if any(joint.name == joints[0].name for joint in way):
+                self._only(joints[0].name)
+            way.insert(0, joints[0])
+            at = joints[0].parent
+        return way
 
-def _axis(axis: Array) -> str | list[float]:
-    for name, unit in zip("xyz", np.eye(3), strict=True):
-        if np.array_equal(axis, unit):
-            return name
-    return [float(v) for v in axis / np.linalg.norm(axis)]
+    def _refuse_parents(self, name: str, joints: list[_RawJoint], *, propose: bool = True) -> None:
+        if len(joints) > 1:
+            raise ModelFileError(
+                f"{self._file}: line {joints[1].element.line}: link '{name}' has two parents, the joints "
+                f"'{joints[0].name}' and '{joints[1].name}': a loop; describe it as a manipulator with legs, see "
+                f"docs/manipulators.md{self._proposed() if propose else ''}"
+            )
 
+    def _link(self, name: str) -> Element:
+        several = self._links[name]
+        if not name:
+            raise Place(self._file, "a link", several[0].line).error("has no name: give one")
+        if len(several) > 1:
+            lines = ", ".join(str(link.line) for link in several)
+            raise ModelFileError(f"{self._file}: {len(several)} links are called '{name}' (lines {lines}): rename")
+        return several[0]
 
-def _numbers(vector: Array) -> list[float]:
-    return [round(float(v), ROUNDED) + 0.0 for v in vector]
+    def _check(self, joint: _RawJoint, *, propose: bool = True) -> None:
+        """Refuse a joint that connects nothing, has another's name, or moves as no model's does."""
+        place = Place(self._file, f"joint '{joint.name}'", joint.element.line)
+        if not joint.name:
+            raise Place(self._file, "a joint", joint.element.line).error("has no name: give one")
+        for what, name in (("parent", joint.parent), ("child", joint.child)):
+            if not name:
+                raise place.error(f"names no {what}: add <{what} link=...>")
+            if name not in self._links:
+                raise place.error(f"names the link '{name}', which is not there{did_you_mean(name, self._links)}")
+            self._link(name)
+        if joint.type in ("floating", "planar"):
+            raise place.error(
+                f"is {joint.type}, and a machine stands on its base: make it fixed"
+                f"{self._proposed() if propose else ''}"
+            )
+        if joint.type not in TYPES:
+            raise place.error(
+                f"has the type '{joint.type}': give one of {', '.join(TYPES)}{did_you_mean(joint.type, TYPES)}"
+            )
+
+    def _only(self, name: str) -> _RawJoint:
+        several = self._joints[name]
+        if len(several) > 1:
+            lines = ", ".join(str(joint.element.line) for joint in several)
+            raise ModelFileError(f"{self._file}: {len(several)} joints are called '{name}' (lines {lines}): rename")
+        return several[0]
+
+    # --- what they say ------------------------------------------------------------------------------------
+
+    def _body(self, name: str) -> Body:
+        link = self._link(name)
+        inertial = link.first("inertial")
+        if inertial is None or (mass := inertial.first("mass")) is None:
+            if inertial is not None:
+                self._weightless.append(name)
+            return Body(name)
+        place = Place(self._file, f"link '{name}'", mass.line)
+        value = finite(place, mass, "value")
+        if value < 0.0:
+            raise place.error(f"has a mass of {printed(value)} kg: it must not be below zero")
+        if value > HEAVIEST:
+            raise place.error(f"has a mass of {printed(value)} kg, above {printed(HEAVIEST)} kg: is it in g?")
+        if not value:
+            self._weightless.append(name)
+        origin = inertial.first("origin")
+        if not value or origin is None:
+            return Body(name, value)
+        return Body(name, value, length_vector(place.inside(origin), origin, "xyz"))
+
+    def _joint(self, raw: _RawJoint) -> Joint:
+        place = Place(self._file, f"joint '{raw.name}'", raw.element.line)
+        where = placing(
+            place, raw.element.first("origin"), self._notes.doubtful, quaternions=self._quaternions
+        )  # fmt: skip
+        if raw.type == "fixed":
+            return Joint(raw.name, "fixed", raw.parent, raw.child, where)
+        return self._moving(raw, where, self._mimic(raw))
+
+    def _master(self, name: str) -> Joint:
+        """A joint elsewhere that others mimic: its coordinate and its limits."""
+        return self._moving(self._only(name), Placing(), None)
+
+    def _moving(self, raw: _RawJoint, where: Placing, mimic: Mimic | None) -> Joint:
+        place = Place(self._file, f"joint '{raw.name}'", raw.element.line)
+        axis = (1.0, 0.0, 0.0)
+        if (element := raw.element.first("axis")) is None or "xyz" not in element.attributes:
+            self._notes.doubtful.append(f"joint '{raw.name}' gives no axis: x, as the format has it")
+        else:
+            x, y, z = vector(place.inside(element), element, "xyz")
+            if not any((x, y, z)):
+                raise place.inside(element).error("has an axis of length zero: give its direction")
+            axis = (x, y, z)
+        limits, home = self._limits(raw, place)
+        return Joint(raw.name, MOVING[raw.type], raw.parent, raw.child, where, axis, limits, home, mimic)
+
+    def _limits(self, raw: _RawJoint, place: Place) -> tuple[tuple[float, float] | None, float]:
+        element = raw.element.first("limit")
+        if element is None:
+            if raw.type != "continuous":
+                self._notes.doubtful.append(f"joint '{raw.name}' is {raw.type} and has no <limit>: taken as none")
+            return None, 0.0
+        slides = MOVING[raw.type] == "slides"
+        place = place.inside(element)
+        low, high = (number(place, element, key, "0", 3 if slides else 0) for key in ("lower", "upper"))
+        if raw.type == "continuous":
+            if low or high:
+                self._notes.left_out.append(f"limits of joint '{raw.name}': it is continuous, and has none")
+            return None, 0.0
+        if low > high:
+            given = [key for key in ("lower", "upper") if key not in element.attributes]
+            lacking = f" ({given[0]} is not given, and so 0)" if given else ""
+            raise place.error(
+                f"has the limits {printed(low)} to {printed(high)} {'mm' if slides else 'rad'}, reversed{lacking}: "
+                "give lower below upper"
+            )
+        return usable_limits(
+            low, high, raw.name, slides=slides, doubts=self._notes.doubtful, changed=self._notes.changed
+        )
+
+    def _mimic(self, raw: _RawJoint) -> Mimic | None:
+        """What a joint follows in the end, through all joints between, in mm and rad."""
+        ratio, offset, at, way = 1.0, 0.0, raw, [raw.name]
+        place = Place(self._file, f"joint '{raw.name}'", raw.element.line)
+        while (element := at.element.first("mimic")) is not None:
+            name = element.attributes.get("joint", "")
+            here = place.inside(element)
+            if name in way:
+                how = "itself" if len(way) == 1 else f"itself by way of {', '.join(way[1:])}"
+                raise here.error(f"mimics {how}: name another joint")
+            if name not in self._joints or not name:
+                raise here.error(f"mimics '{name}', which is no joint{did_you_mean(name, self._joints)}")
+            master = self._only(name)
+            if master.type not in MOVING:
+                raise here.error(
+                    f"mimics '{name}', which is {master.type or 'of no type'}: name a joint that moves"
+                )
+            power = 3 * ((MOVING[at.type] == "slides") - (MOVING[master.type] == "slides"))
+            own = 3 * (MOVING[at.type] == "slides")
+            step = finite(here, element, "multiplier", "1", power)
+            shift = finite(here, element, "offset", "0", own)
+            ratio, offset, at = ratio * step, offset + ratio * shift, master
+            way.append(name)
+        if at is raw:
+            return None
+        if MOVING[raw.type] == "turns" and abs(offset) > WHOLE_TURN:
+            self._notes.doubtful.append(
+                f"joint '{raw.name}': the offset of its mimic, {printed(offset)} rad, is beyond a whole turn: "
+                "is it in degrees?"
+            )
+        return Mimic(at.name, ratio, offset)

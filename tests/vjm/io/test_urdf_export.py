@@ -1,4 +1,4 @@
-"""A machine written as a URDF: Pinocchio finds the same frames and torques in it as in the file it came from."""
+"""A machine written as a URDF and read again is the machine: axes, frames, masses, limits, couplings."""
 
 from __future__ import annotations
 
@@ -7,89 +7,96 @@ from pathlib import Path
 import numpy as np
 import pinocchio
 import pytest
+from helpers.as_pinocchio import ROBOTS
+from helpers.same_machine import masses, same
+from helpers.urdf_arm import LIMIT, arm, joint, link, written
 
 from vjm.io.manipulator_file import load_model
-from vjm.io.model_file import build_chain
+from vjm.io.mjcf_text import mjcf_text
+from vjm.io.model_file import build_chain, library
+from vjm.io.robot_file import Description, import_robot
 from vjm.io.urdf import import_urdf
 from vjm.io.urdf_text import left_out, urdf_text
-from vjm.tree.equilibria import unloaded_frames
-from vjm.tree.model import TreeModel
+from vjm.model.chain import Chain
 
-DATA = Path(pinocchio.__file__).parents[4] / "share/example-robot-data/robots"
-# what a file of ours keeps of a URDF's lengths and axes: 1e-9 mm
-LENGTH = 1e-9
-# a slider that follows a turn, 30 mm for each radian, and a turn that follows a slider
-MIXED = """<robot name="mixed"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
-<joint name="one" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
-<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
-<joint name="two" type="prismatic"><parent link="b"/><child link="c"/><axis xyz="1 0 0"/>
-<mimic joint="one" multiplier="0.03" offset="0.2"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
-<joint name="three" type="revolute"><parent link="c"/><child link="d"/><axis xyz="0 1 0"/>
-<mimic joint="one" multiplier="-2" offset="0.1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
-</robot>"""
+FILES = sorted(file.relative_to(ROBOTS).as_posix() for file in ROBOTS.rglob("*.urdf"))
+NO_MACHINES = ("alex_psyonic_hands", "iris_simple", "quadrotor_base", "ur3")
+CHAINS = [entry.name for entry in library()]
+ROUNDTRIPS = {".urdf": urdf_text, ".xml": mjcf_text}
 
 
-def random_configuration(robot, rng):
-    angles = {name: rng.uniform(-0.5, 0.5) for name in robot.names[1:]}
-    q = pinocchio.neutral(robot)
-    for name, angle in angles.items():
-        joint = robot.joints[robot.getJointId(name)]
-        if joint.nq == 2:
-            q[joint.idx_q : joint.idx_q + 2] = np.cos(angle), np.sin(angle)
-        elif joint.nq == 1:
-            q[joint.idx_q] = angle
-    return q
+def again(tmp_path: Path, chain: Chain, suffix: str) -> Chain:
+    file = tmp_path / f"written{suffix}"
+    file.write_text(ROUNDTRIPS[suffix](chain), encoding="utf-8")
+    return build_chain(import_robot(Description(file)).document, file.name)
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_a_library_machine_comes_back(tmp_path, name):
+    chain = load_model(name)
+    assert isinstance(chain, Chain)
+    back = again(tmp_path, chain, ".urdf")
+    same(chain, back)
+    assert masses(back) == masses(chain)
+
+
+@pytest.mark.parametrize("file", [file for file in FILES if Path(file).stem not in NO_MACHINES])
+def test_an_imported_robot_comes_back(tmp_path, file):
+    chain = build_chain(import_urdf(ROBOTS / file).document, "m.toml")
+    back = again(tmp_path, chain, ".urdf")
+    same(chain, back)
+    assert masses(back) == masses(chain)
 
 
 @pytest.mark.parametrize(
-    "file",
+    "text",
     [
-        "ur_description/urdf/ur10_robot.urdf",
-        "panda_description/urdf/panda.urdf",
-        "tiago_description/robots/tiago.urdf",
+        arm(j2=joint("j2", "l1", "l2", more='<mimic joint="j1" multiplier="0.1" offset="0.3"/>')),
+        arm(
+            j2=joint(
+                "j2", "l1", "l2", "prismatic", more=LIMIT + '<mimic joint="j1" multiplier="0.07" offset="0.1"/>'
+            )
+        ),
+        arm(j1=joint("j1", "base", "l1", more='<mimic joint="j2" multiplier="-0.5"/>' + LIMIT)),
+        arm(j2=joint("j2", "l1", "l2", "prismatic", more="")),
+        arm(j2=joint("j2", "l1", "l2", "prismatic", more='<limit lower="-0.07" upper="0.14"/>')),
+        arm(j2=joint("j2", "l1", "l2", axis="-1 0.3 0.7")),
+        arm(more=link("base-body") + joint("tool-fixed", "l2", "base-body", "fixed", axis="", more="")),
     ],
 )
-def test_the_robot_written_is_the_robot_read(tmp_path, file):
-    chain = build_chain(import_urdf(DATA / file).document, "m.toml")
+def test_an_odd_machine_comes_back(tmp_path, text):
+    chain = build_chain(import_urdf(written(tmp_path, text)).document, "m.toml")
+    back = again(tmp_path, chain, ".urdf")
+    same(chain, back)
+    assert masses(back) == masses(chain)
+
+
+def test_pinocchio_reads_what_is_written(tmp_path):
+    """Of the machine with two arms, which has the most joints with limits, mimics and continuous ones."""
+    file = next(ROBOTS.rglob("tiago_dual.urdf"))
+    chain = build_chain(import_urdf(file).document, "m.toml")
     (tmp_path / "written.urdf").write_text(urdf_text(chain))
-    read, written = (
-        pinocchio.buildModelFromUrdf(str(path), mimic=True) for path in (DATA / file, tmp_path / "written.urdf")
-    )
-    assert set(written.names) == set(read.names)
-    data = read.createData(), written.createData()
+    read, back = (pinocchio.buildModelFromUrdf(str(path)) for path in (file, tmp_path / "written.urdf"))
+    assert set(back.names) == set(read.names)
+    datas = read.createData(), back.createData()
     rng = np.random.default_rng(1)
-    q = random_configuration(read, rng)
-    q2 = pinocchio.neutral(written)
+    q, q2 = pinocchio.neutral(read), pinocchio.neutral(back)
     for name in read.names[1:]:
-        one, other = read.joints[read.getJointId(name)], written.joints[written.getJointId(name)]
-        if one.nq == 2:  # a continuous joint, written with limits of a whole turn
-            q2[other.idx_q] = np.arctan2(q[one.idx_q + 1], q[one.idx_q])
-        elif one.nq == 1:
-            q2[other.idx_q] = q[one.idx_q]
-    pinocchio.forwardKinematics(read, data[0], q)
-    pinocchio.forwardKinematics(written, data[1], q2)
+        angle = rng.uniform(-0.5, 0.5)
+        for model, values in ((read, q), (back, q2)):
+            one = model.joints[model.getJointId(name)]
+            values[one.idx_q : one.idx_q + one.nq] = [angle] if one.nq == 1 else [np.cos(angle), np.sin(angle)]
     torques = [
-        pinocchio.computeGeneralizedGravity(m, d, v) for m, d, v in zip((read, written), data, (q, q2), strict=True)
+        pinocchio.computeGeneralizedGravity(model, data, values)
+        for model, data, values in zip((read, back), datas, (q, q2), strict=True)
     ]
     for name in read.names[1:]:
-        i, j = read.getJointId(name), written.getJointId(name)
-        assert np.abs(data[0].oMi[i].translation - data[1].oMi[j].translation).max() < LENGTH
-        if read.joints[i].nv == 1:
-            ours, theirs = torques[1][written.joints[j].idx_v], torques[0][read.joints[i].idx_v]
-            assert ours == pytest.approx(theirs, abs=1e-9 * np.abs(torques[0]).max())
-
-
-def test_couplings_of_a_slider_with_a_turn_keep_their_units(tmp_path):
-    (tmp_path / "mixed.urdf").write_text(MIXED)
-    chain = build_chain(import_urdf(tmp_path / "mixed.urdf").document, "m.toml")
-    (tmp_path / "written.urdf").write_text(urdf_text(chain))
-    again = build_chain(import_urdf(tmp_path / "written.urdf").document, "m.toml")
-    frames = [
-        unloaded_frames(model := TreeModel(c), model.coordinates({"one": 0.4})[0])[1][0] for c in (chain, again)
-    ]
-    # two = 200 + 30·0.4 = 212 mm along x, turned by 0.4
-    assert frames[0][0] == pytest.approx([212.0 * np.cos(0.4), 212.0 * np.sin(0.4), 0.0], abs=1e-9)
-    assert frames[1][0] == pytest.approx(frames[0][0], abs=1e-9)
+        i, j = read.getJointId(name), back.getJointId(name)
+        pinocchio.forwardKinematics(read, datas[0], q)
+        pinocchio.forwardKinematics(back, datas[1], q2)
+        assert datas[0].oMi[i].translation == pytest.approx(datas[1].oMi[j].translation, abs=1e-14)
+        ours, theirs = torques[1][back.joints[j].idx_v], torques[0][read.joints[i].idx_v]
+        assert ours == pytest.approx(theirs, abs=1e-12 * np.abs(torques[0]).max())
 
 
 def test_what_is_left_out_is_said():
@@ -98,3 +105,4 @@ def test_what_is_left_out_is_said():
         assert part in said
     assert "inertia" in said
     assert "stretched" in said
+    assert "q1, q2, q3, q4 move freely" in " ".join(left_out(load_model("orthoglide-chain")))

@@ -20,9 +20,11 @@ BLOCKED = (
     "vtk",
     "jinja2",
     "openseespy",
-    "urdf_parser_py",
     "distributed",
     "pandas",
+    "mujoco",
+    "xacro",
+    "robot_descriptions",
 )
 SOLID = ("gmsh", "skfem", "pypardiso")
 SOLID_WORDS = ["--youngs", "70000", "--poisson", "0.33", "--base", "base", "--tip", "tip"]

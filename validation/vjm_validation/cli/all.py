@@ -84,7 +84,7 @@ def all_(
         for name, value in (("--force", force), ("--to", to)):
             if value is not None and not 0.0 < value < float("inf"):
                 raise UsageError(f"{name}: must be positive, not {value:g}; --direction gives the sign")
-        doubts = considered(model, strict)
+        doubts = considered(model, strict, weighed=bool(gravity))
         return _own(
             Request(
                 model, posture, parsed_directions(direction), force, to, acceleration(gravity), jobs=processes(jobs)

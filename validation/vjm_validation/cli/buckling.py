@@ -77,7 +77,7 @@ def buckling_(
         raise UsageError("--to: with --force say up to how many N")
     pages.check(plot, report)
     chain, whole = loaded(model, shear=with_shear(shear))
-    doubts = considered(model, strict)
+    doubts = considered(model, strict, weighed=bool(gravity))
     options = engine_options(segments, foot_segments, placement)
     solvers = [whole(engine_by_name(name, options, chain)) for name in engine]
     directions = (

@@ -43,7 +43,7 @@ def compensate_(
 ) -> int:
     """Find the joint coordinates that put the loaded tool where it should be, along a path."""
     machine, _ = loaded(model)
-    doubts = considered(model, strict)
+    doubts = considered(model, strict, weighed=bool(gravity))
     number, parts = segments_of(segments)
     solver = engine_by_name(engine, EngineOptions(number, parts=parts), machine)
     if not isinstance(solver, VjmEngine):

@@ -80,7 +80,7 @@ def curve_(
     """Trace one load path and show it."""
     positive("--steps", steps)
     chain, whole = loaded(model, shear=with_shear(shear))
-    doubts = considered(model, strict)
+    doubts = considered(model, strict, weighed=bool(gravity))
     label = postures(chain, (posture,) if posture else ())[0]
     load_case = parsed_load_case(
         label, to, axis=axis, force=force, steps=steps, branch={"+": 1, "-": -1, "0": 0}[branch], free=free,

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from vjm.io.findings import Finding, Grade, refuse
-from vjm.io.model_plausibility import findings_of
+from vjm.io.model_plausibility import findings_of, weight_findings
 from vjm_output import terminal
 
 Strict = Annotated[
@@ -23,14 +23,14 @@ def warn(findings: Iterable[Finding]) -> None:
         terminal.error(f"{word}: {finding}")
 
 
-def considered(model: str, strict: bool) -> list[Finding]:
-    """What is implausible about a model, said as warnings.
+def considered(model: str, strict: bool, *, weighed: bool = False) -> list[Finding]:
+    """What is implausible about a model, said as warnings; ``weighed``: also about one that has its weight.
 
     Raises:
         ModelFileError: it cannot be read.
         ImplausibleError: it is refused, see `vjm.io.findings.refuse`.
     """
-    findings = findings_of(model)
+    findings = findings_of(model) + (weight_findings(model) if weighed else [])
     refuse(findings, strict=strict)
     warn(findings)
     return findings

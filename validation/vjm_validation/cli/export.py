@@ -7,9 +7,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from vjm.io import mjcf_text, urdf_text
 from vjm.io.files import write_whole
 from vjm.io.manipulator_file import load_model
-from vjm.io.urdf_text import left_out, urdf_text
 from vjm.model.chain import Chain
 from vjm_output import terminal
 from vjm_validation.cli.doubts import Strict, considered
@@ -19,23 +19,36 @@ from vjm_validation.cli.status import OK, UsageError
 def export_(
     model: Annotated[str, Parameter(help="Library model or model file of a chain, an arm or a tree.")],
     *,
-    urdf: Annotated[Path, Parameter(help="URDF file to write.")],
+    urdf: Annotated[Path | None, Parameter(help="URDF file to write.")] = None,
+    mjcf: Annotated[Path | None, Parameter(help="MJCF file to write, with joints' springs.")] = None,
     force: Annotated[bool, Parameter(help="Write over a file that is there.", negative="")] = False,
     strict: Strict = False,
 ) -> int:
-    """Write a machine's geometry, joints, limits and masses as a URDF, and say what a URDF cannot hold."""
+    """Write a machine's geometry, joints, limits and masses as URDF or MJCF, and say what that cannot hold."""
     chain = load_model(model)
     if not isinstance(chain, Chain):
+        legs = ", ".join(leg.name for leg in chain.legs)
         raise UsageError(
-            f"{model}: its legs close loops, and a URDF is a tree: export the model file of one leg, "
-            "written as a chain"
+            f"{model}: its legs {legs} close loops, and a URDF is a tree, as is the MJCF written here: export the "
+            "model file of one leg, written as a chain"
         )
-    if urdf.exists() and not force:
-        raise UsageError(f"{urdf}: exists already; give another --urdf, or --force")
+    files = {"--urdf": urdf, "--mjcf": mjcf}
+    if not any(files.values()):
+        raise UsageError("give the file to write: --urdf FILE, --mjcf FILE, or both")
+    for option, file in files.items():
+        if file is not None and file.exists() and not force:
+            raise UsageError(f"{file}: exists already; give another {option}, or --force")
     considered(model, strict)
-    write_whole(urdf, urdf_text(chain))
     console = terminal.console()
-    console.print(f"{urdf}: {len(chain.parts)} parts", soft_wrap=True)
-    for line in left_out(chain):
-        console.print(f"left out: {line}", soft_wrap=True, highlight=False)
+    written = (
+        (urdf, urdf_text.urdf_text, urdf_text.left_out),
+        (mjcf, mjcf_text.mjcf_text, mjcf_text.left_out),
+    )
+    for out, text, left_out in written:
+        if out is None:
+            continue
+        write_whole(out, text(chain))
+        console.print(f"{out}: {len(chain.parts)} parts", soft_wrap=True)
+        for line in left_out(chain):
+            console.print(f"left out: {line}", soft_wrap=True, highlight=False, markup=False)
     return OK

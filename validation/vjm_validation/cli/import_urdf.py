@@ -9,31 +9,53 @@ from cyclopts import Parameter
 
 from vjm.io.files import write_whole
 from vjm.io.model_file import build_chain
-from vjm.io.toml_text import toml_text
-from vjm.io.urdf import import_urdf
+from vjm.io.robot_file import Description, cached_description, import_robot
 from vjm_output import terminal
 from vjm_validation.cli.status import OK, UsageError
 
 
 def import_(
-    urdf: Annotated[Path, Parameter(help="A robot's URDF file; xacro macros must be expanded.")],
+    urdf: Annotated[Path | None, Parameter(help="A robot's URDF or MJCF file.")] = None,
     *,
+    from_description: Annotated[
+        str | None, Parameter(help="In place of a file: a robot of robot_descriptions that is in its cache.")
+    ] = None,
     tip: Annotated[str | None, Parameter(help="Link at the end; the whole tree where it is left out.")] = None,
+    xacro: Annotated[bool, Parameter(help="Expand xacro macros first.", negative="")] = False,
+    xacro_argument: Annotated[
+        tuple[str, ...], Parameter(help="An argument of the macros, NAME=VALUE; may be given again.")
+    ] = (),
     out: Annotated[Path | None, Parameter(help="Model file to write; NAME.toml beside you by default.")] = None,
 ) -> int:
-    """Write a model file of a URDF: axes, origins, masses, centres of mass, limits."""
-    found = import_urdf(urdf, tip)
+    """Write a model file of a URDF or an MJCF file: axes, origins, masses, centres of mass, limits, couplings."""
+    found = import_robot(_description(urdf, from_description, xacro or bool(xacro_argument), xacro_argument), tip)
     file = out or Path(f"{found.document['name']}.toml")
     if file.exists():
         raise UsageError(f"{file}: exists already; give another --out")
     chain = build_chain(found.document, file.name)
-    write_whole(file, toml_text(found.document))
+    write_whole(file, found.text())
     console = terminal.console()
     console.print(f"{file}: {len(chain.parts)} parts, {len(found.to_fill_in)} actuated joints", soft_wrap=True)
-    for line in found.left_out:
-        console.print(f"left out: {line}", soft_wrap=True, highlight=False)
+    lines = found.notes.lines()
+    if found.ends:
+        lines.append(f"ends: {', '.join(found.ends)}; --tip takes the way to one of them")
     if found.to_fill_in:
-        console.print(
-            f"to be filled in, placeholders now: the compliance of {', '.join(found.to_fill_in)}", soft_wrap=True
-        )
+        lines.append(f"to be filled in, placeholders now: the compliance of {', '.join(found.to_fill_in)}")
+    for line in lines:
+        console.print(line, soft_wrap=True, highlight=False, markup=False)
     return OK
+
+
+def _description(urdf: Path | None, name: str | None, xacro: bool, arguments: tuple[str, ...]) -> Description:
+    if (urdf is None) == (name is None):
+        raise UsageError("give a robot's file, or --from-description NAME" + (", not both" if name else ""))
+    if name is not None:
+        return cached_description(name)
+    assert urdf is not None
+    given = {}
+    for argument in arguments:
+        key, equals, value = argument.partition("=")
+        if not key or not equals:
+            raise UsageError(f"--xacro-argument {argument}: write NAME=VALUE")
+        given[key] = value
+    return Description(urdf, xacro, given)

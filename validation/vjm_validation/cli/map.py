@@ -87,7 +87,7 @@ def map_(
     pages.check(plot, report, pages.IMAGES)
     folder = out or Path("reports") / "maps" / f"{target.name}-{quantity}-{time.strftime('%Y%m%d-%H%M%S')}"
     if isinstance(target, Chain):
-        doubts = considered(model, strict)
+        doubts = considered(model, strict, weighed=bool(gravity))
         loads = [parsed_load(text) for text in load]
         arm = _of_arm(target, springs, quantity, grid, posture, wrench, acceleration(gravity), loads, end, folder)
         return _said(arm, doubts, plot, report, json=json)

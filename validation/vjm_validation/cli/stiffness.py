@@ -64,7 +64,7 @@ def stiffness_(
         raise UsageError("give --wrench or --displacement, not both: one imposes the other")
     pages.check(plot, report)
     chain, _ = loaded(model, shear=with_shear(shear))
-    doubts = considered(model, strict)
+    doubts = considered(model, strict, weighed=bool(gravity))
     solver = engine_by_name(engine, engine_options(segments, foot_segments, placement), chain)
     label = postures(chain, (posture,) if posture else ())[0]
     imposed = None if displacement is None else six("--displacement", displacement)

@@ -1,0 +1,175 @@
+"""A chain as rigid bodies and joints between them, as descriptions of robots have it: a body for each part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import assert_never
+
+import numpy as np
+
+from vjm.io.robot import HUGE, Kind
+from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
+from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
+from vjm.rotations import Array, translation
+
+
+@dataclass(frozen=True)
+class Follows:
+    """``offset + ratio · coordinate of the other``, mm or rad; ``power`` of ten from its unit to the follower's."""
+
+    joint: str
+    ratio: float
+    offset: float
+    power: int
+
+
+@dataclass(frozen=True)
+class ChainBody:
+    """A body of a machine and the joint before it.
+
+    Attributes:
+        name: of the body; names of bodies differ, and so do names of joints.
+        joint: name of the joint.
+        kind: how the joint moves.
+        parent: body before it; the first body's is the base.
+        frame: ``(4, 4)`` of the joint and the body in the parent's, mm.
+        axis: ``(3,)``.
+        limits: mm or rad.
+        follows: what a coupled joint follows.
+        part: of the machine, None for a frame at an end.
+        mass: kg.
+        centre: of mass ``(3,)``, mm in the body's frame.
+    """
+
+    name: str
+    joint: str
+    kind: Kind
+    parent: str
+    frame: Array
+    axis: Array
+    limits: tuple[float, float] | None = None
+    follows: Follows | None = None
+    part: Part | None = None
+    mass: float = 0.0
+    centre: Array | None = None
+
+
+def chain_bodies(chain: Chain) -> tuple[str, list[ChainBody]]:
+    """The base's name and all bodies, parents before children; beams are rigid."""
+    ends = chain.ends or {"tool": chain.parts[-1].name if chain.parts else ""}
+    # names of bodies differ, and an end keeps the one by which people know it
+    links, names = set(ends), {part.name for part in chain.parts}
+    base = _new("base", links)
+    joints = {part.name: part for part in chain.parts if isinstance(part, HeldJoint)}
+    pushing = chain.pushing
+    previous = ""
+    frames = {"": (base, chain.base)}
+    bodies = []
+    for part in chain.parts:
+        parent, before = frames[chain.after.get(part.name, previous)]
+        previous = part.name
+        # what pushes a beam out stands still itself, and the beam's end slides in its place
+        pushes = part.name in pushing
+        pushed = joints.get(part.free_length) if isinstance(part, Beam) else None
+        moving = None if pushes else pushed if pushed is not None else part
+        name = pushed.name if pushed is not None else _new(f"{part.name}-root", names) if pushes else part.name
+        child, behind, axis = _new(f"{part.name}-body", links), np.eye(4), np.array([1.0, 0.0, 0.0])
+        if isinstance(part, Beam) and pushed is not None:
+            axis = part.section_in_chain[:3, 0]
+            behind = translation(part.own_frame @ part.end_offset)
+        elif isinstance(part, HeldJoint | PassiveJoint):
+            axis = part.axis
+        elif isinstance(part, RigidOffset):
+            behind = part.transform
+        elif isinstance(part, Beam):
+            behind = translation(part.tip)
+        mass = part.mass if isinstance(part, RigidOffset | Beam) else 0.0
+        bodies.append(
+            ChainBody(
+                child, name, _kind(moving), parent, before, axis,
+                moving.limits if isinstance(moving, HeldJoint) else None,
+                _followed(moving, joints), part, mass,
+                part.centre_of_mass if mass and isinstance(part, RigidOffset | Beam) else None,
+            )
+        )  # fmt: skip
+        frames[part.name] = child, behind
+    for end, part_name in ends.items():
+        parent, before = frames[part_name]
+        bodies.append(ChainBody(end, _new(f"{end}-fixed", names), "fixed", parent, before, np.eye(3)[0]))
+    return base, bodies
+
+
+def _new(wanted: str, taken: set[str]) -> str:
+    """A name not yet taken, which it is then."""
+    name, count = wanted, 1
+    while name in taken:
+        count += 1
+        name = f"{wanted}-{count}"
+    taken.add(name)
+    return name
+
+
+def _kind(part: Part | None) -> Kind:
+    if not isinstance(part, HeldJoint | PassiveJoint):
+        return "fixed"
+    return "slides" if part.slides else "turns"
+
+
+def _followed(part: Part | None, joints: Mapping[str, HeldJoint]) -> Follows | None:
+    if not isinstance(part, CoupledJoint) or len(part.ratios) > 1:
+        return None
+    name, ratio = part.ratios[0]
+    return Follows(name, ratio, part.offset, 3 * (joints[name].slides - part.slides))
+
+
+def elastic_parts(chain: Chain) -> list[str]:
+    """Names of the parts that deflect."""
+    return [part.name for part in chain.parts if _elastic(part)]
+
+
+def _elastic(part: Part) -> bool:
+    match part:
+        case Beam() | SprungJoint():
+            return True
+        case ActuatedJoint():
+            return part.elastic
+        case CoupledJoint():
+            return part.compliance > 0.0 or any(part.lateral)
+        case Actuator() | Mount():
+            return part.compliance > 0.0
+        case RigidOffset() | PassiveJoint():
+            return False
+        case _:
+            assert_never(part)
+
+
+def not_rigid(chain: Chain, format_name: str) -> list[str]:
+    """What no description of rigid bodies with one inertia each holds of a chain, a line for each kind."""
+    lines = []
+    sums = [part.name for part in chain.parts if isinstance(part, CoupledJoint) and len(part.ratios) > 1]
+    if sums:
+        lines.append(f"the coupling of {', '.join(sums)}: a joint of {format_name} follows one other joint")
+    if passive := [part.name for part in chain.parts if isinstance(part, PassiveJoint)]:
+        lines.append(f"that {', '.join(passive)} move freely: {format_name} does not tell them from driven joints")
+    if chain.point_springs:
+        lines.append(f"the springs between points: {', '.join(spring.name for spring in chain.point_springs)}")
+    if any(part.mass > 0.0 for part in chain.parts if isinstance(part, RigidOffset | Beam)):
+        lines.append("moments of inertia, which a model file does not have: they are zero")
+    labels = [*chain.postures, *(label for label in chain.held if label not in chain.postures)]
+    if labels:
+        lines.append(f"the postures {', '.join(labels)}")
+    return lines
+
+
+def written(value: float, power: int = 0) -> str:
+    """A number times ``10**power``, exactly: what reads it back by decimals finds the same number."""
+    text = repr(float(value) + 0.0)
+    return str(Decimal(text).scaleb(power)) if power else text
+
+
+def limits_of(body: ChainBody) -> tuple[float, float] | None:
+    """Limits as a format takes them that asks for some where a joint slides, mm or rad."""
+    return (-HUGE, HUGE) if body.limits is None and body.kind == "slides" else body.limits

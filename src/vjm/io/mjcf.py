@@ -1,0 +1,226 @@
+"""MJCF files, MuJoCo's format: a robot's kinematics, masses and limits, read by MuJoCo itself.
+
+Needs the optional extra ``vjm-stiffness[mjcf]``. Written after MuJoCo's XML reference: a body stands in its parent,
+each of its joints moves it about or along an axis through an anchor, one after the other.
+"""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vjm.io.errors import ModelFileError, did_you_mean
+from vjm.io.robot import Body, Joint, Mimic, Notes, Placing, Robot, Turns
+from vjm.io.urdf_values import quaternion_turns, usable_limits
+from vjm.rotations import Array, rotation_from_vector
+
+METRE = 1000.0
+Library = Any
+"""MuJoCo, or a model of its; neither has types where it is not installed."""
+WORLD = "world"
+
+
+def mjcf_robot(path: Path, tip: str | None = None) -> Robot:
+    """The robot of an MJCF file: all of it, or the way from the world to a body.
+
+    Raises:
+        ModelFileError: MuJoCo does not read it, or what is to be read of it makes no machine.
+        ImportError: MuJoCo, an optional extra, is not installed.
+    """
+    mujoco: Library = importlib.import_module("mujoco")
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise ModelFileError(f"{path.name}: MuJoCo does not read it: {error}") from error
+    return _Reader(mujoco, model, path.name).robot(tip)
+
+
+class _Reader:
+    """One compiled model."""
+
+    def __init__(self, mujoco: Library, model: Library, file: str) -> None:
+        self._mujoco, self._model, self._file = mujoco, model, file
+        self._notes = Notes()
+        self._bodies = [self._name("BODY", i) or f"body-{i}" for i in range(model.nbody)]
+        self._bodies[0] = WORLD
+
+    def robot(self, tip: str | None) -> Robot:
+        taken = self._taken(tip)
+        bodies: dict[str, Body] = {WORLD: Body(WORLD)}
+        joints: list[Joint] = []
+        mimics = self._mimics()
+        for index in taken:
+            self._add(index, mimics, bodies, joints)
+        placed = {joint.name for joint in joints}
+        masters = {
+            joint.mimic.joint: self._master(joint.mimic.joint)
+            for joint in joints
+            if joint.mimic is not None and joint.mimic.joint not in placed
+        }
+        self._survey(tip, taken)
+        name = self._file.split(".")[0]
+        named = bytes(self._model.names).split(b"\0")[0].decode("utf-8", "replace")
+        return Robot(named or name, WORLD, bodies, joints, masters, self._file, self._notes)
+
+    def _name(self, kind: str, index: int) -> str:
+        name = self._mujoco.mj_id2name(self._model, getattr(self._mujoco.mjtObj, f"mjOBJ_{kind}"), index)
+        return str(name or "")
+
+    def _taken(self, tip: str | None) -> list[int]:
+        """Bodies in their order, parents first."""
+        if tip is None:
+            return list(range(1, self._model.nbody))
+        if tip not in self._bodies:
+            hint = did_you_mean(tip, self._bodies) or f" (there are {', '.join(self._bodies)})"
+            raise ModelFileError(f"{self._file}: no body '{tip}'{hint}")
+        way, at = list[int](), self._bodies.index(tip)
+        while at:
+            way.insert(0, at)
+            at = int(self._model.body_parentid[at])
+        return way
+
+    def _add(self, index: int, mimics: dict[int, Mimic], bodies: dict[str, Body], joints: list[Joint]) -> None:
+        """A body, and its joints one after the other with bodies of no mass between."""
+        model, name = self._model, self._bodies[index]
+        parent = self._bodies[int(model.body_parentid[index])]
+        w, x, y, z = (float(v) for v in model.body_quat[index])
+        shift, turns = METRE * np.array(model.body_pos[index]), quaternion_turns(x, y, z, w)
+        first = int(model.body_jntadr[index])
+        moving = list(range(first, first + int(model.body_jntnum[index])))
+        anchor = np.zeros(3)
+        for k, joint in enumerate(moving):
+            here = METRE * np.array(model.jnt_pos[joint])
+            last = joint == moving[-1] and not here.any()
+            child = name if last else f"{name}-{k + 1}"
+            bodies.setdefault(child, Body(child))
+            place = _placing(shift, turns, here - anchor)
+            if not self._name("JOINT", joint):
+                self._notes.changed.append(f"a joint of body '{name}' has no name: '{self._joint_name(joint)}'")
+            joints.append(self._joint(joint, parent, child, place, mimics.get(joint)))
+            # a joint's own reference: the angle at which the file shows the machine
+            shift, turns, anchor, parent = np.zeros(3), (), here, child
+        if parent != name:
+            joints.append(Joint(f"{name}-fixed", "fixed", parent, name, _placing(shift, turns, -anchor)))
+        centre = METRE * np.array(model.body_ipos[index])
+        bodies[name] = Body(
+            name, float(model.body_mass[index]), (float(centre[0]), float(centre[1]), float(centre[2]))
+        )
+
+    def _joint_name(self, joint: int) -> str:
+        return self._name("JOINT", joint) or f"{self._bodies[int(self._model.jnt_bodyid[joint])]}-joint-{joint}"
+
+    def _slides(self, joint: int) -> bool:
+        """Whether a joint slides.
+
+        Raises:
+            ModelFileError: it neither slides nor turns about one axis.
+        """
+        kind = int(self._model.jnt_type[joint])
+        types = self._mujoco.mjtJoint
+        if kind in (int(types.mjJNT_FREE), int(types.mjJNT_BALL)):
+            what = (
+                "free, and a machine stands on its base: take it out" if kind == int(types.mjJNT_FREE) else "a ball"
+            )
+            remedy = "" if kind == int(types.mjJNT_FREE) else ": write three hinges"
+            raise ModelFileError(f"{self._file}: joint '{self._joint_name(joint)}' is {what}{remedy}")
+        return kind == int(types.mjJNT_SLIDE)
+
+    def _joint(self, joint: int, parent: str, child: str, place: Placing, mimic: Mimic | None) -> Joint:
+        slides, model = self._slides(joint), self._model
+        unit = METRE if slides else 1.0
+        x, y, z = (float(v) for v in model.jnt_axis[joint])
+        reference = unit * float(model.qpos0[int(model.jnt_qposadr[joint])])
+        if reference:
+            place = _referred(place, np.array([x, y, z]), reference, slides=slides)
+        name = self._joint_name(joint)
+        limits, home = None, 0.0
+        if model.jnt_limited[joint]:
+            low, high = (unit * float(v) for v in model.jnt_range[joint])
+            limits, home = usable_limits(
+                low, high, name, slides=slides, doubts=self._notes.doubtful, changed=self._notes.changed
+            )
+        return Joint(
+            name, "slides" if slides else "turns", parent, child, place, (x, y, z), limits, home, mimic
+        )  # fmt: skip
+
+    def _master(self, name: str) -> Joint:
+        joint = next(i for i in range(self._model.njnt) if self._joint_name(i) == name)
+        return self._joint(joint, WORLD, name, Placing(), None)
+
+    def _mimics(self) -> dict[int, Mimic]:
+        """What joints follow others in the end, by equalities that are straight lines."""
+        model, steps = self._model, dict[int, tuple[int, float, float]]()
+        joint_type = int(self._mujoco.mjtEq.mjEQ_JOINT)
+        for k in range(model.neq):
+            a, b = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+            kind = str(self._mujoco.mjtEq(int(model.eq_type[k])).name).removeprefix("mjEQ_").lower()
+            if (
+                int(model.eq_type[k]) != joint_type
+                or b < 0
+                or any(model.eq_data[k][2:5])
+                or not model.eq_active0[k]
+            ):
+                self._notes.left_out.append(f"the equality '{self._name('EQUALITY', k) or kind}' ({kind})")
+                continue
+            ours, theirs = (METRE if self._slides(j) else 1.0 for j in (a, b))
+            at = [float(model.qpos0[int(model.jnt_qposadr[j])]) for j in (a, b)]
+            offset, ratio = (float(v) for v in model.eq_data[k][:2])
+            steps[a] = b, ratio * ours / theirs, ours * (at[0] + offset - ratio * at[1])
+        found = {}
+        for joint in steps:
+            ratio, offset, at_joint, seen = 1.0, 0.0, joint, {joint}
+            while at_joint in steps:
+                other, step, shift = steps[at_joint]
+                ratio, offset, at_joint = ratio * step, offset + ratio * shift, other
+                if at_joint in seen:
+                    raise ModelFileError(f"{self._file}: joint '{self._joint_name(joint)}' follows itself")
+                seen.add(at_joint)
+            found[joint] = Mimic(self._joint_name(at_joint), ratio, offset)
+        return found
+
+    def _survey(self, tip: str | None, taken: list[int]) -> None:
+        model, left = self._model, self._notes.left_out
+        counts = {
+            "shapes": model.ngeom, "meshes": model.nmesh, "sites": model.nsite, "cameras": model.ncam,
+            "lights": model.nlight, "actuators": model.nu, "tendons": model.ntendon, "sensors": model.nsensor,
+            "excluded contacts": model.nexclude, "keyframes": model.nkey, "deformable bodies": model.nflex,
+        }  # fmt: skip
+        if found := [f"{what} ({count})" for what, count in counts.items() if count]:
+            left.append(f"what no model file has: {', '.join(found)}")
+        left.append("moments of inertia, which statics does not need")
+        for key, what in (
+            ("jnt_stiffness", "springs"),
+            ("dof_damping", "damping"),
+            ("dof_frictionloss", "friction"),
+        ):
+            if np.any(getattr(model, key)):
+                left.append(f"{what} of joints ({key})")
+        if np.any(model.body_gravcomp):
+            left.append("compensation of weight (gravcomp)")
+        off = [name for i, name in enumerate(self._bodies) if i and i not in taken]
+        if off:
+            left.append(f"bodies that are not on the way to '{tip}': {', '.join(off)}")
+
+
+def _placing(shift: Array, turns: Turns, then: Array) -> Placing:
+    """Shifted, turned, and shifted again in the turned axes."""
+    moved = shift + _rotation(turns) @ then
+    return Placing((float(moved[0]), float(moved[1]), float(moved[2])), turns)
+
+
+def _rotation(turns: Turns) -> Array:
+    R = np.eye(3)
+    for axis, angle in turns:
+        R = R @ rotation_from_vector(np.array(axis) * angle)
+    return R
+
+
+def _referred(place: Placing, axis: Array, reference: float, *, slides: bool) -> Placing:
+    """So that the coordinate is ``reference`` where the file shows the machine."""
+    if slides:
+        return _placing(np.array(place.shift), place.turns, -reference * axis)
+    x, y, z = axis
+    return Placing(place.shift, (*place.turns, ((float(x), float(y), float(z)), -reference)))

@@ -1,0 +1,122 @@
+"""A chain as an MJCF file, MuJoCo's format: geometry, joints, limits, masses, and springs about joints' axes.
+
+Written after MuJoCo's XML reference.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vjm.io.chain_bodies import ChainBody, chain_bodies, elastic_parts, not_rigid, written
+from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, SprungJoint
+from vjm.rotations import Array
+
+LEAST = "1e-09"
+"""kg and kg m², a gram at a millimetre: MuJoCo takes no moving body without mass or inertia."""
+
+
+def mjcf_text(chain: Chain) -> str:
+    """The MJCF file of a chain, a body for each part; metres, kilograms, newtons, radians.
+
+    A drive that is elastic about or along its own axis alone, and a sprung joint, have their ``stiffness`` there;
+    the spring is free of stress in the machine's first posture, or at its rest.
+    """
+    mujoco = ET.Element("mujoco", model=chain.name)
+    ET.SubElement(mujoco, "compiler", angle="radian", autolimits="true")
+    base, bodies = chain_bodies(chain)
+    massless = _massless(bodies)
+    elements = {base: ET.SubElement(mujoco, "worldbody")}
+    equality = ET.Element("equality")
+    standing = _standing(chain)
+    for body in bodies:
+        element = ET.SubElement(elements[body.parent], "body", name=body.name)
+        elements[body.name] = element
+        # a quaternion of MuJoCo has its scalar first
+        x, y, z, w = Rotation.from_matrix(body.frame[:3, :3]).as_quat()
+        element.set("pos", _metres(body.frame[:3, 3]))
+        element.set("quat", " ".join(written(v) for v in (w, x, y, z)))
+        if body.mass > 0.0 and body.centre is not None:
+            _inertial(element, _metres(body.centre), written(body.mass))
+        elif body.name in massless:
+            _inertial(element, "0 0 0", LEAST)
+        if body.kind != "fixed":
+            _joint(element, equality, body, standing.get(body.joint, 0.0))
+    if len(equality):
+        mujoco.append(equality)
+    ET.indent(mujoco)
+    return ET.tostring(mujoco, encoding="unicode") + "\n"
+
+
+def left_out(chain: Chain) -> list[str]:
+    """What the MJCF file of a chain does not say, a line for each kind; empty where it says all."""
+    lines = []
+    held = [part.name for part in chain.parts if _stiffness(part) is not None]
+    if rigid := [name for name in elastic_parts(chain) if name not in held]:
+        lines.append(f"what is elastic in {', '.join(rigid)}: a joint of MJCF has a spring about its own axis only")
+    if held:
+        label = next(iter(chain.held), None)
+        where = f"in the posture '{label}'" if label else "at zero"
+        lines.append(f"where the springs of {', '.join(held)} are free of stress in other postures: {where}")
+    lines += not_rigid(chain, "MJCF")
+    if massless := _massless(chain_bodies(chain)[1]):
+        lines.append(f"that {', '.join(massless)} have no mass: MuJoCo takes no zero, and has {LEAST} kg there")
+    return lines
+
+
+def _massless(bodies: list[ChainBody]) -> list[str]:
+    """Moving bodies that have no mass, and none fixed to them."""
+    carrier: dict[str, str] = {}
+    for body in bodies:
+        carrier[body.name] = carrier.get(body.parent, "") if body.kind == "fixed" else body.name
+    heavy = {carrier[body.name] for body in bodies if body.mass > 0.0}
+    return [body.name for body in bodies if body.kind != "fixed" and body.name not in heavy]
+
+
+def _inertial(element: ET.Element, place: str, mass: str) -> None:
+    ET.SubElement(element, "inertial", pos=place, mass=mass, diaginertia=" ".join([LEAST] * 3))
+
+
+def _standing(chain: Chain) -> dict[str, float]:
+    """Coordinates in the first posture, mm or rad."""
+    return dict(next(iter(chain.held.values()), {}))
+
+
+def _stiffness(part: object) -> float | None:
+    """About or along the joint's own axis, N mm/rad or N/mm; None where the joint has no such spring alone."""
+    if isinstance(part, SprungJoint):
+        return part.stiffness
+    if isinstance(part, ActuatedJoint) and part.compliance > 0.0 and not any(part.lateral):
+        return 1.0 / part.compliance
+    return None
+
+
+def _joint(element: ET.Element, equality: ET.Element, body: ChainBody, standing: float) -> None:
+    slides = body.kind == "slides"
+    power = -3 if slides else 0
+    joint = ET.SubElement(
+        element, "joint", name=body.joint, type="slide" if slides else "hinge",
+        axis=" ".join(written(v) for v in body.axis),
+    )  # fmt: skip
+    if body.limits is not None:
+        joint.set("range", " ".join(written(v, power) for v in body.limits))
+    stiffness = _stiffness(body.part)
+    if stiffness is not None:
+        # N/mm are 1e3 N/m, N mm/rad 1e-3 N m/rad
+        joint.set("stiffness", written(stiffness, 3 if slides else -3))
+        free = standing
+        if isinstance(body.part, SprungJoint):
+            free = body.part.rest if body.part.rest is not None else standing + body.part.preload / stiffness
+        joint.set("springref", written(free, power))
+    if (follows := body.follows) is not None:
+        ratio, offset = written(follows.ratio, follows.power), written(follows.offset, power)
+        ET.SubElement(
+            equality, "joint", joint1=body.joint, joint2=follows.joint, polycoef=f"{offset} {ratio} 0 0 0"
+        )
+
+
+def _metres(vector: Array) -> str:
+    return " ".join(written(v, -3) for v in np.asarray(vector))

@@ -1,0 +1,145 @@
+"""A robot as descriptions of rigid bodies know it: bodies, joints, limits and mimics, in mm and rad."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from vjm.io.sections import LONGEST_MM
+from vjm.rotations import Array
+
+Kind = Literal["fixed", "turns", "slides"]
+Turns = tuple[tuple[tuple[float, float, float], float], ...]
+"""Axes ``(3,)`` and angles in rad, one after another."""
+HUGE = LONGEST_MM
+"""mm or rad: the longest length of a model file, and 16,000 turns. A limit beyond it binds nothing."""
+
+
+@dataclass(frozen=True)
+class Placing:
+    """Where a frame lies in another: shifted first, then turned.
+
+    Attributes:
+        shift: ``(3,)`` mm.
+        turns: axis ``(3,)`` and angle in rad, one after another, each about the axes that the one before it left.
+    """
+
+    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turns: Turns = ()
+
+    @property
+    def is_identity(self) -> bool:
+        """Whether it moves nothing."""
+        return not any(self.shift) and not self.turns
+
+    def keys(self) -> dict[str, Any]:
+        """Of a link's table in a model file."""
+        table: dict[str, Any] = {"translation_mm": list(self.shift)}
+        if self.turns:
+            table["turns"] = [
+                {"turn_about": axis_key(np.array(axis)), "angle_deg": math.degrees(angle)}
+                for axis, angle in self.turns
+            ]
+        return table
+
+
+def axis_key(axis: Array) -> str | list[float]:
+    """A direction ``(3,)`` of any length above zero as a model file has it."""
+    # scaled first: squares of tiny entries vanish
+    scaled = axis / np.abs(axis).max()
+    unit = scaled / np.linalg.norm(scaled) + 0.0
+    for name, one in zip("xyz", np.eye(3), strict=True):
+        if np.array_equal(unit, one):
+            return name
+    return [float(v) for v in unit]
+
+
+@dataclass(frozen=True)
+class Body:
+    """A link: its mass, kg, and centre of mass, mm in its frame."""
+
+    name: str
+    mass: float = 0.0
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """A joint's coordinate follows another's: ``ratio · its + offset``, mm or rad."""
+
+    joint: str
+    ratio: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Between two bodies.
+
+    Attributes:
+        name: of the joint.
+        kind: how it moves.
+        parent: body before it.
+        child: body behind it, whose frame is the joint's.
+        placing: of the joint's frame in the parent's.
+        axis: ``(3,)`` in the joint's frame, of any length above zero.
+        limits: mm or rad.
+        home: coordinate inside of them.
+        mimic: what it follows.
+    """
+
+    name: str
+    kind: Kind
+    parent: str
+    child: str
+    placing: Placing = Placing()
+    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    limits: tuple[float, float] | None = None
+    home: float = 0.0
+    mimic: Mimic | None = None
+
+
+@dataclass
+class Notes:
+    """What is to be said of an import.
+
+    Attributes:
+        left_out: what the model does not have of the description.
+        doubtful: what is likely a mistake in it.
+        changed: what the model has otherwise.
+    """
+
+    left_out: list[str] = field(default_factory=list)
+    doubtful: list[str] = field(default_factory=list)
+    changed: list[str] = field(default_factory=list)
+
+    def lines(self) -> list[str]:
+        """All of it, a line each."""
+        named = (("left out", self.left_out), ("doubtful", self.doubtful), ("changed", self.changed))
+        return [f"{word}: {text}" for word, texts in named for text in texts]
+
+
+@dataclass
+class Robot:
+    """What is imported of a robot: all of it, or the way to one link.
+
+    Attributes:
+        name: of the robot.
+        root: body on which it stands.
+        bodies: by name.
+        joints: parents before children, in the order of the file.
+        masters: joints elsewhere in the robot that joints here mimic, by name.
+        file: for messages.
+        notes: what was found while reading.
+    """
+
+    name: str
+    root: str
+    bodies: dict[str, Body]
+    joints: list[Joint]
+    masters: dict[str, Joint]
+    file: str
+    notes: Notes = field(default_factory=Notes)

@@ -1,0 +1,222 @@
+"""A model document of a robot's rigid description: parts, couplings, masses, and a compliance to be filled in."""
+
+from __future__ import annotations
+
+import unicodedata
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from vjm.io.errors import ModelFileError
+from vjm.io.robot import Joint, Mimic, Notes, Robot, axis_key
+from vjm.io.toml_text import toml_text
+
+PLACEHOLDER = {"turns": 1e-8, "slides": 1e-4}
+"""rad/(N mm) and mm/N, of the size of an industrial arm's gear (1e-5 rad/(N m)) and of a ball screw."""
+COMPLIANCE = {"turns": "compliance_rad_per_Nmm", "slides": "compliance_mm_per_N"}
+LIMITS = {"turns": "limits_rad", "slides": "limits_mm"}
+OFFSET = {"turns": "offset_rad", "slides": "offset_mm"}
+
+
+@dataclass
+class Imported:
+    """A model document and what is to be said of it.
+
+    Attributes:
+        document: as TOML would give it, see `vjm.io.model_file.build_chain`.
+        notes: what the document does not have of the description, has otherwise, or what is doubtful in it.
+        to_fill_in: joints whose compliance is a placeholder.
+        ends: links at the ends of the tree, where it has several.
+        joints: names of the moving joints in the document by those in the description.
+    """
+
+    document: dict[str, Any]
+    notes: Notes = field(default_factory=Notes)
+    to_fill_in: list[str] = field(default_factory=list)
+    ends: list[str] = field(default_factory=list)
+    joints: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def left_out(self) -> list[str]:
+        """What the document does not have of the description."""
+        return self.notes.left_out
+
+    def text(self) -> str:
+        """The model file, with what is to be said of it as comments at its head."""
+        head = "".join(f"# {' '.join(line.split())}\n" for line in self.notes.lines())
+        return f"{head}\n{toml_text(self.document)}" if head else toml_text(self.document)
+
+
+def robot_document(robot: Robot, tip: str | None = None) -> Imported:
+    """The model document of a robot: its whole tree, or the way to a link to which it was restricted.
+
+    Raises:
+        ModelFileError: no joint of it moves.
+    """
+    if all(joint.kind == "fixed" for joint in robot.joints):
+        where = f" on the way to '{tip}'" if tip is not None else ""
+        raise ModelFileError(f"{robot.file}: no joint moves{where}: there is nothing that deflects")
+    return _Writer(robot, tip).imported()
+
+
+class Labels:
+    """Names as model files have them: ASCII letters, digits, '_' and '-', each once."""
+
+    def __init__(self, notes: Notes) -> None:
+        self._notes = notes
+        self._taken: set[str] = set()
+
+    def new(self, wanted: str, what: str = "") -> str:
+        """A name not yet taken; where ``what`` says whose it is, a change is noted."""
+        plain = "".join(c for c in unicodedata.normalize("NFKD", wanted) if not unicodedata.combining(c))
+        name = "".join(_letter(c) for c in plain) or "part"
+        name = base = name if name[0].isalpha() else f"p-{name}"
+        count = 1
+        while name in self._taken:
+            count += 1
+            name = f"{base}-{count}"
+        self._taken.add(name)
+        if what and name != wanted:
+            self._notes.changed.append(f"{what} '{wanted}' is called '{name}'")
+        return name
+
+
+def _letter(c: str) -> str:
+    if c.isascii():
+        return c if c.isalnum() or c in "_-" else "-"
+    return f"u{ord(c):x}" if c.isalnum() else "-"
+
+
+class _Writer:
+    """One document, joint by joint."""
+
+    def __init__(self, robot: Robot, tip: str | None) -> None:
+        self._robot, self._tip, self._notes = robot, tip, robot.notes
+        self._parts: list[dict[str, Any]] = []
+        self._posture: dict[str, float] = {}
+        self._ends_with: dict[str, str] = {robot.root: ""}
+        self._carried_by: dict[str, str] = {robot.root: ""}
+        self._names = Labels(robot.notes)
+        self._title = Labels(robot.notes).new(robot.name, "the robot")
+        # joints and ends keep their names, whatever else wants them
+        moving = [joint for joint in robot.joints if joint.kind != "fixed"]
+        self._label = {
+            joint.name: self._names.new(joint.name, "joint") for joint in (*robot.masters.values(), *moving)
+        }
+        parents = {joint.parent for joint in robot.joints}
+        tips = [] if tip is not None else [joint.child for joint in robot.joints if joint.child not in parents]
+        self._tips = {name: self._names.new(name, "link") for name in tips} if len(tips) > 1 else {}
+        self._leads: set[str] = set()
+        self._fill: list[str] = []
+
+    def imported(self) -> Imported:
+        pending = list(self._robot.joints)
+        while pending:
+            ready = next((joint for joint in pending if self._ready(joint)), None)
+            if ready is None:
+                self._lead(next(joint for joint in pending if joint.parent in self._ends_with))
+                continue
+            pending.remove(ready)
+            self._add(ready)
+        self._say_massless()
+        return self._with_ends()
+
+    def _ready(self, joint: Joint) -> bool:
+        master = joint.mimic.joint if joint.mimic else None
+        return joint.parent in self._ends_with and (master is None or master in self._leads)
+
+    def _lead(self, joint: Joint) -> None:
+        """Put the joint that another follows at the base, where it moves nothing itself."""
+        assert joint.mimic is not None
+        name = joint.mimic.joint
+        label = self._label[name]
+        master = self._robot.masters.get(name)
+        if master is not None:
+            how = f"is not on the way to '{self._tip}': it stands at the base and moves nothing else"
+        else:
+            master = next(one for one in self._robot.joints if one.name == name)
+            how = f"comes behind it: it stands at the base, and '{label}-follows' in its place"
+        self._notes.changed.append(f"joint '{name}', which joint '{joint.name}' mimics, {how}")
+        self._parts.append({"kind": "actuated", "name": label, **self._after(""), **self._driven(master, label)})
+        self._leads.add(name)
+
+    def _after(self, behind: str) -> dict[str, str]:
+        last = self._parts[-1]["name"] if self._parts else ""
+        return {} if behind == last else {"after": behind}
+
+    def _add(self, joint: Joint) -> None:
+        behind = self._ends_with[joint.parent]
+        if joint.kind == "fixed" or not joint.placing.is_identity:
+            name = self._names.new(joint.name if joint.kind == "fixed" else f"{joint.name}-origin")
+            self._parts.append({"kind": "link", "name": name, **self._after(behind), **joint.placing.keys()})
+            behind = name
+        if joint.kind == "fixed":
+            self._carried_by[joint.child] = self._carried_by[joint.parent]
+        else:
+            behind = self._add_moving(joint, behind)
+            self._carried_by[joint.child] = joint.child
+        self._ends_with[joint.child] = behind
+        self._weigh(joint.child)
+
+    def _add_moving(self, joint: Joint, behind: str) -> str:
+        name, mimic = self._label[joint.name], joint.mimic
+        if joint.name in self._leads:
+            # it stands at the base already, for those before it that follow it
+            name, mimic = self._names.new(f"{name}-follows"), Mimic(joint.name, 1.0, 0.0)
+        table: dict[str, Any] = {"kind": "actuated", "name": name, **self._after(behind)}
+        if mimic is None:
+            table |= self._driven(joint, name)
+            self._leads.add(joint.name)
+        else:
+            table |= {"kind": "coupled", **self._moves(joint)}
+            table |= {"to": {self._label[mimic.joint]: mimic.ratio}, "coupling": "as bent"}
+            if mimic.offset:
+                table[OFFSET[joint.kind]] = mimic.offset
+            table |= self._limits(joint)
+        self._parts.append(table)
+        return name
+
+    def _driven(self, joint: Joint, label: str) -> dict[str, Any]:
+        """Keys of a joint with a drive; its posture and what is to be filled in are kept."""
+        self._posture[label] = joint.home
+        self._fill.append(label)
+        return {**self._moves(joint), COMPLIANCE[joint.kind]: PLACEHOLDER[joint.kind], **self._limits(joint)}
+
+    def _moves(self, joint: Joint) -> dict[str, Any]:
+        table: dict[str, Any] = {"axis": axis_key(np.array(joint.axis))}
+        return {**table, "motion": "slides"} if joint.kind == "slides" else table
+
+    def _limits(self, joint: Joint) -> dict[str, Any]:
+        return {} if joint.limits is None else {LIMITS[joint.kind]: list(joint.limits)}
+
+    def _weigh(self, name: str) -> None:
+        body = self._robot.bodies[name]
+        if not body.mass:
+            return
+        table = {"kind": "payload", "name": self._names.new(f"{name}-mass"), **self._after(self._ends_with[name])}
+        self._parts.append({**table, "mass_kg": body.mass, "centre_of_mass_mm": list(body.centre)})
+        self._ends_with[name] = table["name"]
+
+    def _say_massless(self) -> None:
+        heavy = {self._carried_by[name] for name, body in self._robot.bodies.items() if body.mass}
+        light = [name for name in self._robot.bodies if name not in heavy and self._carried_by[name] == name]
+        light = [name for name in light if name != self._robot.root]
+        if light:
+            self._notes.doubtful.append(f"moving links without mass: {', '.join(light)}; they weigh nothing")
+
+    def _with_ends(self) -> Imported:
+        document: dict[str, Any] = {
+            "format": 1,
+            "name": self._title,
+            "title": f"{self._robot.name}, imported from {self._robot.file}",
+            "source": f"{self._robot.file}; compliances are placeholders, to be filled in",
+            "units": {"length": "mm", "force": "N", "angle": "rad"},
+            "parts": self._parts,
+            "postures": {"home": self._posture},
+        }
+        found = Imported(document, self._notes, self._fill, joints=self._label)
+        if self._tips:
+            document["ends"] = {label: self._ends_with[name] for name, label in self._tips.items()}
+            found.ends = list(self._tips)
+        return found

@@ -1,0 +1,102 @@
+"""A robot's description: a URDF, an MJCF file, xacro macros, or a robot of the package ``robot_descriptions``."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from vjm.io.bounded_xml import XmlFile, parse_xml, read_xml
+from vjm.io.errors import ModelFileError, did_you_mean
+from vjm.io.mjcf import mjcf_robot
+from vjm.io.robot_document import Imported, robot_document
+from vjm.io.urdf import urdf_robot
+
+PACKAGE = "robot_descriptions"
+
+
+@dataclass(frozen=True)
+class Description:
+    """A file that describes a robot.
+
+    Attributes:
+        path: of the file.
+        xacro: whether it holds macros that are to be expanded.
+        arguments: of its macros, by name.
+    """
+
+    path: Path
+    xacro: bool = False
+    arguments: Mapping[str, str] = field(default_factory=dict)
+
+
+def import_robot(description: Description, tip: str | None = None) -> Imported:
+    """The model document of a URDF or an MJCF file: the whole tree, or what leads from the root to one link.
+
+    Args:
+        description: the file; its outermost element tells its format.
+        tip: name of the link or body at the end.
+
+    Raises:
+        ModelFileError: no such file or link, or what is to be read of it makes no machine.
+        ImportError: an optional extra that it needs is not installed.
+    """
+    path = description.path
+    xml = expanded(path, description.arguments) if description.xacro else read_xml(path)
+    if xml.root.tag == "mujoco":
+        return robot_document(mjcf_robot(path, tip), tip)
+    return robot_document(urdf_robot(xml, path.name, tip), tip)
+
+
+def expanded(path: Path, arguments: Mapping[str, str]) -> XmlFile:
+    """The elements of a file behind its xacro macros.
+
+    Raises:
+        ModelFileError: they cannot be expanded.
+        ImportError: xacro, an optional extra, is not installed.
+    """
+    xacro: Any = importlib.import_module("xacro")
+    read_xml(path)
+    try:
+        text = xacro.process_file(str(path), mappings=dict(arguments)).toxml()
+    except Exception as error:  # its macros are expressions, and raise whatever those do
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise ModelFileError(f"{path.name}: its xacro macros cannot be expanded: {why}") from error
+    return parse_xml(text.encode(), path.name)
+
+
+def cached_description(name: str) -> Description:
+    """A robot of the package ``robot_descriptions``, from its cache; nothing is downloaded.
+
+    Raises:
+        ModelFileError: there is no such robot, or its files are not in the cache.
+        ImportError: the package, an optional extra, is not installed.
+    """
+    known: Mapping[str, Any] = importlib.import_module(f"{PACKAGE}._descriptions").DESCRIPTIONS
+    if name not in known and f"{name}_description" in known:
+        name = f"{name}_description"
+    if name not in known:
+        hint = did_you_mean(name, known) or "; see its page for the names"
+        raise ModelFileError(f"{PACKAGE} has no robot '{name}'{hint}")
+    repository = importlib.import_module(f"{PACKAGE}._repositories").REPOSITORIES.get(known[name].repository)
+    cache = Path(os.environ.get("ROBOT_DESCRIPTIONS_CACHE", "~/.cache/robot_descriptions")).expanduser()
+    fetch = f"fetch them where there is a network: python -c 'import {PACKAGE}.{name}'"
+    # to import the robot's module downloads what is not there
+    if repository is None or not (cache / repository.cache_path / ".git").is_dir():
+        raise ModelFileError(f"the files of '{name}' are not in the cache {cache}: {fetch}")
+    try:
+        module = importlib.import_module(f"{PACKAGE}.{name}")
+    except Exception as error:  # git's errors, and the package's own
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise ModelFileError(
+            f"the files of '{name}' in the cache {cache} cannot be used ({why}): {fetch}"
+        ) from error
+    for key in ("URDF_PATH", "MJCF_PATH"):
+        if hasattr(module, key):
+            return Description(Path(getattr(module, key)))
+    if hasattr(module, "XACRO_PATH"):
+        return Description(Path(module.XACRO_PATH), True, dict(getattr(module, "XACRO_ARGS", {})))
+    raise ModelFileError(f"{PACKAGE} has '{name}' neither as URDF nor as MJCF")

@@ -1,0 +1,133 @@
+"""What of a URDF is read, what is left out, and what is not understood, element by element."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from vjm.io.bounded_xml import Element
+from vjm.io.robot import Notes
+from vjm.io.urdf_values import UNEXPANDED
+
+SHAPES = "shapes and meshes, which no command reads"
+INERTIA = "moments of inertia, which statics does not need"
+CONTROL = "what controllers and simulators take"
+DRIVES = "forces, speeds, damping and friction of joints"
+FIXED = "what a fixed joint has no use for"
+
+CHILDREN: dict[str, dict[str, str]] = {
+    "robot": {
+        "link": "", "joint": "", "material": SHAPES, "transmission": CONTROL, "gazebo": CONTROL,
+        "sensor": CONTROL, "ros2_control": CONTROL, "model_state": CONTROL, "group_state": CONTROL,
+        "mujoco": CONTROL, "drake:joint": CONTROL,
+    },
+    "link": {
+        "inertial": "", "visual": SHAPES, "collision": SHAPES, "sensor": CONTROL, "gazebo": CONTROL,
+        "contact": CONTROL, "self_collision_checking": SHAPES,
+    },
+    "inertial": {"origin": "", "mass": "", "inertia": INERTIA},
+    "joint": {
+        "origin": "", "parent": "", "child": "", "axis": "", "limit": "", "mimic": "",
+        "dynamics": DRIVES, "calibration": CONTROL, "safety_controller": CONTROL, "gazebo": CONTROL,
+        "hardwareInterface": CONTROL,
+    },
+}  # fmt: skip
+"""Elements by the one that they stand in: an empty text for what is read, else as what it is left out."""
+ATTRIBUTES: dict[str, dict[str, str]] = {
+    "robot": {"name": "", "version": ""},
+    "link": {"name": "", "type": CONTROL},
+    "joint": {"name": "", "type": ""},
+    "origin": {"xyz": "", "rpy": "", "quat_xyzw": ""},
+    "inertial/origin": {"xyz": "", "rpy": INERTIA, "quat_xyzw": INERTIA},
+    "mass": {"value": ""},
+    "parent": {"link": ""},
+    "child": {"link": ""},
+    "axis": {"xyz": ""},
+    "limit": {
+        "lower": "", "upper": "", "effort": DRIVES, "velocity": DRIVES, "acceleration": DRIVES,
+        "deceleration": DRIVES, "jerk": DRIVES,
+    },
+    "mimic": {"joint": "", "multiplier": "", "offset": ""},
+}  # fmt: skip
+ONCE = {"inertial", "origin", "mass", "parent", "child", "axis", "limit", "mimic"}
+"""Elements of which the first is read."""
+UNUSED_WHEN_FIXED = ("axis", "limit", "mimic")
+XACRO = "xacro:"
+MANY = 3
+"""Lines that are named; of more it is said how many."""
+
+
+def survey(root: Element, owners: Iterable[Element], notes: Notes) -> None:
+    """Say what of a file's root and of some of its links and joints is not read.
+
+    Args:
+        root: the robot.
+        owners: its links and joints that are taken.
+        notes: are added to.
+    """
+    left: dict[str, dict[str, list[int]]] = {}
+    odd: dict[str, list[int]] = {}
+    macros: list[int] = []
+
+    def leave(why: str, what: str, line: int) -> None:
+        target = left.setdefault(why, {}) if why else odd
+        target.setdefault(what, []).append(line)
+
+    def look(element: Element, name: str) -> Iterator[tuple[Element, str]]:
+        for key, value in element.attributes.items():
+            if UNEXPANDED.search(value):
+                macros.append(element.line)
+            known = ATTRIBUTES.get(name, {}).get(key)
+            if known is None and not key.startswith("xmlns"):
+                leave("", f'{key}="…" in <{element.tag}>', element.line)
+            elif known:
+                leave(known, key, element.line)
+        seen: set[str] = set()
+        fixed = element.tag == "joint" and element.attributes.get("type") == "fixed"
+        for child in element.children:
+            known = CHILDREN.get(element.tag, {}).get(child.tag)
+            if known is None:
+                leave("", f"<{child.tag}> in <{element.tag}>", child.line)
+                if child.tag.startswith(XACRO):
+                    macros.append(child.line)
+            elif known:
+                leave(known, f"<{child.tag}>", child.line)
+                for inner in _below(child):
+                    leave(known, f"<{inner.tag}>", inner.line)
+            elif child.tag in ONCE and child.tag in seen:
+                notes.doubtful.append(
+                    f"line {child.line}: <{element.tag}> has another <{child.tag}>: the first one is read"
+                )
+            elif fixed and child.tag in UNUSED_WHEN_FIXED:
+                leave(FIXED, f"<{child.tag}>", child.line)
+            elif element.tag != "robot":
+                inside = f"{element.tag}/{child.tag}"
+                yield child, inside if inside in ATTRIBUTES else child.tag
+            seen.add(child.tag)
+
+    todo = [(element, element.tag) for element in (root, *owners)]
+    while todo:
+        todo += look(*todo.pop())
+    for why, things in left.items():
+        notes.left_out.append(f"{why}: {', '.join(_counted(what, len(lines)) for what, lines in things.items())}")
+    for what, lines in odd.items():
+        notes.left_out.append(f"not understood: {what} ({_lines(lines)})")
+    if macros:
+        notes.doubtful.append(f"the file holds xacro that is not expanded ({_lines(macros)}): --xacro expands it")
+
+
+def _below(element: Element) -> Iterator[Element]:
+    todo = list(element.children)
+    while todo:
+        one = todo.pop()
+        yield one
+        todo += one.children
+
+
+def _counted(what: str, count: int) -> str:
+    return f"{what} ({count})" if count > 1 else what
+
+
+def _lines(lines: list[int]) -> str:
+    lines = sorted(lines)
+    more = f" and {len(lines) - MANY} more" if len(lines) > MANY else ""
+    return f"line {', '.join(map(str, lines[:MANY]))}{more}"

@@ -1,0 +1,197 @@
+"""Numbers and vectors in a URDF's attributes: metres and radians as people write them, to mm and rad."""
+
+from __future__ import annotations
+
+import math
+import re
+import reprlib
+from decimal import Decimal
+
+from vjm.io.bounded_xml import Element
+from vjm.io.errors import ModelFileError, printed
+from vjm.io.robot import HUGE, Placing, Turns
+from vjm.io.sections import LONGEST_MM
+
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
+_ODD = re.compile(r"[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
+UNEXPANDED = re.compile(r"\$[{(]")
+WHOLE_TURN = 2.0 * math.pi
+XACRO = "it holds unexpanded xacro; expand it by --xacro, or with ROS' own command"
+
+
+class Place:
+    """Where in a file something stands, for messages.
+
+    Attributes:
+        file: its name.
+        owner: as people call what it belongs to, such as "joint 'elbow'".
+        line: of the element.
+    """
+
+    def __init__(self, file: str, owner: str, line: int) -> None:
+        self.file, self.owner, self.line = file, owner, line
+
+    def error(self, what: str) -> ModelFileError:
+        """To be raised: ``what`` ends a sentence that begins with the owner."""
+        return ModelFileError(f"{self.file}: line {self.line}: {self.owner} {what}")
+
+    def inside(self, element: Element) -> Place:
+        """The same owner, at an element of its own."""
+        return Place(self.file, self.owner, element.line)
+
+
+def number(place: Place, element: Element, key: str, default: str | None = None, power: int = 0) -> float:
+    """An attribute's number times ``10**power``, rounded once; infinite where it says so.
+
+    Raises:
+        ModelFileError: it is missing without a default, no number, or NaN.
+    """
+    text = element.attributes.get(key, default)
+    if text is None:
+        raise place.error(f"has <{element.tag}> without {key}: give a number")
+    return _value(place, element, key, text, power)
+
+
+def finite(place: Place, element: Element, key: str, default: str | None = None, power: int = 0) -> float:
+    """As `number`, where infinity makes no sense either."""
+    value = number(place, element, key, default, power)
+    if math.isinf(value):
+        raise place.error(f"has <{element.tag} {key}={_quoted(element, key)}>, which is not finite: give a number")
+    return value
+
+
+def vector(place: Place, element: Element, key: str, length: int = 3, power: int = 0) -> list[float]:
+    """An attribute's numbers times ``10**power``; zeros where it is not there.
+
+    Raises:
+        ModelFileError: there are more or less of them, or one is no finite number.
+    """
+    text = element.attributes.get(key)
+    if text is None:
+        return [0.0] * length
+    words = text.split()
+    if len(words) != length:
+        hint = XACRO if UNEXPANDED.search(text) else f"give {length} numbers with blanks between them"
+        raise place.error(f"has <{element.tag} {key}={_quoted(element, key)}>: {hint}")
+    values = [_value(place, element, key, word, power) for word in words]
+    if not all(map(math.isfinite, values)):
+        raise place.error(f"has <{element.tag} {key}={_quoted(element, key)}>, which is not finite: give numbers")
+    return values
+
+
+def _value(place: Place, element: Element, key: str, text: str, power: int) -> float:
+    word = text.strip()
+    if _NUMBER.fullmatch(word):
+        return float(Decimal(word).scaleb(power)) if power else float(word)
+    if not _ODD.fullmatch(word):
+        hint = XACRO if UNEXPANDED.search(word) else "give a number"
+        raise place.error(f"has <{element.tag} {key}={_quoted(element, key)}>, which is no number: {hint}")
+    if "nan" in word.lower():
+        raise place.error(f"has <{element.tag} {key}={_quoted(element, key)}>: give a number")
+    return float(word)
+
+
+def _quoted(element: Element, key: str) -> str:
+    return '"' + reprlib.repr(element.attributes[key])[1:-1] + '"'
+
+
+def length_vector(place: Place, element: Element, key: str) -> tuple[float, float, float]:
+    """A shift in mm from metres.
+
+    Raises:
+        ModelFileError: it is none, or longer than a machine is.
+    """
+    x, y, z = vector(place, element, key, power=3)
+    if max(map(abs, (x, y, z))) > LONGEST_MM:
+        raise place.error(
+            f"has <{element.tag} {key}={_quoted(element, key)}>, beyond {printed(LONGEST_MM / 1e3)} m: "
+            "is it in mm? Give metres"
+        )
+    return x, y, z
+
+
+def placing(
+    place: Place, origin: Element | None, doubts: list[str], *, quaternions: bool, turned: bool = True
+) -> Placing:
+    """Where an origin lies, mm and rad: roll, pitch, yaw about fixed axes, or a quaternion.
+
+    Args:
+        place: for messages.
+        origin: the element; None is the identity.
+        doubts: what is likely a mistake is added.
+        quaternions: whether the file's version knows ``quat_xyzw``.
+        turned: whether its rotation matters.
+
+    Raises:
+        ModelFileError: numbers are missing or malformed.
+    """
+    if origin is None:
+        return Placing()
+    place = place.inside(origin)
+    shift = length_vector(place, origin, "xyz")
+    if not turned:
+        return Placing(shift)
+    if quaternions and "quat_xyzw" in origin.attributes:
+        if "rpy" in origin.attributes:
+            raise place.error("has <origin> with rpy and quat_xyzw, two rotations: give one")
+        x, y, z, w = vector(place, origin, "quat_xyzw", 4)
+        if not any((x, y, z, w)):
+            raise place.error("has a quaternion of length zero: give one of length 1")
+        return Placing(shift, quaternion_turns(x, y, z, w))
+    angles = vector(place, origin, "rpy")
+    if max(map(abs, angles)) > WHOLE_TURN:
+        doubts.append(
+            f"{place.owner} (line {origin.line}): rpy {_quoted(origin, 'rpy')} is beyond a whole turn: "
+            "is it in degrees? A URDF has rad"
+        )
+    axes = ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
+    # within half a turn, whatever was written
+    reduced = (
+        math.atan2(math.sin(angle), math.cos(angle)) if abs(angle) > math.pi else angle for angle in angles[::-1]
+    )
+    return Placing(shift, tuple((axis, angle) for axis, angle in zip(axes, reduced, strict=True) if angle))
+
+
+def quaternion_turns(x: float, y: float, z: float, w: float) -> Turns:
+    """The turn of a quaternion of any length above zero: axis, and angle in rad."""
+    sine = math.hypot(x, y, z)
+    angle = 2.0 * math.atan2(sine, abs(w))
+    if not sine:
+        return ()
+    sign = 1.0 if w >= 0.0 else -1.0
+    return (((sign * x / sine, sign * y / sine, sign * z / sine), angle),)
+
+
+def usable_limits(
+    low: float, high: float, name: str, *, slides: bool, doubts: list[str], changed: list[str]
+) -> tuple[tuple[float, float] | None, float]:
+    """Limits of a joint, mm or rad, as a model file takes them, and a coordinate inside: zero, else the middle.
+
+    Args:
+        low: lower limit, perhaps infinite.
+        high: upper limit, not below it.
+        name: of the joint, for what is said.
+        slides: whether they are mm.
+        doubts: what is likely a mistake is added.
+        changed: what is changed is added.
+    """
+    unit = "mm" if slides else "rad"
+    farthest = HUGE if slides else WHOLE_TURN
+    if low == high or low >= HUGE or high <= -HUGE:
+        how = f"equal ({printed(low)} {unit})" if low == high else f"beyond {printed(HUGE)} {unit}"
+        doubts.append(f"joint '{name}': its limits are {how}: taken as none")
+        return None, low if low == high and abs(low) <= farthest else 0.0
+    if low <= -HUGE and high >= HUGE:
+        return None, 0.0
+    if max(-low, high) > HUGE:
+        changed.append(f"joint '{name}': its limit beyond {printed(HUGE)} {unit} became that")
+    low, high = max(low, -HUGE), min(high, HUGE)
+    if not slides and HUGE > max(abs(low), abs(high)) > 2.0 * WHOLE_TURN:
+        doubts.append(
+            f"joint '{name}': its limits {printed(low)} to {printed(high)} rad are more than two turns: "
+            "are they in degrees?"
+        )
+    if low <= 0.0 <= high:
+        return (low, high), 0.0
+    middle = 0.5 * (low + high)
+    return (low, high), middle if abs(middle) <= farthest else min(max(0.0, low), high)

@@ -1,0 +1,96 @@
+"""Whether two chains are one machine, as far as descriptions of rigid bodies hold one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint
+from vjm.model.parts import PassiveJoint
+from vjm.tree.equilibria import unloaded_frames
+from vjm.tree.model import TreeModel
+
+# Numbers are written exactly; rotations pass through three angles, at 1e-16 each, in up to a hundred parts. Of the
+# machine's reach, as lengths are sums.
+SAME = 1e-12
+
+
+@dataclass
+class Machine:
+    """What a description of rigid bodies holds of a chain, by the joints' names."""
+
+    chain: Chain
+
+    def joints(self) -> dict[str, HeldJoint | PassiveJoint]:
+        pushing = self.chain.pushing
+        return {
+            part.name: part
+            for part in self.chain.parts
+            if isinstance(part, HeldJoint | PassiveJoint) and part.name not in pushing
+        }
+
+    def ends(self) -> dict[str, str]:
+        """End frames by name: the part behind which each lies."""
+        return dict(self.chain.ends) or {"tool": self.chain.parts[-1].name}
+
+    def frames(self, q: dict[str, float], names: set[str]) -> tuple[np.ndarray, np.ndarray, float]:
+        """Where some ends and all joints stand, (n, 3, 3) and (n, 3), and the reach, mm."""
+        ends = {name: part for name, part in self.ends().items() if name in names}
+        held = {f"joint-{name}": name for name in self.joints()}
+        chain = self.with_ends({**ends, **held})
+        model = TreeModel(chain)
+        R, p = unloaded_frames(model, model.coordinates(q)[0])
+        order = np.argsort(list(model.ends))
+        return R[0, order], p[0, order], model.reach
+
+    def with_ends(self, ends: dict[str, str]) -> Chain:
+        # what is rigid deflects nowhere, and a machine that does not is none
+        parts = [
+            replace(part, compliance=part.compliance or 1e-8)
+            if isinstance(part, ActuatedJoint) and part.matrix is None
+            else part
+            for part in self.chain.parts
+        ]
+        return replace(self.chain, parts=tuple(parts), ends=ends)
+
+
+def masses(chain: Chain) -> list[tuple[float, tuple[float, ...]]]:
+    """Of the bodies, kg, with their centres in the frames where their parts begin, mm."""
+    found = [(part.mass, tuple(part.centre_of_mass)) for part in chain.parts if getattr(part, "mass", 0.0) > 0.0]
+    return sorted(found)
+
+
+def same(first: Chain, second: Chain, digits: float = 0.0) -> None:
+    """Two chains are one machine: joints, limits, couplings, and frames of all joints and ends in 20 postures.
+
+    Limits and couplings differ by ``digits`` of themselves at most.
+    """
+    one, other = Machine(first), Machine(second)
+    mine, theirs = one.joints(), other.joints()
+    assert list(mine) == list(theirs)
+    for name, a in mine.items():
+        b = theirs[name]
+        assert a.slides == b.slides
+        assert a.axis == pytest.approx(b.axis, abs=1e-15)
+        limits = getattr(a, "limits", None)
+        assert getattr(b, "limits", None) == (limits and pytest.approx(limits, rel=digits, abs=0.0))
+        assert isinstance(a, CoupledJoint) == isinstance(b, CoupledJoint)
+        if isinstance(a, CoupledJoint) and isinstance(b, CoupledJoint):
+            assert dict(b.ratios) == pytest.approx(dict(a.ratios), rel=digits, abs=0.0)
+            assert b.offset == pytest.approx(a.offset, rel=digits, abs=0.0)
+    # the joint that stands at the base for its followers is an end of the file
+    ends = set(one.ends())
+    assert ends <= set(other.ends())
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        q = {
+            name: rng.uniform(-1.0, 1.0) * (100.0 if part.slides else 1.0)
+            for name, part in mine.items()
+            if not isinstance(part, CoupledJoint)
+        }
+        (R, p, reach), (R2, p2, _) = (machine.frames(q, ends) for machine in (one, other))
+        assert R2 == pytest.approx(R, abs=SAME)
+        assert p2 == pytest.approx(p, abs=SAME * reach)

@@ -1,0 +1,155 @@
+"""MJCF files in and out, against MuJoCo's own kinematics; skipped where MuJoCo is not installed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.same_machine import masses, same
+from helpers.urdf_arm import arm, joint, written
+
+from vjm.io.errors import ModelFileError
+from vjm.io.manipulator_file import load_model
+from vjm.io.mjcf_text import left_out, mjcf_text
+from vjm.io.model_file import build_chain
+from vjm.io.robot_file import Description, import_robot
+from vjm.io.urdf import import_urdf
+from vjm.tree.equilibria import unloaded_frames
+from vjm.tree.model import TreeModel
+
+mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'vjm-stiffness[mjcf]'")
+
+# two hinges of one body about their own points, references, degrees and radians, a slide, a follower of a follower
+ODD = """<mujoco model="odd"><compiler angle="{angle}" autolimits="true"/><worldbody>
+<body name="a" pos=".1 .2 .3" euler="{e}"><joint name="j1" axis="0 0 2" pos=".05 .02 0" range="{low} {high}"/>
+<joint name="j2" axis="0 1 1" pos="0 .1 0" ref="{ref}"/><geom size=".1" mass="2" pos=".1 0 0"/>
+<body name="b" pos=".5 0 0"><joint name="s" type="slide" axis="1 0 0" ref=".1" range="-1 1"/>
+<geom size=".1" mass="1"/>
+<body name="c" pos="0 .5 0" quat=".7 .1 .2 .3"><joint name="f" axis="1 0 0"/><geom size=".1" mass="1"/>
+<body name="d" pos="0 .5 .1"><joint name="g" axis="0 0 1"/><inertial pos=".1 0 .2" mass="3" diaginertia="1 1 1"/>
+</body></body></body></body></worldbody>
+<equality><joint joint1="f" joint2="s" polycoef=".2 3 0 0 0"/><joint joint1="g" joint2="f" polycoef="0 -1 0 0 0"/>
+</equality></mujoco>"""
+RADIANS = {"angle": "radian", "e": ".1 .2 .3", "low": "-1", "high": "2", "ref": ".3"}
+DEGREES = {"angle": "degree", "e": "5 10 15", "low": "-50", "high": "100", "ref": "20"}
+# rounding over some ten frames of 1 m, mm; the worst is 7e-13
+FRAMES = 1e-11
+
+
+def imported(tmp_path: Path, text: str, tip: str | None = None):
+    file = tmp_path / "robot.xml"
+    file.write_text(text)
+    return import_robot(Description(file), tip)
+
+
+def worst(text: str, found, tip: str) -> float:
+    """Largest difference of a body's frame from MuJoCo's in 20 postures, mm."""
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    ours = TreeModel(build_chain(found.document, "m.toml"))
+    coupled = [part for part in found.document["parts"] if part["kind"] == "coupled"]
+    rng, most = np.random.default_rng(0), 0.0
+    for _ in range(20):
+        q = {name: rng.uniform(-1.0, 1.0) for name in ours.joints}
+        value = dict(q)
+        for part in coupled:
+            ((master, ratio),) = part["to"].items()
+            value[part["name"]] = ratio * value[master] + part.get("offset_rad", 0.0)
+        for i in range(model.njnt):
+            slides = int(model.jnt_type[i]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
+            # what is off the way to the tip does not move it
+            data.qpos[model.jnt_qposadr[i]] = value.get(model.joint(i).name, 0.0) / (1e3 if slides else 1.0)
+        mujoco.mj_kinematics(model, data)
+        R, p = unloaded_frames(ours, ours.coordinates(q)[0])
+        body = data.body(tip)
+        most = max(most, np.abs(p[0, 0] - 1e3 * body.xpos).max(), np.abs(R[0, 0] - body.xmat.reshape(3, 3)).max())
+    return most
+
+
+@pytest.mark.parametrize("words", [RADIANS, DEGREES], ids=["radian", "degree"])
+@pytest.mark.parametrize("tip", ["b", "d"])
+def test_a_robot_is_read_as_mujoco_reads_it(tmp_path, words, tip):
+    text = ODD.format(**words)
+    found = imported(tmp_path, text, tip)
+    assert worst(text, found, tip) < FRAMES
+    assert found.document["parts"][-1]["name"] == f"{tip}-mass"
+
+
+def test_masses_limits_and_couplings_are_those_of_the_file(tmp_path):
+    found = imported(tmp_path, ODD.format(**RADIANS))
+    parts = {part["name"]: part for part in found.document["parts"]}
+    assert parts["j1"]["limits_rad"] == [-1.0, 2.0]
+    assert parts["s"]["limits_mm"] == [-1000.0, 1000.0]
+    # 0.2 + 3 (s − 0.1) rad, s in m; its follower turns against it
+    assert (parts["f"]["to"], parts["f"]["offset_rad"]) == ({"s": 0.003}, pytest.approx(-0.1, abs=1e-15))
+    assert (parts["g"]["to"], parts["g"]["offset_rad"]) == ({"s": -0.003}, pytest.approx(0.1, abs=1e-15))
+    assert parts["d-mass"]["mass_kg"] == 3.0
+    assert parts["d-mass"]["centre_of_mass_mm"] == [100.0, 0.0, 200.0]
+    assert "shapes (3)" in " ".join(found.left_out)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (
+            "<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>",
+            "is free, and a machine",
+        ),
+        (
+            "<mujoco><worldbody><body><joint name='b' type='ball'/><geom size='1'/></body></worldbody></mujoco>",
+            "joint 'b' is a ball: write three hinges",
+        ),
+        ("<mujoco><worldbody><body><joint/></body></worldbody></mujoco>", "MuJoCo does not read it"),
+        ("<mujoco><worldbody/></mujoco>", "no joint moves"),
+        ("<mujoco><nonsense/></mujoco>", "MuJoCo does not read it"),
+    ],
+)
+def test_a_refusal_is_one_line(tmp_path, text, says):
+    with pytest.raises(ModelFileError) as caught:
+        imported(tmp_path, text)
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_closures_and_springs_are_said_to_be_left_out(tmp_path):
+    text = ODD.format(**RADIANS).replace(
+        "</equality>", '<connect name="loop" body1="a" anchor="0 0 0"/></equality>'
+    )
+    said = "\n".join(imported(tmp_path, text.replace('name="g"', 'name="g" stiffness="5" damping="1"')).left_out)
+    assert "the equality 'loop' (connect)" in said
+    assert "springs of joints" in said
+    assert "damping of joints" in said
+
+
+@pytest.mark.parametrize("name", ["ur10", "planar-2r"])
+def test_a_library_machine_comes_back(tmp_path, name):
+    chain = load_model(name)
+    back = build_chain(imported(tmp_path, mjcf_text(chain)).document, "m.toml")
+    # metres are binary numbers in MuJoCo
+    same(chain, back, digits=1e-15)
+    assert [mass for mass, _ in masses(back)] == [mass for mass, _ in masses(chain)]
+    centres = [centre for _, centre in masses(chain)]
+    assert [centre for _, centre in masses(back)] == [pytest.approx(centre, abs=1e-12) for centre in centres]
+
+
+def test_a_coupling_comes_back(tmp_path):
+    follower = joint("j2", "l1", "l2", "prismatic", more='<mimic joint="j1" multiplier="0.07" offset="0.1"/>')
+    chain = build_chain(import_urdf(written(tmp_path, arm(j2=follower))).document, "m.toml")
+    same(chain, build_chain(imported(tmp_path, mjcf_text(chain)).document, "m.toml"), digits=1e-15)
+
+
+def test_springs_hold_what_the_machine_holds():
+    """A load turns MuJoCo's joints by what the compliances say: τ = k (q − q₀)."""
+    chain = load_model("ur10")
+    model = mujoco.MjModel.from_xml_string(mjcf_text(chain))
+    for part in chain.held_joints:
+        # rad/(N mm) to N m/rad
+        stiffness = 1e-3 / part.compliance
+        assert model.joint(part.name).stiffness[0] == pytest.approx(stiffness, rel=1e-15)
+    rest = next(iter(chain.held.values()))
+    assert {name: model.qpos_spring[model.joint(name).qposadr[0]] for name in rest} == pytest.approx(dict(rest))
+    assert "what is elastic" not in " ".join(left_out(chain))
+    said = " ".join(left_out(load_model("orthoglide-chain")))
+    assert "what is elastic in" in said
+    assert "have no mass: MuJoCo takes no zero" in said

@@ -1,0 +1,193 @@
+"""``validate import`` and ``export``: what they say, what they refuse, and that nothing half-written is left."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import types
+
+import pytest
+from helpers.urdf_arm import arm, joint, link, written
+
+from vjm.io.manipulator_file import load_model
+from vjm_validation.cli.main import run
+
+
+def test_import_says_all_that_the_file_says_at_its_head(tmp_path, capsys):
+    file = written(tmp_path, arm(l2='<link name="l2"/>\n', more="<lnik/>"))
+    out = tmp_path / "arm.toml"
+    assert run(["import", str(file), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    for line in (
+        "left out: not understood: <lnik> in <robot> (line 10)",
+        "doubtful: moving links without mass: l2; they weigh nothing",
+        "left out: moments of inertia, which statics does not need: <inertia> (2)",
+    ):
+        assert line in said
+        assert f"# {line}" in out.read_text()
+    assert load_model(out).held_joints[0].name == "j1"
+    assert "to be filled in, placeholders now: the compliance of j1, j2" in said
+
+
+def test_without_a_tip_the_ends_are_proposed(tmp_path, capsys):
+    text = arm(more=link("cam") + joint("c", "l1", "cam"))
+    assert run(["import", str(written(tmp_path, text)), "--out", str(tmp_path / "a.toml")]) == 0
+    assert "ends: tool, cam; --tip takes the way to one of them" in capsys.readouterr().out
+    assert run(["import", str(written(tmp_path, text)), "--tip", "tool", "--out", str(tmp_path / "b.toml")]) == 0
+    said = capsys.readouterr().out
+    assert "left out: links that are not on the way to 'tool': cam" in said
+    assert "ends:" not in said
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ([], "give a robot's file, or --from-description NAME"),
+        (["FILE", "--from-description", "panda"], "not both"),
+        (["FILE", "--tip", "toll"], "no link 'toll'; did you mean 'tool'"),
+        (["FILE", "--xacro-argument", "a"], "--xacro-argument a: write NAME=VALUE"),
+        (["FOLDER"], "is a directory"),
+        (["NONE"], "cannot be read"),
+    ],
+)
+def test_a_refusal_is_one_line_and_writes_nothing(tmp_path, capsys, words, says):
+    file = written(tmp_path, arm())
+    names = {"FILE": str(file), "FOLDER": str(tmp_path), "NONE": str(tmp_path / "none.urdf")}
+    out = tmp_path / "out.toml"
+    assert run(["import", *(names.get(word, word) for word in words), "--out", str(out)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert says in line
+    assert not out.exists()
+
+
+def test_a_refused_robot_leaves_no_file(tmp_path, capsys):
+    out = tmp_path / "out.toml"
+    assert run(["import", str(written(tmp_path, arm(l2=link("l2", "-1")))), "--out", str(out)]) == 2
+    assert "link 'l2' has a mass of -1 kg" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_a_machine_without_mass_is_doubted_under_its_weight(tmp_path, capsys):
+    nothing = {name: f'<link name="{name}"/>' for name in ("base", "l1", "l2")}
+    out = str(tmp_path / "light.toml")
+    assert run(["import", str(written(tmp_path, arm(**nothing))), "--out", out]) == 0
+    assert "moving links without mass: l1, l2" in capsys.readouterr().out
+    words = ["stiffness", out, "--posture", "home"]
+    assert run(words) == 0
+    assert "mass" not in capsys.readouterr().err
+    assert run([*words, "--gravity", "0,0,-9.81"]) == 0
+    assert "no part has a mass, so that under --gravity it weighs nothing" in capsys.readouterr().err
+    assert run([*words, "--gravity", "0,0,-9.81", "--strict"]) == 2
+    heavy = str(tmp_path / "heavy.toml")
+    assert run(["import", str(written(tmp_path, arm())), "--out", heavy]) == 0
+    capsys.readouterr()
+    assert run(["stiffness", heavy, "--posture", "home", "--gravity", "0,0,-9.81", "--strict"]) == 0
+
+
+def test_xacro_is_expanded_with_its_arguments(tmp_path, capsys):
+    pytest.importorskip("xacro", reason="xacro is not installed: pip install 'vjm-stiffness[xacro]'")
+    macros = (
+        '<xacro:arg name="mass" default="1"/><xacro:property name="m" value="$(arg mass)"/>'
+        '<xacro:macro name="hand" params="parent">'
+        '<link name="hand"><inertial><mass value="${2*m}"/></inertial></link>'
+        '<joint name="wrist" type="continuous"><parent link="${parent}"/><child link="hand"/><axis xyz="0 0 1"/>'
+        '</joint></xacro:macro><xacro:hand parent="l2"/>'
+    )
+    robot = '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
+    file, out = str(written(tmp_path, arm(robot=robot, more=macros))), tmp_path / "arm.toml"
+    assert run(["import", file, "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "not understood: <xacro:hand> in <robot>" in said
+    assert "--xacro expands it" in said
+    out.unlink()
+    assert run(["import", file, "--xacro-argument", "mass=3", "--out", str(out)]) == 0
+    assert "not understood" not in capsys.readouterr().out
+    assert next(part.mass for part in load_model(out).parts if part.name == "hand-mass") == 6.0
+    broken = str(written(tmp_path, arm(robot=robot, more="<xacro:nothing/>")))
+    assert run(["import", broken, "--xacro", "--out", str(tmp_path / "b.toml")]) == 2
+    assert "its xacro macros cannot be expanded" in capsys.readouterr().err
+
+
+def test_a_description_comes_from_the_cache_or_is_refused(tmp_path, capsys, monkeypatch):
+    """A made-up package in place of the real one, whose robots are downloaded."""
+    file = written(tmp_path, arm())
+    package = types.ModuleType("robot_descriptions")
+    package.__path__ = []
+    listed = types.SimpleNamespace(repository="one")
+    modules = {
+        "robot_descriptions": package,
+        "robot_descriptions._descriptions": types.SimpleNamespace(DESCRIPTIONS={"arm_description": listed}),
+        "robot_descriptions._repositories": types.SimpleNamespace(
+            REPOSITORIES={"one": types.SimpleNamespace(cache_path="one")}
+        ),
+        "robot_descriptions.arm_description": types.SimpleNamespace(URDF_PATH=str(file)),
+    }
+    for name, module in modules.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.setenv("ROBOT_DESCRIPTIONS_CACHE", str(tmp_path / "cache"))
+    words = ["import", "--out", str(tmp_path / "arm.toml"), "--from-description"]
+    assert run([*words, "arm"]) == 2
+    assert "the files of 'arm_description' are not in the cache" in capsys.readouterr().err
+    (tmp_path / "cache/one/.git").mkdir(parents=True)
+    assert run([*words, "leg"]) == 2
+    assert "robot_descriptions has no robot 'leg'" in capsys.readouterr().err
+    assert run([*words, "arm"]) == 0
+    assert load_model(tmp_path / "arm.toml").name == "arm"
+
+
+def test_the_real_package_says_what_is_not_in_its_cache(tmp_path, capsys, monkeypatch):
+    pytest.importorskip(
+        "robot_descriptions",
+        reason="robot_descriptions is not installed: pip install 'vjm-stiffness[descriptions]'",
+    )
+    monkeypatch.setenv("ROBOT_DESCRIPTIONS_CACHE", str(tmp_path))
+    assert run(["import", "--from-description", "panda"]) == 2
+    assert "'panda_description' are not in the cache" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("module", "extra", "words"),
+    [
+        ("mujoco", "mjcf", ["ROBOT.xml"]),
+        ("xacro", "xacro", ["ROBOT.urdf", "--xacro"]),
+        ("robot_descriptions", "descriptions", ["--from-description", "panda"]),
+    ],
+)
+def test_an_extra_that_is_lacking_is_named(tmp_path, module, extra, words):
+    (tmp_path / "ROBOT.xml").write_text("<mujoco/>")
+    (tmp_path / "ROBOT.urdf").write_text(arm())
+    program = (
+        f"import sys; sys.modules[{module!r}] = None\n"
+        "from vjm_validation.cli.main import run\nsys.exit(run(sys.argv[1:]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, "import", *words], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert done.returncode == 2
+    assert f"this needs {module}, which is not installed: pip install 'vjm-stiffness[{extra}]'" in done.stderr
+
+
+def test_export_writes_both_formats_or_neither(tmp_path, capsys):
+    urdf, mjcf = tmp_path / "a.urdf", tmp_path / "a.xml"
+    assert run(["export", "ur10", "--urdf", str(urdf), "--mjcf", str(mjcf)]) == 0
+    said = capsys.readouterr().out
+    assert "left out: what is elastic in shoulder-pan" in said
+    assert "left out: where the springs of shoulder-pan" in said
+    assert mjcf.read_text().startswith("<mujoco")
+    urdf.unlink()
+    assert run(["export", "ur10", "--urdf", str(urdf), "--mjcf", str(mjcf)]) == 2
+    assert "give another --mjcf, or --force" in capsys.readouterr().err
+    assert not urdf.exists()
+    assert run(["export", "ur10"]) == 2
+    assert "give the file to write: --urdf FILE, --mjcf FILE, or both" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["orthoglide", "delta", "3-puu", "par2", "isoglide"])
+def test_closed_loops_are_refused_by_name(tmp_path, capsys, name):
+    for option in ("--urdf", "--mjcf"):
+        assert run(["export", name, option, str(tmp_path / "a")]) == 2
+        said = capsys.readouterr().err
+        assert f"{name}: its legs " in said
+        assert "close loops" in said
+    assert list(tmp_path.iterdir()) == []
