@@ -151,7 +151,8 @@ def test_a_bare_installation_is_bare(bare):
 
 
 def test_every_extra_is_asked_below():
-    assert {"fea", "report", "opensees", "urdf", "cluster", "solid", "frame", "all"} <= EXTRAS | {"urdf"}
+    asked = {"fea", "report", "opensees", "cluster", "solid", "frame", "mjcf", "xacro", "descriptions", "all"}
+    assert asked == EXTRAS
 
 
 def test_without_extras_paths_stiffness_and_buckling(bare):
@@ -244,6 +245,53 @@ def test_reports_alone(with_extra, tmp_path):
         assert "</html>" in page.read_text(), words
         assert figure.read_bytes().startswith(b"\x89PNG"), words
     run(python, "show", "ur10", "--out", str(page))
+
+
+MJCF = """<mujoco model="one"><worldbody><body name="link"><joint name="turn" axis="0 1 0"/>
+<geom size="0.1" mass="2"/></body></worldbody></mujoco>"""
+XACRO = """<robot name="one" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="mass" value="2"/>
+<link name="base"/><link name="link"><inertial><mass value="${mass}"/></inertial></link>
+<joint name="turn" type="continuous"><parent link="base"/><child link="link"/><axis xyz="0 1 0"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(
+    ("extra", "text", "words"),
+    [("mjcf", MJCF, ("robot.xml",)), ("xacro", XACRO, ("robot.xml", "--xacro"))],
+)
+def test_robots_files_alone(bare, with_extra, extra, text, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "robot.xml").write_text(text)
+    assert f"pip install 'vjm-stiffness[{extra}]'" in run(bare, "import", *words, status=2).stderr
+    run(with_extra(extra), "import", *words)
+    model = tomllib.loads((tmp_path / "one.toml").read_text())
+    assert sum(part.get("mass_kg", 0.0) for part in model["parts"]) == 2.0
+
+
+def test_described_robots_alone(bare, with_extra):
+    assert (
+        "vjm-stiffness[descriptions]"
+        in run(bare, "import", "--from-description", "ur10_description", status=2).stderr
+    )
+    # nothing is loaded from the network: what is not in the cache is refused
+    assert (
+        "cache"
+        in run(with_extra("descriptions"), "import", "--from-description", "ur10_description", status=2).stderr
+    )
+
+
+def test_maps_on_a_cluster_alone(bare, with_extra, tmp_path):
+    words = (
+        "map",
+        "orthoglide",
+        "--grid",
+        "x=0",
+        "--scheduler",
+        "tcp://127.0.0.1:9",
+        "--out",
+        str(tmp_path / "map"),
+    )
+    assert "vjm-stiffness[cluster]" in run(bare, *words, status=2).stderr
+    assert "no Dask scheduler answers there" in run(with_extra("cluster"), *words, status=2).stderr
 
 
 def test_data_frames_alone(with_extra):
