@@ -268,15 +268,10 @@ def test_robots_files_alone(bare, with_extra, extra, text, words, tmp_path, monk
 
 
 def test_described_robots_alone(bare, with_extra):
-    assert (
-        "vjm-stiffness[descriptions]"
-        in run(bare, "import", "--from-description", "ur10_description", status=2).stderr
-    )
+    words = ("import", "--from-description", "ur10e_description")
+    assert "vjm-stiffness[descriptions]" in run(bare, *words, status=2).stderr
     # nothing is loaded from the network: what is not in the cache is refused
-    assert (
-        "cache"
-        in run(with_extra("descriptions"), "import", "--from-description", "ur10_description", status=2).stderr
-    )
+    assert "cache" in run(with_extra("descriptions"), *words, status=2).stderr
 
 
 def test_maps_on_a_cluster_alone(bare, with_extra, tmp_path):
