@@ -5,8 +5,9 @@
 PYTHON = python3
 VENV = .venv
 BIN = $(VENV)/bin
-# What is imported is compiled then: of 30 000 modules that is every tenth.
-PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input --no-compile
+# Wheels only: a source archive would need a compiler or build tools that a fresh machine does not have. What is
+# imported is compiled then: of 30 000 modules that is every tenth.
+PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input --no-compile --only-binary :all:
 # The tests in as many processes as there are cores; those of a file share what they set up. In the order of the
 # folders: by the number of their tests, files with a few long ones would come last, when other processes are idle.
 SHARED = -n auto --dist loadfile --no-loadscope-reorder
@@ -42,7 +43,8 @@ help:
 	@echo 'make clean      removes .venv and the caches'
 
 validate: $(VENV)/.project
-	$(BIN)/validate all $(ARGS)
+	@echo 'Running every comparison: some four minutes on two cores.'
+	@$(BIN)/validate all $(ARGS)
 
 # The reference report that is kept in git: words and the figures that they rest on, with every engine.
 report: $(VENV)/.test $(VENV)/.project
@@ -91,11 +93,11 @@ checked: $(VENV)/.installed
 kernels: $(VENV)/.installed
 	PYTHONPATH=tests $(BIN)/python -m hidden_effects.warm_up
 
-# What it takes to run. The build backend is in .venv too, so that it is pinned like everything else and a
+# What it takes to run. Interrupted, it goes on: pip keeps what it has loaded. The build backend is in .venv too, so that it is pinned like everything else and a
 # changed source is reinstalled without asking the package index.
 $(VENV)/.runtime: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v < (3, 15) else "Python 3.11 to 3.14 is needed, $(PYTHON) is %d.%d: say make PYTHON=python3.12, for example" % v)'
-	@echo 'Installing the dependencies into $(VENV): a minute or two, 1.5 GB.'
+	@echo 'Loading and installing what the suite needs into $(VENV): 640 MB to load, 1.6 GB on disk, one to three minutes.'
 	@$(PYTHON) -m venv $(VENV)
 	@$(PIP_INSTALL) -c constraints.txt hatchling
 	@$(PIP_INSTALL) -c constraints.txt --no-build-isolation '.[all]'
@@ -104,16 +106,18 @@ $(VENV)/.runtime: pyproject.toml constraints.txt
 
 # What it takes to test, on top. By its name, the project that is installed is left as it is.
 $(VENV)/.test: $(VENV)/.runtime | $(VENV)/.installed
+	@echo 'Loading and installing what the tests need: 370 MB more, a minute.'
 	@$(PIP_INSTALL) -c constraints.txt 'vjm-stiffness[test]'
 	@touch $@
 
 # The project as it now stands.
 $(VENV)/.installed: $(VENV)/.runtime $(SOURCES)
+	@echo 'Installing the project: a few seconds.'
 	@$(PIP_INSTALL) --no-build-isolation --no-deps --force-reinstall .
 	@touch $@
 
 $(VENV)/.project: $(VENV)/.installed
-	@echo 'Compiling the kernels: two minutes, once.'
+	@echo 'Compiling the kernels: two minutes, once for these sources. Interrupted, it goes on with the next kernel.'
 	@$(BIN)/python -m vjm.warm_up
 	@$(BIN)/python -m vjm_updating.warm_up
 	@touch $@

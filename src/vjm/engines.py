@@ -17,7 +17,6 @@ from vjm.engine import Engine
 from vjm.model.chain import Chain
 from vjm.model.parts import Placement
 from vjm.platform.manipulator import Manipulator
-from vjm.platform.problem import ManipulatorEngine
 from vjm.vjm_engine import VjmEngine
 
 DESCRIPTIONS = {
@@ -144,6 +143,9 @@ def for_model(engine: Engine, model: Chain | Manipulator) -> Engine:
     if isinstance(model, Chain):
         return engine
     if isinstance(engine, VjmEngine):
+        # platforms bring sparse linear algebra with them, which no chain needs
+        from vjm.platform.problem import ManipulatorEngine
+
         return cast(Engine, ManipulatorEngine(engine))
     whole = getattr(engine, "for_manipulators", None)
     if whole is None or whole() is None:

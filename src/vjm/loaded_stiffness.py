@@ -15,6 +15,7 @@ from vjm.rotations import Array, displacement_between
 from vjm.statics.equilibrium import solve_under_wrench
 from vjm.statics.stability import free_stability
 from vjm.statics.stiffness import loaded_stiffness, unloaded_stiffness
+from vjm.threads import single_threaded
 from vjm.tree.equilibria import Equilibria, equilibria, largest_residual
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
@@ -114,6 +115,7 @@ class LoadedStiffness:
         return stiffness_plot(self, ax)
 
 
+@single_threaded
 def under_wrench(chain: Chain, engine: VjmEngine, posture: str, wrench: tuple[float, ...]) -> LoadedStiffness:
     """The stable equilibrium of the free end-effector under a dead wrench ``(6,)`` N, N mm."""
     chain = chain.at(posture)
@@ -150,6 +152,7 @@ def held_by_itself(chain: Chain) -> bool:
     return not chain.joints or bool(chain.after or chain.point_springs)
 
 
+@single_threaded
 def of_free_end(
     chain: Chain,
     engine: VjmEngine,

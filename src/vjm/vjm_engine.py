@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from vjm.continuation.arc_length import trace
@@ -14,7 +15,7 @@ from vjm.model.chain import FOOT, Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.model.parts import Placement
-from vjm.tree.lumped_tree import LumpedTree
+from vjm.threads import single_threaded
 
 
 @dataclass(frozen=True)
@@ -57,12 +58,13 @@ class VjmEngine:
             ValueError: a beam that is to be split has no section, or there is none of a name.
         """
         split = self.split(chain)
-        if split.is_tree:
-            return LumpedTree(split)
-        try:
-            return LumpedModel(split)
-        except WideCouplingError:
-            return LumpedTree(split)
+        if not split.is_tree:
+            with suppress(WideCouplingError):
+                return LumpedModel(split)
+        # imported when it is asked for: dense linear algebra, which no chain needs
+        from vjm.tree.lumped_tree import LumpedTree
+
+        return LumpedTree(split)
 
     def split(self, chain: Chain) -> Chain:
         """The chain with its beams split into this engine's springs.
@@ -75,6 +77,7 @@ class VjmEngine:
         numbers = {beam.name: beam.own_segments or self.segments for beam in chain.beams} | named
         return chain.refined({name: n for name, n in numbers.items() if n is not None}, self.placement)
 
+    @single_threaded
     def problem(self, chain: Chain, load_case: LoadCase) -> LumpedProblem:
         """The chain with this engine's springs under a load case, ready to be followed."""
         chain = chain.at(load_case.posture)
@@ -84,6 +87,7 @@ class VjmEngine:
             bow = load_case.imperfection * shape
         return LumpedProblem(model, load_case, self.label, bow)
 
+    @single_threaded
     def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Trace the equilibrium path; see `vjm.continuation.load_stepping` and `vjm.continuation.arc_length`."""
         path = trace(self.problem(chain, load_case), load_case, progress=progress)

@@ -1,18 +1,15 @@
 """Compile every kernel into the cache beside it: ``python -m vjm.warm_up``, which the installation runs once.
 
-Compiling takes a minute. Whoever installs without this step waits for it in the first command.
+Compiling takes a minute or two. Whoever installs without this step waits for it in the first command.
 """
 
 from __future__ import annotations
-
-import sys
 
 import numpy as np
 
 from vjm.continuation.load_grid import trace_grid
 from vjm.io.manipulator_file import load_manipulator
 from vjm.io.model_file import load_chain
-from vjm.kernels.first_use import compiling
 from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint
 from vjm.model.load_case import ARC, Load, LoadCase
@@ -29,19 +26,7 @@ from vjm.vjm_engine import VjmEngine
 
 
 def main() -> None:
-    """Compile all kernels, unless another process does.
-
-    Raises:
-        SystemExit: another process does.
-    """
-    with compiling() as alone:
-        if not alone:
-            sys.exit("another process compiles the kernels")
-        _one_of_each()
-
-
-def _one_of_each() -> None:
-    """Trace a short path of each kind."""
+    """Compute one of each kind: a path, derivatives, a grid, an arm, a platform."""
     chain, engine = load_chain("orthoglide-chain"), VjmEngine(4)
     load_case = LoadCase("A", -3.0)
     path = engine.trace(chain, load_case)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Iterable
-from importlib.metadata import version
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
@@ -37,13 +38,16 @@ PACKAGES = ("numpy", "scipy", "exudyn", "matplotlib", "pyvista")
 
 
 def versions() -> dict[str, str]:
-    """Versions of this suite, of Python and of what computes for it."""
+    """Versions of this suite, of Python and of what computes for it; what is not installed has none."""
     found = {
         "vjm-stiffness": __version__,
         "python": platform.python_version(),
         "machine": platform.platform(),
     }
-    return found | {name: version(name) for name in PACKAGES}
+    for name in PACKAGES:
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found
 
 
 def as_json(document: BaseModel) -> str:

@@ -10,10 +10,15 @@ DRAWN_BY = ("jinja2", "matplotlib")
 """Of the extra ``report``: the page's template and its figures."""
 
 
+def why_not(*modules: str) -> str:
+    """What to install before what needs these modules of the extra is made; empty where they are there."""
+    missing = [name for name in modules if find_spec(name) is None]
+    return f"it needs {' and '.join(missing)}: pip install 'vjm-stiffness[report]'" if missing else ""
+
+
 def why_no_page() -> str:
     """What to install before pages are written; empty where they are."""
-    missing = [name for name in DRAWN_BY if find_spec(name) is None]
-    return f"it needs {' and '.join(missing)}: pip install 'vjm-stiffness[report]'" if missing else ""
+    return why_not(*DRAWN_BY)
 
 
 def page_of(file: Path, make: Callable[[], str]) -> dict[Path, str]:

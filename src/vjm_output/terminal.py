@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from types import FrameType
@@ -12,6 +13,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+EVERY_S = 10.0
+"""Seconds between two lines about the same work."""
 LONGEST_WORD, LONGEST_MESSAGE = 160, 1200
 """Characters: a path or a value that is repeated to the user, and a whole message."""
 
@@ -40,6 +43,23 @@ def one_line(failure: Exception) -> str:
         where = f"{failure.filename}: " if failure.filename else ""
         return shortened(f"{where}{failure.strerror[:1].lower()}{failure.strerror[1:]}")
     return shortened(" ".join(str(failure).split()))
+
+
+def compiling() -> Callable[[str], None]:
+    """What says on standard error that kernels are being compiled, at the first one and then every ten seconds."""
+    started, count, due = 0.0, 0, 0.0
+
+    def watch(_kernel: str) -> None:
+        nonlocal started, count, due
+        now = time.monotonic()
+        started, count = started or now, count + 1
+        if now < due:
+            return
+        due = now + EVERY_S
+        so_far = f": {count - 1} done in {now - started:.0f} s" if count > 1 else " takes a minute or two"
+        error(f"compiling the kernels, once after an installation{so_far}")
+
+    return watch
 
 
 @contextmanager

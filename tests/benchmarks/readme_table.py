@@ -47,11 +47,10 @@ MEANING = {
     "solid_one_bound_s": "one bound of its compliance, mesh to matrix",
     "solid_memory_gb": "resident memory of that",
     "peak_memory_MB": "resident memory of a process that runs the paper's experiment",
-    "curve_first_s": "`validate curve orthoglide-chain --posture A --to -4`, first after the installation, which "
-    "compiles the kernels",
-    "curve_uncompiled_s": "the same where `python -m vjm.warm_up` was left out: interpreted, while another process "
-    "compiles",
+    "curve_first_s": "processor time of `validate curve orthoglide-chain --posture A --to -4`, first after the "
+    "installation, which compiles the kernels",
     "curve_later_s": "the same once more",
+    "help_s": "processor time of `validate --help`",
 }
 """What each row is, in the table's order. Rows of ``bench.json`` without a requirement may have none."""
 

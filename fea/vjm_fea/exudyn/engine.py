@@ -10,6 +10,7 @@ from vjm.continuation.arc_length import trace
 from vjm.continuation.path import Path
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.threads import single_threaded
 from vjm_fea.common.mesh import Mesh
 from vjm_fea.exudyn.problem import ExudynProblem
 
@@ -29,7 +30,7 @@ class ExudynEngine:
 
     Exudyn gives elements, joints, residual and Jacobian; Newton's method, stability and the change of branch
     are in `vjm_fea.common.beam_problem` and `vjm_fea.exudyn.statics`. It traces every load case but those with an
-    imperfection. Threads slow the small matrices down five times and more: run with ``OMP_NUM_THREADS=1``.
+    imperfection.
 
     Attributes:
         foot_spring: the foot as a spring with the inverse of its tip compliance.
@@ -48,6 +49,7 @@ class ExudynEngine:
         """The name under which results are filed."""
         return "exudyn-footspring" if self.foot_spring else "exudyn"
 
+    @single_threaded
     def problem(self, chain: Chain, load_case: LoadCase) -> ExudynProblem:
         """The chain in the load case's posture, meshed and assembled.
 
@@ -58,6 +60,7 @@ class ExudynEngine:
         mesh = Mesh(self.elements, self.shear, self.corrected, self.foot_spring)
         return ExudynProblem(chain, load_case, mesh, self.label)
 
+    @single_threaded
     def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Trace the equilibrium path; see `vjm.continuation.load_stepping` and `vjm.continuation.arc_length`."""
         path = trace(self.problem(chain, load_case), load_case, progress=progress)

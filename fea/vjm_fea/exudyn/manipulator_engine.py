@@ -17,6 +17,7 @@ from vjm.platform.manipulator import Manipulator
 from vjm.platform.problem import on_platform
 from vjm.platform.rigid import inverse_kinematics
 from vjm.rotations import AXES, Array
+from vjm.threads import single_threaded
 from vjm_fea.common.beam_problem import BeamProblem, refuse_imperfection
 from vjm_fea.common.branches import TINY
 from vjm_fea.common.mesh import Mesh
@@ -127,10 +128,12 @@ class ManipulatorExudynEngine:
         """The name under which results are filed."""
         return "exudyn"
 
+    @single_threaded
     def problem(self, manipulator: Manipulator, load_case: LoadCase) -> ManipulatorExudynProblem:
         """The manipulator under a load case, meshed and assembled."""
         return ManipulatorExudynProblem(manipulator, load_case, Mesh(self.elements, self.shear), self.label)
 
+    @single_threaded
     def trace(
         self, manipulator: Manipulator, load_case: LoadCase, progress: Callable[[float], None] | None = None
     ) -> Path:

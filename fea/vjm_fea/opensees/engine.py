@@ -10,6 +10,7 @@ from vjm.continuation.arc_length import trace
 from vjm.continuation.path import Path
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
+from vjm.threads import single_threaded
 from vjm_fea.opensees.beams import Element
 from vjm_fea.opensees.problem import OpenSeesProblem
 
@@ -37,6 +38,7 @@ class OpenSeesEngine:
         """The name under which results are filed."""
         return "opensees"
 
+    @single_threaded
     def problem(self, chain: Chain, load_case: LoadCase) -> OpenSeesProblem:
         """The chain in the load case's posture, meshed.
 
@@ -46,6 +48,7 @@ class OpenSeesEngine:
         """
         return OpenSeesProblem(chain, load_case, self.elements, self.element, self.label)
 
+    @single_threaded
     def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Trace the equilibrium path; see `vjm.continuation.load_stepping` and `vjm.continuation.arc_length`."""
         path = trace(self.problem(chain, load_case), load_case, progress=progress)

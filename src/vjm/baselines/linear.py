@@ -14,6 +14,7 @@ from vjm.model.load_case import LoadCase, refuse_unless_pose_only
 from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
 from vjm.statics.stiffness import unloaded_stiffness
+from vjm.threads import single_threaded
 
 
 def straight_path(label: str, chain: Chain, load_case: LoadCase, stiffness: Array, seconds: float) -> Path:
@@ -53,6 +54,7 @@ class LinearEngine:
 
     label: str = "vjm-linear"
 
+    @single_threaded
     def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Straight line through the unloaded state; it knows no critical points."""
         refuse_unless_pose_only(self.label, load_case)

@@ -17,6 +17,7 @@ from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase, refuse_unless_pose_only
 from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset, Section
 from vjm.rotations import Array, frame, rotate_matrix6, skew, translation, turn
+from vjm.threads import single_threaded
 
 
 def beam_element(section: Section, length: float) -> Array:
@@ -162,6 +163,7 @@ class MsaEngine:
 
     label: str = "msa"
 
+    @single_threaded
     def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Straight line with the stiffness of `msa_stiffness`."""
         refuse_unless_pose_only(self.label, load_case)

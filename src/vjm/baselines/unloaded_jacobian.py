@@ -28,6 +28,7 @@ from vjm.rotations import Array
 from vjm.statics.equilibrium import Configuration
 from vjm.statics.stability import stability
 from vjm.statics.stiffness import loaded_stiffness
+from vjm.threads import single_threaded
 
 RELATIVE_TOLERANCE = 1e-8
 """Of the integration, four orders below the 1e-4 to which events are promised."""
@@ -40,6 +41,7 @@ class UnloadedJacobianEngine:
     label: str = "vjm-unloaded-jacobian"
     points: int = 60
 
+    @single_threaded
     def trace(self, chain: Chain, load_case: LoadCase, progress: Callable[[float], None] | None = None) -> Path:
         """Integrate the wrench along the ramp; the path stops at the first event.
 

@@ -12,10 +12,9 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from scipy.optimize import brentq
-
 from vjm.continuation.path import Equilibrium
 from vjm.continuation.problem import Problem
+from vjm.continuation.roots import root_between
 from vjm.errors import NoConvergenceError, UndecidedError
 from vjm.rotations import Array
 
@@ -56,7 +55,7 @@ def locate(
                 return at(s)
         return value(seen[s])
 
-    root = brentq(at, a.s, b.s, xtol=tolerance, rtol=1e-12)
+    root = root_between(at, a.s, b.s, tolerance)
     at(root)
     return seen[root]
 

@@ -6,17 +6,24 @@ on with what another one was before an upgrade. So each is kept together with a 
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+from numba.core import event as events
 
-from vjm.kernels.first_use import PACKAGE, ROOMS, digest_of
+from vjm.kernels.compiling import watchers
 
+PACKAGE = Path(__file__).parents[1]
+ROOMS = ("kernels", "tree", "platform", "sensitivity")
+"""Folders of `vjm` with kernels that others call."""
 Function = TypeVar("Function", bound=Callable[..., Any])
-# its type stubs lack the options that follow
+# its type stubs lack the options that follow, and what tells of events
 njit: Any = numba.njit
+register: Any = events.register
 
 
 def kernel(function: Function) -> Function:
@@ -37,3 +44,27 @@ def _kept_with_all_sources(compiled: Function, function: Function) -> Function:
         folder = Path(function.__code__.co_filename).parent
         kept._source_stamp = (kept._source_stamp, digest_of((*(PACKAGE / room for room in ROOMS), folder)))
     return compiled
+
+
+@lru_cache(maxsize=16)
+def digest_of(folders: tuple[Path, ...]) -> str:
+    """Hash of the contents of the folders' programs."""
+    found = hashlib.sha256()
+    for place in dict.fromkeys(folders):
+        for file in sorted(place.glob("*.py")):
+            found.update(file.read_bytes())
+    return found.hexdigest()
+
+
+class _Announcer(events.Listener):  # type: ignore[misc]  # Numba has no types
+    """Tells the watchers of each kernel that is compiled; what is loaded from the disk makes no such event."""
+
+    def on_start(self, event: events.Event) -> None:
+        for watcher in watchers:
+            watcher(event.data["dispatcher"].py_func.__name__)
+
+    def on_end(self, event: events.Event) -> None:
+        """Nothing: each kernel is told when it begins."""
+
+
+register("numba:compile", _Announcer())

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint, joint_axes
@@ -220,7 +219,7 @@ class Assembly:
                 f"joint '{joint}': between it and what it is coupled to lie more than {LARGEST_BLOCK} spring "
                 f"coordinates, a passive joint or a beam: vjm takes it, else write coupling = 'as commanded'"
             )
-        self.springs.append(LinearSpring(block_diag(*merged)))
+        self.springs.append(LinearSpring(_side_by_side(merged)))
 
     def _add_beam(self, beam: Beam) -> None:
         own = frame(beam.own_frame)
@@ -342,3 +341,13 @@ class Assembly:
 
     def _mark(self, part: str, fraction: float) -> None:
         self.stations.append(Station(part, fraction, self.last, self.rigid[:3, 3].copy()))
+
+
+def _side_by_side(blocks: list[Array]) -> Array:
+    """Stiffness of springs that know nothing of one another: their blocks on the diagonal."""
+    size = sum(len(block) for block in blocks)
+    stiffness, at = np.zeros((size, size)), 0
+    for block in blocks:
+        stiffness[at : at + len(block), at : at + len(block)] = block
+        at += len(block)
+    return stiffness

@@ -21,6 +21,7 @@ from vjm.platform.rigid import SINGULAR, inverse_kinematics, mobility
 from vjm.rotations import Array
 from vjm.statics.equilibrium import Configuration, solve_newton
 from vjm.statics.stability import critical_modes, stability
+from vjm.threads import single_threaded
 from vjm.vjm_engine import VjmEngine
 
 
@@ -200,6 +201,7 @@ class ManipulatorEngine:
         """That of the springs: ``vjm-paper``, ``vjm-16``, ``vjm-16f16``."""
         return self.springs.label
 
+    @single_threaded
     def problem(self, manipulator: Manipulator, load_case: LoadCase) -> ManipulatorProblem:
         """The manipulator under a load case, ready to be followed.
 
@@ -214,6 +216,7 @@ class ManipulatorEngine:
             bow = load_case.imperfection * shape
         return ManipulatorProblem(manipulator, load_case, self.springs, bow=bow)
 
+    @single_threaded
     def trace(
         self, manipulator: Manipulator, load_case: LoadCase, progress: Callable[[float], None] | None = None
     ) -> Path:

@@ -20,7 +20,7 @@ from vjm.tree.compensation import near
 from vjm.tree.equilibria import equilibria, unloaded_frames
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
-from vjm_output.plot_style import figure, png
+from vjm_output.optional_page import why_not
 from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
 from vjm_updating.maps.output import SHOWN, TITLES
 from vjm_updating.maps.pose_grid import MOST, grid_axis
@@ -195,11 +195,11 @@ def _stiffnesses(C: Array) -> Array:
     return np.stack(rows, axis=1)
 
 
-def write_arm_map(found: ArmMap, folder: Path) -> list[Path]:
-    """Write ``map.csv`` and, over one or two varied axes, ``map.png``.
+def write_arm_map(found: ArmMap, folder: Path) -> tuple[list[Path], list[str]]:
+    """Write ``map.csv`` and, over one or two varied axes, ``map.png`` where what draws it is there.
 
     Returns:
-        The files.
+        The files, and for one that is left out a line that says why.
     """
     files = [folder / "map.csv"]
     stream = io.StringIO()
@@ -212,13 +212,18 @@ def write_arm_map(found: ArmMap, folder: Path) -> list[Path]:
     for q, p, row, why in zip(found.q, found.tool, found.values, found.why, strict=True):
         writer.writerow([*("" if np.isnan(v) else f"{v:.9g}" for v in (*q, *p, *row)), why])
     write_whole(files[0], stream.getvalue())
-    if len(found.grid.varied) in (1, 2):
-        files.append(folder / "map.png")
-        write_whole(files[-1], _picture(found))
-    return files
+    if len(found.grid.varied) not in (1, 2):
+        return files, []
+    if why := why_not("matplotlib"):
+        return files, [f"no map.png: {why}"]
+    files.append(folder / "map.png")
+    write_whole(files[-1], _picture(found))
+    return files, []
 
 
 def _picture(found: ArmMap) -> bytes:
+    from vjm_output.plot_style import figure, png
+
     values = found.values[:, SHOWN[found.quantity]]
     names = found.grid.varied
     x = np.array(found.grid.axes[names[0]])

@@ -6,24 +6,18 @@ import csv
 import io
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
 
 from vjm.io.files import write_whole
 from vjm.rotations import Array
 from vjm_output.off_screen import why_not_rendered
-from vjm_output.plot_style import PAGE_WIDTH, figure, plain, png
+from vjm_output.optional_page import why_not
 from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
 from vjm_updating.maps.run import MapResult
 
 SHOWN = {Quantity.STIFFNESS: 0, Quantity.CRITICAL: 0, Quantity.DEFLECTION: 6}
 """The column that the pictures show."""
-SLICES = 3
-"""Panels of the figure: levels of z."""
 TITLES = {
     Quantity.STIFFNESS: "smallest stiffness against a force, N/mm",
     Quantity.CRITICAL: "smallest critical force, N",
@@ -31,20 +25,32 @@ TITLES = {
 }
 
 
-def write_map(result: MapResult, folder: Path) -> list[Path]:
-    """Write ``map.csv``, ``map.vtr``, ``map.png`` and, where this machine can, ``render.png``.
+def write_map(result: MapResult, folder: Path) -> tuple[list[Path], list[str]]:
+    """Write ``map.csv``, and ``map.vtr``, ``map.png`` and ``render.png`` where what makes them is there.
 
     Returns:
-        The files.
+        The files, and for each that is left out a line that says why.
     """
-    files = [folder / "map.csv", folder / "map.vtr", folder / "map.png"]
+    files, left_out = [folder / "map.csv"], []
     write_whole(files[0], csv_text(result))
-    write_vtk(result, files[1])
-    write_whole(files[2], map_figure(result))
-    if not why_not_rendered():
+    if why := why_not("pyvista"):
+        left_out.append(f"no map.vtr: {why}")
+    else:
+        files.append(folder / "map.vtr")
+        write_vtk(result, files[-1])
+    if why := why_not("matplotlib"):
+        left_out.append(f"no map.png and no render.png: {why}")
+        return files, left_out
+    from vjm_updating.maps.pictures import map_figure, render
+
+    files.append(folder / "map.png")
+    write_whole(files[-1], map_figure(result))
+    if why := why_not("pyvista") or why_not_rendered():
+        left_out.append(f"no render.png: {why}")
+    else:
         files.append(folder / "render.png")
         write_whole(files[-1], render(result))
-    return files
+    return files, left_out
 
 
 def csv_text(result: MapResult) -> str:
@@ -67,7 +73,7 @@ def write_vtk(result: MapResult, path: Path) -> None:
 
     grid = pyvista.RectilinearGrid(*(np.array(axis) for axis in result.map.grid.axes))
     for k, name in enumerate(COLUMNS[result.map.quantity]):
-        grid.point_data[name] = _cube(result, k).ravel(order="F")
+        grid.point_data[name] = cube_of(result, k).ravel(order="F")
     grid.point_data["ok"] = (
         np.array([why == OK for why in result.why]).reshape(result.map.grid.shape).ravel(order="F")
     )
@@ -81,91 +87,7 @@ def write_vtk(result: MapResult, path: Path) -> None:
     write_whole(path, content)
 
 
-def _cube(result: MapResult, column: int) -> Array:
+def cube_of(result: MapResult, column: int) -> Array:
+    """One column over the grid ``(nx, ny, nz)``; nan where there is no answer."""
     cube: Array = result.values[:, column].reshape(result.map.grid.shape)
     return cube
-
-
-def map_figure(result: MapResult) -> bytes:
-    """Levels of z side by side, one colour scale."""
-    wanted = result.map
-    x, y, z = (np.array(axis) for axis in wanted.grid.axes)
-    cube = _cube(result, SHOWN[wanted.quantity])
-    levels = sorted({round(float(k)) for k in np.linspace(0, len(z) - 1, min(SLICES, len(z)))})
-    finite = cube[np.isfinite(cube)]
-    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
-    with figure(3.0, len(levels), sharey=True) as (fig, axes):
-        for ax, level in zip(axes, levels, strict=True):
-            image = ax.pcolormesh(
-                _edges(x), _edges(y), cube[:, :, level].T, vmin=low, vmax=high, cmap="viridis", rasterized=True
-            )
-            ax.set_title(f"z = {z[level]:g} mm")
-            ax.set_xlabel("x, mm")
-            ax.set_aspect("equal")
-            # the cells are centred on the poses: what they reach beyond the outermost is no workspace
-            ax.set(xlim=_ends(x), ylim=_ends(y))
-            ax.grid(False)
-        axes[0].set_ylabel("y, mm")
-        fig.colorbar(image, ax=axes, label=TITLES[wanted.quantity], shrink=0.8)
-        missing = sum(why != OK for why in result.why)
-        _subtitle(fig, f"{wanted.manipulator.title}: {wanted.springs.label}", missing)
-        return png(fig)
-
-
-def _subtitle(fig: Figure, text: str, missing: int) -> None:
-    white = f"; {missing} poses without an answer are white" if missing else ""
-    fig.suptitle(plain(text) + white, fontsize=8.5)
-
-
-def _ends(centres: Array) -> tuple[float, float]:
-    """What a panel shows: from the first pose to the last, or the one cell where there is but one."""
-    shown = centres if len(centres) > 1 else _edges(centres)
-    return float(shown[0]), float(shown[-1])
-
-
-def _edges(centres: Array) -> Array:
-    if len(centres) == 1:
-        return centres[0] + np.array([-0.5, 0.5])
-    middle = 0.5 * (centres[1:] + centres[:-1])
-    return np.concatenate([[2 * centres[0] - middle[0]], middle, [2 * centres[-1] - middle[-1]]])
-
-
-def render(result: MapResult) -> bytes:
-    """The workspace in space, off the screen: three planes through its middle, or all points where it is flat."""
-    import pyvista
-
-    # VTK tries an X display first and would write about its absence on stderr
-    pyvista.vtk_verbosity("off")
-    wanted = result.map
-    grid: Any = pyvista.RectilinearGrid(*(np.array(axis) for axis in wanted.grid.axes))
-    column = SHOWN[wanted.quantity]
-    name = COLUMNS[wanted.quantity][column]
-    grid.point_data[name] = _cube(result, column).ravel(order="F")
-    plotter: Any = pyvista.Plotter(off_screen=True, window_size=[int(130 * PAGE_WIDTH), 700])
-    plotter.background_color = "white"
-    body = grid.slice_orthogonal() if min(wanted.grid.shape) > 1 else grid
-    values = _cube(result, column)[np.isfinite(_cube(result, column))]
-    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
-    plotter.add_mesh(
-        body,
-        scalars=name,
-        clim=(low, high),
-        cmap="viridis",
-        lighting=False,
-        nan_color="white",
-        show_scalar_bar=False,
-    )  # fmt: skip
-    plotter.add_mesh(grid.outline(), color="#888888")
-    plotter.show_bounds(
-        xtitle="x, mm", ytitle="y, mm", ztitle="z, mm", color="black", font_size=10, location="outer"
-    )
-    plotter.view_isometric()
-    picture = plotter.screenshot(return_img=True)
-    plotter.close()
-    with figure(0.8 * PAGE_WIDTH * picture.shape[0] / picture.shape[1], 1) as (fig, axes):
-        axes[0].imshow(picture)
-        axes[0].axis("off")
-        fig.colorbar(
-            ScalarMappable(Normalize(low, high), "viridis"), ax=axes[0], label=TITLES[wanted.quantity], shrink=0.7
-        )
-        return png(fig)

@@ -6,9 +6,10 @@ import sys
 
 CALLEE = "from vjm.kernels.compilation import kernel\n\n\n@kernel\ndef factor(x):\n    return {} * x\n"
 CALLER = (
-    "from callee import factor\nfrom vjm.kernels.compilation import entry\n\n\n"
+    "from callee import factor\nfrom vjm.kernels.compilation import entry\n"
+    "from vjm.kernels.compiling import watchers\n\nsaid = []\nwatchers.append(said.append)\n\n\n"
     "@entry\ndef scaled(x):\n    return factor(x)\n\n\n"
-    "print(scaled(3.0), sum(scaled.stats.cache_hits.values()))\n"
+    "print(scaled(3.0), sum(scaled.stats.cache_hits.values()), *said)\n"
 )
 
 
@@ -24,4 +25,5 @@ def test_a_change_of_what_a_kernel_calls_is_seen(tmp_path):
         )
         said.append(run.stdout.split())
     # the second run finds what the first has kept, the third must not
-    assert said == [["6.0", "0"], ["6.0", "1"], ["15.0", "0"]]
+    # and who watches is told of each kernel that is compiled, of none that is loaded
+    assert said == [["6.0", "0", "scaled", "factor"], ["6.0", "1"], ["15.0", "0", "scaled", "factor"]]

@@ -70,8 +70,9 @@ def test_a_deflection_over_the_tool_s_place_is_that_of_the_posture_there():
 
 def test_its_files(tmp_path):
     found = map_arm(two_links(), VjmEngine(), Quantity.STIFFNESS, "j0=0:1:3,j1=0.5:2:4", "bent")
-    files = write_arm_map(found, tmp_path)
+    files, left_out = write_arm_map(found, tmp_path)
     assert [file.name for file in files] == ["map.csv", "map.png"]
+    assert left_out == []
     lines = files[0].read_text().splitlines()
     rows = list(csv.DictReader(lines[1:]))
     assert lines[0].startswith("# model=two engine=vjm-paper quantity=stiffness")

@@ -201,7 +201,7 @@ def test_titles_are_drawn_as_they_stand_and_break_no_file(tmp_path):
     """A title that is a formula, no formula, and a tag: the figure is drawn, and the files hold none of it."""
     machine = replace(load_manipulator("parallelogram"), title=r"<img src=x onerror=alert(1)> $\frac{ & $5")
     wanted = Map(machine, VjmEngine(), Quantity.STIFFNESS, parsed_grid("x=0:1:2", machine))
-    files = write_map(run_map(wanted, tmp_path), tmp_path)
+    files, _ = write_map(run_map(wanted, tmp_path), tmp_path)
     for file in files:
         if file.suffix in (".csv", ".vtr"):
             assert b"onerror" not in file.read_bytes()

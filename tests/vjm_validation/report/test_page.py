@@ -4,6 +4,7 @@ import base64
 import csv
 import errno
 import hashlib
+import html
 import io
 import os
 import re
@@ -14,6 +15,8 @@ import pytest
 from PIL import Image
 
 from vjm.continuation.direction import Direction
+from vjm_fea.factories import EXUDYN_MISSING
+from vjm_fea.opensees.backend import MISSING
 from vjm_output.off_screen import why_not_rendered
 from vjm_validation.report import page
 from vjm_validation.report.findings import findings
@@ -118,15 +121,33 @@ def test_only_the_page_s_own_script_may_run(text):
 
 def test_what_was_not_run_is_not_passed(run, bare, tmp_path):
     known = run.summary["verification"][0]
-    run.summary["verification"] += [{**known, "passed": None, "not_run": "OpenSees is not installed"}] * 3
+    run.summary["verification"] += [{**known, "passed": None, "not_run": EXUDYN_MISSING}] * 3
     run.summary["acceptance"].append(
-        {"name": "agreement of a and b", "requirement": "close", "value": "not run: OpenSees", "passed": None}
+        {
+            "name": "agreement of a and b",
+            "requirement": "close",
+            "value": f"not run: {EXUDYN_MISSING}",
+            "passed": None,
+        }
     )
     text = write_report(run, tmp_path).read_text()
     assert "All 2 checks that were run passed; 4 were not run." in text
     cells = re.findall(r'<td class="yes">(\d+)</td><td>(\d+)</td><td class="missing">(\d+)</td>', text)
     assert cells == [("1", "0", "1"), ("1", "0", "3")]
-    assert "OpenSees is not installed" in text
+    assert '<div class="verdict differs">' in text
+    assert f"{html.escape(EXUDYN_MISSING, quote=False)}" in html.unescape(text)
+
+
+def test_an_optional_engine_that_is_not_installed_is_one_grey_line(run, bare, tmp_path):
+    known = {**run.summary["verification"][0], "engine": "opensees", "passed": None}
+    run.summary["verification"] += [{**known, "not_run": MISSING}] * 3
+    run.summary["verification"].append({**known, "not_run": "its corotational beams are rigid in shear"})
+    text = html.unescape(write_report(run, tmp_path).read_text())
+    assert "All 2 checks that were run passed." in text
+    assert '<div class="verdict agrees">' in text
+    assert 'class="missing"' not in text
+    said = f"Not asked: {MISSING} (3 checks); opensees: its corotational beams are rigid in shear (1 check)</p>"
+    assert f'<p class="reason soft">{said}' in text
 
 
 def test_the_matrix_colours_by_tolerance(computed):

@@ -15,7 +15,7 @@ from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 from vjm import __version__
 from vjm.errors import NoConvergenceError
 from vjm.io.solid_provider import provide
-from vjm.kernels.first_use import interpreted_meanwhile
+from vjm.kernels.compiling import watchers
 from vjm_output import terminal
 from vjm_validation.cli.examples import epilogue
 from vjm_validation.cli.status import BAD_INPUT, GAVE_UP, INTERRUPTED, OK
@@ -85,8 +85,6 @@ def _compute(path: Path, table: SolidTable, key: str) -> SolidResult:
 provide(_compute)
 
 
-FEW_PATHS = ("curve", "stiffness", "buckling")
-"""Commands that are done, interpreted, before the kernels are compiled."""
 EXTRAS = {
     "exudyn": "fea",
     "matplotlib": "report",
@@ -119,6 +117,10 @@ def lacking(error: BaseException) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command and exit with its status."""
+    # This process is the command's own, and so are those that it starts: one thread of linear algebra, for the
+    # reason in `vjm.threads`. NumPy, which is not imported yet, reads it once. A number that is set already stays.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
     # whoever stops a run politely gets what Ctrl-C gives: finished work stays, and one line says so
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     if sys.stdout is None or sys.stderr is None:
@@ -126,8 +128,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         nowhere = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (for the rest of the process)
         sys.stdout, sys.stderr = sys.stdout or nowhere, sys.stderr or nowhere
     words = sys.argv[1:] if arguments is None else arguments
-    if words and words[0] in FEW_PATHS and "--help" not in words and interpreted_meanwhile():
-        terminal.error("note: interpreted for once, while the kernels are compiled in the background")
+    watchers.append(terminal.compiling())
     status = run(words)
     try:
         sys.stdout.flush()

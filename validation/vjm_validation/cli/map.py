@@ -110,8 +110,8 @@ def map_(
         )
         return INTERRUPTED
     places = result.map.grid.poses()[:, :3]
-    files = write_map(result, folder)
-    found = Mapped(machine, springs.label, quantity, places, result.values, result.why, files)
+    files, left_out = write_map(result, folder)
+    found = Mapped(machine, springs.label, quantity, places, result.values, result.why, files, left_out)
     return _said(found, doubts, plot, report, json=json)
 
 
@@ -127,6 +127,7 @@ class Mapped:
         values: ``(g, k)`` in the order of `COLUMNS`.
         why: ``ok``, or why there is no value.
         files: that were written.
+        left_out: a line for each that was not, with the reason.
         joints: of an arm, ``(g,)`` coordinates of each.
     """
 
@@ -137,6 +138,7 @@ class Mapped:
     values: np.ndarray
     why: Sequence[str]
     files: Sequence[Path]
+    left_out: Sequence[str]
     joints: dict[str, np.ndarray] = field(default_factory=dict)
 
 
@@ -158,15 +160,17 @@ def _of_arm(
     on_end = (0.0,) * 6 if not wrench and (gravity or loads) else _wrench(wrench, quantity)
     with locked(folder):
         found = map_arm(chain, springs, quantity, grid, label, wrench=on_end, gravity=gravity, loads=loads, end=end)
-        files = write_arm_map(found, folder)
+        files, left_out = write_arm_map(found, folder)
     joints = dict(zip(found.joints, found.q.T, strict=True))
-    return Mapped(chain, springs.label, quantity, found.tool, found.values, found.why, files, joints)
+    return Mapped(chain, springs.label, quantity, found.tool, found.values, found.why, files, left_out, joints)
 
 
 def _said(found: Mapped, doubts: Sequence[Finding], plot: Path | None, report: Path | None, *, json: bool) -> int:
     """What a map holds, in some lines or as a document."""
     if json:
         sys.stdout.write(as_json(_document(found, doubts)))
+        for line in found.left_out:
+            terminal.error(line)
         pages.draw(plot, report, lambda: _content(found), None)
         return 0
     console = terminal.console()
@@ -182,8 +186,8 @@ def _said(found: Mapped, doubts: Sequence[Finding], plot: Path | None, report: P
     reasons = [each for each in found.why if each != OK]
     for reason in list(dict.fromkeys(reasons))[:5]:
         console.print(f"  {reasons.count(reason)} poses: {reason}", soft_wrap=True)
-    for file in found.files:
-        console.print(f"{file}", soft_wrap=True)
+    for line in (*found.files, *found.left_out):
+        console.print(f"{line}", soft_wrap=True)
     pages.draw(plot, report, lambda: _content(found), console)
     sys.stdout.flush()
     return 0

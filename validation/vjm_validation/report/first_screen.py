@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from vjm.continuation.direction import Direction
+from vjm_fea.opensees.backend import MISSING
 from vjm_output.number_text import DASH, listed, number, percent
 from vjm_output.plot_style import FE, PAPER, engine_order
 from vjm_validation.acceptance import CURVE_AGREEMENT, LOAD_AGREEMENT, MODEL_ROW
@@ -27,7 +28,7 @@ class Count:
         chapter: where they stand.
         passed: how many.
         failed: how many.
-        not_run: how many.
+        not_run: how many that were meant to run.
     """
 
     name: str
@@ -81,7 +82,7 @@ class Matrix:
 
 
 def counts(summary: Mapping[str, Any]) -> list[Count]:
-    """Checks by kind; what was not run is neither passed nor failed."""
+    """Checks by kind, without those that were not meant to run; what was not run is neither passed nor failed."""
     names = (
         ("requirements of acceptance", "checks", "acceptance"),
         ("known answers", "verification", "verification"),
@@ -89,26 +90,50 @@ def counts(summary: Mapping[str, Any]) -> list[Count]:
     )
     found = []
     for name, chapter, key in names:
-        passed = [row["passed"] for row in summary.get(key, ())]
-        if passed:
-            found.append(Count(name, chapter, *(sum(one is v for one in passed) for v in (True, False, None))))
+        rows = [row for row in summary.get(key, ()) if row["passed"] is not None or not _expected(_why(row))]
+        if rows:
+            found.append(
+                Count(name, chapter, *(sum(row["passed"] is v for row in rows) for v in (True, False, None)))
+            )
     return found
 
 
-def not_run_because(summary: Mapping[str, Any]) -> list[str]:
-    """Why checks were not run and how many by that reason, the commonest first."""
-    reasons: dict[str, int] = {}
+def not_run_because(summary: Mapping[str, Any]) -> tuple[list[str], list[str]]:
+    """Why checks were not run, and how many by each reason, the commonest first.
+
+    Returns:
+        The reasons of those that were meant to run, and of those that were not: an optional engine is not
+        installed, or an engine does not have what a case asks for.
+    """
+    meant: dict[str, int] = {}
+    expected: dict[str, int] = {}
     for key in ("acceptance", "verification", "triangulation"):
         for row in summary.get(key, ()):
             if row["passed"] is None:
-                why = str(row.get("not_run") or row.get("value") or "no reason given")
-                # the same reason is told with and without what was refused in front of it
-                for begin in ("not run: ", "refused: "):
-                    why = why.replace(begin, "")
-                engine = row.get("engine")
-                if engine and not why.startswith(f"{engine}: "):
-                    why = f"{engine}: {why}"
+                why = _why(row)
+                reasons = expected if _expected(why) else meant
                 reasons[why] = reasons.get(why, 0) + 1
+    return _listed(meant), _listed(expected)
+
+
+def _why(row: Mapping[str, Any]) -> str:
+    """Why a check was not run."""
+    why = str(row.get("not_run") or row.get("value") or "no reason given")
+    # the same reason is told with and without the engine in front of it, and once for each engine of a pair
+    for begin in ("not run: ", "refused: "):
+        why = why.replace(begin, "")
+    if MISSING in why:
+        return MISSING
+    engine = row.get("engine")
+    return f"{engine}: {why}" if engine and not why.startswith(f"{engine}: ") else why
+
+
+def _expected(why: str) -> bool:
+    """Whether the reason is no fault of the installation: it lacks nothing, or only the optional engine."""
+    return why == MISSING or "pip install" not in why
+
+
+def _listed(reasons: Mapping[str, int]) -> list[str]:
     ordered = sorted(reasons.items(), key=lambda item: -item[1])
     return [f"{why} ({count} {'check' if count == 1 else 'checks'})" for why, count in ordered[:SHOWN]]
 

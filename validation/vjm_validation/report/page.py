@@ -109,6 +109,7 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
     ]
     found = findings(run, no_renders)
     checked = counts_of(run.summary)
+    not_run, not_asked = not_run_because(run.summary)
     tone, words = verdict(checked, run.summary.get("notes", ()))
     chapters = _chapters(sections, {
         "lumping": proofs, "foot": foot, "end-conditions": supports, "table2": run.summary.get("published"),
@@ -122,7 +123,8 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         verdict_words=words,
         checked=checked,
         failing=failing(run.summary),
-        not_run=not_run_because(run.summary),
+        not_run=not_run,
+        not_asked=not_asked,
         wrong=wrong_in_the_paper(run),
         matrix=matrix(run),
         tolerances=TOLERANCES,

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vjm.continuation.direction import Direction
 from vjm.continuation.imperfections import ImperfectionCurve
 from vjm.continuation.path import Path
 from vjm.model.chain import Chain
 from vjm_validation.studies.discovery_results import DiscoveryStudy
-from vjm_validation.studies.parallelogram import Study as ParallelogramStudy
 from vjm_validation.studies.printed_matrices import PrintedMatrices
-from vjm_validation.studies.robots import RobotStudy
+
+if TYPE_CHECKING:
+    # they need the finite elements, which a page of one path does not
+    from vjm_validation.studies.parallelogram import Study as ParallelogramStudy
+    from vjm_validation.studies.robots import RobotStudy
 
 
 @dataclass(frozen=True, order=True)

@@ -1,0 +1,104 @@
+"""A map's pictures: a figure, and a render of the workspace."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from vjm.rotations import Array
+from vjm_output.plot_style import PAGE_WIDTH, figure, plain, png
+from vjm_updating.maps.evaluate import COLUMNS, OK
+from vjm_updating.maps.output import SHOWN, TITLES, cube_of
+from vjm_updating.maps.run import MapResult
+
+SLICES = 3
+"""Panels of the figure: levels of z."""
+
+
+def map_figure(result: MapResult) -> bytes:
+    """Levels of z side by side, one colour scale."""
+    wanted = result.map
+    x, y, z = (np.array(axis) for axis in wanted.grid.axes)
+    cube = cube_of(result, SHOWN[wanted.quantity])
+    levels = sorted({round(float(k)) for k in np.linspace(0, len(z) - 1, min(SLICES, len(z)))})
+    finite = cube[np.isfinite(cube)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+    with figure(3.0, len(levels), sharey=True) as (fig, axes):
+        for ax, level in zip(axes, levels, strict=True):
+            image = ax.pcolormesh(
+                _edges(x), _edges(y), cube[:, :, level].T, vmin=low, vmax=high, cmap="viridis", rasterized=True
+            )
+            ax.set_title(f"z = {z[level]:g} mm")
+            ax.set_xlabel("x, mm")
+            ax.set_aspect("equal")
+            # the cells are centred on the poses: what they reach beyond the outermost is no workspace
+            ax.set(xlim=_ends(x), ylim=_ends(y))
+            ax.grid(False)
+        axes[0].set_ylabel("y, mm")
+        fig.colorbar(image, ax=axes, label=TITLES[wanted.quantity], shrink=0.8)
+        missing = sum(why != OK for why in result.why)
+        _subtitle(fig, f"{wanted.manipulator.title}: {wanted.springs.label}", missing)
+        return png(fig)
+
+
+def _subtitle(fig: Figure, text: str, missing: int) -> None:
+    white = f"; {missing} poses without an answer are white" if missing else ""
+    fig.suptitle(plain(text) + white, fontsize=8.5)
+
+
+def _ends(centres: Array) -> tuple[float, float]:
+    """What a panel shows: from the first pose to the last, or the one cell where there is but one."""
+    shown = centres if len(centres) > 1 else _edges(centres)
+    return float(shown[0]), float(shown[-1])
+
+
+def _edges(centres: Array) -> Array:
+    if len(centres) == 1:
+        return centres[0] + np.array([-0.5, 0.5])
+    middle = 0.5 * (centres[1:] + centres[:-1])
+    return np.concatenate([[2 * centres[0] - middle[0]], middle, [2 * centres[-1] - middle[-1]]])
+
+
+def render(result: MapResult) -> bytes:
+    """The workspace in space, off the screen: three planes through its middle, or all points where it is flat."""
+    import pyvista
+
+    # VTK tries an X display first and would write about its absence on stderr
+    pyvista.vtk_verbosity("off")
+    wanted = result.map
+    grid: Any = pyvista.RectilinearGrid(*(np.array(axis) for axis in wanted.grid.axes))
+    column = SHOWN[wanted.quantity]
+    name = COLUMNS[wanted.quantity][column]
+    grid.point_data[name] = cube_of(result, column).ravel(order="F")
+    plotter: Any = pyvista.Plotter(off_screen=True, window_size=[int(130 * PAGE_WIDTH), 700])
+    plotter.background_color = "white"
+    body = grid.slice_orthogonal() if min(wanted.grid.shape) > 1 else grid
+    values = cube_of(result, column)[np.isfinite(cube_of(result, column))]
+    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
+    plotter.add_mesh(
+        body,
+        scalars=name,
+        clim=(low, high),
+        cmap="viridis",
+        lighting=False,
+        nan_color="white",
+        show_scalar_bar=False,
+    )  # fmt: skip
+    plotter.add_mesh(grid.outline(), color="#888888")
+    plotter.show_bounds(
+        xtitle="x, mm", ytitle="y, mm", ztitle="z, mm", color="black", font_size=10, location="outer"
+    )
+    plotter.view_isometric()
+    picture = plotter.screenshot(return_img=True)
+    plotter.close()
+    with figure(0.8 * PAGE_WIDTH * picture.shape[0] / picture.shape[1], 1) as (fig, axes):
+        axes[0].imshow(picture)
+        axes[0].axis("off")
+        fig.colorbar(
+            ScalarMappable(Normalize(low, high), "viridis"), ax=axes[0], label=TITLES[wanted.quantity], shrink=0.7
+        )
+        return png(fig)
