@@ -32,9 +32,7 @@ def environment(folder):
 def seconds(words, folder, expected):
     """Processor time of a command, user and system, which keeps what it compiles in this folder."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run(
-        [*VALIDATE, *words], env=environment(folder), check=True, capture_output=True, text=True
-    )
+    done = subprocess.run([*VALIDATE, *words], env=environment(folder), check=True, capture_output=True, text=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert expected in done.stdout
     return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime

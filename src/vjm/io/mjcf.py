@@ -106,7 +106,7 @@ class _Reader:
             here = METRE * np.array(model.jnt_pos[joint])
             last = joint == moving[-1] and not here.any()
             child = name if last else f"{name}-{k + 1}"
-            bodies.setdefault(child, Body(child))
+            bodies.setdefault(child, Body(child, between=True))
             place = _placing(shift, turns, here - anchor)
             if not self._name("JOINT", joint):
                 self._notes.changed.append(f"a joint of body '{name}' has no name: '{self._joint_name(joint)}'")

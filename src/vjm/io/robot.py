@@ -59,11 +59,12 @@ def axis_key(axis: Array) -> str | list[float]:
 
 @dataclass(frozen=True)
 class Body:
-    """A link: its mass, kg, and centre of mass, mm in its frame."""
+    """A link: its mass, kg, and centre of mass, mm in its frame; ``between`` joints of a link it is none itself."""
 
     name: str
     mass: float = 0.0
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    between: bool = False
 
 
 @dataclass(frozen=True)

@@ -206,7 +206,7 @@ class _Writer:
     def _say_massless(self) -> None:
         heavy = {self._carried_by[name] for name, body in self._robot.bodies.items() if body.mass}
         light = [name for name in self._robot.bodies if name not in heavy and self._carried_by[name] == name]
-        light = [name for name in light if name != self._robot.root]
+        light = [name for name in light if name != self._robot.root and not self._robot.bodies[name].between]
         if light:
             self._notes.doubtful.append(f"moving links without mass: {', '.join(light)}; they weigh nothing")
 

@@ -182,6 +182,8 @@ def usable_limits(
         doubts.append(f"joint '{name}': its limits are {how}: taken as none")
         return None, low if low == high and abs(low) <= farthest else 0.0
     if low <= -HUGE and high >= HUGE:
+        if not (math.isinf(low) and math.isinf(high)):
+            changed.append(f"joint '{name}': its limits are beyond {printed(HUGE)} {unit}: none")
         return None, 0.0
     if max(-low, high) > HUGE:
         changed.append(f"joint '{name}': its limit beyond {printed(HUGE)} {unit} became that")

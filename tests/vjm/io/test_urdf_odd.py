@@ -155,6 +155,7 @@ def test_a_refusal_names_line_and_remedy(tmp_path, changes, says):
         ({"j2": joint("j.2", "l1", "l2")}, "changed: joint 'j.2' is called 'j-2'"),
         ({"robot": "<robot>"}, "changed: the robot has no name: called 'arm'"),
         ({"robot": '<robot name="arm" version="2.7">'}, "version '2.7' is not known"),
+        ({"j2": joint("j2", "l1", "l2", more='<limit lower="-1e9" upper="1e16"/>')}, "limits are beyond 100000"),
         ({"j2": joint("j2", "l1", "l2", more='<limit lower="-inf" upper="1"/>')}, "its limit beyond 100000 rad"),
     ],
 )  # fmt: skip
