@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import eig, eigh, eigvals, eigvalsh, qr
 
 from vjm.rotations import Array
+from vjm.statics.stability import without_neutral
 
 ROUNDING = 1e-11
 """Scaled stiffness of what is held below which it is zero but for rounding."""
@@ -202,7 +203,8 @@ class Tangent:
         if not len(values):
             return Verdict(float("nan"), 0, 0.0)
         real = values[is_real(values)].real
-        negative = int(np.count_nonzero(real < -neutral))
+        negative, sure = (int(np.count_nonzero(real < limit)) for limit in (0.0, -neutral))
+        negative = without_neutral(negative, negative - sure, self.symmetric)
         if self.symmetric:
             return Verdict(float(values[0]), negative, rounding)
         nearest = values[np.argmin(np.abs(values))]

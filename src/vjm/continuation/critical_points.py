@@ -84,6 +84,12 @@ def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium, tolerance: flo
             lost = p.unstable > a.unstable or -vanished < p.eigenvalue < 0.0
             return math.copysign(p.eigenvalue, -1.0 if lost else 1.0)
 
+        if value(a) <= 0.0:
+            # negative by rounding before and behind: only a single one can have passed zero
+            if (b.unstable - a.unstable) % 2:
+                return a
+            raise NoConvergenceError("the smallest eigenvalue jumps")
+
     critical = locate(problem, a, b, value, tolerance)
     uncertain, sharp = critical.rounding * (b.s - a.s), abs(b.eigenvalue - a.eigenvalue) * critical.s
     if uncertain > KNOWN * sharp:

@@ -17,7 +17,7 @@ from vjm.model.load_case import LoadCase
 from vjm.model.loaded_model import LoadedModel
 from vjm.rotations import Array, displaced
 from vjm.statics.equilibrium import Configuration, solve_newton
-from vjm.statics.stability import Stability, critical_modes, stability
+from vjm.statics.stability import Stability, critical_modes, stability, without_neutral
 from vjm.statics.stiffness import loaded_stiffness
 
 ROUNDING = 1e-10
@@ -180,9 +180,9 @@ class LoadedProblem(ABC, Generic[M]):
         """What the path keeps of a configuration: stiffness (18), stability, shape."""
         K = self._stiffness(at)
         verdict = self._stability(at)
-        unstable = verdict.unstable
-        if unstable and abs(verdict.eigenvalue) < NEUTRAL * abs(self._softest):
-            unstable -= 1
+        unstable = without_neutral(
+            verdict.unstable, int(-NEUTRAL * abs(self._softest) < verdict.eigenvalue < 0.0), self.conservative
+        )
         return Equilibrium(
             s=s,
             displacement=self._displacement(at, ramp),
