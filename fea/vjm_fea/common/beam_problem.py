@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from vjm.continuation.critical_points import NEUTRAL
 from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
@@ -22,8 +23,6 @@ from vjm_fea.common.points import Place
 MAX_ITERATIONS = 25
 DIVERGED = 1e6
 """Scaled residual from which Newton's method does not come back."""
-NEUTRAL = 1e-6
-"""Eigenvalue over the smallest unloaded one up to which a motion costs nothing."""
 SURE = 1e-2
 """Share of the tolerance below which a state needs no further step: elsewhere one more is taken, since near
 critical points, where the stiffness is small, a state within the tolerance may still be far off."""

@@ -19,6 +19,9 @@ from vjm.continuation.problem import Problem
 from vjm.errors import NoConvergenceError, UndecidedError
 from vjm.rotations import Array
 
+NEUTRAL = 1e-6
+"""Eigenvalue over the smallest unloaded one up to which a motion costs nothing. A bowed bar that bends alike in all
+planes turns freely about its chord; that the springs' order of turns prefers one plane is not instability."""
 KNOWN = 1e-4
 """Share of its value to which a critical point is promised to be located."""
 VANISHED = 1e-4

@@ -16,6 +16,7 @@ import numpy as np
 from vjm.continuation.critical_points import WithoutPairs, bifurcation, locate, only_a_pair
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
 from vjm.continuation.problem import Problem
+from vjm.continuation.stability_dips import hidden_change
 from vjm.errors import NoConvergenceError, UndecidedError
 from vjm.model.load_case import LoadCase, PointControl
 from vjm.rotations import Array
@@ -174,6 +175,8 @@ class _Trace:
                 if step < self.control.smallest * self.length:
                     return f"no equilibrium beyond {here.s:.6g} but one that is a jump away{self._ahead(here)}"
                 continue
+            if there.unstable == here.unstable:
+                here, there = self._unhidden(here, there)
             if there.unstable > 0 and here.unstable <= 0:
                 try:
                     critical = bifurcation(self.problem, here, there, EVENT_TOLERANCE * self.length)
@@ -214,6 +217,24 @@ class _Trace:
             largest = self.length if grid is not None else self.control.largest * self.length
             step = min(largest, done * (2.0 if bend < 0.5 * self.control.bend else 1.2))
         return ""
+
+    def _unhidden(self, here: Equilibrium, there: Equilibrium) -> tuple[Equilibrium, Equilibrium]:
+        """The last point and the new one, or, where stability is lost and won back before, those at the loss."""
+        row = [*self.points[self.branch_start :][-2:], there]
+        smallest = self.control.smallest * self.length
+        found = hidden_change(self.problem, row, self.points[0].eigenvalue, smallest)
+        if found is None:
+            return here, there
+        before, lost = found
+        try:
+            bifurcation(self.problem, before, lost, EVENT_TOLERANCE * self.length)
+        except UndecidedError:
+            pass  # which is said where the path ends
+        except NoConvergenceError:
+            return here, there
+        self.points = [p for p in self.points if p.s < before.s] + [before]
+        self.events = [e for e in self.events if e.s <= before.s]
+        return before, lost
 
     def _ahead(self, here: Equilibrium) -> str:
         """What a path that ends close to a critical point has before it."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from vjm.continuation.bordered_newton import Border, solve_bordered
 from vjm.continuation.branch_shape import behind_bifurcation
+from vjm.continuation.critical_points import NEUTRAL
 from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
@@ -22,9 +23,6 @@ from vjm.statics.stiffness import loaded_stiffness
 
 ROUNDING = 1e-10
 """Stiffness, in the model's own units, below which an entry of K^F is zero but for rounding."""
-NEUTRAL = 1e-6
-"""Eigenvalue over the smallest unloaded one up to which a motion costs nothing. A bowed bar that bends alike in all
-planes turns freely about its chord; that the springs' order of turns prefers one plane is not instability."""
 DIRECTIONS = 8
 """In which a branch is looked for where two modes lose their stability at once, over half a turn between them."""
 FIRST_AMPLITUDE = 1e-3
