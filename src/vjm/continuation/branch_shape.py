@@ -1,15 +1,15 @@
 """Which way a branch leaves a bifurcation: computed from points on it, with its error, or undecided.
 
-On the branch the path's parameter is ``s = s₀ + c₁ a + c₂ a² + …`` with the amplitude a of the critical mode. Points
-are taken at ±a, ±2a, ±4a …, each from the ones before it. Half their difference over a gives c₁, their mean's distance
-from the critical value over a² gives c₂ (Koiter's coefficients, here by Richardson's extrapolation). A statement is
-made only where all of this holds:
+On the branch the path's parameter is ``s = s₀ + c₁ a + c₂ a² + …`` with the amplitude a of the critical mode.
+Points are taken at ±a, ±2a, ±4a …, each from the ones before it. Half their difference over a gives c₁, their
+mean's distance from the critical value over a² gives c₂ (Koiter's coefficients, here by Richardson's
+extrapolation). A statement is made only where all of this holds:
 
 * three estimates in a row agree;
-* the points run into the critical point: the mean's parameter and shape, extrapolated to no amplitude, are the critical
-  ones within the extrapolation's own error. Points of another branch do not;
-* a falling branch is unstable, as exchange of stability asks (Crandall and Rabinowitz, *Arch. Rational Mech. Anal.* 52,
-  1973).
+* the points run into the critical point: the mean's parameter and shape, extrapolated to no amplitude, are the
+  critical ones within the extrapolation's own error. Points of another branch are not;
+* a falling branch is unstable, as exchange of stability asks (Crandall and Rabinowitz, *Arch. Rational Mech.
+  Anal.* 52, 1973).
 """
 
 from __future__ import annotations
@@ -30,8 +30,9 @@ AGREE = 0.25
 IN_A_ROW = 3
 """Estimates that have to agree."""
 MET = 1e-2
-"""Distance of the extrapolated shape from the critical one, over the deflection at the smallest amplitude in the row,
-up to which they are one beside the extrapolation's error: the solver's tolerance near a critical point."""
+"""Distance of the extrapolated parameter and shape from the critical ones, over their change at the row's smallest
+amplitude, that is allowed beside the extrapolation's error. Near a critical point a solver's tolerance leaves as
+much; points of another branch miss by more than they change."""
 LOCATED = 1e-9
 """Share of a path's length to which its critical points are located."""
 NEIGHBOUR = 20.0
@@ -90,7 +91,7 @@ class NoStableBranchError(NoConvergenceError):
 
 
 Along = Callable[[float, Array], Equilibrium]
-"""The branch's point at an amplitude of either sign, from a state that is near it; may raise `NoConvergenceError`."""
+"""The branch's point at an amplitude of either sign, from a state near it; it may raise `NoConvergenceError`."""
 
 
 def branch_shape(along: Along, critical: Equilibrium, mode: Array, resolution: float, sizes: Array) -> BranchShape:
@@ -113,7 +114,8 @@ def branch_shape(along: Along, critical: Equilibrium, mode: Array, resolution: f
                 for sign, states in zip((1.0, -1.0), sides, strict=True)
             )
         except NoConvergenceError as failure:
-            why = f"no point of the branch at the amplitude {size:.2g} ({failure})" if len(pairs) < IN_A_ROW else why
+            if len(pairs) < IN_A_ROW:
+                why = f"no point of the branch at the amplitude {size:.2g} ({failure})"
             break
         for states, point in zip(sides, (ahead, behind), strict=True):
             states.append(point.state)
@@ -157,7 +159,9 @@ def _decided(row: Sequence[_Pair], critical: Equilibrium, resolution: float) -> 
     first, last = row[0], row[-1]
     slope, slope_error = _extrapolated([pair.odd for pair in row])
     curvature, curvature_error = _extrapolated([pair.even(critical) for pair in row])
-    curvature_error += resolution / first.size**2
+    # the critical value's error, which the solver's tolerance may make larger than its resolution
+    missed = abs(_extrapolated([pair.size**2 * pair.even(critical) for pair in row])[0])
+    curvature_error += max(resolution, missed) / first.size**2
     # where the branch turns back before the critical value's own error, its slope is none
     excursion = 0.25 * slope**2 / abs(curvature) if curvature else np.inf
     if abs(slope) > slope_error and _agree([p.odd for p in row]) and abs(slope) > abs(curvature) * last.size:
@@ -173,7 +177,7 @@ def _decided(row: Sequence[_Pair], critical: Equilibrium, resolution: float) -> 
     if away:
         return away
     falling = [p for p in (last.ahead, last.behind) if p.s < critical.s - resolution]
-    if any(point.unstable == 0 for point in falling):
+    if any(point.unstable == 0 and point.eigenvalue > 0.0 for point in falling):
         return "points of the branch below the critical one are stable"
     if leaving is Leaving.ASYMMETRIC:
         curvature = 0.0
@@ -190,14 +194,15 @@ def _extrapolated(estimates: Sequence[float]) -> tuple[float, float]:
 
 def _agree(estimates: Sequence[float]) -> bool:
     largest = max(abs(value) for value in estimates)
-    return 0.0 < largest and max(estimates) - min(estimates) <= AGREE * largest
+    return largest > 0.0 and max(estimates) - min(estimates) <= AGREE * largest
 
 
 def _missed(row: Sequence[_Pair], critical: Equilibrium, resolution: float) -> str:
     """By how much the points, extrapolated to no amplitude, miss the critical one; empty where they meet it."""
-    means = [0.5 * (pair.ahead.s + pair.behind.s) - critical.s for pair in row]
+    means = [pair.size**2 * pair.even(critical) for pair in row]
     at_zero, error = _extrapolated(means)
-    if abs(at_zero) > error + resolution:
+    change = max(abs(means[0]), row[0].size * abs(row[0].odd))
+    if abs(at_zero) > error + resolution + MET * change:
         return f"at no amplitude the points found have a parameter that is off by {abs(at_zero):.2g}"
     shapes = [0.5 * (pair.ahead.shape + pair.behind.shape) - critical.shape for pair in row]
     two = (4.0 * shapes[0] - shapes[1]) / 3.0

@@ -23,7 +23,7 @@ from vjm.statics.stiffness import loaded_stiffness
 
 ROUNDING = 1e-10
 """Stiffness, in the model's own units, below which an entry of K^F is zero but for rounding."""
-AMPLITUDES = 1e-3 * 2.0 ** np.arange(8)
+AMPLITUDES = np.array([1e-3 * 2.0**k for k in range(8)])
 """Scaled amplitudes of the critical mode at which a crossing branch is looked at, to tell which way it leads."""
 DIFFERENCE = 1e-6
 """Scaled step of differences of the residual: errors of its square, and of rounding over it."""
@@ -267,11 +267,10 @@ class LoadedProblem(ABC, Generic[M]):
     def _with_wrench(self, at: Configuration[M], mode: Array) -> Array:
         """Change of the whole state ``(n + 7,)`` along a critical mode ``(n,)``: the support's wrench changes too.
 
-        It is the one that keeps the joints in equilibrium. Both sides are differences of the residual in the wrench,
-        which is nearly linear in it, and in the mode.
+        The wrench is the one that keeps the joints in equilibrium, by differences of the residual.
         """
         compiled, unit = self.model.compiled, self.model.coordinate_scale
-        target = self.target(float(at.load))
+        target = self._pose0  # the gap, in which alone it counts, is not asked for
 
         def statics(x: Array, wrench: Array) -> Array:
             return compiled.residual(x, wrench, target, at.load)[0] * unit

@@ -1,15 +1,16 @@
 """Short stretches of other stability between points of a path, which no point shows.
 
-Between points of equal stability the eigenvalue nearest zero can pass zero twice only where its magnitude has an inner
-minimum. Where three points show one, the two intervals beside it are halved. The parabola through the three says what
-is to be expected in their middles, and its error there how far it may be wrong elsewhere: two modes that change places
-leave a kink, which no polynomial follows. This goes on with the points beside the least value, until the parabola's
-least value, less its error, is above zero, or a point of other stability is found.
+Between points of equal stability the eigenvalue nearest zero can pass zero twice only where its magnitude has an
+inner minimum. Where three points show one, the two intervals beside it are halved. The parabola through the three
+says what is to be expected in their middles, and its error there how far it may be wrong elsewhere: two modes that
+change places leave a kink, which no polynomial follows. This goes on with the points beside the least value, until
+the parabola's least value, less its error, is above zero, or a point of other stability is found.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -44,7 +45,7 @@ def hidden_change(
     while _is_minimum(a, m, b) and min(abs(a.eigenvalue), abs(b.eigenvalue)) > neutral and b.s - a.s > smallest:
         before, behind = _halfway(problem, a, m), _halfway(problem, m, b)
         points = [p for p in (a, before, m, behind, b) if p is not None]
-        for start, new in zip(points, points[1:], strict=False):
+        for start, new in pairwise(points):
             if new.unstable != m.unstable:
                 return start, new
         if before is None or behind is None:

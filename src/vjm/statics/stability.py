@@ -84,9 +84,9 @@ def stability(at: Configuration[LoadedModel], device: Array | None = None) -> St
 def without_neutral(negative: int, neutral: int, conservative: bool) -> int:
     """Number of negative eigenvalues without those that are negative by rounding only.
 
-    Without a potential the determinant decides. Where it has the sign of the unloaded one, negative eigenvalues come
-    in pairs, however small one of a pair is: none is rounding. A cantilever that a moment of fixed direction rolls up
-    is such: its determinant never vanishes, while one of two negative eigenvalues falls far below rounding of others.
+    Without a potential the determinant decides. Where it has the sign of the unloaded one, negative eigenvalues
+    come in pairs, however small one of a pair is: none is rounding. A cantilever that a moment of fixed direction
+    rolls up is such: its determinant never vanishes, while one of two negative eigenvalues all but does.
 
     Args:
         negative: how many are negative.
