@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Generic, TypeVar
 
 import numpy as np
 
 from vjm.continuation.bordered_newton import Border, solve_bordered
-from vjm.continuation.branch_shape import NEIGHBOUR, behind_bifurcation, firmest
+from vjm.continuation.branch_shape import (
+    LOCATED,
+    NEIGHBOUR,
+    BranchShape,
+    behind_bifurcation,
+    branch_shape,
+    firmest,
+)
 from vjm.continuation.critical_points import NEUTRAL
 from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.errors import NoConvergenceError
@@ -113,16 +120,35 @@ class LoadedProblem(ABC, Generic[M]):
 
         def behind(mode: Array) -> Equilibrium:
             along = self._with_wrench(at, mode)
-
-            def at_amplitude(size: float, near: Array) -> Equilibrium:
-                return self._on_branch(critical, along, size, near)
-
             return behind_bifurcation(
-                critical, lambda: self._branch(critical, along, s), at_amplitude, along, AMPLITUDES,
-                self.load_case.length,
+                critical, lambda: self._branch(critical, along, s), partial(self._on_branch, critical, along), along,
+                AMPLITUDES, self.load_case.length,
             )  # fmt: skip
 
         return firmest(critical_modes(at, self._device(at)), sign, behind)
+
+    def branch_shapes(self, critical: Equilibrium) -> tuple[BranchShape, ...]:
+        """How the branches leave a bifurcation along each of its critical modes, wherever they lead.
+
+        The amplitude is the mode's component of the motion, each coordinate in its unit
+        `vjm.model.loaded_model.LoadedModel.coordinate_scale`.
+
+        Args:
+            critical: an event's point on a path of this problem.
+
+        Example:
+            >>> problem = VjmEngine(8).problem(chain, load_case)  # doctest: +SKIP
+            >>> event = follow(problem, load_case).critical  # doctest: +SKIP
+            >>> print(problem.branch_shapes(event.point)[0])  # doctest: +SKIP
+            it is supercritical: the parameter changes by ...
+        """
+        at = self.configuration(critical)
+        modes = (self._with_wrench(at, mode) for mode in critical_modes(at, self._device(at)))
+        resolution = LOCATED * self.load_case.length
+        return tuple(
+            branch_shape(partial(self._on_branch, critical, mode), critical, mode, resolution, AMPLITUDES)
+            for mode in modes
+        )
 
     def enter(self, critical: Equilibrium, sign: int) -> Equilibrium:
         """A state a little way along the branch that crosses at a bifurcation, wherever it leads."""
