@@ -43,7 +43,10 @@ bifurcation the root of that, of a jump one."""
 SHRUNK = 4
 """So many in a row tell that the path is smooth, and that the last chord was no prolongation of it."""
 JUMP = 1.0
-"""Of a fixed step only one that ends further from the prolongation than it is long is not believed."""
+"""Of a fixed step one that ends further from the prolongation than it is long is not believed."""
+MIDDLE = 0.25
+"""Distance of a step's middle from its chord's, over the chord, from which its ends are not on one path: of a jump it is
+a half, of a root, as beside a fold, a fifth."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +172,8 @@ class _Trace:
             bend = 0.0 if shrunk >= SHRUNK else self._bend(there)
             allowed = self.control.bend if grid is None else JUMP
             small = target - here.s <= SMALL * self.control.smallest * self.length
-            if bend > (max(allowed, JUMPED) if small else allowed):
+            jumps = bend > (max(allowed, JUMPED) if small else allowed)
+            if jumps or (bend > self.control.bend and not self._passes_middle(here, there)):
                 step = 0.5 * (target - here.s)
                 refused = way
                 if step < self.control.smallest * self.length:
@@ -284,6 +288,15 @@ class _Trace:
             ratios.append((at - last) / (last - start))
         missed = [there.shape - b.shape - (b.shape - a.shape) * ratio for ratio in ratios]
         return min(math.sqrt(np.vdot(distance, distance)) for distance in missed) / way
+
+    def _passes_middle(self, a: Equilibrium, b: Equilibrium) -> bool:
+        """Whether the path between two points that the prolongation does not tell passes near their chord's middle."""
+        try:
+            middle = self.problem.solve(0.5 * (a.s + b.s), a, (b.state - a.state) / (b.s - a.s))
+        except NoConvergenceError:
+            return False
+        off = np.linalg.norm(middle.shape - 0.5 * (a.shape + b.shape))
+        return float(off) <= MIDDLE * float(np.linalg.norm(b.shape - a.shape))
 
     def _between(self, a: Equilibrium, b: Equilibrium, value: Callable[[Equilibrium], float]) -> Equilibrium:
         """The point between a and b, on their path, where a value that differs in sign there is zero."""

@@ -72,7 +72,7 @@ def chain_of(column: Column) -> Chain:
 
     for i, (length, EI) in enumerate(zip(column.lengths, column.bending, strict=True)):
         hinge(f"hinge{i}", column.hinges[i])
-        parts.append(Beam(f"beam{i}", length, section=Section(1e9, 1e3 * EI, 1e3 * EI, EI)))
+        parts.append(Beam(f"beam{i}", length, section=Section(1e11, 1e3 * EI, 1e3 * EI, EI)))
     if column.held:
         hinge("end", column.hinges[-1])
     return Chain("column", tuple(parts), postures={"straight": np.array(free)}, held={"straight": held})  # type: ignore[arg-type]
