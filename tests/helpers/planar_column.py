@@ -12,8 +12,8 @@ import numpy as np
 from scipy.linalg import eigh, null_space
 
 PER_BEAM = 32
-DEFLECTED = 0.02
-"""Largest deflection, over the length, of the state with which a buckled path begins."""
+DEFLECTED = (0.02, 0.05, 0.1, 0.01, 0.005)
+"""Largest deflection, over the length, of the state with which a buckled path begins: the first that is found."""
 
 
 @dataclass(frozen=True)
@@ -107,9 +107,7 @@ class Column:
         n = len(self.links)
         for _ in range(30):
             angles, reaction = state[:n], float(state[n]) if self.held else 0.0
-            step = np.linalg.solve(
-                self.tangent(angles, reaction, load), -self.residual(angles, reaction, load)
-            )
+            step = np.linalg.solve(self.tangent(angles, reaction, load), -self.residual(angles, reaction, load))
             if not np.all(np.isfinite(step)) or np.abs(step[:n]).max() > 1.0:
                 return None
             state = state + step
@@ -138,12 +136,12 @@ class Column:
         The third order of the angles and the fourth of the load are left to Newton's method.
         """
         (load, second), (v, reaction) = self.critical(), self._mode()[1:]
-        size = DEFLECTED * float(np.sum(self.lengths))
-        state = size * (np.append(v, reaction) if self.held else v)
-        load += second * size**2
-        found = self.solve(state, load)
-        assert found is not None
-        return found, load
+        for share in DEFLECTED:
+            size = share * float(np.sum(self.lengths))
+            found = self.solve(size * (np.append(v, reaction) if self.held else v), load + second * size**2)
+            if found is not None and self.deflections(found)[1] > 0.5 * size:
+                return found, load + second * size**2
+        raise AssertionError("the dense column's buckled path was not found")
 
     def end(self, state: np.ndarray, load: float, far: float, steps: int = 80) -> tuple[float, dict[float, float]]:
         """Follow stable states by the load.

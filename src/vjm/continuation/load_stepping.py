@@ -16,7 +16,7 @@ import numpy as np
 from vjm.continuation.critical_points import WithoutPairs, bifurcation, locate, only_a_pair
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
 from vjm.continuation.problem import Problem
-from vjm.continuation.stability_dips import hidden_change
+from vjm.continuation.stability_dips import hidden_change, on_one_path
 from vjm.errors import NoConvergenceError, UndecidedError
 from vjm.model.load_case import LoadCase, PointControl
 from vjm.rotations import Array
@@ -44,9 +44,6 @@ SHRUNK = 4
 """So many in a row tell that the path is smooth, and that the last chord was no prolongation of it."""
 JUMP = 1.0
 """Of a fixed step one that ends further from the prolongation than it is long is not believed."""
-MIDDLE = 0.25
-"""Distance of a step's middle from its chord's, over the chord, from which its ends are not on one path: of a jump it is
-a half, of a root, as beside a fold, a fifth."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +170,8 @@ class _Trace:
             allowed = self.control.bend if grid is None else JUMP
             small = target - here.s <= SMALL * self.control.smallest * self.length
             jumps = bend > (max(allowed, JUMPED) if small else allowed)
-            if jumps or (bend > self.control.bend and not self._passes_middle(here, there)):
+            doubtful = bend > self.control.bend or self._nears_fold(there.s)
+            if jumps or (doubtful and not there.unstable > 0 and not on_one_path(self.problem, here, there)):
                 step = 0.5 * (target - here.s)
                 refused = way
                 if step < self.control.smallest * self.length:
@@ -289,14 +287,13 @@ class _Trace:
         missed = [there.shape - b.shape - (b.shape - a.shape) * ratio for ratio in ratios]
         return min(math.sqrt(np.vdot(distance, distance)) for distance in missed) / way
 
-    def _passes_middle(self, a: Equilibrium, b: Equilibrium) -> bool:
-        """Whether the path between two points that the prolongation does not tell passes near their chord's middle."""
-        try:
-            middle = self.problem.solve(0.5 * (a.s + b.s), a, (b.state - a.state) / (b.s - a.s))
-        except NoConvergenceError:
+    def _nears_fold(self, s: float) -> bool:
+        """Whether the smallest eigenvalue, which falls like a root before a fold, is to vanish before ``s``."""
+        if len(self.points) - self.branch_start < 2:
             return False
-        off = np.linalg.norm(middle.shape - 0.5 * (a.shape + b.shape))
-        return float(off) <= MIDDLE * float(np.linalg.norm(b.shape - a.shape))
+        a, b = self.points[-2:]
+        fallen = a.eigenvalue**2 - b.eigenvalue**2
+        return b.eigenvalue**2 * (b.s - a.s) < fallen * (s - b.s)
 
     def _between(self, a: Equilibrium, b: Equilibrium, value: Callable[[Equilibrium], float]) -> Equilibrium:
         """The point between a and b, on their path, where a value that differs in sign there is zero."""

@@ -19,8 +19,9 @@ from vjm.continuation.path import Equilibrium
 from vjm.continuation.problem import Problem
 from vjm.errors import NoConvergenceError
 
-JUMP = 1.0
-"""Distance of a point from the chord, over the chord's length, from which it belongs to another path."""
+MIDDLE = 0.25
+"""Distance of a step's middle from its chord's, over the chord, from which its ends are not on one path: of a jump it
+is a half, of a root, as beside a fold, a fifth."""
 
 
 def hidden_change(
@@ -58,6 +59,15 @@ def hidden_change(
     return None
 
 
+def on_one_path(problem: Problem, a: Equilibrium, b: Equilibrium) -> bool:
+    """Whether two stable points lie on one path: it is near their chord's middle, and stable there.
+
+    Behind a fold a stable state may be near, with the unstable one that ends at the fold between the two.
+    """
+    middle = _halfway(problem, a, b)
+    return middle is not None and middle.unstable == b.unstable
+
+
 def _is_minimum(a: Equilibrium, m: Equilibrium, b: Equilibrium) -> bool:
     return abs(m.eigenvalue) < min(abs(a.eigenvalue), abs(b.eigenvalue)) and a.unstable == m.unstable == b.unstable
 
@@ -89,4 +99,4 @@ def _halfway(problem: Problem, start: Equilibrium, end: Equilibrium) -> Equilibr
     except NoConvergenceError:
         return None
     off = float(np.linalg.norm(new.shape - 0.5 * (start.shape + end.shape)))
-    return new if off <= JUMP * float(np.linalg.norm(end.shape - start.shape)) else None
+    return new if off <= MIDDLE * float(np.linalg.norm(end.shape - start.shape)) else None

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from vjm.continuation.branch_shape import Leaving, NoStableBranchError, branch_shape
-from vjm.continuation.load_stepping import follow
+from vjm.continuation.arc_length import trace
+from vjm.continuation.branch_shape import Leaving, branch_shape
 from vjm.continuation.path import Equilibrium, EventKind
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
-from vjm.model.joints import PassiveJoint, SprungJoint
-from vjm.model.load_case import Load, LoadCase
-from vjm.model.parts import Beam
-from vjm.rotations import AXES
+from vjm.model.joints import SprungJoint
+from vjm.model.parts import Beam, PassiveJoint, RigidOffset, Section
+from vjm.rotations import AXES, translation
+from vjm.model.load_case import ARC, COMPONENTS, RAMP, Load, LoadCase
 from vjm.vjm_engine import VjmEngine
 
 SIZES = np.array([1e-3 * 2.0**k for k in range(8)])
@@ -104,3 +104,85 @@ def test_a_branch_that_is_not_found_is_undecided_and_says_why():
     found = branch_shape(lost, point(7.0), np.array([1.0, 0.0]), 1e-9, SIZES)
     assert found.leaving is Leaving.UNDECIDED
     assert "no such point" in str(found)
+
+
+def sprung_column(stiffness, share):
+    """Two beams of 1000 mm between pins, with a sprung hinge at a share of the length."""
+    section = Section(1e9, 1e9, 5e9, 1e8)
+    parts = (
+        PassiveJoint("a", AXES["z"]), Beam("b1", 1000.0 * share, section=section),
+        SprungJoint("m", AXES["z"], stiffness=stiffness),
+        Beam("b2", 1000.0 * (1.0 - share), section=section), PassiveJoint("c", AXES["z"]),
+    )  # fmt: skip
+    return Chain("sprung", parts, postures={"p": np.zeros(2)}, held={"p": {"m": 0.0}})
+
+
+def pushed(to, **of_case):
+    load = Load((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    return LoadCase("p", to, "load", free=of_case.pop("free", ("x",)), loads=(load,), **of_case)
+
+
+@pytest.mark.parametrize("steps", [None, 30, 50])
+@pytest.mark.parametrize("segments", [4, 8, 16])
+@pytest.mark.parametrize(("stiffness", "to", "share"), [(1e6, 1700.0, 0.5), (1e5, 1000.0, 0.5), (1e6, 1900.0, 0.3)])
+def test_where_pinned_ends_meet_the_branch_falls_with_the_cosine(segments, steps, stiffness, to, share):
+    """The closed loop turns by φ about the pins: P cos φ. Both pins turn, a² = 2 φ², so c₂ = −P/4."""
+    path = VjmEngine(segments).trace(sprung_column(stiffness, share), pushed(to, steps=steps))
+    first, second = path.events
+    assert first.kind is second.kind is EventKind.BIFURCATION
+    assert second.point.displacement[0] == pytest.approx(-1000.0, abs=1e-3)
+    problem = VjmEngine(segments).problem(sprung_column(stiffness, share), pushed(to, steps=steps))
+    (shape,) = problem.branch_shapes(second.point)
+    assert shape.leaving is Leaving.SUBCRITICAL
+    # the critical load is known to 1e-9 of the path, 0.3 % of the change at the smallest amplitude
+    assert shape.curvature == pytest.approx(-0.25 * second.force, rel=2e-3)
+    assert abs(shape.curvature + 0.25 * second.force) <= shape.error
+    assert "subcritical" in path.stopped
+    assert set(path.unstable) == {0}
+
+
+def test_an_arc_goes_along_the_cosine():
+    path = VjmEngine(8).trace(sprung_column(1e5, 0.5), pushed(1000.0, control=ARC))
+    lost = path.events[1]
+    # found by refinement: it is unstable from 477.905 to 479.05 N only
+    assert lost.force == pytest.approx(477.905, rel=1e-6)
+    behind = [point for point in path.points if point.s > lost.s]
+    assert min(point.unstable for point in behind) == 1
+    # the ends stay together, and the load goes through the whole circle
+    assert all(point.displacement[0] == pytest.approx(-1000.0, abs=1e-6) for point in behind)
+    assert min(point.ramp for point in behind) == pytest.approx(-lost.force, rel=1e-6)
+
+
+@pytest.mark.parametrize("control", [RAMP, ARC])
+@pytest.mark.parametrize("to", [592.0, 700.0, 1000.0])
+def test_a_short_unstable_stretch_is_found(control, to):
+    path = VjmEngine(8).trace(sprung_column(1e5, 0.5), pushed(to, control=control))
+    assert [event.force for event in path.events][1] == pytest.approx(477.905, rel=1e-6)
+
+
+def test_a_link_on_a_sprung_hinge_rises_as_the_angle_over_its_sine():
+    """P = k φ / L sin φ: c₂ = P/6 of the angle's square, which is the coordinate's unit times the amplitude."""
+    hinge = SprungJoint("h", AXES["z"], stiffness=1e5)
+    parts = (hinge, RigidOffset("l", translation([100.0, 0.0, 0.0])))
+    chain = Chain("link", parts, postures={"p": np.zeros(0)}, held={"p": {"h": 0.0}})
+    case = pushed(1500.0, free=COMPONENTS)
+    problem = VjmEngine().problem(chain, case)
+    event = trace(problem, case).critical
+    assert event.force == pytest.approx(1000.0, rel=1e-9)
+    (shape,) = problem.branch_shapes(event.point)
+    turn = np.abs(problem.model.coordinate_scale[np.isfinite(problem.model.coordinate_scale)]).min()
+    assert shape.leaving is Leaving.SUPERCRITICAL
+    assert shape.error < 0.1 * shape.curvature
+    assert shape.curvature == pytest.approx(1000.0 / 6.0 * turn**2, abs=shape.error)
+
+
+def test_a_round_link_says_how_it_leaves_in_both_directions():
+    hinges = [SprungJoint(name, AXES[name], stiffness=1e5) for name in "yz"]
+    parts = (*hinges, RigidOffset("l", translation([100.0, 0.0, 0.0])))
+    chain = Chain("link", parts, postures={"p": np.zeros(0)}, held={"p": {"y": 0.0, "z": 0.0}})
+    case = pushed(1500.0, free=COMPONENTS)
+    problem = VjmEngine().problem(chain, case)
+    event = trace(problem, case).critical
+    assert event.multiplicity == 2
+    # universal hinges are not round beyond the second order: the branch rises along each axis and between them
+    assert {shape.leaving for shape in problem.branch_shapes(event.point)} == {Leaving.SUPERCRITICAL}

@@ -23,16 +23,17 @@ from vjm.rotations import AXES
 from vjm.statics.stability import critical_modes
 from vjm.vjm_engine import VjmEngine
 
-RUNS = [(8, None), (8, 40), (8, 100), (4, None), (16, None)]
+RUNS = [(16, None), (16, 40), (16, 100), (8, None), (32, None)]
 """Springs a beam, and steps to the end; None adapts them."""
-LOADS = {4: 0.04, 8: 5e-3, 16: 5e-3}
-"""Of buckling loads, by the springs a beam: a clamped beam of four errs by 2 %; the dense links by 3e-3 (measured)."""
-ENDS = {4: 0.06, 8: 0.015, 16: 0.01}
-"""Of loads where stability is lost behind buckling, in a tight bow: 2 %, 0.5 %, and 0.2 % by the links (measured)."""
-COEFFICIENTS = {4: 0.4, 8: 0.1, 16: 0.05}
-"""Of c₂, besides the error that is stated with it: 23 %, 4 %, 1.3 % (measured, a column clamped and pinned)."""
-WAYS = {4: 0.05, 8: 0.02, 16: 0.015}
-"""Of the end's way, over the length, up to a tenth before the load where stability is lost."""
+LOADS = 5e-3
+"""Of buckling loads: the dense column's links err by 3e-3 where a single beam is clamped at both ends (measured)."""
+ENDS = {8: 0.06, 16: 0.015, 32: 0.01}
+"""Of loads where stability is lost behind buckling, by the springs a beam: 2.8 % and 0.6 % of one beam, clamped at both
+ends and folded until these meet; 0.3 % by the dense links (measured)."""
+COEFFICIENTS = {8: 0.1, 16: 0.05, 32: 0.05}
+"""Of c₂, beside the error that is stated with it: 4 %, 1.3 % (measured, one beam, clamped and pinned)."""
+WAYS = {8: 0.04, 16: 0.02, 32: 0.02}
+"""Of the end's way, over the length, up to a tenth before the load where stability is lost: 2 % and 1 % (measured)."""
 UNDECIDED = 0.05
 """Share of the statements that may be left open."""
 
@@ -47,7 +48,11 @@ def drawn(seed: int) -> tuple[Column, float]:
         return float(rng.choice([*others, float(np.min(bending / lengths)) * 10.0 ** rng.uniform(-1.0, 1.0)]))
 
     held = bool(rng.random() < 0.7)
-    hinges = (hinge(np.inf, 0.0) if held else hinge(np.inf), *(hinge(np.inf) for _ in range(n - 1)), hinge(np.inf, 0.0))
+    hinges = (
+        hinge(np.inf, 0.0) if held else hinge(np.inf),
+        *(hinge(np.inf) for _ in range(n - 1)),
+        hinge(np.inf, 0.0),
+    )
     column = Column(tuple(lengths), tuple(bending), hinges, held)
     load = column.critical()[0]
     far = float(rng.uniform(1.3, 3.0)) * load
@@ -114,7 +119,7 @@ def check(seed: int) -> list[BranchShape]:
         if buckles:
             first = path.events[0]
             assert first.kind is EventKind.BIFURCATION
-            assert first.s == pytest.approx(buckles, rel=LOADS[springs])
+            assert first.s == pytest.approx(buckles, rel=LOADS)
             assert first.multiplicity == 1
             (shape,) = problem.branch_shapes(first.point)
             said.append(shape)
@@ -123,11 +128,10 @@ def check(seed: int) -> list[BranchShape]:
                 at = problem.configuration(first.point)
                 deflection = np.abs(problem.model.velocities(at.x, critical_modes(at)[0])[:, 1]).max()
                 error = shape.error / deflection**2
-                assert shape.curvature / deflection**2 == pytest.approx(second, rel=COEFFICIENTS[springs], abs=error)
+                assert shape.curvature / deflection**2 == pytest.approx(
+                    second, rel=COEFFICIENTS[springs], abs=error
+                )
         # the dense path ends within a step's tolerance, or goes to the end
-        if "undecided" in path.stopped and "infinity" in path.stopped:
-            assert springs == 4
-            continue
         assert ended(path) == pytest.approx(end, rel=ENDS[springs])
         if ended(path) < (1.0 - 1e-9) * far:
             assert path.stopped
@@ -152,6 +156,26 @@ def check_all(seeds: range) -> None:
     said = [shape for seed in seeds for shape in check(seed)]
     open_ = [shape for shape in said if shape.leaving is Leaving.UNDECIDED]
     assert len(open_) <= UNDECIDED * len(said), [str(shape) for shape in open_]
+
+
+def test_too_few_springs_for_a_load_are_said_so():
+    """Four springs a beam: the compliance of one passes zero, and its stiffness infinity. The column stays stable."""
+    column, far = drawn(13)
+    assert column.end(*column.buckled(), far)[0] == pytest.approx(far)
+    path = VjmEngine(4).trace(chain_of(column), load_case(column, far, None))
+    assert "undecided" in path.stopped
+    assert "take more springs" in path.stopped
+
+
+def test_a_step_does_not_lead_across_a_fold():
+    """A stable state lies behind it, nearer than the step before suggests; the unstable one is between the two."""
+    column, far = drawn(140)
+    fold = column.end(*column.buckled(), far)[0]
+    for steps in (None, 40, 100):
+        path = VjmEngine(16).trace(chain_of(column), load_case(column, far, steps))
+        assert path.stopped
+        # links and springs differ by 5e-4
+        assert path.points[-1].s == pytest.approx(fold, rel=2e-3)
 
 
 def test_a_sample_of_columns():
