@@ -1,7 +1,7 @@
-"""An independent solver: a column of rigid links between hinges, in a plane, dense, by Newton's method on its angles.
+"""An independent solver: a plane column of rigid links between hinges, dense, by Newton's method on its angles.
 
-It shares no code with the package. Links stand for an inextensible, shear-rigid elastica; the error of loads goes with
-the square of their number.
+It shares no code with the package. Links stand for an inextensible, shear-rigid elastica; the error of loads goes
+with the square of their number.
 """
 
 from __future__ import annotations
@@ -74,32 +74,32 @@ class Column:
         The latter is the load's change over the square of the mode's largest deflection.
         """
         load, v, reaction = self._mode()
-        l = self.links
-        second = (load * (l @ v**4) / 6.0 + reaction * 2.0 / 3.0 * (l @ v**3)) / (l @ v**2)
+        h = self.links
+        second = (load * (h @ v**4) / 6.0 + reaction * 2.0 / 3.0 * (h @ v**3)) / (h @ v**2)
         return load, float(second)
 
     def _mode(self) -> tuple[float, np.ndarray, float]:
         """The buckling load, angles in which the largest deflection is 1 mm, and the end's reaction with them."""
-        l, K = self.links, self.stiffness
-        N = null_space(l[None, :]) if self.held else np.eye(len(l))
-        values, modes = eigh(N.T @ K @ N, N.T @ (l[:, None] * N))
+        h, K = self.links, self.stiffness
+        N = null_space(h[None, :]) if self.held else np.eye(len(h))
+        values, modes = eigh(N.T @ K @ N, N.T @ (h[:, None] * N))
         load, v = float(values[0]), N @ modes[:, 0]
-        v = v / np.abs(np.cumsum(l * v)).max()
-        return load, v, float(l @ (K @ v - load * l * v)) / float(l @ l) if self.held else 0.0
+        v = v / np.abs(np.cumsum(h * v)).max()
+        return load, v, float(h @ (K @ v - load * h * v)) / float(h @ h) if self.held else 0.0
 
     def residual(self, angles: np.ndarray, reaction: float, load: float) -> np.ndarray:
-        l = self.links
+        h = self.links
         across = reaction + self.lateral * self.pushed
-        r = self.stiffness @ angles - load * l * np.sin(angles) - across * l * np.cos(angles)
-        return np.append(r, l @ np.sin(angles)) if self.held else r
+        r = self.stiffness @ angles - load * h * np.sin(angles) - across * h * np.cos(angles)
+        return np.append(r, h @ np.sin(angles)) if self.held else r
 
     def tangent(self, angles: np.ndarray, reaction: float, load: float) -> np.ndarray:
-        l = self.links
+        h = self.links
         across = reaction + self.lateral * self.pushed
-        H = self.stiffness - np.diag(l * (load * np.cos(angles) - across * np.sin(angles)))
+        H = self.stiffness - np.diag(h * (load * np.cos(angles) - across * np.sin(angles)))
         if not self.held:
             return H
-        row = l * np.cos(angles)
+        row = h * np.cos(angles)
         return np.block([[H, -row[:, None]], [row[None, :], np.zeros((1, 1))]])
 
     def solve(self, state: np.ndarray, load: float) -> np.ndarray | None:
@@ -127,11 +127,11 @@ class Column:
 
     def deflections(self, state: np.ndarray) -> tuple[float, float]:
         """Of the end along the axis, and the largest across it, mm."""
-        l, angles = self.links, state[: len(self.links)]
-        return float(l @ (np.cos(angles) - 1.0)), float(np.abs(np.cumsum(l * np.sin(angles))).max())
+        h, angles = self.links, state[: len(self.links)]
+        return float(h @ (np.cos(angles) - 1.0)), float(np.abs(np.cumsum(h * np.sin(angles))).max())
 
     def buckled(self) -> tuple[np.ndarray, float]:
-        """A state a little behind the buckling load, where the deflection is some hundredths of the length, and its load.
+        """A state a little behind the buckling load, deflected by some hundredths of the length, and its load.
 
         The third order of the angles and the fourth of the load are left to Newton's method.
         """

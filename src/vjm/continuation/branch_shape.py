@@ -33,6 +33,8 @@ MET = 1e-2
 """Distance of the extrapolated parameter and shape from the critical ones, over their change at the row's smallest
 amplitude, that is allowed beside the extrapolation's error. Near a critical point a solver's tolerance leaves as
 much; points of another branch miss by more than they change."""
+AMPLIFIED = (64.0 - 20.0 / 4.0 + 1.0 / 16.0) / 45.0
+"""What `_extrapolated` makes of an error of the critical value, which weighs by one over the amplitude's square."""
 LOCATED = 1e-9
 """Share of a path's length to which its critical points are located."""
 NEIGHBOUR = 20.0
@@ -161,7 +163,7 @@ def _decided(row: Sequence[_Pair], critical: Equilibrium, resolution: float) -> 
     curvature, curvature_error = _extrapolated([pair.even(critical) for pair in row])
     # the critical value's error, which the solver's tolerance may make larger than its resolution
     missed = abs(_extrapolated([pair.size**2 * pair.even(critical) for pair in row])[0])
-    curvature_error += max(resolution, missed) / first.size**2
+    curvature_error += AMPLIFIED * max(resolution, missed) / first.size**2
     # where the branch turns back before the critical value's own error, its slope is none
     excursion = 0.25 * slope**2 / abs(curvature) if curvature else np.inf
     if abs(slope) > slope_error and _agree([p.odd for p in row]) and abs(slope) > abs(curvature) * last.size:

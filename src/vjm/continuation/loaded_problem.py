@@ -120,10 +120,9 @@ class LoadedProblem(ABC, Generic[M]):
 
         def behind(mode: Array) -> Equilibrium:
             along = self._with_wrench(at, mode)
-            return behind_bifurcation(
-                critical, lambda: self._branch(critical, along, s), partial(self._on_branch, critical, along), along,
-                AMPLITUDES, self.load_case.length,
-            )  # fmt: skip
+            direct = partial(self._branch, critical, along, s)
+            at_amplitude = partial(self._on_branch, critical, along)
+            return behind_bifurcation(critical, direct, at_amplitude, along, AMPLITUDES, self.load_case.length)
 
         return firmest(critical_modes(at, self._device(at)), sign, behind)
 

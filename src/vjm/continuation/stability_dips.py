@@ -20,8 +20,8 @@ from vjm.continuation.problem import Problem
 from vjm.errors import NoConvergenceError
 
 MIDDLE = 0.25
-"""Distance of a step's middle from its chord's, over the chord, from which its ends are not on one path: of a jump it
-is a half, of a root, as beside a fold, a fifth."""
+"""Distance of a step's middle from its chord's, over the chord, from which its ends are not on one path: of a jump
+it is a half, of a root, as beside a fold, a fifth."""
 
 
 def hidden_change(

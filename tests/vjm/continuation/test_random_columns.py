@@ -10,8 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-
 from helpers.planar_column import Column
+
 from vjm.continuation.arc_length import trace
 from vjm.continuation.branch_shape import BranchShape, Leaving
 from vjm.continuation.path import EventKind, Path
@@ -28,12 +28,12 @@ RUNS = [(16, None), (16, 40), (16, 100), (8, None), (32, None)]
 LOADS = 5e-3
 """Of buckling loads: the dense column's links err by 3e-3 where a single beam is clamped at both ends (measured)."""
 ENDS = {8: 0.06, 16: 0.015, 32: 0.01}
-"""Of loads where stability is lost behind buckling, by the springs a beam: 2.8 % and 0.6 % of one beam, clamped at both
-ends and folded until these meet; 0.3 % by the dense links (measured)."""
+"""Of loads where stability is lost behind buckling, by the springs a beam: 2.8 % and 0.6 % of one beam, clamped at
+both ends and folded until these meet; 0.3 % by the dense links (measured)."""
 COEFFICIENTS = {8: 0.1, 16: 0.05, 32: 0.05}
 """Of c₂, beside the error that is stated with it: 4 %, 1.3 % (measured, one beam, clamped and pinned)."""
 WAYS = {8: 0.04, 16: 0.02, 32: 0.02}
-"""Of the end's way, over the length, up to a tenth before the load where stability is lost: 2 % and 1 % (measured)."""
+"""Of the end's way, over the length, up to a tenth before stability is lost: 2 % and 1 % (measured)."""
 UNDECIDED = 0.05
 """Share of the statements that may be left open."""
 
@@ -159,7 +159,7 @@ def check_all(seeds: range) -> None:
 
 
 def test_too_few_springs_for_a_load_are_said_so():
-    """Four springs a beam: the compliance of one passes zero, and its stiffness infinity. The column stays stable."""
+    """Of four springs a beam the compliance of one passes zero, its stiffness infinity. The column stays stable."""
     column, far = drawn(13)
     assert column.end(*column.buckled(), far)[0] == pytest.approx(far)
     path = VjmEngine(4).trace(chain_of(column), load_case(column, far, None))
