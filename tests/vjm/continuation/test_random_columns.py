@@ -26,7 +26,7 @@ from vjm.vjm_engine import VjmEngine
 RUNS = [(16, None), (16, 40), (16, 100), (8, None), (32, None)]
 """Springs a beam, and steps to the end; None adapts them."""
 LOADS = 5e-3
-"""Of buckling loads: the dense column's links err by 3e-3 where a single beam is clamped at both ends (measured)."""
+"""Of buckling loads: the dense column's links err by 3e-3 where one beam is clamped at both ends (measured)."""
 ENDS = {8: 0.06, 16: 0.015, 32: 0.01}
 """Of loads where stability is lost behind buckling, by the springs a beam: 2.8 % and 0.6 % of one beam, clamped at
 both ends and folded until these meet; 0.3 % by the dense links (measured)."""
