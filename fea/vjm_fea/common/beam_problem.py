@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from vjm.continuation.critical_points import NEUTRAL
 from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
@@ -22,8 +23,6 @@ from vjm_fea.common.points import Place
 MAX_ITERATIONS = 25
 DIVERGED = 1e6
 """Scaled residual from which Newton's method does not come back."""
-NEUTRAL = 1e-6
-"""Eigenvalue over the smallest unloaded one up to which a motion costs nothing."""
 SURE = 1e-2
 """Share of the tolerance below which a state needs no further step: elsewhere one more is taken, since near
 critical points, where the stiffness is small, a state within the tolerance may still be far off."""
@@ -112,9 +111,8 @@ class BeamProblem:
         Raises:
             NoConvergenceError: they are more than the chain bears.
         """
-        laden = self.statics.applied_loads.constant.any()
-        state = self._settled() if laden else self.statics.initial
-        return self._equilibrium(0.0, *self._newton(state))
+        state = self._settled() if self.statics.applied_loads.constant.any() else self.statics.initial
+        return self.equilibrium(0.0, *self._newton(state))
 
     def solve(self, s: float, start: Equilibrium, slope: Array | None = None) -> Equilibrium:
         """Equilibrium at ``s`` from the state of ``start``, along ``slope`` or else along the tangent.
@@ -132,8 +130,8 @@ class BeamProblem:
         else:
             state = self._advanced(start.state, s - start.s)
         if steered:
-            return self._equilibrium(s, *self._newton(state, lambda at: self._point_border(at, s)))
-        return self._equilibrium(s, *self._newton(self._ramped_to(state, s)))
+            return self.equilibrium(s, *self._newton(state, lambda at: self._point_border(at, s)))
+        return self.equilibrium(s, *self._newton(self._ramped_to(state, s)))
 
     def solve_pose(self, displacement: Array, start: Equilibrium) -> Equilibrium:
         """Equilibrium near ``start`` at any displacement ``(6,)`` of the support from its unloaded pose.
@@ -141,10 +139,9 @@ class BeamProblem:
         Raises:
             NoConvergenceError: Newton's method did not converge.
         """
-        d = np.asarray(displacement, dtype=float)
-        along = self.load_case.direction
-        found, iterations, error = self._newton(self.statics.with_hand(start.state, d))
-        return self._equilibrium(float(d @ along / (along @ along)), found, iterations, error, end_condition=d)
+        d, along = np.asarray(displacement, dtype=float), self.load_case.direction
+        found = self._newton(self.statics.with_hand(start.state, d))
+        return self.equilibrium(float(d @ along / (along @ along)), *found, end_condition=d)
 
     def switch(self, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
         """A stable state at ``s`` on the crossing branch, see `vjm_fea.common.branches.switch`."""
@@ -178,7 +175,7 @@ class BeamProblem:
 
     def distance(self, change: Array) -> float:
         """Length of a change of state along an arc: mean of the bodies' turns, and of shifts over the length."""
-        return float(np.linalg.norm(change / self._arc_unit))
+        return float(np.linalg.norm(self.scaled(change)))
 
     def loaded_stiffness(self, equilibrium: Equilibrium) -> Array:
         """Loaded stiffness ``(6, 6)`` of the support, see `BeamStatics.end_stiffness`; N/mm, N, N mm."""
@@ -189,6 +186,14 @@ class BeamProblem:
     def parameter(self, state: Array) -> float:
         """The path's parameter of a state: the ramp, or the displacement of the point that steers."""
         return self._gone(state) if isinstance(self.load_case.control, PointControl) else float(state[-1])
+
+    def scaled(self, change: Array) -> Array:
+        """A change of state in the units of an arc."""
+        return np.asarray(change / self._arc_unit, dtype=float)
+
+    def followed(self, state: Array) -> Array:
+        """A state that was added up of others, its turns made turns and its support put where its ramp has it."""
+        return self._ramped_to(self.statics.states.normalised(state), float(state[-1]))
 
     def exact(self, state: Array) -> Tangent:
         """The exact tangent at an equilibrium, kept: a path asks several times."""
@@ -203,10 +208,6 @@ class BeamProblem:
     def bordered(self, state: Array, border: Callable[[Array], Border]) -> tuple[Array, int, float]:
         """Equilibrium with one condition more, and the ramp that it takes: regular at critical points."""
         return self._newton(state, border)
-
-    def equilibrium(self, s: float, state: Array, iterations: int = 0, error: float = 0.0) -> Equilibrium:
-        """What the path keeps of a state."""
-        return self._equilibrium(s, state, iterations, error)
 
     def device(self, state: Array) -> Array | None:
         """Derivative ``(m + c,)`` of the displacement that a device holds, see `LoadCase.held_by_device`."""
@@ -235,10 +236,10 @@ class BeamProblem:
                 if condition is None:
                     state = statics.moved_freely(state, tangent.solve(-r))
                     continue
-                row = condition.row
-                at_ramp = condition.at_ramp + float(row[statics.held] @ self.drive)
+                missing, row, at_ramp = condition
+                at_ramp += float(row[statics.held] @ self.drive)
                 by_ramp = self.by_ramp(state, tangent)
-                step = tangent.bordered(by_ramp, row[statics.free], at_ramp, -r, condition.missing)
+                step = tangent.bordered(by_ramp, row[statics.free], at_ramp, -r, missing)
             except np.linalg.LinAlgError:
                 break
             state = statics.moved_freely(state, step[:-1], ramp=float(step[-1]))
@@ -278,8 +279,8 @@ class BeamProblem:
             missing = s - start.s - float(row @ (state - start.state))
             return Border(missing, *self.statics.gradient(state, row))
 
-        state = self.statics.states.normalised(start.state + slope * (s - start.s))
-        return self._equilibrium(s, *self._newton(self._ramped_to(state, float(state[-1])), border))
+        state = self.followed(start.state + slope * (s - start.s))
+        return self.equilibrium(s, *self._newton(state, border))
 
     # --- a point that steers ------------------------------------------------------------------------------
 
@@ -356,9 +357,10 @@ class BeamProblem:
         """See `Tangent.verdict`."""
         return tangent.verdict(self.device(state), NEUTRAL * self._softest)
 
-    def _equilibrium(
-        self, s: float, state: Array, iterations: int, error: float, end_condition: Array | None = None
+    def equilibrium(
+        self, s: float, state: Array, iterations: int = 0, error: float = 0.0, end_condition: Array | None = None
     ) -> Equilibrium:
+        """What the path keeps of a state; at ``end_condition`` (6,) where that is no point of the ramp."""
         tangent = self.exact(state)
         verdict = self._verdict(state, tangent)
         try:
@@ -368,10 +370,8 @@ class BeamProblem:
         ramp = float(state[-1])
         displacement = self.load_case.displacement(ramp) if end_condition is None else end_condition
         if self.load_case.free:
-            tool = self.statics.at_tool(state)
-            displacement = displacement_from(
-                frame(p=self.statics.tool.position), frame(tool.rotation, tool.position)
-            )
+            tool, drawn = self.statics.at_tool(state), frame(p=self.statics.tool.position)
+            displacement = displacement_from(drawn, frame(tool.rotation, tool.position))
         return Equilibrium(
             s=s,
             displacement=displacement,

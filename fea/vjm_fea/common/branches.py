@@ -7,11 +7,12 @@ ramp is what results.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
-from vjm.continuation.branch_shape import behind_bifurcation
+from vjm.continuation.branch_shape import NEIGHBOUR, behind_bifurcation, firmest
 from vjm.continuation.path import Equilibrium
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
@@ -19,14 +20,10 @@ from vjm.rotations import Array
 from vjm_fea.common.beam_statics import BeamStatics
 from vjm_fea.common.linearized_statics import Border, Tangent
 
-FIRST_DEFLECTION = 1e-3
-"""First guess of the largest deflection on a new branch, over the chain's characteristic length."""
-DIRECTIONS = 8
-"""In which a branch is looked for where two modes lose their stability at once, over half a turn between them."""
+DEFLECTIONS = np.array([1e-3 * 2.0**k for k in range(8)])
+"""Largest deflections, over the chain's length, at which a crossing branch is looked at to tell how it leaves."""
 ENTRY = 1e-2
 """Scaled amplitude at which a branch is entered that is followed by its arc."""
-LAST_DEFLECTION = 0.2
-"""The largest at which it is looked at to tell which way it leads."""
 TINY = 1e-5
 """Amplitude, in scaled units, at which a mode's deflection is differenced."""
 STILL = 1e-9
@@ -48,6 +45,12 @@ class Branching(Protocol):
 
     def distance(self, change: Array) -> float:
         """Length of a change of state along an arc."""
+
+    def scaled(self, change: Array) -> Array:
+        """A change of state in the units of an arc, of which `distance` is the length."""
+
+    def followed(self, state: Array) -> Array:
+        """A state that was added up of others as one that is a state, its support where its ramp has it."""
 
     def parameter(self, state: Array) -> float:
         """The path's parameter of a state."""
@@ -73,19 +76,20 @@ def switch(problem: Branching, critical: Equilibrium, s: float, sign: int) -> Eq
     Raises:
         NoConvergenceError: no branch was found, it does not lead onwards, or it is unstable.
     """
+    modes, size = _modes(problem, critical)
+    sizes = DEFLECTIONS * problem.length / size
 
-    def behind(mode: Array, size: float) -> Equilibrium:
-        def at_amplitude(amplitude: float) -> Equilibrium:
-            state, iterations, error = _on_branch(problem, critical, mode, amplitude)
-            return problem.equilibrium(problem.parameter(state), state, iterations, error)
+    def behind(mode: Array) -> Equilibrium:
+        def at_amplitude(amplitude: float, near: Array) -> Equilibrium:
+            return _on_branch(problem, critical, mode, amplitude, near)
 
-        unit = problem.length / size
+        change = problem.statics.change(critical.state, mode, 0.0, 0.0)
         return behind_bifurcation(
-            critical, lambda: _at(problem, critical, s, mode, size), at_amplitude,
-            FIRST_DEFLECTION * unit, LAST_DEFLECTION * unit, problem.load_case.length,
+            critical, lambda: _at(problem, critical, s, mode, sizes[0]), at_amplitude, change, sizes,
+            problem.load_case.length,
         )  # fmt: skip
 
-    return _firmest(problem, critical, sign, behind)
+    return firmest(modes, sign, behind)
 
 
 def enter(problem: Branching, critical: Equilibrium, sign: int) -> Equilibrium:
@@ -95,45 +99,28 @@ def enter(problem: Branching, critical: Equilibrium, sign: int) -> Equilibrium:
         NoConvergenceError: the branch was not found.
     """
 
-    def entered(mode: Array, _: float) -> Equilibrium:
+    def entered(mode: Array) -> Equilibrium:
         amplitude = ENTRY / problem.distance(problem.statics.change(critical.state, mode, 0.0, 0.0))
-        state, iterations, error = _on_branch(problem, critical, mode, amplitude)
-        away = problem.distance(state - critical.state)
-        return problem.equilibrium(critical.s + away, state, iterations, error)
+        there = _on_branch(problem, critical, mode, amplitude)
+        return replace(there, s=critical.s + problem.distance(there.state - critical.state))
 
-    return _firmest(problem, critical, sign, entered)
+    return firmest(_modes(problem, critical)[0], sign, entered)
 
 
-def _firmest(
-    problem: Branching, critical: Equilibrium, sign: int, branch: Callable[[Array, float], Equilibrium]
-) -> Equilibrium:
-    """The branch that leaves along the critical mode; of two modes at once along the firmest mixture."""
+def _modes(problem: Branching, critical: Equilibrium) -> tuple[list[Array], float]:
+    """The critical motions, their largest deflection component positive, and that component of the first in mm."""
     modes = problem.exact(critical.state).critical_modes(problem.device(critical.state))
     if not modes:
         raise NoConvergenceError("no real mode loses its stability here")
     oriented = [_oriented(problem, critical.state, mode) for mode in modes]
-    if len(oriented) == 1:
-        mode, size = oriented[0]
-        return branch(sign * mode, size)
-    failure = NoConvergenceError("no branch was found where two modes lose their stability at once")
-    found = []
-    (first, size), (second, _) = oriented
-    for angle in np.pi * np.arange(DIRECTIONS) / DIRECTIONS:
-        try:
-            found.append(branch(sign * (np.cos(angle) * first + np.sin(angle) * second), size))
-        except NoConvergenceError as error:
-            failure = error
-    if not found:
-        raise failure
-    return min(found, key=lambda point: (point.unstable, -point.eigenvalue))
+    return [mode for mode, _ in oriented], oriented[0][1]
 
 
-def _at(problem: Branching, critical: Equilibrium, s: float, mode: Array, size: float) -> Equilibrium:
-    amplitude = FIRST_DEFLECTION * problem.length / size
+def _at(problem: Branching, critical: Equilibrium, s: float, mode: Array, amplitude: float) -> Equilibrium:
+    """The state at ``s``, by the amplitude that belongs to it, beginning with one."""
     for _ in range(AMPLITUDE_TRIALS):
-        state, iterations, error = _on_branch(problem, critical, mode, amplitude)
-        reached = problem.parameter(state)
-        ratio = (reached - critical.s) / (s - critical.s)
+        near = _on_branch(problem, critical, mode, amplitude)
+        ratio = (near.s - critical.s) / (s - critical.s)
         if ratio <= 0.0:
             raise NoConvergenceError("the crossing branch does not rise where it begins")
         if abs(ratio - 1.0) < NEAR:
@@ -142,7 +129,6 @@ def _at(problem: Branching, critical: Equilibrium, s: float, mode: Array, size: 
         amplitude *= float(np.clip(ratio**-0.5, 0.1, 10.0))
     else:
         raise NoConvergenceError(f"no amplitude of the buckling mode found for s = {s:.6g}")
-    near = problem.equilibrium(reached, state, iterations, error)
     found = problem.solve(s, near)
     if _distance(found.shape, near.shape) > 0.5 * _distance(critical.shape, near.shape):
         raise NoConvergenceError("fell back to the branch that loses its stability")
@@ -152,14 +138,26 @@ def _at(problem: Branching, critical: Equilibrium, s: float, mode: Array, size: 
 
 
 def _on_branch(
-    problem: Branching, critical: Equilibrium, mode: Array, amplitude: float
-) -> tuple[Array, int, float]:
-    """The state with a prescribed amplitude of the mode."""
+    problem: Branching, critical: Equilibrium, mode: Array, amplitude: float, near: Array | None = None
+) -> Equilibrium:
+    """The state with a prescribed amplitude of the mode, from one near it.
+
+    Raises:
+        NoConvergenceError: none was found, or not near the bifurcation.
+    """
     statics = problem.statics
-    row = np.zeros(len(statics.unit))
-    row[statics.free] = mode
-    # corrections of the state stay across the mode
-    return problem.bordered(statics.moved_freely(critical.state, amplitude * mode), lambda _: Border(0.0, row, 0.0))
+    along = problem.scaled(statics.change(critical.state, mode, 0.0, 0.0))
+    row = problem.scaled(along) / float(along @ along)
+
+    def border(state: Array) -> Border:
+        return Border(amplitude - float(row @ (state - critical.state)), *statics.gradient(state, row))
+
+    start = statics.moved_freely(critical.state, amplitude * mode) if near is None else problem.followed(near)
+    state, iterations, error = problem.bordered(start, border)
+    point = problem.equilibrium(problem.parameter(state), state, iterations, error)
+    if problem.distance(state - critical.state) > NEIGHBOUR * abs(amplitude) * float(np.linalg.norm(along)):
+        raise NoConvergenceError("the state found on the crossing branch is a jump away")
+    return point
 
 
 def _oriented(problem: Branching, state: Array, mode: Array) -> tuple[Array, float]:

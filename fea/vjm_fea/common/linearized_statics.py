@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import eig, eigh, eigvals, eigvalsh, qr
 
 from vjm.rotations import Array
+from vjm.statics.stability import without_neutral
 
 ROUNDING = 1e-11
 """Scaled stiffness of what is held below which it is zero but for rounding."""
@@ -202,14 +203,18 @@ class Tangent:
         if not len(values):
             return Verdict(float("nan"), 0, 0.0)
         real = values[is_real(values)].real
-        negative = int(np.count_nonzero(real < -neutral))
+        negative, sure = (int(np.count_nonzero(real < limit)) for limit in (0.0, -neutral))
+        negative = without_neutral(negative, negative - sure, self.symmetric)
         if self.symmetric:
             return Verdict(float(values[0]), negative, rounding)
         nearest = values[np.argmin(np.abs(values))]
         return Verdict(float(-abs(nearest) if nearest in real[real < 0.0] else abs(nearest)), negative, 0.0)
 
     def critical_modes(self, device: Array | None = None) -> list[Array]:
-        """Unit vectors ``(f,)`` of the motions whose eigenvalue is nearest zero: one, or two together."""
+        """Motions whose eigenvalue is nearest zero, one or two together, and the multipliers that go with them.
+
+        Unit vectors ``(f,)`` but for the multipliers, which keep the motions in equilibrium.
+        """
         K, N = self._modal(device)
         if self.symmetric:
             values, V, _ = _symmetric_modes(0.5 * (K + K.T))
@@ -219,10 +224,12 @@ class Tangent:
             values, V = values[real].real, V[:, real].real
         order = np.argsort(np.abs(values))[:3]
         together = 2 if len(order) == 3 and abs(values[order[1]]) < COINCIDENT * abs(values[order[2]]) else 1
+        moving, constrained = self.free[self.free < self.motions], self.free[self.free >= self.motions]
+        by_multipliers = self.J[np.ix_(moving, constrained)]
         modes = []
         for k in order[:together]:
             mode = N @ V[:, k]
-            result = np.zeros(len(self.free))
-            result[: len(mode)] = mode / np.linalg.norm(mode)
-            modes.append(result)
+            mode /= np.linalg.norm(mode)
+            right = -self.J[np.ix_(moving, moving)] @ mode
+            modes.append(np.concatenate([mode, np.linalg.lstsq(by_multipliers, right, rcond=None)[0]]))
         return modes

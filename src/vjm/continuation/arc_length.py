@@ -18,6 +18,7 @@ from vjm.continuation.critical_points import VANISHED, WithoutPairs, bifurcation
 from vjm.continuation.load_stepping import finished_path, follow
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
 from vjm.continuation.problem import Problem
+from vjm.continuation.stability_dips import hidden_change
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import TO_LIMIT, LoadCase
 from vjm.rotations import Array
@@ -145,6 +146,10 @@ class _ArcTrace:
         self.load_case, self.control, self.progress = load_case, control, progress
         self.points: list[Equilibrium] = [problem.unloaded()]
         self.events: list[Event] = []
+        self.seen = 0
+        """Number of events before the present step."""
+        self.branch_start = 0
+        """Index of the first point on the present branch."""
         self.forwards: Array | None = None
         """A change of state along the path, up to the last point."""
         self.turn = EventKind.LIMIT if load_case.load_driven else EventKind.FOLD
@@ -157,7 +162,7 @@ class _ArcTrace:
 
     def _march(self) -> str:
         step, end = self.control.first, self.load_case.length
-        why, seen = "", 0
+        why = ""
         while len(self.points) < self.control.points:
             here = self.points[-1]
             if step < self.control.smallest:
@@ -172,8 +177,12 @@ class _ArcTrace:
                 ended = abs(there.ramp) > end
                 if ended:
                     there = self._at_end(here, there, end)
-                rate = float(self.problem.tangent(there, there.state - here.state)[-1])
-                entered = self._pass(here, there, slope[-1] > 0.0, rate > 0.0)
+                hidden = self._pass_hidden(here, there)
+                if hidden is None:
+                    entered = self._pass(here, there, slope)
+                else:
+                    here, there, entered = hidden
+                    ended, bend, step = False, self.control.bend, there.s - here.s
                 if isinstance(self.problem, ArcWithoutPairs):
                     there = self.problem.counted(there)
             except NoConvergenceError as failure:
@@ -181,7 +190,7 @@ class _ArcTrace:
                 continue
             if self.control.last is not None and any(e.kind is self.control.last for e in self.events):
                 return ""
-            if (turned := self._turned(seen)) is not None:
+            if (turned := self._turned()) is not None:
                 again = self._been_at(turned)
                 if again is not None:
                     self.events.pop()
@@ -189,10 +198,11 @@ class _ArcTrace:
                 if self.load_case.control == TO_LIMIT:
                     self.points.append(turned)
                     return ""
-            seen = len(self.events)
+            self.seen = len(self.events)
             if entered is not None:
                 self.forwards = entered.state - self.events[-1].point.state  # type: ignore[union-attr]
                 self.points.append(entered)
+                self.branch_start = len(self.points) - 1
                 if abs(entered.ramp) >= end:
                     return ""
                 step = min(self.control.first, 10.0 * (entered.s - self.events[-1].s))
@@ -209,9 +219,9 @@ class _ArcTrace:
             f"the ramp had not reached its end after {len(self.points)} points: it is at {self.points[-1].ramp:.6g}"
         )
 
-    def _turned(self, seen: int) -> Equilibrium | None:
-        """Where the ramp turned back in the last step, which added to so many events."""
-        new = self.events[seen:]
+    def _turned(self) -> Equilibrium | None:
+        """Where the ramp turned back in the last step."""
+        new = self.events[self.seen :]
         return new[-1].point if new and new[-1].kind is self.turn else None
 
     def _been_at(self, point: Equilibrium) -> Event | None:
@@ -229,13 +239,43 @@ class _ArcTrace:
         side = 1.0 if there.ramp > 0.0 else -1.0
         return locate(self.problem, here, there, lambda p: p.ramp - side * end, EVENT_TOLERANCE)
 
-    def _pass(self, here: Equilibrium, there: Equilibrium, grew: bool, grows: bool) -> Equilibrium | None:
+    def _pass_hidden(
+        self, here: Equilibrium, there: Equilibrium
+    ) -> tuple[Equilibrium, Equilibrium, Equilibrium | None] | None:
+        """Go back to where the stability changes and changes back between the last points, and pass that.
+
+        Returns:
+            The points before and behind the change, and what `_pass` returns; None where nothing is hidden.
+        """
+        row = [*self.points[self.branch_start :][-2:], there]
+        found = hidden_change(self.problem, row, self.points[0].eigenvalue, self.control.smallest)
+        if found is None:
+            return None
+        before, behind = found
+        slope = (behind.state - before.state) / (behind.s - before.s)
+        points, events, seen = self.points, self.events, self.seen
+        self.points = [p for p in points if p.s < before.s] + [before]
+        self.events = [e for e in events if e.s <= before.s]
+        self.seen = len(self.events)
+        try:
+            return before, behind, self._pass(before, behind, self.problem.tangent(before, slope))
+        except NoConvergenceError:
+            self.points, self.events, self.seen = points, events, seen
+            return None
+
+    def _pass(self, here: Equilibrium, there: Equilibrium, slope: Array) -> Equilibrium | None:
         """Locate what happens between two points; a state on another branch where the path changes to it.
+
+        Args:
+            here: the point before.
+            there: the point behind.
+            slope: direction of the path at the former.
 
         Raises:
             NoConvergenceError: two things happen at once, or one of them was not located.
         """
-        folds, change = grew != grows, there.unstable - here.unstable
+        grows = self.problem.tangent(there, there.state - here.state)[-1] > 0.0
+        folds, change = (slope[-1] > 0.0) != grows, there.unstable - here.unstable
         if folds and abs(change) > 1:
             raise NoConvergenceError("a fold and a bifurcation are too close to be told apart")
         if folds:

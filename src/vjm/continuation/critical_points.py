@@ -18,8 +18,15 @@ from vjm.continuation.roots import root_between
 from vjm.errors import NoConvergenceError, UndecidedError
 from vjm.rotations import Array
 
+NEUTRAL = 1e-6
+"""Eigenvalue over the smallest unloaded one up to which a motion costs nothing. A bowed bar that bends alike in all
+planes turns freely about its chord; that the springs' order of turns prefers one plane is not instability."""
 KNOWN = 1e-4
 """Share of its value to which a critical point is promised to be located."""
+GROWN = 3
+"""Halvings in a row towards the point where it appears at which a negative eigenvalue has grown."""
+HALVINGS = 12
+"""At most, to tell: one appears between two points of a path, and not at the very end of the way between them."""
 VANISHED = 1e-4
 """Eigenvalue at a critical point, over those at both sides: more has not passed zero."""
 
@@ -64,10 +71,15 @@ def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium, tolerance: flo
     """The point between a stable and an unstable one where the smallest eigenvalue passes zero.
 
     Raises:
-        UndecidedError: rounding leaves its place open.
+        UndecidedError: rounding leaves its place open, or the law of a spring ends.
         NoConvergenceError: it does not pass zero but jumps: the two are not on one path, or none passes zero at
             all, see `only_a_pair`.
     """
+    if abs(b.eigenvalue) > abs(a.eigenvalue) and _passes_infinity(problem, a, b):
+        raise UndecidedError(
+            "an eigenvalue changes its sign through infinity, not through zero: there the compliance of one of the "
+            "springs vanishes, which the beam's own does not; take more springs"
+        )
     vanished = VANISHED * max(abs(a.eigenvalue), abs(b.eigenvalue))
     if problem.conservative:
         if a.eigenvalue <= 0.0:
@@ -83,6 +95,12 @@ def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium, tolerance: flo
             lost = p.unstable > a.unstable or -vanished < p.eigenvalue < 0.0
             return math.copysign(p.eigenvalue, -1.0 if lost else 1.0)
 
+        if value(a) <= 0.0:
+            # negative by rounding before and behind: only a single one can have passed zero
+            if (b.unstable - a.unstable) % 2:
+                return a
+            raise NoConvergenceError("the smallest eigenvalue jumps")
+
     critical = locate(problem, a, b, value, tolerance)
     uncertain, sharp = critical.rounding * (b.s - a.s), abs(b.eigenvalue - a.eigenvalue) * critical.s
     if uncertain > KNOWN * sharp:
@@ -94,6 +112,31 @@ def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium, tolerance: flo
     if abs(critical.eigenvalue) > vanished:
         raise NoConvergenceError("the smallest eigenvalue jumps")
     return critical
+
+
+def _passes_infinity(problem: Problem, a: Equilibrium, b: Equilibrium) -> bool:
+    """Whether the negative eigenvalue grows without bound towards where it appears.
+
+    A beam lumped into few springs does so under a large load: the compliance of one of them passes zero. One that
+    passes zero itself is smaller the nearer the point.
+    """
+    grown = 0
+    for _ in range(HALVINGS):
+        if grown == GROWN:
+            return True
+        try:
+            middle = problem.solve(0.5 * (a.s + b.s), a, (b.state - a.state) / (b.s - a.s))
+        except NoConvergenceError:
+            return False
+        if middle.unstable == a.unstable:
+            if abs(middle.eigenvalue) < abs(a.eigenvalue):
+                return False
+            a = middle
+        elif abs(middle.eigenvalue) < abs(b.eigenvalue):
+            return False
+        else:
+            b, grown = middle, grown + 1
+    return False
 
 
 def only_a_pair(problem: Problem, a: Equilibrium, b: Equilibrium) -> bool:

@@ -16,6 +16,7 @@ import numpy as np
 from vjm.continuation.critical_points import WithoutPairs, bifurcation, locate, only_a_pair
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path, driven_force
 from vjm.continuation.problem import Problem
+from vjm.continuation.stability_dips import hidden_change, on_one_path
 from vjm.errors import NoConvergenceError, UndecidedError
 from vjm.model.load_case import LoadCase, PointControl
 from vjm.rotations import Array
@@ -42,7 +43,7 @@ bifurcation the root of that, of a jump one."""
 SHRUNK = 4
 """So many in a row tell that the path is smooth, and that the last chord was no prolongation of it."""
 JUMP = 1.0
-"""Of a fixed step only one that ends further from the prolongation than it is long is not believed."""
+"""Of a fixed step one that ends further from the prolongation than it is long is not believed."""
 
 
 @dataclass(frozen=True)
@@ -168,12 +169,16 @@ class _Trace:
             bend = 0.0 if shrunk >= SHRUNK else self._bend(there)
             allowed = self.control.bend if grid is None else JUMP
             small = target - here.s <= SMALL * self.control.smallest * self.length
-            if bend > (max(allowed, JUMPED) if small else allowed):
+            jumps = bend > (max(allowed, JUMPED) if small else allowed)
+            doubtful = bend > self.control.bend or self._nears_fold(there.s)
+            if jumps or (doubtful and not there.unstable > 0 and not on_one_path(self.problem, here, there)):
                 step = 0.5 * (target - here.s)
                 refused = way
                 if step < self.control.smallest * self.length:
                     return f"no equilibrium beyond {here.s:.6g} but one that is a jump away{self._ahead(here)}"
                 continue
+            if there.unstable == here.unstable:
+                here, there = self._unhidden(here, there)
             if there.unstable > 0 and here.unstable <= 0:
                 try:
                     critical = bifurcation(self.problem, here, there, EVENT_TOLERANCE * self.length)
@@ -214,6 +219,24 @@ class _Trace:
             largest = self.length if grid is not None else self.control.largest * self.length
             step = min(largest, done * (2.0 if bend < 0.5 * self.control.bend else 1.2))
         return ""
+
+    def _unhidden(self, here: Equilibrium, there: Equilibrium) -> tuple[Equilibrium, Equilibrium]:
+        """The last point and the new one, or, where stability is lost and won back before, those at the loss."""
+        row = [*self.points[self.branch_start :][-2:], there]
+        smallest = self.control.smallest * self.length
+        found = hidden_change(self.problem, row, self.points[0].eigenvalue, smallest)
+        if found is None:
+            return here, there
+        before, lost = found
+        try:
+            bifurcation(self.problem, before, lost, EVENT_TOLERANCE * self.length)
+        except UndecidedError:
+            pass  # which is said where the path ends
+        except NoConvergenceError:
+            return here, there
+        self.points = [p for p in self.points if p.s < before.s] + [before]
+        self.events = [e for e in self.events if e.s <= before.s]
+        return before, lost
 
     def _ahead(self, here: Equilibrium) -> str:
         """What a path that ends close to a critical point has before it."""
@@ -263,6 +286,14 @@ class _Trace:
             ratios.append((at - last) / (last - start))
         missed = [there.shape - b.shape - (b.shape - a.shape) * ratio for ratio in ratios]
         return min(math.sqrt(np.vdot(distance, distance)) for distance in missed) / way
+
+    def _nears_fold(self, s: float) -> bool:
+        """Whether the smallest eigenvalue, which falls like a root before a fold, is to vanish before ``s``."""
+        if len(self.points) - self.branch_start < 2:
+            return False
+        a, b = self.points[-2:]
+        fallen = a.eigenvalue**2 - b.eigenvalue**2
+        return b.eigenvalue**2 * (b.s - a.s) < fallen * (s - b.s)
 
     def _between(self, a: Equilibrium, b: Equilibrium, value: Callable[[Equilibrium], float]) -> Equilibrium:
         """The point between a and b, on their path, where a value that differs in sign there is zero."""

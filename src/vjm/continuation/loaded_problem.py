@@ -3,41 +3,40 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from functools import cached_property
+from dataclasses import replace
+from functools import cached_property, partial
 from typing import Generic, TypeVar
 
 import numpy as np
 
 from vjm.continuation.bordered_newton import Border, solve_bordered
-from vjm.continuation.branch_shape import behind_bifurcation
+from vjm.continuation.branch_shape import (
+    LOCATED,
+    NEIGHBOUR,
+    BranchShape,
+    behind_bifurcation,
+    branch_shape,
+    firmest,
+)
+from vjm.continuation.critical_points import NEUTRAL
 from vjm.continuation.path import Equilibrium, StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.model.loaded_model import LoadedModel
 from vjm.rotations import Array, displaced
 from vjm.statics.equilibrium import Configuration, solve_newton
-from vjm.statics.stability import Stability, critical_modes, stability
+from vjm.statics.stability import Stability, critical_modes, stability, without_neutral
 from vjm.statics.stiffness import loaded_stiffness
 
 ROUNDING = 1e-10
 """Stiffness, in the model's own units, below which an entry of K^F is zero but for rounding."""
-NEUTRAL = 1e-6
-"""Eigenvalue over the smallest unloaded one up to which a motion costs nothing. A bowed bar that bends alike in all
-planes turns freely about its chord; that the springs' order of turns prefers one plane is not instability."""
-DIRECTIONS = 8
-"""In which a branch is looked for where two modes lose their stability at once, over half a turn between them."""
-FIRST_AMPLITUDE = 1e-3
-"""Scaled amplitude of the critical mode at which a crossing branch is first looked for."""
-LAST_AMPLITUDE = 0.2
-"""The largest at which it is looked at to tell which way it leads."""
+AMPLITUDES = np.array([1e-3 * 2.0**k for k in range(8)])
+"""Scaled amplitudes of the critical mode at which a crossing branch is looked at, to tell which way it leads."""
+DIFFERENCE = 1e-6
+"""Scaled step of differences of the residual: errors of its square, and of rounding over it."""
 ENTRY = 1e-2
 """Scaled amplitude at which a branch is entered that is followed by its arc: its stability, which grows with the
 square, is told apart from what is neutral."""
-NEIGHBOUR = 20.0
-"""Distance of that state from the bifurcation, over its amplitude, from which it is no neighbour."""
-
-
 M = TypeVar("M", bound=LoadedModel)
 
 
@@ -117,30 +116,49 @@ class LoadedProblem(ABC, Generic[M]):
         imposed and the ramp is what results. It grows with the amplitude squared, which gives the amplitude that
         belongs to ``s``.
         """
+        at = self.configuration(critical)
 
-        def behind(at: Configuration[M], mode: Array) -> Equilibrium:
-            def at_amplitude(size: float) -> Equilibrium:
-                ramp, there = self._on_branch(at, mode, size, critical.ramp)
-                return self.equilibrium(self._parameter(ramp, there), there, ramp)
+        def behind(mode: Array) -> Equilibrium:
+            along = self._with_wrench(at, mode)
+            direct = partial(self._branch, critical, along, s)
+            at_amplitude = partial(self._on_branch, critical, along)
+            return behind_bifurcation(critical, direct, at_amplitude, along, AMPLITUDES, self.load_case.length)
 
-            return behind_bifurcation(
-                critical, lambda: self._branch(at, mode, critical, s), at_amplitude,
-                FIRST_AMPLITUDE, LAST_AMPLITUDE, self.load_case.length,
-            )  # fmt: skip
+        return firmest(critical_modes(at, self._device(at)), sign, behind)
 
-        return self._firmest(critical, sign, behind)
+    def branch_shapes(self, critical: Equilibrium) -> tuple[BranchShape, ...]:
+        """How the branches leave a bifurcation along each of its critical modes, wherever they lead.
+
+        The amplitude is the mode's component of the motion, each coordinate in its unit
+        `vjm.model.loaded_model.LoadedModel.coordinate_scale`.
+
+        Args:
+            critical: an event's point on a path of this problem.
+
+        Example:
+            >>> problem = VjmEngine(8).problem(chain, load_case)  # doctest: +SKIP
+            >>> event = follow(problem, load_case).critical  # doctest: +SKIP
+            >>> print(problem.branch_shapes(event.point)[0])  # doctest: +SKIP
+            it is supercritical: the parameter changes by ...
+        """
+        at = self.configuration(critical)
+        modes = (self._with_wrench(at, mode) for mode in critical_modes(at, self._device(at)))
+        resolution = LOCATED * self.load_case.length
+        return tuple(
+            branch_shape(partial(self._on_branch, critical, mode), critical, mode, resolution, AMPLITUDES)
+            for mode in modes
+        )
 
     def enter(self, critical: Equilibrium, sign: int) -> Equilibrium:
         """A state a little way along the branch that crosses at a bifurcation, wherever it leads."""
+        at = self.configuration(critical)
 
-        def entered(at: Configuration[M], mode: Array) -> Equilibrium:
-            ramp, there = self._on_branch(at, mode, ENTRY, critical.ramp)
-            change = self.distance(np.concatenate([there.x - at.x, np.zeros(6), [ramp - critical.ramp]]))
-            if change > NEIGHBOUR * ENTRY:
-                raise NoConvergenceError("the state found on the crossing branch is a jump away")
-            return self.equilibrium(critical.s + change, there, ramp)
+        def entered(mode: Array) -> Equilibrium:
+            along = self._with_wrench(at, mode)
+            there = self._on_branch(critical, along, ENTRY, critical.state + ENTRY * along)
+            return replace(there, s=critical.s + self.distance(there.state - critical.state))
 
-        return self._firmest(critical, sign, entered)
+        return firmest(critical_modes(at, self._device(at)), sign, entered)
 
     def tangent(self, point: Equilibrium, along: Array | None = None) -> Array:
         """Derivative ``(n + 7,)`` of the state by the arc's length.
@@ -180,9 +198,9 @@ class LoadedProblem(ABC, Generic[M]):
         """What the path keeps of a configuration: stiffness (18), stability, shape."""
         K = self._stiffness(at)
         verdict = self._stability(at)
-        unstable = verdict.unstable
-        if unstable and abs(verdict.eigenvalue) < NEUTRAL * abs(self._softest):
-            unstable -= 1
+        unstable = without_neutral(
+            verdict.unstable, int(-NEUTRAL * abs(self._softest) < verdict.eigenvalue < 0.0), self.conservative
+        )
         return Equilibrium(
             s=s,
             displacement=self._displacement(at, ramp),
@@ -271,38 +289,38 @@ class LoadedProblem(ABC, Generic[M]):
 
     # --- branches -----------------------------------------------------------------------------------------
 
-    def _firmest(
-        self, critical: Equilibrium, sign: int, branch: Callable[[Configuration[M], Array], Equilibrium]
-    ) -> Equilibrium:
-        """The branch that leaves along the critical mode; of two modes at once along the firmest mixture."""
-        at = self.configuration(critical)
-        modes = critical_modes(at, self._device(at))
-        if len(modes) == 1:
-            return branch(at, sign * modes[0])
-        angles = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-        failure = NoConvergenceError("no branch was found where two modes lose their stability at once")
-        found = []
-        for angle in angles:
-            mode = np.cos(angle) * modes[0] + np.sin(angle) * modes[1]
-            try:
-                found.append(branch(at, sign * mode))
-            except NoConvergenceError as error:
-                failure = error
-        if not found:
-            raise failure
-        return min(found, key=lambda point: (point.unstable, -point.eigenvalue))
+    def _with_wrench(self, at: Configuration[M], mode: Array) -> Array:
+        """Change of the whole state ``(n + 7,)`` along a critical mode ``(n,)``: the support's wrench changes too.
 
-    def _branch(self, at: Configuration[M], mode: Array, critical: Equilibrium, s: float) -> Equilibrium:
-        """A state at ``s`` on the branch that leaves ``at``, the state of ``critical``, along ``mode``."""
-        amplitude = FIRST_AMPLITUDE
-        beyond = self._parameter(*self._on_branch(at, mode, amplitude, critical.ramp))
+        The wrench is the one that keeps the joints in equilibrium, by differences of the residual.
+        """
+        compiled, unit = self.model.compiled, self.model.coordinate_scale
+        target = self._pose0  # the gap, in which alone it counts, is not asked for
+
+        def statics(x: Array, wrench: Array) -> Array:
+            return compiled.residual(x, wrench, target, at.load)[0] * unit
+
+        ahead, behind = (statics(at.x + step * mode, at.wrench) for step in (DIFFERENCE, -DIFFERENCE))
+        by_mode = (ahead - behind) / (2.0 * DIFFERENCE)
+        scale = self.model.wrench_scale
+        none = statics(at.x, at.wrench)
+        by_wrench = np.array(
+            [statics(at.x, at.wrench + DIFFERENCE * part) - none for part in np.diag(scale)]
+        ).T / DIFFERENCE  # fmt: skip
+        change = scale * np.linalg.lstsq(by_wrench, -by_mode, rcond=DIFFERENCE)[0]
+        return np.concatenate([mode, change, [0.0]])
+
+    def _branch(self, critical: Equilibrium, mode: Array, s: float) -> Equilibrium:
+        """A state at ``s`` on the branch that leaves a bifurcation along ``mode`` (n + 7,)."""
+        amplitude = AMPLITUDES[0]
+        beyond = self._on_branch(critical, mode, amplitude, critical.state + amplitude * mode).s
         if beyond <= critical.s:
             raise NoConvergenceError("the crossing branch does not rise where it begins")
         amplitude *= np.sqrt((s - critical.s) / (beyond - critical.s))
-        ramp, near = self._on_branch(at, mode, amplitude, critical.ramp)
-        there = self.solve(s, self.equilibrium(self._parameter(ramp, near), near, ramp))
-        along = mode @ ((there.state[: self.model.size] - at.x) / self.model.coordinate_scale**2)
-        if along < 0.5 * amplitude:
+        near = self._on_branch(critical, mode, amplitude, critical.state + amplitude * mode)
+        there = self.solve(s, near)
+        gone = float(self._row(mode) @ (there.state - critical.state))
+        if gone < 0.5 * amplitude or self.distance(there.state - critical.state) > NEIGHBOUR * amplitude:
             raise NoConvergenceError("Newton fell back from the crossing branch")
         return there
 
@@ -310,13 +328,31 @@ class LoadedProblem(ABC, Generic[M]):
         """The path's parameter of a state: the ramp, or the displacement of the point that steers."""
         return ramp
 
-    def _on_branch(
-        self, at: Configuration[M], mode: Array, amplitude: float, ramp: float
-    ) -> tuple[float, Configuration[M]]:
-        """Ramp and configuration at which the motion from ``at`` along ``mode`` has an amplitude."""
-        row = mode / self.model.coordinate_scale**2
+    def _row(self, mode: Array) -> Array:
+        """Row ``(n + 7,)`` that gives a change of state's component along a critical mode ``(n + 7,)``."""
+        n = self.model.size
+        return np.concatenate([mode[:n] / self.model.coordinate_scale**2, np.zeros(7)])
+
+    def _on_branch(self, critical: Equilibrium, mode: Array, amplitude: float, near: Array) -> Equilibrium:
+        """The state at which the motion from a bifurcation along ``mode`` has an amplitude.
+
+        Args:
+            critical: the bifurcation.
+            mode: ``(n + 7,)``.
+            amplitude: of either sign.
+            near: a state ``(n + 7,)`` to start from.
+
+        Raises:
+            NoConvergenceError: none was found, or not near the bifurcation.
+        """
+        row, begin = self._row(mode)[: self.model.size], self._taken_apart(critical.state)[0]
 
         def border(there: Configuration[M], _: float) -> Border:
-            return Border(amplitude - float(row @ (there.x - at.x)), row, 0.0)
+            return Border(amplitude - float(row @ (there.x - begin)), row, 0.0)
 
-        return solve_bordered(self, at.x + amplitude * mode, at.wrench, ramp, border)
+        x, wrench, ramp = self._taken_apart(near)
+        ramp, there = solve_bordered(self, x, wrench, ramp, border)
+        point = self.equilibrium(self._parameter(ramp, there), there, ramp)
+        if self.distance(point.state - critical.state) > NEIGHBOUR * abs(amplitude):
+            raise NoConvergenceError("the state found on the crossing branch is a jump away")
+        return point

@@ -81,6 +81,23 @@ def stability(at: Configuration[LoadedModel], device: Array | None = None) -> St
     return Stability(eigenvalue, unstable)
 
 
+def without_neutral(negative: int, neutral: int, conservative: bool) -> int:
+    """Number of negative eigenvalues without those that are negative by rounding only.
+
+    Without a potential the determinant decides. Where it has the sign of the unloaded one, negative eigenvalues
+    come in pairs, however small one of a pair is: none is rounding. A cantilever that a moment of fixed direction
+    rolls up is such: its determinant never vanishes, while one of two negative eigenvalues all but does.
+
+    Args:
+        negative: how many are negative.
+        neutral: how many of them are within rounding of zero.
+        conservative: whether all loads have a potential.
+    """
+    if conservative or negative % 2:
+        return negative - neutral
+    return negative
+
+
 def _verdict(at: Configuration[LoadedModel], device: Array | None) -> Stability:
     """The verdict of a constrained or unsymmetric tangent: by what is near zero, or by the whole spectrum.
 

@@ -20,6 +20,7 @@ from vjm.model.lumped import LumpedModel
 from vjm.model.pack import packed
 from vjm.model.parts import Beam, Placement, RigidOffset, Section
 from vjm.rotations import translation
+from vjm.statics.stability import without_neutral
 from vjm.vjm_engine import VjmEngine
 
 EI, LENGTH = 1e6, 100.0
@@ -132,6 +133,36 @@ def test_a_tip_moment_rolls_the_cantilever_into_a_circle(follower):
     assert np.abs(path.points[-1].displacement - [-LENGTH, 0.0, 0.0, 0.0, 0.0, 0.0]).max() < 1e-9
     quarter = np.array([p.displacement[5] for p in path.points if p.ramp < 0.49 * path.force[-1]])
     assert quarter == pytest.approx(path.force[: len(quarter)] * LENGTH / EI, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize(("EIy", "GJ"), [(1e2, 1e-2), (2.0, 0.1), (0.5, 0.8), (1.0, 0.01)])
+@pytest.mark.parametrize("control", [RAMP, pytest.param(ARC, marks=pytest.mark.slow)])
+def test_a_moment_of_fixed_direction_never_makes_a_cantilever_unstable(EIy, GJ, control):
+    """Every section bears the applied moment itself, M: R' = R [C Rᵀ M] from the clamp on has one solution.
+
+    So there is no other equilibrium at any moment, however soft the bar is in torsion, and no static loss of
+    stability. Its eigenvalues are another matter: without a potential pairs of them become negative, one of a pair
+    as small as rounding.
+    """
+    section = Section(EA, GJ=GJ * EI, EIy=EIy * EI, EIz=EI)
+    bar = Chain("cantilever", (Beam("link", LENGTH, section=section),), postures={"straight": np.zeros(0)})
+    moment = Load((0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    steps = 20 if control == RAMP else None
+    full = 2.0 * np.pi * EI / LENGTH
+    load_case = LoadCase("straight", full, "load", steps=steps, free=COMPONENTS, loads=(moment,), control=control)
+    path = VjmEngine(8).trace(bar, load_case)
+    assert path.complete, path.stopped
+    assert not path.events
+    assert set(path.unstable) == {0}
+    # it closes to a circle
+    assert np.abs(path.points[-1].displacement[:3] - [-LENGTH, 0.0, 0.0]).max() < 1e-7
+
+
+@pytest.mark.parametrize(("negative", "neutral", "conservative", "counted"), [
+    (1, 1, True, 0), (2, 1, True, 1), (2, 1, False, 2), (1, 1, False, 0), (3, 1, False, 2), (0, 0, False, 0),
+])  # fmt: skip
+def test_of_a_pair_none_is_neutral(negative, neutral, conservative, counted):
+    assert without_neutral(negative, neutral, conservative) == counted
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 0.45])
