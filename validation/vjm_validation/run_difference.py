@@ -46,7 +46,7 @@ class Move:
         name: its place in the document.
         before: in the first run.
         after: in the second run.
-        change: relative to the larger of the two; infinite for what is no number.
+        change: ``|after − before| / |before|``; infinite where the first is zero or where one is no finite number.
     """
 
     name: str
@@ -61,9 +61,9 @@ class RunDifference:
 
     Attributes:
         moved: beyond the tolerance, the largest first.
-        compared: how many figures both have.
-        lost: only the first run has them.
-        new: only the second run has them.
+        compared: how many figures both have a place for.
+        lost: only the first run has a value: the second has no such place, or null or NaN there.
+        new: only the second run has the place.
         largest: relative change of the figures that are within the tolerance.
     """
 
@@ -102,34 +102,69 @@ def document_of(run: Path) -> dict[str, Any]:
     return content
 
 
-def compared(first: dict[str, Any], second: dict[str, Any], tolerance: float) -> RunDifference:
+def compared(
+    first: dict[str, Any], second: dict[str, Any], tolerance: float, absolute: float = 0.0
+) -> RunDifference:
     """Two documents figure by figure.
+
+    Null and NaN are both no value, which is how documents of the suite write it. A value that becomes none is lost;
+    none that becomes a value has moved.
 
     Args:
         first: the reference.
         second: what is compared with it.
-        tolerance: relative change up to which a figure has not moved.
+        tolerance: change relative to the first up to which a figure has not moved.
+        absolute: difference up to which it has not moved either, in its own unit: for figures whose reference is
+            zero but for rounding.
+
+    Example:
+        >>> compared({"F": 100.0, "K": 2.0}, {"F": 101.0, "K": float("nan")}, 0.02).lost
+        ['K']
     """
     before, after = dict(_figures(first)), dict(_figures(second))
     both = [name for name in before if name in after]
-    moves = [Move(name, before[name], after[name], _change(before[name], after[name])) for name in both]
-    moved = sorted((m for m in moves if m.change > tolerance), key=lambda m: -m.change)
+    gone = {name for name in both if _no_value(after[name]) and not _no_value(before[name])}
+    changes = [(name, _change(before[name], after[name], absolute)) for name in both if name not in gone]
+    moved = [Move(name, before[name], after[name], change) for name, change in changes if change > tolerance]
     return RunDifference(
-        moved,
+        sorted(moved, key=lambda m: -m.change),
         len(both),
-        [name for name in before if name not in after],
+        [name for name in before if name not in after or name in gone],
         [name for name in after if name not in before],
-        max((m.change for m in moves if m.change <= tolerance), default=0.0),
+        max((change for _, change in changes if change <= tolerance), default=0.0),
     )
 
 
-def _change(before: Any, after: Any) -> float:  # noqa: ANN401
+def _no_value(figure: Any) -> bool:  # noqa: ANN401
+    return figure is None or (isinstance(figure, float) and math.isnan(figure))
+
+
+def _is_number(figure: Any) -> bool:  # noqa: ANN401
+    return isinstance(figure, int | float) and not isinstance(figure, bool)
+
+
+def _change(before: Any, after: Any, absolute: float) -> float:  # noqa: ANN401
+    """Relative change of two figures, never NaN."""
+    if _no_value(before) or _no_value(after):
+        return 0.0 if _no_value(before) and _no_value(after) else math.inf
+    if not (_is_number(before) and _is_number(after)):
+        # True equals 1 in Python, and is no number
+        return 0.0 if type(before) is type(after) and before == after else math.inf
     if before == after:
         return 0.0
-    numbers = [isinstance(v, int | float) and not isinstance(v, bool) for v in (before, after)]
-    if not all(numbers):
-        return math.inf
-    return float(abs(after - before) / max(abs(before), abs(after)))
+    reference = _real(before)
+    difference = abs(_real(after) - reference)
+    if difference <= absolute:
+        return 0.0
+    # with an infinite reference the quotient would be NaN
+    return math.inf if reference == 0.0 or math.isinf(reference) else difference / abs(reference)
+
+
+def _real(number: float) -> float:
+    try:
+        return float(number)
+    except OverflowError:  # whole numbers have no largest in JSON
+        return math.inf if number > 0 else -math.inf
 
 
 def _figures(tree: Any, name: str = "") -> Iterator[tuple[str, Any]]:  # noqa: ANN401
@@ -139,20 +174,28 @@ def _figures(tree: Any, name: str = "") -> Iterator[tuple[str, Any]]:  # noqa: A
             if key not in LEFT_OUT:
                 yield from _figures(value, f"{name} / {key}" if name else key)
     elif isinstance(tree, list):
+        if not any(isinstance(value, dict) for value in tree):
+            # rows may come and go by name; numbers in a list have no name
+            yield f"{name} / entries", f"{len(tree)} entries"
         taken: dict[str, int] = {}
         for k, value in enumerate(tree):
             own = _row_name(value) or str(k)
             taken[own] = taken.get(own, 0) + 1
             own += f" ({taken[own]})" if taken[own] > 1 else ""
-            figures = {k: v for k, v in value.items() if k not in NAMES} if isinstance(value, dict) else value
+            figures = {k: v for k, v in value.items() if not _names(k, v)} if isinstance(value, dict) else value
             yield from _figures(figures, f"{name} / {own}")
     else:
         yield name, tree
+
+
+def _names(key: str, value: Any) -> bool:  # noqa: ANN401
+    """Whether an entry of a row says which row it is; a real number is a figure, which may move."""
+    return key in NAMES and value is not None and not isinstance(value, float)
 
 
 def _row_name(row: Any) -> str:  # noqa: ANN401
     if not isinstance(row, dict):
         return ""
     words = [" ".join(map(str, row[key])) if isinstance(row[key], list) else str(row[key]) for key in NAMES
-             if row.get(key) is not None]  # fmt: skip
+             if _names(key, row.get(key))]  # fmt: skip
     return " ".join(words)

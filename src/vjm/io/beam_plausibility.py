@@ -9,7 +9,8 @@ import numpy as np
 from vjm.io.errors import printed
 from vjm.io.findings import Grade
 from vjm.io.schema import BeamTable, ModelFile
-from vjm.io.sections import Shape, StiffnessSection
+from vjm.io.sections import StiffnessSection
+from vjm.io.shapes import Shape
 from vjm.model.parts import Beam
 
 SOFTEST, STIFFEST = 300.0, 1.3e6
@@ -26,8 +27,9 @@ SAME_DENSITY, OTHER_MODULUS = 0.03, 2.0
 """Of a metal's density, what its alloys differ by; and the factor of its modulus that none of them has."""
 LEAST_STRAIN = 1e-4
 """Yield stress over modulus, below which no solid yields: annealed pure aluminium and copper do at 3e-4."""
-DEPTH = float(np.sqrt(12.0))
-"""Depth of a rectangle over its radius of gyration: of other sections, about so."""
+WARPS = 0.05
+"""√(E I_w/(G J)) over the length above which it is said: by that share torsion is stiffer with one end held.
+A beam stands for a part from a drawing up to the same 5 %."""
 SLENDER = 2000.0
 """Length over the smaller radius of gyration that only wires and foils have: 300 mm of a foil of 0.5 mm."""
 
@@ -122,6 +124,28 @@ def sections(model: ModelFile) -> Iterator[Found]:
             )
 
 
+def warping(model: ModelFile) -> Iterator[Found]:
+    """Shapes whose ends, where they cannot warp, make the beam noticeably stiffer in torsion.
+
+    Vlasov's torsion of a bar of length L with the warping length ``λ = √(E I_w/(G J))``, held from warping at one
+    end or at both: ``G J/(1 − tanh(L/λ) λ/L)`` and ``G J/(1 − 2 tanh(L/2λ) λ/L)``.
+    """
+    for table, beam in beams(model):
+        if not isinstance(table.section, Shape):
+            continue
+        share = table.section.warping_length / beam.length
+        if share <= WARPS:
+            continue
+        one, both = (1.0 / (1.0 - n * share * float(np.tanh(1.0 / (n * share)))) - 1.0 for n in (1, 2))
+        yield (
+            Grade.NOTED,
+            f"part '{table.name}', section",
+            f"torsion is that of ends that are free to warp; √(E I_w/(G J)) is {printed(share * beam.length, 3)} "
+            f"of {printed(beam.length)} mm: with one end held from warping the beam is stiffer in torsion by "
+            f"{printed(100.0 * one, 2)} %, with both by {printed(100.0 * both, 2)} %",
+        )
+
+
 def stubby(model: ModelFile) -> Iterator[Found]:
     """Beams shorter than they are deep, which are springs of joints or in another unit, and those like wires."""
     made = [(table, beam) for table, beam in beams(model) if beam.section is not None]
@@ -139,8 +163,8 @@ def stubby(model: ModelFile) -> Iterator[Found]:
                 f"{printed(beam.length)} is {printed(beam.length / thin, 2)} times the section's smaller radius of "
                 "gyration, as of a wire: is the section in inches or cm, or EI in another unit? Give mm and N mm²",
             )  # fmt: skip
-        elif gyration * (DEPTH if shaped else 1.0) > beam.length:
-            deep = f"the depth of its section, about {printed(DEPTH * gyration, 2)} mm"
+        elif (deepest := max(table.section.sides) if isinstance(table.section, Shape) else gyration) > beam.length:
+            deep = f"the depth of its section, {printed(deepest, 3)} mm"
             radius = f"the section's radius of gyration √(EI/EA) of {printed(gyration, 3)} mm"
             likely = "it is a spring, and no beam"
             other = "is it in metres, cm or inches, or EI or EA in another unit? Give mm"
@@ -165,5 +189,5 @@ def area_of(part: BeamTable, beam: Beam) -> float:
     """Area of one member, mm²; of a section known by its stiffness that of the rectangle with its radii."""
     assert beam.section is not None
     if isinstance(part.section, Shape):
-        return beam.section.EA / part.section.youngs_modulus_MPa
+        return part.section.area
     return 12.0 * float(np.sqrt(beam.section.EIy * beam.section.EIz)) / beam.section.EA

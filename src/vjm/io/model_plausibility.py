@@ -20,6 +20,7 @@ from vjm.io.beam_plausibility import (
     materials,
     sections,
     stubby,
+    warping,
 )
 from vjm.io.drawn_plausibility import drawings
 from vjm.io.errors import printed
@@ -344,6 +345,7 @@ def postures(model: ModelFile) -> Iterator[Found]:
 
 
 RULES: tuple[Rule, ...] = (
-    materials, sections, stubby, matrices, drawings, offsets, drives, springs, masses, angles, limits, postures,
+    materials, sections, stubby, warping, matrices, drawings, offsets, drives, springs, masses, angles, limits,
+    postures,
 )  # fmt: skip
 """All rules of a chain's file."""

@@ -14,7 +14,7 @@ from vjm.io.model_file import build_chain, read_document
 from vjm.io.schema import ModelFile, known_keys
 from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
-from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
+from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset, Section
 
 Location = tuple[int | str, ...]
 
@@ -107,7 +107,7 @@ def elastic_parts(chain: Chain) -> list[tuple[str, str]]:
     for part in chain.parts:
         match part:
             case Beam():
-                kind = "section" if part.section is not None else "6×6 compliance"
+                kind = "6×6 compliance" if part.section is None else _section_of(part.section)
                 found.append((part.name, f"beam of {printed(part.length)} mm, {kind}"))
             case Mount(slides=False) if part.compliance > 0.0:
                 found.append((part.name, f"{printed(part.compliance)} rad/(N mm) about its axis"))
@@ -126,6 +126,11 @@ def elastic_parts(chain: Chain) -> list[tuple[str, str]]:
                 if own or across:
                     found.append((part.name, ", ".join(text for text in (own, across) if text)))
     return found
+
+
+def _section_of(section: Section) -> str:
+    rigid = [axis for axis, GA in (("y", section.GAy), ("z", section.GAz)) if np.isinf(GA)]
+    return f"section without shear along {' and '.join(rigid)}" if rigid else "section"
 
 
 def _shift(part: object) -> np.ndarray:

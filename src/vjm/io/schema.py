@@ -31,7 +31,8 @@ from vjm.io.joint_tables import (
     PointSpringTable,
     given_coordinates,
 )
-from vjm.io.sections import SHAPES, AnySection, LengthMM, StiffnessSection, Table
+from vjm.io.sections import LengthMM, StiffnessSection, Table
+from vjm.io.shapes import SHAPES, AnySection
 from vjm.model import parts
 from vjm.model.chain import FOOT, Chain, pushed_out
 from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint

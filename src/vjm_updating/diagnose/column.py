@@ -5,17 +5,18 @@ The deflection takes the place of the imposed displacement; see `vjm_updating.me
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
 import numpy as np
 
+from vjm.io.shapes import Shape
 from vjm.model.chain import Chain
 from vjm.model.parts import Beam, PassiveJoint
 from vjm.rotations import Array
-from vjm_updating.diagnose.stress import fibre_of
+from vjm_updating.diagnose.stress import fibre_of, shape_of
 from vjm_updating.experiment import Measurement, Readings
 from vjm_updating.experiment.channels import WRENCH, split_point
 from vjm_updating.experiment.rays import Ray
@@ -23,7 +24,7 @@ from vjm_updating.inference.fitting import Fit
 from vjm_updating.inference.forward import machine_of, values_of
 from vjm_updating.inference.instrument import InstrumentScale, InstrumentZero
 from vjm_updating.inference.parameters import Hypothesis
-from vjm_updating.mechanisms.column import Fibres, column_force
+from vjm_updating.mechanisms.column import column_force
 from vjm_updating.mechanisms.effect import Effect, Quantity, part_table
 from vjm_updating.mechanisms.end_restraint import EndRestraint
 from vjm_updating.mechanisms.link_bow import LinkBow
@@ -222,10 +223,9 @@ def column_effects(observed: Observed) -> list[Effect]:
         LinkLength(beam=link),
         EndRestraint(flexural=flexural),
     ]
-    section = _section(observed.measurement)
-    if section is not None:
-        stress = _table(observed.measurement).get("yield_stress_MPa")
-        found.append(ColumnYield(stress=float(str(stress)) if stress else 250.0))
+    shape = _shape(observed.measurement)
+    if shape is not None:
+        found.append(ColumnYield(stress=shape.yield_stress_MPa or 250.0))
     for channel in (*observed.pose_channels, WRENCH[0]):
         found += [InstrumentZero(part=channel), InstrumentScale(part=channel)]
     return found
@@ -237,25 +237,9 @@ def _part_table(measurement: Measurement) -> dict[str, object]:
     return found
 
 
-def _table(measurement: Measurement) -> Mapping[str, object]:
-    section = _part_table(measurement).get("section", {})
-    assert isinstance(section, Mapping)
-    return section
-
-
-def _section(measurement: Measurement) -> Fibres | None:
-    """Fibres of the link's section in the plane of bending, where its shape is known."""
-    table = _table(measurement)
-
-    def number(key: str) -> float:
-        return float(str(table[key]))
-
-    if table.get("shape") == "rectangle":
-        return Fibres(number("thickness_mm"), 0.0, number("width_mm") * number("thickness_mm"))
-    if table.get("shape") == "square_tube":
-        width, core = number("width_mm"), number("width_mm") - 2.0 * number("wall_mm")
-        return Fibres(width, core, width**2 - core**2)
-    return None
+def _shape(measurement: Measurement) -> Shape | None:
+    """The link's shape, where it is known; it bends about its section's z axis."""
+    return shape_of(_part_table(measurement))
 
 
 @dataclass
@@ -328,21 +312,21 @@ class ColumnForward:
         return f"{stress:.4g} MPa in the model file: without any fit, yield from {where} on"
 
     def _handbook(self) -> float | None:
-        limit = _table(self.observed.measurement).get("yield_stress_MPa")
-        return None if limit is None else float(str(limit))
+        shape = _shape(self.observed.measurement)
+        return None if shape is None else shape.yield_stress_MPa
 
     def _reached(
         self, stress: float | None, chain: Chain, bow: float, force: Callable[[Array], Array]
     ) -> tuple[float, float] | None:
         """Load and deflection at which the middle's outer fibre has a stress, by beam theory."""
-        fibres = _section(self.observed.measurement)
-        if stress is None or fibres is None:
+        shape = _shape(self.observed.measurement)
+        if stress is None or shape is None:
             return None
         w = np.linspace(0.05, float(self.observed.pose[:, 0].max()), 240)
         P = force(w)
         section = beam_of(chain, link_of(chain)).effective_section()
-        inertia = section.EIz / (section.EA / fibres.area)
-        reached = P / fibres.area + P * (bow + w) * 0.5 * fibres.depth / inertia
+        inertia = section.EIz / (section.EA / shape.area)
+        reached = P / shape.area + P * (bow + w) * 0.5 * shape.sides[0] / inertia
         over = np.flatnonzero(reached >= stress)
         return (float(P[over[0]]), float(w[over[0]])) if len(over) else None
 
@@ -365,18 +349,18 @@ class ColumnForward:
         machine = self.machine(found, z, hypothesis)
         beam = beam_of(machine.chain(), link_of(machine.nominal))
         section = beam.effective_section()
-        fibres = _section(self.observed.measurement)
+        shape = _shape(self.observed.measurement)
         known = list(zip(hypothesis, values_of(found, z, hypothesis), strict=True))
         held = sum(values[0] for effect, values in known if isinstance(effect, EndRestraint))
         for effect, values in known:
-            if isinstance(effect, ColumnYield) and fibres is not None and not elastic:
-                modulus = section.EA / fibres.area
+            if isinstance(effect, ColumnYield) and shape is not None and not elastic:
+                modulus = section.EA / shape.area
                 euler = np.pi**2 * section.EIz / beam.length**2
                 # the load's own stress is there before the bending
-                left = max(values[0] - euler / fibres.area, 1.0)
-                proof = left * section.EIz / modulus / (0.5 * fibres.depth)
+                left = max(values[0] - euler / shape.area, 1.0)
+                proof = left * section.EIz / modulus / (0.5 * shape.sides[0])
                 return column_force(
-                    w, beam.length, section.EIz, _bow(machine), proof, fibres, values[1], SET * modulus / left, held
+                    w, beam.length, section.EIz, _bow(machine), proof, shape, values[1], SET * modulus / left, held
                 )
         return column_force(w, beam.length, section.EIz, _bow(machine), restraint=held)
 

@@ -11,6 +11,7 @@ import numpy as np
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import EventKind, Path, driven_force
 from vjm.io.drawn import DrawnTable
+from vjm.io.shapes import SHAPES, Shape
 from vjm.model.parts import Beam
 from vjm.rotations import Array
 from vjm_updating.mechanisms.modified_chain import springs_of
@@ -97,27 +98,19 @@ class Solid:
 
 def fibre_of(table: Mapping[str, Any]) -> Fibre | str:
     """The outermost fibres of a beam's table in a model document; else why they are not known."""
-    section, name = table.get("section") or {}, table["name"]
-    shape, rounded = section.get("shape"), False
-    if shape == "rectangle":
-        w, t = float(section["width_mm"]), float(section["thickness_mm"])
-        area, by_y, by_z = w * t, t * w**2 / 6.0, w * t**2 / 6.0
-    elif shape == "square_tube":
-        w = float(section["width_mm"])
-        core = w - 2.0 * float(section["wall_mm"])
-        area = w**2 - core**2
-        by_y = by_z = (w**4 - core**4) / (6.0 * w)
-    elif shape in ("round_bar", "round_tube"):
-        d, rounded = float(section["diameter_mm"]), True
-        bore = d - 2.0 * float(section["wall_mm"]) if shape == "round_tube" else 0.0
-        area = np.pi * (d**2 - bore**2) / 4.0
-        by_y = by_z = np.pi * (d**4 - bore**4) / (32.0 * d)
-    else:
+    shape, name = shape_of(table), table["name"]
+    if shape is None:
         return f"not known: the model says no shape of the section of {name}"
-    limit = section.get("yield_stress_MPa")
-    if limit is None:
+    if shape.yield_stress_MPa is None:
         return f"not known: the model says no yield stress of {name}"
-    return Fibre(area, by_y, by_z, float(limit), rounded)
+    return Fibre(shape.area, *shape.section_moduli, shape.yield_stress_MPa, shape.rounded)
+
+
+def shape_of(table: Mapping[str, Any]) -> Shape | None:
+    """The shape of a beam's section by its table in a model document; None where the document says none."""
+    section = table.get("section") or {}
+    kind = SHAPES.get(section.get("shape", ""))
+    return None if kind is None else kind.model_validate(section)
 
 
 def material_of(table: Mapping[str, Any]) -> Fibre | Solid | str:

@@ -8,7 +8,8 @@ from typing import Any
 
 from vjm.io.errors import did_you_mean
 from vjm.io.schema import BeamTable
-from vjm.io.sections import SHAPES, Shape, StiffnessSection, Table
+from vjm.io.sections import StiffnessSection, Table
+from vjm.io.shapes import SHAPES, Shape
 
 SEGMENTS = ("link_segments", "foot_segments")
 """Keys that say how the model is solved and are no values of the machine."""

@@ -10,7 +10,8 @@ from pydantic import Field, model_validator
 
 from vjm.io.errors import ModelFileError, one_line
 from vjm.io.schema import Label, Turn, Turns, Units, rotation
-from vjm.io.sections import SHAPES, AnySection, LengthMM, StiffnessSection, Table
+from vjm.io.sections import LengthMM, StiffnessSection, Table
+from vjm.io.shapes import SHAPES, AnySection
 from vjm.model import parts
 from vjm_updating.identify.beam_path import BeamPath, Piece
 

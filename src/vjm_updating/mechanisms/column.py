@@ -10,18 +10,16 @@ curve (deformation theory).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
+from vjm.io.shapes import Shape
 from vjm.kernels.compilation import entry, kernel
 from vjm.rotations import Array
 
 STEPS = 24
 """Of the fourth-order Runge-Kutta rule over half the column."""
-FIBRES = 160
-"""Over half the depth of the section."""
 FAR = 60.0
 """Curvature over that at the proof stress up to which moments are tabulated."""
 CURVATURES = 160
@@ -34,40 +32,20 @@ SHUT = 1e-8
 """Error of the pins' turns over the column's own at which it ends."""
 
 
-@dataclass(frozen=True)
-class Fibres:
-    """What bending beyond yield needs of a section.
-
-    Attributes:
-        depth: in the plane of bending, mm.
-        core: depth of a hollow core of the same shape, mm; zero where it is solid.
-        area: mm².
-    """
-
-    depth: float
-    core: float
-    area: float
-
-    def widths(self) -> tuple[Array, Array]:
-        """Distances ``(k,)`` from the middle over half the depth, and the widths there over the section's own."""
-        y = (np.arange(FIBRES) + 0.5) / FIBRES
-        inner = self.core / self.depth
-        return y, np.where(y < inner, 1.0 - inner, 1.0)
-
-
 @lru_cache(maxsize=64)
-def yield_curve(fibres: Fibres, exponent: float, offset: float) -> tuple[Array, Array]:
+def yield_curve(shape: Shape, exponent: float, offset: float) -> tuple[Array, Array]:
     """Moments ``(k,)`` over that at which the outer fibre would reach the proof stress elastically, by curvatures.
 
     Each fibre follows Ramberg and Osgood (NACA TN 902, 1943), ``ε/ε_p = σ/σ_p + offset (σ/σ_p)^exponent``, with ε_p
     the elastic strain at the proof stress σ_p. The larger the exponent the sharper the knee.
 
     Args:
-        fibres: of the section.
+        shape: of the section, bent about its z axis.
         exponent: of the law.
         offset: permanent strain that defines the proof stress, over ε_p.
     """
-    y, width = fibres.widths()
+    y, area = shape.fibres()
+    y = y / (0.5 * shape.sides[0])
     curvature = np.concatenate([[0.0], np.geomspace(0.05, FAR, CURVATURES)])
     # beyond the proof stress strain grows with a high power: stresses are spaced by it
     highest = max((FAR / offset) ** (1.0 / exponent), 1.0)
@@ -76,8 +54,8 @@ def yield_curve(fibres: Fibres, exponent: float, offset: float) -> tuple[Array, 
     )
     strain = share + offset * share**exponent
     stress = np.interp(curvature[:, None] * y, strain, share)
-    moment = (stress * y * width).sum(axis=1)
-    elastic = float((y * y * width).sum())
+    moment = (stress * y * area).sum(axis=1)
+    elastic = float((y * y * area).sum())
     return moment / elastic, curvature
 
 
@@ -87,7 +65,7 @@ def column_force(
     stiffness: float,
     bow: float = 0.0,
     proof: float = float("inf"),
-    fibres: Fibres | None = None,
+    shape: Shape | None = None,
     exponent: float = 40.0,
     offset: float = 0.5,
     restraint: float = 0.0,
@@ -101,7 +79,7 @@ def column_force(
         bow: amplitude of the half sine wave of the unloaded shape, mm, towards positive deflections.
         proof: bending moment, N mm, at which the outer fibre would reach the proof stress elastically; infinite
             where it never yields.
-        fibres: of the section, where it yields.
+        shape: of the section, where it yields.
         exponent: see `yield_curve`.
         offset: see `yield_curve`.
         restraint: stiffness of a rotational spring at each pin, N mm per rad; 0 for free pins.
@@ -110,8 +88,8 @@ def column_force(
         N; Euler's load where a straight column is not deflected.
     """
     moments, curvatures = np.array([0.0, 1.0]), np.array([0.0, 1.0])
-    if fibres is not None and np.isfinite(proof):
-        moments, curvatures = yield_curve(fibres, exponent, offset)
+    if shape is not None and np.isfinite(proof):
+        moments, curvatures = yield_curve(shape, exponent, offset)
     scale = proof if len(moments) > 2 else stiffness / length
     start = np.asarray(deflection, dtype=float) + bow
     force, turn = np.empty(len(start)), np.empty(len(start))

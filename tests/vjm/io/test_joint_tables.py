@@ -174,15 +174,15 @@ MATERIAL = {"youngs_modulus_MPa": 1000.0, "poissons_ratio": 0.0}
         # π d²/4, π d⁴/32, π d⁴/64
         ({"shape": "round_bar", "diameter_mm": 20.0}, 314.159265, 15707.9633, 7853.98163, 7853.98163),
         ({"shape": "round_tube", "diameter_mm": 20.0, "wall_mm": 5.0}, 235.619449, 14726.2156, 7363.108, 7363.108),
-        # IPE 200 without its fillets: A 2726, Iz 1.846e7, Iy 1.419e6 by hand; J of three strips
+        # IPE 200 without its fillets: A 2726, Iz 1.846e7, Iy 1.419e6 by hand; J by sectionproperties
         (
             {"shape": "i_beam", "width_mm": 100.0, "height_mm": 200.0, "flange_mm": 8.5, "web_mm": 5.6},
-            2724.8, 49175.0, 1.4193e6, 1.8458e7,
+            2724.8, 50645.4, 1.4193e6, 1.8458e7,
         ),
-        # 60 by 40 by 4 with sharp corners: Bredt's cell and the walls' own torsion
+        # 60 by 40 by 4 with sharp corners; J by sectionproperties
         (
             {"shape": "rectangular_tube", "width_mm": 60.0, "thickness_mm": 40.0, "wall_mm": 4.0},
-            736.0, 8.0 * 56**2 * 36**2 / 92.0 + 2.0 / 3.0 * 92.0 * 64.0, 345045.33, 178005.33,
+            736.0, 369066.0, 345045.33, 178005.33,
         ),
     ],
 )  # fmt: skip

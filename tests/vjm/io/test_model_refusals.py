@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from vjm.io.manipulator_file import manipulators
 from vjm.io.model_file import ModelFileError, build_chain, library, load_chain, read_document
-from vjm.io.sections import SHAPES, AnySection
+from vjm.io.shapes import SHAPES, AnySection
 
 ORTHOGLIDE = read_document("orthoglide-chain").content
 COLUMN = read_document("pinned-column").content

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers.solids import drawn, gmsh_or_skip, prism, solved
 
-from vjm.io.sections import rectangle_torsion
+from vjm.io.saint_venant import rectangle_torsion
 from vjm_fea.solid.compliance import Base, Ends, Tip, answer, face_centre
 from vjm_fea.solid.drawing import drawing
 from vjm_fea.solid.elasticity import ElasticSolid, Material, components

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.solids import drawn, gmsh_or_skip, prism
 
-from vjm.io.sections import rectangle_torsion
+from vjm.io.saint_venant import rectangle_torsion
 from vjm.model.load_case import LoadCase
 from vjm.model.parts import Section
 from vjm.rotations import rotate_matrix6, shift_compliance

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from vjm_updating.diagnose.column import observe_column, zeros_before_loading
+from vjm.io.shapes import SHAPES, Shape
+from vjm_updating.diagnose.column import ColumnForward, column_effects, observe_column, zeros_before_loading
 from vjm_updating.diagnose.column_experiment import direct
 from vjm_updating.diagnose.command import diagnose
 from vjm_updating.diagnose.estimates import Estimate
@@ -18,7 +20,7 @@ from vjm_updating.diagnose.preprocess import prepare
 from vjm_updating.diagnose.transfer import transfer
 from vjm_updating.experiment import Readings, read_measurement
 from vjm_updating.inference.trust_region import best_fit
-from vjm_updating.mechanisms.column import Fibres, column_force, yield_curve
+from vjm_updating.mechanisms.column import column_force, yield_curve
 from vjm_validation.cli.main import run
 
 MEASURED = Path(__file__).parents[4] / "shared" / "measured"
@@ -49,6 +51,20 @@ real = pytest.mark.skipif(
 )
 
 
+MATERIAL = {"youngs_modulus_MPa": 7e4, "poissons_ratio": 0.33, "yield_stress_MPa": 250.0}
+
+
+def section(shape: str, **sides: float) -> dict:
+    return {"shape": shape, **{f"{key}_mm": value for key, value in sides.items()}, **MATERIAL}
+
+
+def made(table: dict) -> Shape:
+    return SHAPES[table["shape"]].model_validate(table)
+
+
+BAR = made(section("rectangle", width=25.0, thickness=3.2))
+
+
 def test_small_deflections_of_a_bowed_column_are_amplified():
     L, EI = 300.0, 4.7e6
     euler = np.pi**2 * EI / L**2
@@ -77,15 +93,36 @@ def test_pins_that_resist_turning(held):
 
 
 def test_a_rectangle_yields_to_one_and_a_half():
-    moment, curvature = yield_curve(Fibres(3.0, 0.0, 75.0), 4000.0, 0.5)
+    moment, curvature = yield_curve(BAR, 4000.0, 0.5)
     k = curvature > 1.1
     # M/M_p = 1.5 − 0.5/κ² beyond first yield where the knee is sharp
     np.testing.assert_allclose(moment[k], 1.5 - 0.5 / curvature[k] ** 2, atol=2e-3)
 
 
+@pytest.mark.parametrize(
+    ("table", "factor"),
+    [
+        (section("square_tube", width=20.0, wall=2.0), (20.0**3 - 16.0**3) / 4 / ((20.0**4 - 16.0**4) / 120)),
+        (section("rectangular_tube", width=60.0, thickness=40.0, wall=4.0),
+         (60.0 * 40.0**2 - 52.0 * 32.0**2) / 4 / ((60.0 * 40.0**3 - 52.0 * 32.0**3) / 240)),
+        (section("round_bar", diameter=20.0), 16 / (3 * np.pi)),
+        (section("round_tube", diameter=20.0, wall=2.0),
+         16 / (3 * np.pi) * (1 - 0.8**3) / (1 - 0.8**4)),
+        (section("i_beam", width=100.0, height=200.0, flange=8.5, web=5.6),
+         (100.0 * 8.5 * 191.5 + 5.6 * 183.0**2 / 4) / ((100.0 * 200.0**3 - 94.4 * 183.0**3) / 1200)),
+    ],
+    ids=lambda value: value["shape"] if isinstance(value, dict) else "",
+)  # fmt: skip
+def test_every_shape_yields_to_its_plastic_modulus(table, factor):
+    """Plastic over elastic section modulus, with an elastic core of a sixtieth of the depth left."""
+    moment, _ = yield_curve(made(table), 4000.0, 0.5)
+    # (60/0.5)^(1/4000) of hardening; fibres are 1 % of a band apart
+    assert moment[-1] == pytest.approx(1.0012 * factor, rel=2e-3)
+
+
 def test_a_rounded_knee_follows_its_power():
     n, offset = 6.0, 0.6
-    moment, curvature = yield_curve(Fibres(3.0, 0.0, 75.0), n, offset)
+    moment, curvature = yield_curve(BAR, n, offset)
     # far out the elastic strain is nothing beside the set: σ ~ ε^(1/n), of which M is 3/(2 + 1/n) over a rectangle
     far = curvature[-1]
     expected = 3.0 / (2.0 + 1.0 / n) * (far / offset) ** (1.0 / n)
@@ -99,7 +136,7 @@ def test_yield_turns_the_force_down():
     L, EI = 300.0, 4.7e6
     w = np.linspace(1.0, 50.0, 50)
     plain = column_force(w, L, EI, 2.0)
-    yields = column_force(w, L, EI, 2.0, 12_000.0, Fibres(3.2, 0.0, 80.0), 400.0)
+    yields = column_force(w, L, EI, 2.0, 12_000.0, BAR, 400.0)
     first = int(np.argmax(plain - yields > 1e-6 * plain))
     # deflections are a millimetre apart, over which the moment grows by some 3 %
     assert plain[first] * (w[first] + 2.0) == pytest.approx(12_000.0, rel=0.03)
@@ -182,6 +219,35 @@ def made_column(
     (folder / "data.csv").write_text("\n".join(["time_s,posture,fx_N,mid.uy_mm", *rows]) + "\n")
     (folder / "sheet.toml").write_text(SHEET)
     return folder / "data.csv", folder / "sheet.toml"
+
+
+@pytest.mark.parametrize(
+    ("shape", "depth"),
+    [
+        ("section = 'round_bar'\ndiameter_mm = 8.0", 8.0),
+        ("section = 'round_tube'\ndiameter_mm = 10.0\nwall_mm = 1.0", 10.0),
+        ("section = 'i_beam'\nwidth_mm = 10.0\nheight_mm = 8.0\nflange_mm = 1.0\nweb_mm = 1.0", 8.0),
+        ("section = 'rectangular_tube'\nwidth_mm = 12.0\nthickness_mm = 8.0\nwall_mm = 1.0", 8.0),
+    ],
+)
+def test_a_column_of_any_shape_may_yield(tmp_path, shape, depth):
+    data, sheet = made_column(tmp_path, 1.5)
+    sheet.write_text(f"[model]\n{shape}\nyield_stress_MPa = 150.0\n{sheet.read_text()}")
+    measurement = read_measurement(data, sheet)
+    observed = observe_column(measurement)
+    assert "plasticity" in [effect.cause for effect in column_effects(observed)]
+    # beam theory: P/A + P w/S reaches the yield stress in the middle
+    beam = measurement.chain.beams[0]
+    area, inertia = beam.section.EA / 68948.0, beam.section.EIz / 68948.0
+    w = np.linspace(0.05, 14.0, 2000)
+    P = column_force(w, beam.length, beam.section.EIz)
+    first = int(np.argmax(P / area + P * w * 0.5 * depth / inertia >= 150.0))
+    assert first > 0
+    said = ColumnForward(observed).handbook_yield()
+    found = [float(one) for one in re.findall(r"from ([\d.]+) mm and ([\d.e+]+) N", said)[0]]
+    # the command looks every 0.06 mm, where the force hardly grows
+    assert found[0] == pytest.approx(w[first], abs=0.07)
+    assert found[1] == pytest.approx(P[first], rel=2e-3)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Two runs compared: what moved, what is missing, and the exit status."""
 
 import json
+import math
 
 import pytest
 
@@ -76,3 +77,75 @@ def test_what_is_no_run_is_refused(runs, tmp_path, capsys):
     (tmp_path / "broken.json").write_text("{")
     assert command(["compare", str(tmp_path / "broken.json"), str(tmp_path / "broken.json")]) == 2
     assert "no JSON document" in capsys.readouterr().err
+
+
+NAN, INF = math.nan, math.inf
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "change"),
+    [
+        (2.0, 3.0, 0.5), (2.0, 20.0, 9.0), (1.0, -1.0, 2.0), (-4.0, -3.0, 0.25), (3, 3.0, 0.0), (5.0, 0.0, 1.0),
+        (0.0, 0.0, 0.0), (0.0, -0.0, 0.0), (0.0, 1e-300, INF), (INF, INF, 0.0), (INF, -INF, INF), (INF, 1.0, INF),
+        (1.0, INF, INF), (NAN, NAN, 0.0), (NAN, None, 0.0), (None, NAN, 0.0), (NAN, 1.0, INF), (None, "turns", INF),
+        (True, True, 0.0), (True, 1, INF), (1, True, INF), (0, False, INF),
+        ("1", 1, INF), ("a", "a", 0.0), ("a", "b", INF),
+        (10**400, 10**400, 0.0), (10**400, 1.5, INF), (1.5, 10**400, INF),
+    ],
+    ids=lambda v: str(v)[:8],
+)  # fmt: skip
+def test_change_is_relative_to_the_reference(before, after, change):
+    found = compared({"x": before, "y": 1}, {"x": after, "y": 1}, 0.0)
+    assert [move.change for move in found.moved] == ([change] if change else [])
+    assert not found.lost
+    assert found.same == (change == 0.0)
+    assert found.largest == 0.0
+
+
+@pytest.mark.parametrize("before", [1.0, 0.0, INF, "bifurcation", True])
+@pytest.mark.parametrize("after", [NAN, None])
+def test_a_value_that_becomes_none_is_lost(before, after):
+    for tolerance in (0.0, 0.9):
+        found = compared({"x": before, "y": 1.0}, {"x": after, "y": 1.0}, tolerance)
+        assert (found.lost, found.moved, found.same) == (["x"], [], False)
+
+
+def test_lists_of_another_length_have_moved():
+    assert [m.name for m in compared({"x": [1.0, 2.0]}, {"x": [1.0, 2.0, 3.0]}, 0.9).moved] == ["x / entries"]
+    shorter = compared({"x": [1.0, 2.0]}, {"x": [1.0]}, 0.9)
+    assert (shorter.lost, shorter.same) == (["x / 1"], False)
+    assert not compared({"x": [], "y": 1}, {"x": [0.0], "y": 1}, 0.9).same
+    assert not compared({"x": [[1.0]]}, {"x": [[1.0, 0.0]]}, 0.9).same
+    assert not compared({"x": [1.0], "y": 1}, {"x": None, "y": 1}, 0.9).same
+    # a row more has a name, and loses nothing
+    assert compared(
+        {"x": [{"name": "a", "F": 1.0}]}, {"x": [{"name": "a", "F": 1.0}, {"name": "b", "F": 1.0}]}, 0.0
+    ).same
+
+
+def test_a_real_number_in_a_row_is_a_figure_and_no_name():
+    rows = [{"channel": "z", "size": 1.0}], [{"channel": "z", "size": 1.1}]
+    found = compared({"x": rows[0]}, {"x": rows[1]}, 0.05)
+    assert [(move.name, pytest.approx(move.change)) for move in found.moved] == [("x / z / size", 0.1)]
+    assert compared({"x": rows[0]}, {"x": rows[1]}, 0.2).same
+
+
+def test_an_absolute_scale_takes_zeros_that_are_rounding(runs, capsys):
+    first = runs("zero", lambda d: d["chain"]["A"]["tension"]["vjm-paper"].update(K0=0.0))
+    second = runs("rounded", lambda d: d["chain"]["A"]["tension"]["vjm-paper"].update(K0=3e-13))
+    assert command(["compare", str(first), str(second)]) == 1
+    assert "from 0" in capsys.readouterr().out
+    assert command(["compare", str(first), str(second), "--absolute", "1e-9"]) == 0
+    assert command(["compare", str(first), str(second), "--absolute", "1e-13"]) == 1
+    for wrong in ("nan", "inf", "-1"):
+        assert command(["compare", str(first), str(second), f"--absolute={wrong}"]) == 2
+
+
+def test_a_figure_that_grows_tenfold_is_printed_so_and_nan_is_named(runs, capsys):
+    def change(document):
+        document["chain"]["A"]["tension"]["vjm-paper"].update(F_cr=26910.0, K0=NAN)
+
+    assert command(["compare", str(runs("first")), str(runs("second", change)), "--tolerance", "0.5"]) == 1
+    out = capsys.readouterr().out
+    assert "900.0 %" in out or "900 %" in out
+    assert "only in the first: chain / A / tension / vjm-paper / K0" in out

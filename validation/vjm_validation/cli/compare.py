@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -21,13 +22,23 @@ def compare_(
     first: Annotated[Path, Parameter(help="A run's folder, or a JSON file of the suite: the reference.")],
     second: Annotated[Path, Parameter(help="Another run's folder or file.")],
     *,
-    tolerance: Annotated[float, Parameter(help="Relative change up to which a figure has not moved.")] = 1e-6,
+    tolerance: Annotated[
+        float, Parameter(help="Change relative to the first run up to which a figure has not moved.")
+    ] = 1e-6,
+    absolute: Annotated[
+        float,
+        Parameter(
+            help="Difference up to which it has not moved either, in its own unit: for zeros but for rounding."
+        ),
+    ] = 0.0,
     report: Annotated[Path | None, Parameter(help="Write a page to this file.")] = None,
 ) -> int:
     """Compare two runs: which figures moved, and by how much."""
     if not 0.0 <= tolerance < 1.0:
         raise UsageError(f"--tolerance: must be from 0 to 1, not {tolerance:g}")
-    found = compared(document_of(first), document_of(second), tolerance)
+    if not 0.0 <= absolute < math.inf:
+        raise UsageError(f"--absolute: must be from 0, not {absolute:g}")
+    found = compared(document_of(first), document_of(second), tolerance, absolute)
     if not found.compared:
         raise UsageError(f"{first} and {second} have no figure in common: compare runs of one command")
     console = terminal.console()
@@ -42,27 +53,42 @@ def compare_(
         console.print(f"and {len(found.moved) - SHOWN} more" + ("" if report else "; --report writes all"))
     for name in found.lost[:SHOWN]:
         console.print(f"only in the first: {name}", soft_wrap=True, markup=False)
-    console.print(_words(found, tolerance), soft_wrap=True)
+    if len(found.lost) > SHOWN:
+        console.print(f"and {len(found.lost) - SHOWN} more" + ("" if report else "; --report writes all"))
+    console.print(_words(found, tolerance, absolute), soft_wrap=True)
     if report is not None:
-        _page(report, f"{first} and {second}", found, tolerance)
+        _page(report, f"{first} and {second}", found, _words(found, tolerance, absolute))
         console.print(f"page: {report}", soft_wrap=True)
     return OK if found.same else NOT_ACCEPTED
 
 
 def _row(move: Move) -> tuple[str, str, str, str]:
-    change = percent(move.change) if move.change < float("inf") else "another"
-    return move.name, number(move.before, 7), number(move.after, 7), change
+    change = (
+        percent(move.change) if math.isfinite(move.change) else "from 0" if _is_zero(move.before) else "another"
+    )
+    return move.name, _figure(move.before), _figure(move.after), change
 
 
-def _words(found: RunDifference, tolerance: float) -> str:
-    moved = f"{len(found.moved)} of {found.compared} figures moved by more than {tolerance:g}"
+def _is_zero(figure: object) -> bool:
+    return isinstance(figure, int | float) and not isinstance(figure, bool) and figure == 0
+
+
+def _figure(figure: object) -> str:
+    return str(figure) if isinstance(figure, float) and math.isinf(figure) else number(figure, 7)
+
+
+def _words(found: RunDifference, tolerance: float, absolute: float) -> str:
+    also = f" and by more than {absolute:g} in their own units" if absolute else ""
+    moved = (
+        f"{len(found.moved)} of {found.compared} figures moved by more than {tolerance:g} of the first run's{also}"
+    )
     rest = f"; the others by at most {found.largest:.2g}" if found.largest else "; the others are equal"
-    lost = f"; {len(found.lost)} are missing in the second" if found.lost else ""
+    lost = f"; {len(found.lost)} have no value in the second" if found.lost else ""
     new = f"; {len(found.new)} are new in it" if found.new else ""
     return moved + rest + lost + new
 
 
-def _page(file: Path, title: str, found: RunDifference, tolerance: float) -> None:
+def _page(file: Path, title: str, found: RunDifference, words: str) -> None:
     # matplotlib takes a second to import
     from vjm_validation.report.small_page import write_small_page
     from vjm_validation.report.tables import Table
@@ -77,6 +103,6 @@ def _page(file: Path, title: str, found: RunDifference, tolerance: float) -> Non
         Table("Figures that only one run has", ("figure", "run"), absent),
     ]
     write_small_page(
-        file, f"Comparison: {title}", f"{_words(found, tolerance)}.",
+        file, f"Comparison: {title}", f"{words}.",
         tone=Tone.AGREES if found.same else Tone.FAILED, tables=[table for table in tables if table.rows],
     )  # fmt: skip

@@ -10,7 +10,8 @@ from pydantic import Field, field_validator, model_validator
 
 from vjm.io.joint_tables import ActuatedTable
 from vjm.io.schema import AnyPart, BeamTable, Label, Turns, VectorMM
-from vjm.io.sections import AnySection, LengthMM, Table
+from vjm.io.sections import LengthMM, Table
+from vjm.io.shapes import AnySection
 from vjm.model.load_case import ARC, COMPONENTS, RAMP
 
 Component = Literal["x", "y", "z", "rx", "ry", "rz"]

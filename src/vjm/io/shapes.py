@@ -1,0 +1,370 @@
+"""Cross-sections as shapes: the one place that knows what a shape is, from its stiffness to its fibres.
+
+A section's axes are x along the beam, y and z across it. A rectangle's width lies along z and its thickness
+along y, so that it bends softly about z, deflecting along y.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+
+from vjm.io import saint_venant
+from vjm.io.errors import printed
+from vjm.io.material import Material
+from vjm.io.saint_venant import Empty, Quarter
+from vjm.io.sections import LengthMM, StiffnessSection
+from vjm.model import parts
+from vjm.rotations import Array
+
+GAUSS = np.polynomial.legendre.leggauss(100)
+"""Places and weights of the fibres over a band's depth, from −1 to 1."""
+COMPUTED = "computed"
+"""In place of a shear factor: the shape's own shear areas."""
+
+
+class Shape(Material):
+    """A shape and its material: all that is known of a section; shear is neglected without a ``shear_factor``.
+
+    A shape says its outer sides, area, second moments of area, torsion and warping constants, shear areas and
+    fibres here, and nowhere else. All of them are symmetric about both axes.
+    """
+
+    shear_factor: float | str | None = Field(
+        None,
+        description="shear area over area; 'computed': of each axis from the shape and Poisson's ratio",
+        json_schema_extra={"anyOf": [{"type": "number", "exclusiveMinimum": 0.0, "maximum": 1.0},
+                                     {"const": COMPUTED}, {"type": "null"}]},
+    )  # fmt: skip
+
+    rounded: ClassVar[bool] = False
+    """Whether the largest stresses of the two bendings lie at no common corner."""
+
+    @field_validator("shear_factor")
+    @classmethod
+    def _factor(cls, value: float | str | None) -> float | str | None:
+        if value is None or value == COMPUTED or (isinstance(value, float) and 0.0 < value <= 1.0):
+            return value
+        found = printed(value) if isinstance(value, float) else repr(value)
+        raise ValueError(f"must be above 0 and at most 1, or '{COMPUTED}', got {found}")
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Outer lengths along y and along z, mm."""
+        raise NotImplementedError
+
+    @property
+    def area(self) -> float:
+        """In mm²."""
+        raise NotImplementedError
+
+    @property
+    def inertias(self) -> tuple[float, float]:
+        """Second moments of area about y and about z, mm⁴."""
+        raise NotImplementedError
+
+    @property
+    def torsion_constant(self) -> float:
+        """Saint-Venant's, mm⁴."""
+        raise NotImplementedError
+
+    @property
+    def warping_constant(self) -> float:
+        """About the centre, mm⁶."""
+        raise NotImplementedError
+
+    @property
+    def shear_areas(self) -> tuple[float, float]:
+        """For deflection along y and along z, mm²; see `vjm.io.saint_venant`."""
+        raise NotImplementedError
+
+    def fibres(self) -> tuple[Array, Array]:
+        """Distances ``(k,)`` in mm from the axis z over the half ``y > 0``, and the areas in mm² that lie there."""
+        raise NotImplementedError
+
+    @property
+    def section_moduli(self) -> tuple[float, float]:
+        """Elastic section moduli of bending about y and about z, mm³: the moment over its largest stress."""
+        (Iy, Iz), (along_y, along_z) = self.inertias, self.sides
+        return 2.0 * Iy / along_z, 2.0 * Iz / along_y
+
+    @property
+    def warping_length(self) -> float:
+        """``√(E I_w/(G J))`` in mm: how far from a clamped end torsion is stiffer, as the end cannot warp."""
+        E, G = self.youngs_modulus_MPa, self.shear_modulus
+        return math.sqrt(E * self.warping_constant / (G * self.torsion_constant))
+
+    def stiffness(self) -> parts.Section:
+        """The section's stiffness, N and N mm²; torsion with ends that are free to warp."""
+        E, G, area, (Iy, Iz) = self.youngs_modulus_MPa, self.shear_modulus, self.area, self.inertias
+        if self.shear_factor is None:
+            shear = (math.inf, math.inf)
+        elif isinstance(self.shear_factor, str):
+            shear = self.shear_areas
+        else:
+            shear = (area * self.shear_factor, area * self.shear_factor)
+        # kg/m³ are 1e-9 kg/mm³
+        mass = 1e-9 * area * (self.density_kg_per_m3 or 0.0)
+        return parts.Section(E * area, G * self.torsion_constant, E * Iy, E * Iz, G * shear[0], G * shear[1], mass)
+
+
+class RightAngled(Shape):
+    """A shape of right angles, which its quarter describes."""
+
+    def quarter(self) -> Quarter:
+        """The quarter ``y, z ≥ 0``."""
+        raise NotImplementedError
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Outer lengths along y and along z, mm."""
+        quarter = self.quarter()
+        return 2.0 * quarter.y[1], 2.0 * quarter.z[1]
+
+    @property
+    def area(self) -> float:
+        """In mm²."""
+        return self.quarter().area
+
+    @property
+    def inertias(self) -> tuple[float, float]:
+        """Second moments of area about y and about z, mm⁴."""
+        return self.quarter().inertias
+
+    @property
+    def torsion_constant(self) -> float:
+        """Saint-Venant's, mm⁴."""
+        return saint_venant.torsion(self.quarter())
+
+    @property
+    def warping_constant(self) -> float:
+        """About the centre, mm⁶."""
+        return saint_venant.warping(self.quarter())
+
+    @property
+    def shear_areas(self) -> tuple[float, float]:
+        """For deflection along y and along z, mm²."""
+        return saint_venant.shear_areas(self.quarter(), self.isotropic_ratio)
+
+    def fibres(self) -> tuple[Array, Array]:
+        """Distances ``(k,)`` in mm from the axis z over the half ``y > 0``, and the areas in mm² that lie there."""
+        bands = self.quarter().bands
+
+        def width(y: Array) -> Array:
+            return 2.0 * np.sum([np.where((y > a) & (y < b), d - c, 0.0) for a, b, c, d in bands], axis=0)
+
+        return _fibres([(a, b) for a, b, _, _ in bands], width)
+
+
+class Rectangle(RightAngled):
+    """A solid rectangle, ``width_mm`` along the section's z and ``thickness_mm`` along its y."""
+
+    shape: Literal["rectangle"]
+    width_mm: LengthMM = Field(description="along the section's z axis")
+    thickness_mm: LengthMM = Field(description="along the section's y axis")
+
+    def quarter(self) -> Quarter:
+        """The quarter ``y, z ≥ 0``."""
+        return Quarter((0.0, 0.5 * self.thickness_mm), (0.0, 0.5 * self.width_mm), Empty.NOTHING)
+
+
+class SquareTube(RightAngled):
+    """A square tube of outer ``width_mm`` with sharp corners."""
+
+    shape: Literal["square_tube"]
+    width_mm: LengthMM = Field(description="outer width")
+    wall_mm: LengthMM
+
+    @model_validator(mode="after")
+    def _hollow(self) -> SquareTube:
+        _check_hole(self.wall_mm, self.width_mm, "width_mm", "rectangle")
+        _check_walls({"wall_mm": self.wall_mm}, self.width_mm)
+        return self
+
+    def quarter(self) -> Quarter:
+        """The quarter ``y, z ≥ 0``."""
+        ends = (0.5 * self.width_mm - self.wall_mm, 0.5 * self.width_mm)
+        return Quarter(ends, ends, Empty.CORE)
+
+
+class RectangularTube(RightAngled):
+    """A rectangular tube, sharp corners, ``width_mm`` along the section's z and ``thickness_mm`` along its y."""
+
+    shape: Literal["rectangular_tube"]
+    width_mm: LengthMM = Field(description="outer, along the section's z axis")
+    thickness_mm: LengthMM = Field(description="outer, along the section's y axis")
+    wall_mm: LengthMM
+
+    @model_validator(mode="after")
+    def _hollow(self) -> RectangularTube:
+        _check_hole(self.wall_mm, min(self.width_mm, self.thickness_mm), "its smaller side", "rectangle")
+        _check_walls({"wall_mm": self.wall_mm}, max(self.width_mm, self.thickness_mm))
+        return self
+
+    def quarter(self) -> Quarter:
+        """The quarter ``y, z ≥ 0``."""
+        y, z = 0.5 * self.thickness_mm, 0.5 * self.width_mm
+        return Quarter((y - self.wall_mm, y), (z - self.wall_mm, z), Empty.CORE)
+
+
+class IBeam(RightAngled):
+    """An I of two flanges, ``width_mm`` along the section's z, and a web along its y, ``height_mm`` over all."""
+
+    shape: Literal["i_beam"]
+    width_mm: LengthMM = Field(description="of the flanges, along the section's z axis")
+    height_mm: LengthMM = Field(description="over all, along the section's y axis")
+    flange_mm: LengthMM
+    web_mm: LengthMM
+
+    @model_validator(mode="after")
+    def _open(self) -> IBeam:
+        if 2.0 * self.flange_mm >= self.height_mm or self.web_mm >= self.width_mm:
+            raise ValueError("has flanges or a web that leave nothing open: thin them, or give shape = 'rectangle'")
+        _check_walls({"flange_mm": self.flange_mm, "web_mm": self.web_mm}, max(self.width_mm, self.height_mm))
+        return self
+
+    def quarter(self) -> Quarter:
+        """The quarter ``y, z ≥ 0``."""
+        y, z = 0.5 * self.height_mm, 0.5 * self.width_mm
+        return Quarter((y - self.flange_mm, y), (0.5 * self.web_mm, z), Empty.SIDES)
+
+
+class Round(Shape):
+    """A round bar or tube."""
+
+    diameter_mm: LengthMM = Field(description="outer diameter")
+
+    rounded: ClassVar[bool] = True
+
+    @property
+    def bore(self) -> float:
+        """Inner diameter, mm."""
+        return 0.0
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Outer lengths along y and along z, mm."""
+        return self.diameter_mm, self.diameter_mm
+
+    @property
+    def area(self) -> float:
+        """In mm²."""
+        return math.pi * (self.diameter_mm**2 - self.bore**2) / 4.0
+
+    @property
+    def inertias(self) -> tuple[float, float]:
+        """Second moments of area about y and about z, mm⁴."""
+        inertia = math.pi * (self.diameter_mm**4 - self.bore**4) / 64.0
+        return inertia, inertia
+
+    @property
+    def torsion_constant(self) -> float:
+        """The polar moment of area, mm⁴."""
+        return sum(self.inertias)
+
+    @property
+    def warping_constant(self) -> float:
+        """Zero: circles do not warp."""
+        return 0.0
+
+    @property
+    def shear_areas(self) -> tuple[float, float]:
+        """For deflection along y and along z, mm²."""
+        area = saint_venant.round_shear_area(self.diameter_mm, self.bore, self.isotropic_ratio)
+        return area, area
+
+    def fibres(self) -> tuple[Array, Array]:
+        """Distances ``(k,)`` in mm from the axis z over the half ``y > 0``, and the areas in mm² that lie there."""
+        a, b = 0.5 * self.diameter_mm, 0.5 * self.bore
+
+        def width(y: Array) -> Array:
+            return 2.0 * (np.sqrt(np.maximum(a**2 - y**2, 0.0)) - np.sqrt(np.maximum(b**2 - y**2, 0.0)))
+
+        return _fibres([(0.0, b), (b, a)] if b else [(0.0, a)], width)
+
+
+class RoundBar(Round):
+    """A solid round bar."""
+
+    shape: Literal["round_bar"]
+
+
+class RoundTube(Round):
+    """A round tube of outer ``diameter_mm``."""
+
+    shape: Literal["round_tube"]
+    wall_mm: LengthMM
+
+    @model_validator(mode="after")
+    def _hollow(self) -> RoundTube:
+        _check_hole(self.wall_mm, self.diameter_mm, "diameter_mm", "round_bar")
+        return self
+
+    @property
+    def bore(self) -> float:
+        """Inner diameter, mm."""
+        return self.diameter_mm - 2.0 * self.wall_mm
+
+
+def _fibres(bands: list[tuple[float, float]], width: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Places and areas of the fibres of bands from one y to another, of a width ``(k,)`` there."""
+    places = [low + 0.5 * (high - low) * (GAUSS[0] + 1.0) for low, high in bands]
+    areas = [0.5 * (b - a) * GAUSS[1] * width(y) for (a, b), y in zip(bands, places, strict=True)]
+    return np.concatenate(places), np.concatenate(areas)
+
+
+def _check_hole(wall: float, across: float, key: str, solid: str) -> None:
+    if wall >= 0.5 * across:
+        raise ValueError(
+            f"has wall_mm = {printed(wall)}, which leaves no hole in {key} = {printed(across)}: "
+            f"give a thinner wall, or shape = '{solid}'"
+        )
+
+
+def _check_walls(walls: dict[str, float], side: float) -> None:
+    for key, wall in walls.items():
+        if wall < saint_venant.THINNEST * side:
+            raise ValueError(
+                f"has {key} = {printed(wall)}, below a ten-thousandth of its side of {printed(side)} mm, where its "
+                "torsion and shear cannot be computed: give EA_N, GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2"
+            )
+
+
+SHAPES: dict[str, type[Shape]] = {
+    "rectangle": Rectangle,
+    "square_tube": SquareTube,
+    "rectangular_tube": RectangularTube,
+    "round_bar": RoundBar,
+    "round_tube": RoundTube,
+    "i_beam": IBeam,
+}
+"""The shapes by what a file says in ``shape``. One more is written here and in `AnySection`."""
+
+
+def _kind_of_section(raw: object) -> str:
+    shape = raw.get("shape", "stiffness") if isinstance(raw, dict) else getattr(raw, "shape", "stiffness")
+    return str(shape)
+
+
+AnySection = Annotated[
+    Annotated[StiffnessSection, Tag("stiffness")]
+    | Annotated[Rectangle, Tag("rectangle")]
+    | Annotated[SquareTube, Tag("square_tube")]
+    | Annotated[RectangularTube, Tag("rectangular_tube")]
+    | Annotated[RoundBar, Tag("round_bar")]
+    | Annotated[RoundTube, Tag("round_tube")]
+    | Annotated[IBeam, Tag("i_beam")],
+    Discriminator(
+        _kind_of_section,
+        custom_error_type="unknown_shape",
+        custom_error_message=(
+            f"has an unknown shape: write {', '.join(map(repr, [*SHAPES][:-1]))} or '{[*SHAPES][-1]}', "
+            "or no shape but EA_N, GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2"
+        ),
+    ),
+]
+"""Stiffness values or a shape; the key ``shape`` tells."""
