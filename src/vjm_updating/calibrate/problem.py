@@ -10,9 +10,11 @@ from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibrate.parameters import Unknowns, default_parameters, unknowns
 from vjm_updating.experiment import Measurement
 from vjm_updating.inference.forward import Forward
+from vjm_updating.inference.load_forward import LoadForward
 from vjm_updating.inference.parameters import Hypothesis
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.observation.coordinate import Coordinate
+from vjm_updating.observation.loads import observe_loads
 from vjm_updating.observation.observed import Observed, observe
 
 
@@ -38,6 +40,30 @@ class CalibratedForward(Forward):
         )
 
 
+@dataclass
+class CalibratedLoads(LoadForward):
+    """Predicts what gauges read under loads on a machine with other parameters.
+
+    Attributes:
+        unknowns: parameters of the machine and nuisances of the test.
+    """
+
+    unknowns: Unknowns = field(kw_only=True)
+
+    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+        """The chain that the unknowns ``(n_z,)`` mean."""
+        changed = tuple(z[self.unknowns.on_chain].tolist())
+        return ModifiedChain(self.unknowns.build(z), self.observed.measurement.engine, changed=changed)
+
+    def reading(self, observed: Observed) -> CalibratedLoads:
+        """The same for other readings of the same test."""
+        return CalibratedLoads(observed, {}, self._tables, unknowns=self.unknowns)
+
+
+Calibrated = CalibratedForward | CalibratedLoads
+"""What predicts the readings of a calibration, by its kind of test."""
+
+
 @dataclass(frozen=True)
 class Problem:
     """What is to be fitted, to what.
@@ -55,8 +81,10 @@ class Problem:
         """Of the lumped model."""
         return self.observed.measurement.engine
 
-    def forward(self, observed: Observed) -> CalibratedForward:
+    def forward(self, observed: Observed) -> Calibrated:
         """The model at readings of this test, or at such as could be taken next."""
+        if observed.measurement.loaded:
+            return CalibratedLoads(observed, unknowns=self.unknowns)
         return CalibratedForward(observed, at_readings=True, unknowns=self.unknowns)
 
 
@@ -72,7 +100,7 @@ def problem_of(measurement: Measurement, names: Sequence[str] = ()) -> Problem:
         ValueError: the data are of a kind that cannot be calibrated with, or a parameter means nothing.
     """
     engine, chain = measurement.engine, measurement.chain
-    observed = observe(measurement)
+    observed = observe_loads(measurement) if measurement.loaded else observe(measurement)
     found = unknowns(chain, engine, names or default_parameters(engine, chain), measurement.nuisances)
     count = int(observed.present.sum())
     if count <= found.parameters:

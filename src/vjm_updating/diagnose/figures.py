@@ -11,7 +11,6 @@ from vjm.rotations import Array
 from vjm_output.plot_style import Margins, Picture, drawing_of, figure
 from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.diagnose.preprocess import Prepared
-from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.inference.fitting import Fit
 from vjm_updating.inference.residual_basis import driven_channel, loading
 
@@ -86,7 +85,7 @@ def _curves(prepared: Prepared, fit: Fit, before: Before) -> Picture:
                 after = read - fit.at.residual[on, c]
                 ax.plot(u[on], after, color=AFTER, lw=1.3, label="extended model", zorder=2.5)
             ax.plot(u[on], read, ".", color=INK, ms=3.5, label="measured", zorder=3)
-            ax.set(title=f"posture {label}", xlabel=_axis(driven_channel(observed)), ylabel=_axis(WRENCH[c]))
+            ax.set(title=f"posture {label}", xlabel=_axis(driven_channel(observed)), ylabel=_axis(observed.columns[c]))
             ax.tick_params(labelbottom=True)
         axes[0].legend()
         for ax in axes[len(labels) :]:
@@ -118,7 +117,7 @@ def _residuals(prepared: Prepared, fit: Fit, before: Before) -> Picture:
                     ax.plot(u[own], residual[own, c], marker, ms=3.0, lw=0, color=colour, label=kind, alpha=0.7)
                 ax.axhline(0.0, color=BACK, lw=0.7)
                 ax.set(title=f"posture {label}, {name}")
-            axes[n * k].set_ylabel(_axis(WRENCH[c]))
+            axes[n * k].set_ylabel(_axis(observed.columns[c]))
         if len(kinds) > 1:
             axes[0].legend()
         for ax in axes[-n:]:

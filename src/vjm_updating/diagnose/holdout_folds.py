@@ -35,9 +35,10 @@ class Fold:
 def folds(fitter: Fitter, split: Split, before: Array, after: Array) -> list[Fold]:
     """Every part of a split, of the residuals ``(n, 6)`` that `vjm_updating.diagnose.holdout.gain` takes."""
     observed = fitter.forward.observed
-    before, after = before[:, :3], after[:, :3]
-    on = fitter.whitening.present[:, :3]
-    force = np.where(on, np.nan_to_num(observed.wrench[:, :3]), 0.0)
+    own_channels, _ = observed.scored
+    before, after = before[:, own_channels], after[:, own_channels]
+    on = fitter.whitening.present[:, own_channels]
+    force = np.where(on, np.nan_to_num(observed.wrench[:, own_channels]), 0.0)
     found = []
     for number in np.unique(split.fold):
         own = split.fold == number

@@ -32,6 +32,11 @@ def split_point(column: str) -> tuple[str, str]:
     return (point, channel) if dot else ("", column)
 
 
+def unit_of(channel: str) -> str:
+    """A channel's unit: ``mm`` of ``mid.uy_mm``."""
+    return split_point(channel)[1].rpartition("_")[2]
+
+
 def check_column(column: str, points: tuple[str, ...]) -> None:
     """Refuse a column that is no channel, with the remedy.
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from vjm.io.model_file import build_chain, read_document
 from vjm.model.chain import Chain
+from vjm.model.load_case import COMPONENTS
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.checks import check_postures, check_reach, check_time, check_units
@@ -41,6 +42,21 @@ class Measurement:
     nuisances: tuple[Nuisance, ...]
     model_sha256: str
     data_sha256: str
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Components of the end-effector's pose that no support holds: of a test by force; else none."""
+        test = self.sheet.test
+        return tuple(name for name in COMPONENTS if name not in test.held) if test.by_force else ()
+
+    @property
+    def loaded(self) -> bool:
+        """Whether loads say what the machine does: they were imposed, and its pose is not wholly known.
+
+        Where each component of the pose was read or held, displacements say it, whichever of the two was imposed.
+        """
+        read = {name for name, column in zip(COMPONENTS, POSE, strict=True) if column in self.readings.values}
+        return any(name not in read for name in self.free)
 
     @property
     def imposed(self) -> bool:

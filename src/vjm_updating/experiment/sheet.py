@@ -34,8 +34,26 @@ class Test(Table):
     title: str = ""
     model: str = Field(min_length=1)
     control: str = "displacement"
+    held: list[Literal["x", "y", "z", "rx", "ry", "rz"]] = Field(
+        [], description="components of the end-effector that something holds, under force control"
+    )
     gravity: Annotated[list[float], Field(min_length=3, max_length=3)] | None = None
     source: str = ""
+
+    @property
+    def by_force(self) -> bool:
+        """Whether loads were imposed: an absent load is then zero, and what is neither read nor held is free."""
+        return self.control == "force" or self.control in WRENCH
+
+    @model_validator(mode="after")
+    def _held(self) -> Test:
+        if self.held and not self.by_force:
+            raise ValueError(
+                f"held is for control = \"force\": under control = '{self.control}' an absent displacement is held"
+            )
+        if twice := [name for name in self.held if self.held.count(name) > 1]:
+            raise ValueError(f"held names '{twice[0]}' twice: leave one")
+        return self
 
     @field_validator("control")
     @classmethod
