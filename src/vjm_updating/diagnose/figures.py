@@ -11,6 +11,7 @@ from vjm.rotations import Array
 from vjm_output.plot_style import Margins, Picture, drawing_of, figure
 from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.diagnose.preprocess import Prepared
+from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.inference.fitting import Fit
 from vjm_updating.inference.residual_basis import driven_channel, loading
 
@@ -57,8 +58,11 @@ def pictures(prepared: Prepared, fit: Fit, document: Diagnosis, before: Before) 
 
 
 def _force(prepared: Prepared) -> int:
-    """The wrench channel that is drawn: the driven one, else the first that was read."""
+    """The channel that is drawn: the driven one, else the first that was read; of displacements the clearest."""
     observed = prepared.fitter.forward.observed
+    if observed.columns != WRENCH:
+        size = np.nanmax(np.abs(observed.wrench), axis=0) / observed.noise.wrench
+        return int(np.argmax(np.nan_to_num(size)))
     driven = observed.slots[driven_channel(observed)]
     return driven if observed.present[:, driven].any() else int(np.argmax(observed.present.any(axis=0)))
 

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
-from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.comparison import Comparison
 from vjm_updating.experiment.mistaken_as import MistakenAs
 from vjm_updating.experiment.mistaken_columns import factors_of, turned_rows
@@ -52,7 +51,7 @@ def _strange(c: Comparison, explained: list[Mistaken]) -> Iterator[Finding]:
     if far and len(far) == len(c.labels):
         yield Finding(
             Grade.DOUBTFUL, f"{c.readings.file}: {'every row' if len(far) > 1 else f'posture {far[0]}'}",
-            "forces differ from what the model predicts by more than a factor 2.6, and no unit, sign or exchange "
+            f"{c.words} differ from what the model predicts by more than a factor 2.6, and no unit, sign or exchange "
             "explains it: look at the model's stiffness, the columns' axes and the postures",
         )  # fmt: skip
 
@@ -60,17 +59,17 @@ def _strange(c: Comparison, explained: list[Mistaken]) -> Iterator[Finding]:
 def _seen(c: Comparison, found: Mistaken) -> str:
     rest = "" if found.rows.all() else " while other rows fit"
     if found.way.cause == SIGN:
-        return f"forces point against what the model predicts there{rest}"
+        return f"{c.words} point against what the model predicts there{rest}"
     if found.way.cause == UNIT:
-        f, g = c.readings.wrench[found.rows, :3], c.curves.wrench()[found.rows, :3]
+        f, g = c.read[found.rows][:, c.main], c.curves.predicted()[found.rows][:, c.main]
         known = ~np.isnan(f) & ~np.isnan(g)
         f, g = np.where(known, f, 0.0), np.where(known, g, 0.0)
         size = np.sum(g * g, axis=1)
         large = (size > 0.0) & (size >= np.median(size))
         ratio = np.sum(f * g, axis=1)[large] / size[large]
         if len(ratio) and (middle := float(np.median(ratio))) > 0.0:
-            return f"forces are {middle:.3g} of what the model predicts there{rest}"
-        return f"forces are far from what the model predicts there{rest}"
+            return f"{c.words} are {middle:.3g} of what the model predicts there{rest}"
+        return f"{c.words} are far from what the model predicts there{rest}"
     return "the readings fit the model with them changed, not as they stand"
 
 
@@ -108,7 +107,7 @@ def gains(c: Comparison) -> Iterator[Finding]:
     """One channel that is the same multiple of its prediction in every posture, while the others fit."""
     if not c.comparable:
         return
-    slopes = {name: c.slopes(name) for name in WRENCH if name in c.readings.values}
+    slopes = {name: c.slopes(name) for name in c.columns if name in c.readings.values}
     usual = {name: float(np.median(of)) for name, of in slopes.items() if of}
     for name, middle in usual.items():
         others = [value for other, value in usual.items() if other != name]
@@ -125,9 +124,9 @@ def signs(c: Comparison) -> Iterator[Finding]:
     """One channel with the other sign, in whole postures or in a stretch of rows."""
     if not c.comparable:
         return
-    for name in [name for name in WRENCH if name in c.readings.values]:
+    for name in [name for name in c.columns if name in c.readings.values]:
         rows = np.zeros(len(c.readings), dtype=bool)
-        others = [n for n in WRENCH if n != name and n in c.readings.values]
+        others = [n for n in c.columns if n != name and n in c.readings.values]
         for label in c.labels:
             if not any(c.agreement(label, n) > ALIKE for n in others):
                 continue

@@ -88,8 +88,7 @@ def read_measurement(data: Path, sheet: Path) -> Measurement:
         name: page.sigma(name).noise for name in readings.channels if name in WRENCH or name in page.instrument
     }
     check_reach(readings, chain)
-    check_units(readings, chain, engine, noise)
-    return Measurement(
+    measurement = Measurement(
         sheet=page,
         readings=readings,
         document=document,
@@ -99,6 +98,9 @@ def read_measurement(data: Path, sheet: Path) -> Measurement:
         model_sha256=sha256,
         data_sha256=hashlib.sha256(data.read_bytes()).hexdigest(),
     )
+    if not measurement.loaded:
+        check_units(readings, chain, engine, noise)
+    return measurement
 
 
 def planned_measurement(sheet: Sheet, path: Path, readings: Readings) -> Measurement:

@@ -16,6 +16,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.nominal_loads import gauges_of
 from vjm_updating.experiment.rays import Ray
 from vjm_updating.inference.forward import MARGIN, machine_of, own_effects, values_of
 from vjm_updating.inference.instrument import ThermalDrift
@@ -28,7 +29,6 @@ from vjm_updating.mechanisms.path_table import HalfRay
 from vjm_updating.mechanisms.series_elements import AlongLine, AtJoint, Behind, Element, History, Place, balance
 from vjm_updating.observation.coordinate import Coordinate, instrument_errors
 from vjm_updating.observation.evaluation import Evaluation
-from vjm_updating.observation.loads import gauges_of
 from vjm_updating.observation.observed import Observed
 
 KEPT = 400

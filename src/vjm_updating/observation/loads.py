@@ -9,24 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from vjm_updating.experiment import Kind, Measurement
-from vjm_updating.experiment.channels import POSE, TIME, WRENCH, split_point
+from vjm_updating.experiment.channels import TIME, WRENCH
+from vjm_updating.experiment.nominal_loads import gauges_of
 from vjm_updating.experiment.rays import Ray, rays
-from vjm_updating.mechanisms.load_table import Gauge
 from vjm_updating.observation.noise import noise_of
 from vjm_updating.observation.observed import Observed, since_first, temperature_of
-
-
-def gauges_of(measurement: Measurement) -> tuple[Gauge, ...]:
-    """The gauges that read displacements, in the order of the file's columns."""
-    found = []
-    for name in measurement.readings.channels:
-        label, channel = split_point(name)
-        if channel not in POSE:
-            continue
-        point = measurement.sheet.points.get(label)
-        where = ("", 1.0) if point is None else (point.body, point.at)
-        found.append(Gauge(name, POSE.index(channel), *where))
-    return tuple(found)
 
 
 def observe_loads(measurement: Measurement) -> Observed:
