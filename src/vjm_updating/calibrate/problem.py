@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibrate.parameters import Unknowns, default_parameters, unknowns
-from vjm_updating.experiment import Measurement
+from vjm_updating.experiment import Kind, Measurement
 from vjm_updating.inference.forward import Forward
 from vjm_updating.inference.load_forward import LoadForward
 from vjm_updating.inference.parameters import Hypothesis
@@ -71,10 +71,15 @@ class Problem:
     Attributes:
         unknowns: of the fit.
         observed: the readings, displacements as read.
+        by_default: whether nobody said what to look for.
+        promised: beams that are not looked for, because readings do not tell them from other parts: of them counts
+            what the sheet promises.
     """
 
     unknowns: Unknowns
     observed: Observed
+    by_default: bool = False
+    promised: tuple[str, ...] = ()
 
     @property
     def engine(self) -> VjmEngine:
@@ -108,4 +113,20 @@ def problem_of(measurement: Measurement, names: Sequence[str] = ()) -> Problem:
             f"{observed.readings.file}: {count} readings for {found.parameters} parameters: "
             "look for fewer of them, or read more"
         )
-    return Problem(found, observed)
+    return Problem(found, observed, by_default=not names)
+
+
+def with_promises(problem: Problem) -> Problem | None:
+    """The same with each beam as the sheet promises it; None where the sheet promises none, or nothing is left.
+
+    For readings that do not tell a beam from the joint or mount that carries it: of the beam more is known.
+    """
+    observed, engine = problem.observed, problem.engine
+    measurement, chain = observed.measurement, observed.measurement.chain
+    promised = {n.subject for n in measurement.nuisances if n.kind is Kind.MODULUS}
+    names = [f"{beam.name}.factor" for beam in chain.beams if beam.name in promised]
+    left = [name for name in default_parameters(engine, chain) if name not in names]
+    if not problem.by_default or not names or not left:
+        return None
+    found = unknowns(chain, engine, left, measurement.nuisances)
+    return Problem(found, observed, promised=tuple(name.partition(".")[0] for name in names))

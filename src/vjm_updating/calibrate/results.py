@@ -219,6 +219,12 @@ def _identifiability(fit: Solution, found: Identifiability) -> IdentifiabilityRo
     postures = ", ".join(dict.fromkeys(ray.posture for ray in fit.problem.observed.rays))
     seen = sum(one.seen for one in found.directions)
     words = [f"Postures {postures} see {seen} of {len(names)} directions in the space of the parameters."]
+    if promised := fit.problem.promised:
+        words.insert(
+            0,
+            f"The readings do not tell {', '.join(promised)} from what carries it: what the sheet promises of it "
+            "counts, and it is not looked for. --fit says otherwise.",
+        )
     if not lost:
         words.append("Every parameter has a number of its own.")
     else:

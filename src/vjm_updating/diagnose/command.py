@@ -34,7 +34,7 @@ from vjm_updating.diagnose.evidence import effective_samples
 from vjm_updating.diagnose.extended import extended_text
 from vjm_updating.diagnose.kind_of_test import HoldOut, KindOfTest
 from vjm_updating.diagnose.kinds import kind_of
-from vjm_updating.diagnose.mistaken import with_mistakes
+from vjm_updating.diagnose.mistaken import unless_unexplained, with_mistakes
 from vjm_updating.diagnose.preprocess import Prepared, possible, prepare, refresh
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import Search
@@ -121,7 +121,7 @@ def diagnose(
     best = kind.completed(search, best)
     prepared = replace(prepared, null=search.null)
     progress("verdict")
-    verdict, candidates, points = _proved(prepared, kind, judge(search, best))
+    verdict, candidates, points = _proved(prepared, kind, unless_unexplained(judge(search, best), mistakes))
     document = _document(measurement, prepared, kind, verdict, candidates, points, begun)
     if second is not None:
         document = document.model_copy(update={"transfer": _transfer(verdict, second)})

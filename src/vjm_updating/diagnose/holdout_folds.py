@@ -9,6 +9,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.holdout import Split
+from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.inference.fitting import Fitter
 from vjm_updating.observation.observed import Observed
 
@@ -55,6 +56,8 @@ def _name(observed: Observed, split: Split, number: int) -> str:
     if split.name == "postures":
         return f"posture {observed.readings.posture[first]}"
     if split.name == "directions":
+        if observed.columns != WRENCH:
+            return "loads one way" if number == 0 else "loads the other way"
         return "compression" if observed.pose[first, 0] < 0.0 else "tension"
     if split.name == "cycles":
         return f"cycle {observed.readings.run[first]}"

@@ -47,10 +47,11 @@ class LoadTest(RampTest):
 
     def next_experiment(self, fitter: Fitter, verdict: Verdict) -> ExperimentRow:
         """More gauges: candidates differ in what moves where."""
-        read = sorted(fitter.forward.observed.columns)
+        observed = fitter.forward.observed
         return ExperimentRow(
-            why=f"these loads and gauges ({', '.join(read)}) do not tell the candidates apart: read rotations, or "
-            "points between the support and the load, or load another component"
+            why=f"what {', '.join(observed.columns)} read does not tell the candidates apart",
+            posture=str(observed.readings.posture[0]),
+            path="the same loads with gauges at points between support and load, or on rotations; or another load",
         )
 
 

@@ -7,7 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
-from vjm_updating.experiment.comparison import Comparison
+from vjm_updating.experiment.channels import unit_of
+from vjm_updating.experiment.checks import ALIKE as ONE_FACTOR
+from vjm_updating.experiment.checks import THOUSAND, ratio_of
+from vjm_updating.experiment.comparison import CLEAR, Comparison
 from vjm_updating.experiment.mistaken_as import MistakenAs
 from vjm_updating.experiment.mistaken_columns import factors_of, turned_rows
 from vjm_updating.experiment.mistaken_rows import Mistaken, far_postures, mistaken_rows
@@ -41,6 +44,32 @@ def mistaken(c: Comparison) -> Iterator[Finding]:
         yield MistakeFound(
             Grade.DOUBTFUL, where, f"{what}: {words}? {_remedy(found.way)}",
             Mistake(cause, found.rows, factors, found.way.exchanged, parameters=parameters),
+        )  # fmt: skip
+
+
+def a_thousand(c: Comparison) -> Iterator[Finding]:
+    """Displacements under loads that are off by a thousand: no machine is that far from its model."""
+    if not c.measurement.loaded or not c.comparable:
+        return
+    predicted, (low, high) = c.curves.predicted(), THOUSAND
+    for k, name in enumerate(c.columns):
+        known = ~np.isnan(c.read[:, k]) & ~np.isnan(predicted[:, k])
+        f, g = c.read[known, k], predicted[known, k]
+        largest = max(np.abs(f).max(initial=0.0), np.abs(g).max(initial=0.0))
+        ratio, spread = ratio_of(f, g)
+        size, unit = max(abs(ratio), 1e-12), unit_of(name)
+        if spread >= ONE_FACTOR or largest <= CLEAR * c.measurement.sheet.sigma(name).noise:
+            continue
+        if low < size < high:
+            what = f"{size:.3g} times", "µm" if unit == "mm" else "mrad", "kN"
+        elif low < 1.0 / size < high:
+            what = f"1/{1.0 / size:.3g} of", "m" if unit == "mm" else "krad", "mN"
+        else:
+            continue
+        yield Finding(
+            Grade.REFUSED, f"{c.readings.file}: column {name}",
+            f"is about {what[0]} what the model predicts under the loads, a factor 1000: is it in {what[1]} instead "
+            f"of {unit}, or are the loads in {what[2]}? Convert it",
         )  # fmt: skip
 
 
