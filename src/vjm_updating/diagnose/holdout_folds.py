@@ -57,7 +57,7 @@ def _name(observed: Observed, split: Split, number: int) -> str:
         return f"posture {observed.readings.posture[first]}"
     if split.name == "directions":
         if observed.columns != WRENCH:
-            return "loads one way" if number == 0 else "loads the other way"
+            return "one way" if number == 0 else "the other way"
         return "compression" if observed.pose[first, 0] < 0.0 else "tension"
     if split.name == "cycles":
         return f"cycle {observed.readings.run[first]}"

@@ -7,11 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from vjm.io.model_file import build_chain, read_document
 from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
 from vjm.model.load_case import COMPONENTS
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.experiment.channels import POSE, WRENCH
+from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, WRENCH
 from vjm_updating.experiment.checks import check_postures, check_reach, check_time, check_units
 from vjm_updating.experiment.nuisances import Nuisance, nuisances
 from vjm_updating.experiment.overrides import SEGMENTS, overridden
@@ -44,6 +47,28 @@ class Measurement:
     data_sha256: str
 
     @property
+    def drive(self) -> ActuatedJoint | CoupledJoint | SprungJoint:
+        """The joint that a test of one joint is about.
+
+        Raises:
+            SheetError: the model has no such joint, or it does not deflect there.
+        """
+        sheet, kinds = self.sheet, (ActuatedJoint, CoupledJoint, SprungJoint)
+        joints = {part.name: part for part in self.chain.parts if isinstance(part, kinds)}
+        found = joints.get(sheet.test.joint)
+        if found is None:
+            raise SheetError(
+                f"{sheet.file}: [test] joint: no actuated, coupled or sprung joint '{sheet.test.joint}' in "
+                f"{self.chain.name}; there are {', '.join(joints) or 'none'}"
+            )
+        if not isinstance(found, SprungJoint) and not found.compliance > 0.0:
+            raise SheetError(
+                f"{sheet.file}: [test] joint: {found.name} is rigid in the model: give it a compliance in the model "
+                "file, a first guess"
+            )
+        return found
+
+    @property
     def free(self) -> tuple[str, ...]:
         """Components of the end-effector's pose that no support holds: of a test by force; else none."""
         test = self.sheet.test
@@ -74,8 +99,9 @@ def read_measurement(data: Path, sheet: Path) -> Measurement:
     document, chain, sha256 = _machine(page, sheet)
     engine = _engine(page, chain)
     readings = read_readings(data, page)
+    of_joint = page.kind == "joint"
     unknown = next((p for p in readings.posture.tolist() if p not in chain.postures), None)
-    if unknown is not None:
+    if unknown is not None and not of_joint:
         known = ", ".join(chain.postures)
         row = readings.row[readings.posture == unknown][0]
         raise DataError(
@@ -83,9 +109,11 @@ def read_measurement(data: Path, sheet: Path) -> Measurement:
             "add it to the sheet's [postures]"
         )
     check_time(readings)
-    check_postures(readings, page.test.control)
+    if not of_joint:
+        check_postures(readings, page.test.control)
+    needed = (*WRENCH, *MOTION, *EFFORT)
     noise = {
-        name: page.sigma(name).noise for name in readings.channels if name in WRENCH or name in page.instrument
+        name: page.sigma(name).noise for name in readings.channels if name in needed or name in page.instrument
     }
     check_reach(readings, chain)
     measurement = Measurement(
@@ -98,9 +126,29 @@ def read_measurement(data: Path, sheet: Path) -> Measurement:
         model_sha256=sha256,
         data_sha256=hashlib.sha256(data.read_bytes()).hexdigest(),
     )
-    if not measurement.loaded:
+    if of_joint:
+        check_joint(measurement)
+    elif not measurement.loaded:
         check_units(readings, chain, engine, noise)
     return measurement
+
+
+def check_joint(measurement: Measurement) -> None:
+    """Refuse a test of a joint that cannot be one.
+
+    Raises:
+        ValueError: there is no such joint, it is rigid in the model, its lever is not known, or nothing moved.
+    """
+    sheet, readings, drive = measurement.sheet, measurement.readings, measurement.drive
+    for name in readings.channels:
+        arm = {"force_N": "force_mm", "deflection_mm": "gauge_mm"}.get(name, "")
+        if not drive.slides and arm and getattr(sheet.lever, arm) is None:
+            raise SheetError(f"{sheet.file}: {name} was read on a lever: add [lever] {arm}, from the joint's axis")
+        if drive.slides and name in (MOTION[0], EFFORT[0]):
+            raise DataError(f"{readings.file}: column {name}: {drive.name} slides: give deflection_mm and force_N")
+        values = readings.values[name][~np.isnan(readings.values[name])]
+        if not len(values) or not np.ptp(values):
+            raise DataError(f"{readings.file}: column {name}: it does not change: was the right column exported?")
 
 
 def planned_measurement(sheet: Sheet, path: Path, readings: Readings) -> Measurement:
