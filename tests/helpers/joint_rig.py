@@ -93,7 +93,9 @@ class Joint:
 
     def angle(self, torque: float) -> float:
         """The angle at which spring and dead zone bear a torque, rad."""
-        roots = np.roots([self.cubic, 0.0, self.stiffness, -abs(torque)] if self.cubic else [self.stiffness, -abs(torque)])
+        roots = np.roots(
+            [self.cubic, 0.0, self.stiffness, -abs(torque)] if self.cubic else [self.stiffness, -abs(torque)]
+        )
         wound = min(float(r.real) for r in roots if abs(r.imag) < 1e-9 * abs(r) + 1e-18 and r.real >= 0.0)
         return float(np.sign(torque)) * (wound + 0.5 * self.gap)
 

@@ -102,7 +102,9 @@ def _residual_picture(fit: Solution) -> Picture:
             counts = np.histogram(r - lane, bins, density=True)[0]
             side.fill_betweenx(lane + bins, 0.0, [*counts, 0.0], step="post", color=CALIBRATED, alpha=0.5)
             side.plot(density, lane + bins, color=INK, lw=1.0)
-        ax.set_yticks([-2.0 * EDGE * k for k in range(len(channels))], [observed.columns[c].split("_")[0] for c in channels])
+        ax.set_yticks(
+            [-2.0 * EDGE * k for k in range(len(channels))], [observed.columns[c].split("_")[0] for c in channels]
+        )
         ax.set_ylim(-2.0 * EDGE * (len(channels) - 0.5), EDGE)
         ax.grid(visible=False)
         side.grid(visible=False)

@@ -141,7 +141,7 @@ def solve(problem: Problem) -> Solution:
     for _ in range(ROUNDS):
         before, deviation = fit.at.z, np.sqrt(np.diag(inverse(fitter.normal(fit), np.ones(len(start), dtype=bool))))
         fitter.weigh(fit.at)
-        fitter.whitening = replace(fitter.whitening, spread=_spread(fitter, fit, problem.unknowns.parameters))
+        fitter.whitening = replace(fitter.whitening, spread=spread_of(fitter, fit, problem.unknowns.parameters))
         fit = _best(fitter, before, fitter.machine_slopes(fit))
         if np.max(np.abs(fit.at.z - before) / deviation) < SETTLED:
             break
@@ -168,7 +168,7 @@ def _best(fitter: Fitter, start: Array, borrowed: Array | None = None) -> Fit:
     return found
 
 
-def _spread(fitter: Fitter, fit: Fit, parameters: int) -> Array:
+def spread_of(fitter: Fitter, fit: Fit, parameters: int) -> Array:
     """Standard deviation ``(6,)`` of each channel's residuals over the sheet's, where it is told from that."""
     present = fitter.whitening.present
     spread = np.ones(present.shape[1])

@@ -89,7 +89,9 @@ def _curves(prepared: Prepared, fit: Fit, before: Before) -> Picture:
                 after = read - fit.at.residual[on, c]
                 ax.plot(u[on], after, color=AFTER, lw=1.3, label="extended model", zorder=2.5)
             ax.plot(u[on], read, ".", color=INK, ms=3.5, label="measured", zorder=3)
-            ax.set(title=f"posture {label}", xlabel=_axis(driven_channel(observed)), ylabel=_axis(observed.columns[c]))
+            ax.set(
+                title=f"posture {label}", xlabel=_axis(driven_channel(observed)), ylabel=_axis(observed.columns[c])
+            )
             ax.tick_params(labelbottom=True)
         axes[0].legend()
         for ax in axes[len(labels) :]:

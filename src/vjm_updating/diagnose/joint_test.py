@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vjm.model.joints import SprungJoint
 from vjm_updating.diagnose.critical import Critical
 from vjm_updating.diagnose.document import ExperimentRow
 from vjm_updating.diagnose.evidence import Costs
@@ -86,7 +85,10 @@ class JointTest(RampTest):
         causes = {cause for member in verdict.members for cause in member.causes}
         effort = observed.columns[0]
         if "instrument_scale" in causes:
-            why, path = "a scale error and a stiffness change the slope alike", f"{effort} under known weights alone"
+            why, path = (
+                "a scale error and a stiffness change the slope alike",
+                f"{effort} under known weights alone",
+            )
         else:
             why = "backlash, friction and hardening differ where the load turns round and where it is largest"
             path = "both directions through zero in fine steps, twice, to a larger load"
@@ -119,7 +121,7 @@ def joint_effects(observed: Observed) -> list[Effect]:
     """What a joint under test may have: another stiffness, hardening, backlash, friction."""
     joint = observed.measurement.drive
     lever, of_motion, of_load = levers_of(observed.measurement)
-    compliance = 1.0 / joint.stiffness if isinstance(joint, SprungJoint) else joint.compliance
+    compliance = observed.measurement.joint_compliance
     force = float(np.nanmax(np.abs(observed.wrench))) / of_load
     reach = float(np.abs(observed.pose[:, 0]).max()) * of_motion / lever
     own = drive_of(joint.name, slides=joint.slides, compliance=compliance, lever=lever, force=force)

@@ -21,7 +21,7 @@ from vjm_updating.diagnose.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import TIME, unit_of
 from vjm_updating.inference.fitting import Fit, Fitter
-from vjm_updating.inference.forward import Forward
+from vjm_updating.inference.forward import Forward, Predictor
 from vjm_updating.inference.instrument import LEVER, InstrumentScale, InstrumentZero, ThermalDrift
 from vjm_updating.mechanisms.catalogue import Maker, catalogue
 from vjm_updating.mechanisms.effect import Effect, Scene
@@ -46,7 +46,7 @@ class RampTest:
         """All readings with a displacement and a wrench."""
         return observe_ramps(measurement)
 
-    def forward(self, observed: Observed) -> Forward:
+    def forward(self, observed: Observed) -> Predictor:
         """Equilibria of the chain at the displacements, from tables along rays."""
         return Forward(observed)
 

@@ -69,6 +69,12 @@ class Measurement:
         return found
 
     @property
+    def joint_compliance(self) -> float:
+        """Of that joint in the model, rad/(N mm) or mm/N."""
+        joint = self.drive
+        return 1.0 / joint.stiffness if isinstance(joint, SprungJoint) else joint.compliance
+
+    @property
     def free(self) -> tuple[str, ...]:
         """Components of the end-effector's pose that no support holds: of a test by force; else none."""
         test = self.sheet.test

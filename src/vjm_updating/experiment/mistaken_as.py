@@ -94,7 +94,10 @@ def ways(
 
     found = [MistakenAs(words, UNIT, only(names, factor)) for words, factor, names in UNITS]
     found += [MistakenAs(words, SIGN, only(names, -1.0)) for words, names in SIGNS]
-    found += [MistakenAs(f"the sign of {name}", SIGN, {name: -1.0}) for name in sorted(there, key=lambda name: unit_of(name) not in ("N", "Nmm"))]
+    found += [
+        MistakenAs(f"the sign of {name}", SIGN, {name: -1.0})
+        for name in sorted(there, key=lambda name: unit_of(name) not in ("N", "Nmm"))
+    ]
     found = [way for k, way in enumerate(found) if way.factors and way not in found[:k]]
     found += [
         MistakenAs(f"the columns {a} and {b} exchanged", EXCHANGE, exchanged=(a, b))

@@ -123,7 +123,9 @@ class Sheet(Table):
             if self.kind == "joint":
                 if name not in (*MOTION, *EFFORT, TEMPERATURE):
                     known = ", ".join((*MOTION, *EFFORT, TEMPERATURE))
-                    raise ValueError(f"[instrument.{name}] is no channel of a test of one joint: write one of {known}")
+                    raise ValueError(
+                        f"[instrument.{name}] is no channel of a test of one joint: write one of {known}"
+                    )
                 continue
             point, channel = split_point(name)
             if channel not in POSE and (point or channel not in (*WRENCH, TEMPERATURE)):

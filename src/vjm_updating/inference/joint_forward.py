@@ -68,7 +68,9 @@ class JointForward:
         balanced = balance(lambda u: (u @ K, tangent), moved, elements, self._history(lever))
         load, slope = balanced.wrench[:, 0].copy(), balanced.stiffness[:, 0, 0]
         for effect, v in own:
-            load += self._friction(moved[:, 0] / lever, np.asarray(effect.friction(v)), effect.presliding(v)) / lever
+            load += (
+                self._friction(moved[:, 0] / lever, np.asarray(effect.friction(v)), effect.presliding(v)) / lever
+            )
         stiffness = np.zeros((len(moved), 1, 6))
         stiffness[:, 0, 0] = of_load * slope * of_motion
         read = of_load * load[:, None]

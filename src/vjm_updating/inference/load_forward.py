@@ -118,9 +118,7 @@ class LoadForward:
                     of_gauges[:, observed.columns.index(effect.part)] += course
         return of_loads, of_gauges
 
-    def _lookup(
-        self, machine: ModifiedChain, own: Sequence[tuple[Effect, Sequence[float]]], load: Array
-    ) -> Found:
+    def _lookup(self, machine: ModifiedChain, own: Sequence[tuple[Effect, Sequence[float]]], load: Array) -> Found:
         """Equilibria under loads ``(n, 6)``; linear off the rays."""
         n, m = self.observed.wrench.shape
         result = np.zeros((n, m)), np.zeros((n, m, 6)), np.zeros((n, m, 6)), np.zeros((n, 6)), np.zeros((n, 6, 6))
@@ -145,9 +143,7 @@ class LoadForward:
     def _reach(self, ray: Ray, sign: float) -> float:
         """How far a table goes: as far as the readings of every run along one ray, and their errors."""
         alike = [
-            r
-            for r in self.observed.rays
-            if r.posture == ray.posture and np.array_equal(r.direction, ray.direction)
+            r for r in self.observed.rays if r.posture == ray.posture and np.array_equal(r.direction, ray.direction)
         ]
         s = sign * np.concatenate([self.observed.pose[r.index] @ r.measure for r in alike])
         return max(float(s.max()) * MARGIN, 0.02 * float(np.abs(s).max()))

@@ -195,7 +195,11 @@ def _node(
     at = problem.configuration(point)
     k, compiled = problem.model.kinematics(at.x), problem.model.compiled
     m = len(gauges)
-    moved, carried, stiffness = np.zeros((problem.model.size, 6)), np.zeros((problem.model.size, 6)), np.zeros((6, 6))
+    moved, carried, stiffness = (
+        np.zeros((problem.model.size, 6)),
+        np.zeros((problem.model.size, 6)),
+        np.zeros((6, 6)),
+    )
     J = tool.jacobian(k)
     none = np.zeros(problem.model.size)
     for c in range(6):

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from vjm.model.joints import SprungJoint
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import EFFORT, MOTION, TIME
 from vjm_updating.experiment.rays import Ray
@@ -40,9 +39,8 @@ def levers_of(measurement: Measurement) -> tuple[float, float, float]:
 
 def stiffness_of(measurement: Measurement) -> float:
     """Of the joint in the model at its lever, N/mm."""
-    joint, (length, _, _) = measurement.drive, levers_of(measurement)
-    own = joint.stiffness if isinstance(joint, SprungJoint) else 1.0 / joint.compliance
-    return own / length**2
+    length, _, _ = levers_of(measurement)
+    return 1.0 / measurement.joint_compliance / length**2
 
 
 def observe_joint(measurement: Measurement) -> Observed:

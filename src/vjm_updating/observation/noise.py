@@ -31,9 +31,7 @@ class Noise:
     quantum: dict[str, float]
 
 
-def noise_of(
-    measurement: Measurement, imposed: tuple[str, ...] = POSE, read: tuple[str, ...] = WRENCH
-) -> Noise:
+def noise_of(measurement: Measurement, imposed: tuple[str, ...] = POSE, read: tuple[str, ...] = WRENCH) -> Noise:
     """Noise of a measurement's channels.
 
     Args:
@@ -92,7 +90,9 @@ def whiten(pose: Array, wrench: Array, sensitivity: Array, present: np.ndarray) 
     K = np.nan_to_num(sensitivity)
     C = np.einsum("kij,kj,klj->kil", K, pose**2, K) + np.diag(wrench**2)
     C = np.where(present[:, :, None] & present[:, None, :], C, 0.0)
-    C[:, range(len(wrench)), range(len(wrench))] = np.where(present, C[:, range(len(wrench)), range(len(wrench))], 1.0)
+    C[:, range(len(wrench)), range(len(wrench))] = np.where(
+        present, C[:, range(len(wrench)), range(len(wrench))], 1.0
+    )
     size = np.sqrt(C[:, range(len(wrench)), range(len(wrench))])
     L = np.linalg.cholesky(C / size[:, :, None] / size[:, None, :] + 1e-12 * np.eye(len(wrench)))
     result: Array = np.linalg.inv(L) / size[:, None, :]

@@ -128,7 +128,9 @@ def simulate(
     page = page.model_copy(update={"test": page.test.model_copy(update={"model": name})})
     kind, observed, plan = _planned(page, sheet, [parsed_ramp(text) for text in ramps])
     if engine and observed.measurement.loaded:
-        raise ValueError(f"--engine {engine}: takes imposed displacements, and {page.file} imposes loads: leave it out")
+        raise ValueError(
+            f"--engine {engine}: takes imposed displacements, and {page.file} imposes loads: leave it out"
+        )
     nominal = _Machine(kind, observed, tuple(nuisance_coordinates(observed)), (), [])
     rest = np.zeros(len(nominal.nuisances))
     # effects know the test by its forces
