@@ -15,6 +15,7 @@ from vjm_updating.diagnose.search import Search
 from vjm_updating.diagnose.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import unit_of
+from vjm_updating.experiment.joint_levers import levers_of
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.joint_forward import JointForward
 from vjm_updating.inference.trust_region import best_fit
@@ -22,7 +23,7 @@ from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.joint_test import DriveFriction, JointCompliance, JointHardening, drive_of
 from vjm_updating.mechanisms.play import ActuatorBacklash
-from vjm_updating.observation.joint_readings import levers_of, observe_joint
+from vjm_updating.observation.joint_readings import observe_joint
 from vjm_updating.observation.observed import Observed
 
 

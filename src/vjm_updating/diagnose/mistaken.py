@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from vjm_updating.diagnose.document import AlternativeRow, CandidateRow, Diagnosis, ValueRow
-from vjm_updating.diagnose.model_adequacy import SHOWS
 from vjm_updating.diagnose.verdict import Verdict
 from vjm_updating.experiment.mistakes import TITLES, Mistake
+from vjm_updating.observation.significance import FALSE_ALARMS
 
 
 def unless_unexplained(verdict: Verdict, mistakes: Sequence[Mistake]) -> Verdict:
@@ -23,7 +23,7 @@ def unless_unexplained(verdict: Verdict, mistakes: Sequence[Mistake]) -> Verdict
         mistakes: that were undone.
     """
     rest = verdict.rest
-    if not mistakes or verdict.kind == "unknown" or min(rest.p, rest.strained) >= SHOWS:
+    if not mistakes or verdict.kind == "unknown" or min(rest.p, rest.strained) >= FALSE_ALARMS:
         return verdict
     named = tuple(zip(verdict.members, verdict.probabilities, strict=True))
     left = f"takes {rest.farthest}" if rest.strained < rest.p else f"leaves {rest.worst or 'a rough residual'}"

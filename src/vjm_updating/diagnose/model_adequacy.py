@@ -21,8 +21,6 @@ from vjm_updating.observation.significance import NOISE_KNOWN
 
 DRAWS = 4000
 SEED = 17
-SHOWS = 0.05
-"""Chance below which what is left is told: of tests in which nothing is wrong one in twenty."""
 TAIL = 0.02
 """Share of the least p-values among draws that is their tail."""
 
@@ -75,7 +73,7 @@ def misfit(fitter: Fitter, fit: Fit) -> Misfit:
     overall = min(large, float(chi2_sf(together, size)))
     total = min(1.0, 3.0 * min(rank, overall))
     left = max(together - size, float(squares[worst]) - int(freedom[worst]), beyond, 0.0)
-    named = blocks[worst].name if total < SHOWS and rank <= large else ""
+    named = blocks[worst].name if total < 0.05 and rank <= large else ""
     return Misfit(total, left, named, *_strained(fit))
 
 

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
-from vjm_updating.experiment.channels import unit_of
+from vjm_updating.experiment.channels import MOTION, unit_of
 from vjm_updating.experiment.checks import ALIKE as ONE_FACTOR
-from vjm_updating.experiment.checks import THOUSAND, ratio_of
+from vjm_updating.experiment.checks import OPPOSITE, THOUSAND, ratio_of
 from vjm_updating.experiment.comparison import CLEAR, Comparison
+from vjm_updating.experiment.joint_levers import channels_of, expected
 from vjm_updating.experiment.mistaken_as import MistakenAs
 from vjm_updating.experiment.mistaken_columns import factors_of, turned_rows
 from vjm_updating.experiment.mistaken_rows import Mistaken, far_postures, mistaken_rows
@@ -71,6 +72,30 @@ def a_thousand(c: Comparison) -> Iterator[Finding]:
             f"is about {what[0]} what the model predicts under the loads, a factor 1000: is it in {what[1]} instead "
             f"of {unit}, or are the loads in {what[2]}? Convert it",
         )  # fmt: skip
+
+
+def of_joint(c: Comparison) -> Iterator[Finding]:
+    """Loads of a joint that are off by a thousand, have the other sign, or look like an angle in degrees."""
+    if c.measurement.sheet.kind != "joint":
+        return
+    motion, effort = channels_of(c.measurement)
+    load, wanted = c.readings.values[effort], expected(c.measurement)
+    known = ~np.isnan(load) & ~np.isnan(wanted)
+    ratio, spread = ratio_of(load[known], wanted[known])
+    (low, high), where = THOUSAND, f"{c.readings.file}: column {effort}"
+    if spread >= ONE_FACTOR:
+        return
+    if ratio < OPPOSITE:
+        words = f"has the other sign than the model predicts for {motion}: turn the sign of one of them"
+        yield Finding(Grade.REFUSED, where, words)
+    elif low < ratio < high or low < 1.0 / max(ratio, 1e-12) < high:
+        words = (
+            f"is about {ratio:.3g} times what the model predicts for {motion}, a factor 1000: convert one of them"
+        )
+        yield Finding(Grade.REFUSED, where, words)
+    elif motion == MOTION[0] and abs(ratio * 180.0 / np.pi - 1.0) < SAME_GAIN:
+        words = f"is about 1/57 of what the model predicts for {motion}: is the angle in degrees?"
+        yield Finding(Grade.DOUBTFUL, where, words)
 
 
 def _strange(c: Comparison, explained: list[Mistaken]) -> Iterator[Finding]:

@@ -116,6 +116,7 @@ def read_measurement(data: Path, sheet: Path) -> Measurement:
         )
     check_time(readings)
     if not of_joint:
+        check_held(readings, page)
         check_postures(readings, page.test.control)
     needed = (*WRENCH, *MOTION, *EFFORT)
     noise = {
@@ -134,9 +135,39 @@ def read_measurement(data: Path, sheet: Path) -> Measurement:
     )
     if of_joint:
         check_joint(measurement)
-    elif not measurement.loaded:
+    elif measurement.loaded:
+        check_supports(measurement)
+    else:
         check_units(readings, chain, engine, noise)
     return measurement
+
+
+def check_held(readings: Readings, sheet: Sheet) -> None:
+    """Refuse a gauge on what the sheet holds.
+
+    Raises:
+        DataError: there is one.
+    """
+    for name, column in zip(COMPONENTS, POSE, strict=True):
+        if name in sheet.test.held and column in readings.values:
+            raise DataError(
+                f"{readings.file}: column {column} reads what the sheet holds ([test] held has '{name}'): "
+                "leave one of them out"
+            )
+
+
+def check_supports(measurement: Measurement) -> None:
+    """Refuse a load on what the sheet holds: it is the support's, and says nothing of what is imposed.
+
+    Raises:
+        DataError: there is one.
+    """
+    for name, column in zip(COMPONENTS, WRENCH, strict=True):
+        if name in measurement.sheet.test.held and column in measurement.readings.values:
+            raise DataError(
+                f"{measurement.readings.file}: column {column} is the reaction of what the sheet holds ([test] held "
+                f"has '{name}'), and no load that was imposed: leave it out"
+            )
 
 
 def check_joint(measurement: Measurement) -> None:

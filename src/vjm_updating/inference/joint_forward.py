@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_updating.experiment.joint_levers import levers_of, stiffness_of
 from vjm_updating.experiment.rays import Ray
 from vjm_updating.inference.forward import machine_of, own_effects, values_of
 from vjm_updating.inference.instrument import ThermalDrift
@@ -17,7 +18,6 @@ from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.series_elements import History, balance
 from vjm_updating.observation.coordinate import Coordinate, instrument_errors
 from vjm_updating.observation.evaluation import Evaluation
-from vjm_updating.observation.joint_readings import levers_of, stiffness_of
 from vjm_updating.observation.observed import Observed
 
 

@@ -126,6 +126,10 @@ def simulate(
     page = read_sheet(sheet)
     name = str(Path(model).resolve()) if Path(model).is_file() else model
     page = page.model_copy(update={"test": page.test.model_copy(update={"model": name})})
+    if page.kind == "joint":
+        raise ValueError(
+            f"{sheet.name}: is a test of one joint, and ramps of a chain are simulated: take another sheet"
+        )
     kind, observed, plan = _planned(page, sheet, [parsed_ramp(text) for text in ramps])
     if engine and observed.measurement.loaded:
         raise ValueError(
