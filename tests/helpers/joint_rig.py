@@ -7,6 +7,7 @@ a spring whose torque is integrated over many small steps between readings.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -104,7 +105,7 @@ class Joint:
         path = np.concatenate([[0.0], angles])
         held, found = 0.0, []
         stiff = self.friction / self.presliding
-        for a, b in zip(path[:-1], path[1:], strict=True):
+        for a, b in pairwise(path.tolist()):
             for _ in range(FINE):
                 held = float(np.clip(held + stiff * (b - a) / FINE, -self.friction, self.friction))
             found.append(held)

@@ -175,8 +175,8 @@ def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Seque
         engine: whose springs decide whether a part's section or its 6×6 counts.
         names: parameters as ``part.what``: ``factor``; ``EA``, ``GJ``, ``EIy``, ``EIz``, ``GAy``, ``GAz`` or all of
             the first four as ``section``; ``C11`` to ``C66`` (a row and column of the 6×6 scaled, which scales its
-            diagonal entry) or ``diagonal``; the full 6×6 as ``matrix``; a drive's, mount's or joint's ``compliance``; a
-            joint's ``lateral-1`` and ``lateral-2``.
+            diagonal entry) or ``diagonal``; the full 6×6 as ``matrix``; a drive's, mount's or joint's
+            ``compliance``; a joint's ``lateral-1`` and ``lateral-2``.
         extra: the sheet's nuisances. A modulus acts on what of its part is not looked for itself, and drops out
             where nothing is left.
 
@@ -347,7 +347,7 @@ def _length(own: Coordinate) -> Change:
 
 
 def _softness(name: str, part: Soft, what: str, length: float) -> tuple[list[Unknown], Change]:
-    """The coordinate of a drive's, mount's or joint's compliance; a rigid one's unit is `SOFT_DRIVE`, at the ``length``."""
+    """The coordinate of one spring's compliance; a rigid one's unit is `SOFT_DRIVE`, at the ``length``."""
     if isinstance(part, ActuatedJoint) and part.matrix is not None:
         raise ValueError(f"parameter '{name}': {part.name} has a whole 6×6, which is not looked for")
     known = ABOUT if isinstance(part, ActuatedJoint | CoupledJoint) else ABOUT[:1]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.diagnose.screening import projection
+from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.residual_basis import driven_place, loading
 from vjm_updating.observation.distributions import normal_sf

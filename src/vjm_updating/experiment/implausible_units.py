@@ -69,8 +69,8 @@ def a_thousand(c: Comparison) -> Iterator[Finding]:
             continue
         yield Finding(
             Grade.REFUSED, f"{c.readings.file}: column {name}",
-            f"is about {what[0]} what the model predicts under the loads, a factor 1000: is it in {what[1]} instead "
-            f"of {unit}, or are the loads in {what[2]}? Convert it",
+            f"is about {what[0]} what the model predicts under the loads, a factor 1000: is it in {what[1]} "
+            f"instead of {unit}, or are the loads in {what[2]}? Convert it",
         )  # fmt: skip
 
 
@@ -105,8 +105,8 @@ def _strange(c: Comparison, explained: list[Mistaken]) -> Iterator[Finding]:
     if far and len(far) == len(c.labels):
         yield Finding(
             Grade.DOUBTFUL, f"{c.readings.file}: {'every row' if len(far) > 1 else f'posture {far[0]}'}",
-            f"{c.words} differ from what the model predicts by more than a factor 2.6, and no unit, sign or exchange "
-            "explains it: look at the model's stiffness, the columns' axes and the postures",
+            f"{c.words} differ from what the model predicts by more than a factor 2.6, and no unit, sign or "
+            "exchange explains it: look at the model's stiffness, the columns' axes and the postures",
         )  # fmt: skip
 
 

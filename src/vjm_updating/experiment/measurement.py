@@ -63,8 +63,8 @@ class Measurement:
             )
         if not isinstance(found, SprungJoint) and not found.compliance > 0.0:
             raise SheetError(
-                f"{sheet.file}: [test] joint: {found.name} is rigid in the model: give it a compliance in the model "
-                "file, a first guess"
+                f"{sheet.file}: [test] joint: {found.name} is rigid in the model: give it a compliance in the "
+                "model file, a first guess"
             )
         return found
 
@@ -165,8 +165,8 @@ def check_supports(measurement: Measurement) -> None:
     for name, column in zip(COMPONENTS, WRENCH, strict=True):
         if name in measurement.sheet.test.held and column in measurement.readings.values:
             raise DataError(
-                f"{measurement.readings.file}: column {column} is the reaction of what the sheet holds ([test] held "
-                f"has '{name}'), and no load that was imposed: leave it out"
+                f"{measurement.readings.file}: column {column} is the reaction of what the sheet holds ([test] "
+                f"held has '{name}'), and no load that was imposed: leave it out"
             )
 
 

@@ -101,7 +101,7 @@ class Distances:
         self.floor = FLOOR * max(((one.noise + one.zero) * c.unit[k] for k, one in known), default=0.0)
 
     def pair(self, way: MistakenAs, label: str) -> tuple[Array, Array]:
-        """What was read, made right, and what is predicted, of a posture ``(k, m)`` each, N or mm; nan where unknown."""
+        """What was read of a posture, made right, and what is predicted ``(k, m)``, N or mm; nan where unknown."""
         at = self.c.at(label)
         c = self.c
         f = c.read[at][:, list(way.order(c.columns))] * way.scaled(c.columns) * c.unit

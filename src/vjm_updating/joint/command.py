@@ -1,8 +1,8 @@
 """``validate calibrate`` of a test of one joint: stiffness, hardening, backlash and friction together.
 
 All four are looked for, whether or not a diagnosis would name them: a size that the readings do not need has an
-interval that reaches nothing. The scales and zeros of cell and gauge are nuisances under the sheet's priors, so that
-a stiffness is known no better than the cell's scale.
+interval that reaches nothing. The scales and zeros of cell and gauge are nuisances under the sheet's
+priors, so that a stiffness is known no better than the cell's scale.
 """
 
 from __future__ import annotations
@@ -123,8 +123,9 @@ def _document(measurement: Measurement, prepared: Prepared, fit: Fit) -> Calibra
         joint=_covariance(fitter, fit),
         identifiability=IdentifiabilityRow(
             statement=[
-                f"Loads in both directions see {joint}'s stiffness, hardening, backlash and friction. The stiffness "
-                "is known no better than the scales of cell and gauge, which count with the sheet's tolerances."
+                f"Loads in both directions see {joint}'s stiffness, hardening, backlash and friction. The "
+                "stiffness is known no better than the scales of cell and gauge, which count with the sheet's "
+                "tolerances."
             ],
             directions=[],
             not_separable=[],
@@ -187,8 +188,8 @@ def _fit(prepared: Prepared, fit: Fit) -> FitRow:
     statement = (
         "The residuals are what the sheet's noise allows."
         if spread == 1.0
-        else f"The joint's laws miss the readings by more than the sheet's noise: {channel} by {spread:.3g} sigma. The "
-        "uncertainties are widened by that; `validate diagnose` says what is left."
+        else f"The joint's laws miss the readings by more than the sheet's noise: {channel} by {spread:.3g} sigma. "
+        "The uncertainties are widened by that; `validate diagnose` says what is left."
     )
     return FitRow(
         readings=int(everything.present.sum()),

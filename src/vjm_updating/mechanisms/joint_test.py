@@ -1,7 +1,7 @@
 """What a test of one joint may show: its spring, and dry friction beside it.
 
-The joint's spring, what hardens in it and its backlash are in series; friction of the output's bearing and seal acts
-beside them, on the whole turn. So it shows in the backlash, too, and half the hysteresis is its torque.
+The joint's spring, what hardens in it and its backlash are in series; friction of the output's bearing and seal
+acts beside them, on the whole turn. So it shows in the backlash, too, and half the hysteresis is its torque.
 """
 
 from __future__ import annotations
@@ -58,10 +58,11 @@ class JointCompliance(ActuatorCompliance):
 
 @dataclass(frozen=True)
 class JointHardening(ActuatorHardening):
-    """Of a joint under test: load by the wind-up x as ``k x (1 + (r − 1)/(m + 1) (x/X)^m)``, X that of the largest load.
+    """Of a joint under test: load by the wind-up x as ``k x (1 + (r − 1)/(m + 1) (x/X)^m)``.
 
-    With m = 2 it is the cubic that robots' gears are described by (Kircanski and Goldenberg, Int. J. Robotics
-    Research 16 (1997) 214). The tangent stiffness at the largest load is r times that at none, which is k.
+    X is the wind-up under the largest load. With m = 2 it is the cubic that robots' gears are described by
+    (Kircanski and Goldenberg, Int. J. Robotics Research 16 (1997) 214). The tangent stiffness at the largest load
+    is r times that at none, which is k.
     """
 
     @property
@@ -103,7 +104,7 @@ class JointHardening(ActuatorHardening):
 
 
 def wound_up(load: Array, ratio: float, power: float) -> tuple[Array, Array]:
-    """Wind-up ``(n,)`` of a spring of unit compliance at no load, and its derivative, at shares of the largest load.
+    """Wind-up ``(n,)`` and its derivative at shares of the largest load, of a spring of unit compliance at no load.
 
     By Newton's method on a monotone law; beyond the largest load its tangent goes straight on.
     """

@@ -1,7 +1,7 @@
 """Equilibria of a machine along half a ramp of loads: what gauges on it read, and how that changes with every load.
 
 The end-effector is free in some components of its pose and held in the others, as a `vjm.model.load_case.LoadCase`
-has it. Equilibria are found at equal steps; between them readings follow the cubic that has their values and slopes.
+has it. Equilibria are found at equal steps; between them readings follow the cubic with their values and slopes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vjm.continuation.path import Equilibrium
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.lumped import Kinematics, LumpedModel
-from vjm.rotations import Array, displacement_between, frame, skew, translation
+from vjm.rotations import Array, displacement_between, skew, translation
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, Ways, bowed
 from vjm_updating.mechanisms.path_table import HalfRay
 
@@ -70,7 +70,7 @@ class LoadTable:
     def at(self, s: Array) -> tuple[Array, Array, Array, Array, Array]:
         """All of them at places ``(n,)``, in the order of the attributes; straight on beyond the end."""
         inside = np.clip(s, 0.0, self.s[-1])
-        k, m = self.reading.shape
+        m = self.reading.shape[1]
         reading = self._reading(inside)
         edges = np.cumsum([m * 6, m * 6, 6])
         parts = np.split(self._others(inside), edges, axis=1)

@@ -128,7 +128,7 @@ def test_the_other_branch_of_a_bifurcation_is_found(make: Make):
 
 
 def test_force_control_is_the_same_to_a_fit(make: Make):
-    """Errors of both displacement and force are in the covariance, whichever was imposed; the sheet says what is held."""
+    """Errors of both are in the covariance, whichever was imposed; the sheet says what is held."""
     found = make()
     held = 'control = "force"\nheld = ["y", "z", "rx", "ry", "rz"]'
     steered = make(sheet=synthetic.sheet_text(foot=1, link=4).replace('title = "made up"', held))

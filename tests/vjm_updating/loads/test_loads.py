@@ -105,8 +105,9 @@ def test_a_joint_that_turns_with_the_tip_changes_nothing():
 
 
 def test_a_mechanism_is_refused():
-    loose = MODEL.replace('kind = "mount"\nname = "clamp"\naxis = "y"\ncompliance_rad_per_Nmm = 1e-9',
-                          'kind = "joint"\nname = "clamp"\naxis = "y"').replace("bench = []", "bench = [0.0]")  # fmt: skip
+    mount = 'kind = "mount"\nname = "clamp"\naxis = "y"\ncompliance_rad_per_Nmm = 1e-9'
+    loose = MODEL.replace(mount, 'kind = "joint"\nname = "clamp"\naxis = "y"')
+    loose = loose.replace("bench = []", "bench = [0.0]")
     with pytest.raises(ValueError, match="is a mechanism"):
         table(text=loose)
 

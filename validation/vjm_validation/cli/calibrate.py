@@ -89,7 +89,7 @@ def _by_joint(
 ) -> int:
     if options:
         raise ValueError(
-            f"{sheet.name}: is a test of one joint: its stiffness, hardening, backlash and friction are looked for; "
+            f"{sheet.name}: is a test of one joint: stiffness, hardening, backlash and friction are looked for; "
             "leave --fit, --next and --figure out"
         )
     with terminal.progress(quiet=json) as progress:
