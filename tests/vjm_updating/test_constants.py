@@ -43,6 +43,7 @@ NUMERICS = {
     "diagnose/estimates": "DRAWS",
     "inference/fitting": "FARTHER ROUNDING",
     "inference/forward": "MARGIN KEPT ROUNDS",
+    "inference/load_forward": "KEPT",
     "diagnose/holdout": "BLOCK DRAWS SEED",
     "diagnose/mark_selection": "THIRD DRAWS SEED",
     "diagnose/model_adequacy": "DRAWS SEED TAIL",

@@ -17,7 +17,7 @@ from vjm.io.model_file import build_chain
 from vjm.io.toml_text import toml_text
 from vjm.model.chain import Chain
 from vjm.model.joints import SprungJoint
-from vjm.model.parts import Actuator, Beam, Section
+from vjm.model.parts import Actuator, Beam, Mount, Section
 from vjm.rotations import Array, rotate_matrix6, shift_compliance
 from vjm_updating.calibrate.parameters import split_parts
 from vjm_updating.experiment import Measurement
@@ -42,6 +42,8 @@ def calibrated_document(measurement: Measurement, chain: Chain) -> dict[str, Any
             table["compliance_mm_per_N"] = float(new.compliance)
         elif isinstance(new, Driven):
             _joint(table, new)
+        elif isinstance(old, Mount) and isinstance(new, Mount) and new.compliance != old.compliance:
+            table["compliance_mm_per_N" if new.slides else "compliance_rad_per_Nmm"] = float(new.compliance)
         elif isinstance(old, Beam) and isinstance(new, Beam):
             _beam(table, old, new, by_section=new.name in split)
     file, sheet = measurement.readings.file, measurement.sheet

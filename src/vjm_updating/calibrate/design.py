@@ -70,8 +70,16 @@ def parsed_ramps(texts: Sequence[str], chain: Chain) -> list[LoadCase]:
 
 
 def usual_ramps(fit: Solution) -> list[LoadCase]:
-    """Every posture along x to both sides, as far as the test went in that posture, else on the average."""
+    """Every posture along x to both sides, as far as the test went in that posture, else on the average.
+
+    Of a test by force: a force along each axis along which the end-effector is free, as large as the test's.
+    """
     problem, chain = fit.problem, fit.problem.unknowns.chain
+    if problem.observed.measurement.loaded:
+        free = problem.observed.measurement.free
+        largest = float(np.abs(problem.observed.pose[:, :3]).max())
+        axes = [axis for axis in COMPONENTS[:3] if axis in free and largest > 0.0]
+        return [LoadCase(posture, largest, axis) for posture in chain.postures for axis in axes]
     ends: dict[tuple[str, float], float] = {}
     for ray in problem.observed.rays:
         for value in problem.observed.pose[ray.index, 0]:

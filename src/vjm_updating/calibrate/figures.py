@@ -12,7 +12,6 @@ from vjm.rotations import Array
 from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_updating.calibrate.document import Calibration
 from vjm_updating.calibrate.fit import Solution
-from vjm_updating.experiment.channels import POSE, WRENCH
 
 INK, NOMINAL, CALIBRATED, BAD = "#1b1f24", "#D55E00", "#0072B2", "#b00020"
 """Okabe and Ito's, but for the outliers."""
@@ -68,9 +67,9 @@ def _fit_picture(fit: Solution) -> Picture:
                 if row == 0:
                     ax.set_title(f"posture {posture}")
                 if row == len(shown) - 1:
-                    ax.set_xlabel(_axis_name(POSE[axis]))
+                    ax.set_xlabel(_axis_name(next(n for n, k in observed.slots.items() if k == axis)))
                 if column == 0:
-                    ax.set_ylabel(_axis_name(WRENCH[c]))
+                    ax.set_ylabel(_axis_name(observed.columns[c]))
         axes[0].legend(loc="best")
         content = drawing_of(fig)
     caption = (
@@ -103,7 +102,9 @@ def _residual_picture(fit: Solution) -> Picture:
             counts = np.histogram(r - lane, bins, density=True)[0]
             side.fill_betweenx(lane + bins, 0.0, [*counts, 0.0], step="post", color=CALIBRATED, alpha=0.5)
             side.plot(density, lane + bins, color=INK, lw=1.0)
-        ax.set_yticks([-2.0 * EDGE * k for k in range(len(channels))], [WRENCH[c].split("_")[0] for c in channels])
+        ax.set_yticks(
+            [-2.0 * EDGE * k for k in range(len(channels))], [observed.columns[c].split("_")[0] for c in channels]
+        )
         ax.set_ylim(-2.0 * EDGE * (len(channels) - 0.5), EDGE)
         ax.grid(visible=False)
         side.grid(visible=False)

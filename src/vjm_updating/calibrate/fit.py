@@ -14,7 +14,7 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_updating.calibrate.problem import CalibratedForward, Problem
+from vjm_updating.calibrate.problem import Calibrated, Problem
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.outliers import standing_out
@@ -45,7 +45,7 @@ class Solution:
     """
 
     problem: Problem
-    forward: CalibratedForward
+    forward: Calibrated
     fitter: Fitter
     fit: Fit
 
@@ -141,12 +141,12 @@ def solve(problem: Problem) -> Solution:
     for _ in range(ROUNDS):
         before, deviation = fit.at.z, np.sqrt(np.diag(inverse(fitter.normal(fit), np.ones(len(start), dtype=bool))))
         fitter.weigh(fit.at)
-        fitter.whitening = replace(fitter.whitening, spread=_spread(fitter, fit, problem.unknowns.parameters))
+        fitter.whitening = replace(fitter.whitening, spread=spread_of(fitter, fit, problem.unknowns.parameters))
         fit = _best(fitter, before, fitter.machine_slopes(fit))
         if np.max(np.abs(fit.at.z - before) / deviation) < SETTLED:
             break
     fit = replace(fit, jacobian=fitter.slopes(fit.found, fit.at, ()))
-    assert isinstance(fitter.forward, CalibratedForward)
+    assert isinstance(fitter.forward, Calibrated)
     return Solution(problem, fitter.forward.reading(everything), fitter, fit)
 
 
@@ -168,11 +168,12 @@ def _best(fitter: Fitter, start: Array, borrowed: Array | None = None) -> Fit:
     return found
 
 
-def _spread(fitter: Fitter, fit: Fit, parameters: int) -> Array:
+def spread_of(fitter: Fitter, fit: Fit, parameters: int) -> Array:
     """Standard deviation ``(6,)`` of each channel's residuals over the sheet's, where it is told from that."""
-    whitening = replace(fitter.whitening, spread=np.ones(6))
-    r, present = whitening.independent(fit.at.residual), whitening.present
-    used, spread = parameters / max(int(present.sum()), 1), np.ones(6)
+    present = fitter.whitening.present
+    spread = np.ones(present.shape[1])
+    r = replace(fitter.whitening, spread=spread.copy()).independent(fit.at.residual)
+    used = parameters / max(int(present.sum()), 1)
     for c in np.flatnonzero(present.any(axis=0)):
         own = r[present[:, c], c]
         freedom = max(len(own) * (1.0 - used), 1.0)

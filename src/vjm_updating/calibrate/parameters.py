@@ -18,7 +18,7 @@ from vjm.io.errors import did_you_mean
 from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
 from vjm.model.parameters import SECTION_VALUES, Parameter, beam_length
-from vjm.model.parts import Actuator, Beam, Part
+from vjm.model.parts import Actuator, Beam, Mount, Part
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment import Kind, Nuisance
@@ -32,6 +32,8 @@ SOFT_DRIVE = 1e-5
 """Unit of a nominally rigid drive's compliance, mm/N: a thirtieth of the paper's foot."""
 RIGID = 1e-4
 """Smallest z of such a drive: its coordinate must not vanish."""
+Soft = Actuator | Mount | Driven
+"""Parts that are one spring about or along an axis."""
 MATRIX = tuple((i, j) for i in range(6) for j in range(i + 1))
 """Entries of the triangular factor, row by row."""
 SECTION = ("EA", "GJ", "EIy", "EIz")
@@ -151,18 +153,18 @@ def split_parts(engine: VjmEngine, chain: Chain) -> set[str]:
 
 
 def default_parameters(engine: VjmEngine, chain: Chain) -> list[str]:
-    """One factor for every beam, and the compliance of every drive and joint that has one."""
-    driven = (p for p in chain.parts if isinstance(p, Actuator | Driven) and compliance_of(p, ABOUT[0]) > 0.0)
+    """One factor for every beam, and the compliance of every drive, mount and joint that has one."""
+    driven = (p for p in chain.parts if isinstance(p, Soft) and compliance_of(p, ABOUT[0]) > 0.0)
     return [*(f"{beam.name}.factor" for beam in chain.beams), *(f"{part.name}.{ABOUT[0]}" for part in driven)]
 
 
-def compliance_of(part: Actuator | Driven, what: str) -> float:
-    """A compliance of a drive or joint, one of `ABOUT`, in mm/N or rad/(N mm); zero for a rigid one."""
+def compliance_of(part: Soft, what: str) -> float:
+    """A compliance of a drive, mount or joint, one of `ABOUT`, in mm/N or rad/(N mm); zero for a rigid one."""
     if isinstance(part, SprungJoint):
         return 1.0 / part.stiffness
-    return (
-        part.compliance if isinstance(part, Actuator) or what == ABOUT[0] else part.lateral[ABOUT.index(what) - 1]
-    )
+    if isinstance(part, Actuator | Mount) or what == ABOUT[0]:
+        return part.compliance
+    return part.lateral[ABOUT.index(what) - 1]
 
 
 def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Sequence[Nuisance]) -> Unknowns:
@@ -173,8 +175,8 @@ def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Seque
         engine: whose springs decide whether a part's section or its 6×6 counts.
         names: parameters as ``part.what``: ``factor``; ``EA``, ``GJ``, ``EIy``, ``EIz``, ``GAy``, ``GAz`` or all of
             the first four as ``section``; ``C11`` to ``C66`` (a row and column of the 6×6 scaled, which scales its
-            diagonal entry) or ``diagonal``; the full 6×6 as ``matrix``; a drive's or joint's ``compliance``; a
-            joint's ``lateral-1`` and ``lateral-2``.
+            diagonal entry) or ``diagonal``; the full 6×6 as ``matrix``; a drive's, mount's or joint's
+            ``compliance``; a joint's ``lateral-1`` and ``lateral-2``.
         extra: the sheet's nuisances. A modulus acts on what of its part is not looked for itself, and drops out
             where nothing is left.
 
@@ -222,7 +224,7 @@ def _spelt_out(names: Sequence[str]) -> list[str]:
 
 
 def _part(chain: Chain, name: str) -> Part:
-    parts = {part.name: part for part in chain.parts if isinstance(part, Beam | Actuator | Driven)}
+    parts = {part.name: part for part in chain.parts if isinstance(part, Beam | Soft)}
     if name not in parts:
         raise ValueError(
             f"parameter of '{name}': {chain.name} has no such elastic part{did_you_mean(name, parts)}; "
@@ -256,7 +258,7 @@ def _unknown(name: str, unit: str, nominal: float) -> Unknown:
 
 def _block(name: str, part: Part, what: str, split: set[str], length: float) -> tuple[list[Unknown], Change]:
     """The coordinates of one name and what they do."""
-    if isinstance(part, Actuator | Driven):
+    if isinstance(part, Soft):
         return _softness(name, part, what, length)
     assert isinstance(part, Beam)
     if what == "factor":
@@ -344,8 +346,8 @@ def _length(own: Coordinate) -> Change:
     return change
 
 
-def _softness(name: str, part: Actuator | Driven, what: str, length: float) -> tuple[list[Unknown], Change]:
-    """The coordinate of a drive's or joint's compliance; a rigid one's unit is `SOFT_DRIVE`, at the ``length``."""
+def _softness(name: str, part: Soft, what: str, length: float) -> tuple[list[Unknown], Change]:
+    """The coordinate of one spring's compliance; a rigid one's unit is `SOFT_DRIVE`, at the ``length``."""
     if isinstance(part, ActuatedJoint) and part.matrix is not None:
         raise ValueError(f"parameter '{name}': {part.name} has a whole 6×6, which is not looked for")
     known = ABOUT if isinstance(part, ActuatedJoint | CoupledJoint) else ABOUT[:1]
@@ -368,7 +370,7 @@ def _softness(name: str, part: Actuator | Driven, what: str, length: float) -> t
                 lateral = list(now.lateral)
                 lateral[ABOUT.index(what) - 1] = value
                 return _with(chain, replace(now, lateral=(lateral[0], lateral[1])))
-            case Actuator() | ActuatedJoint() | CoupledJoint():
+            case Actuator() | Mount() | ActuatedJoint() | CoupledJoint():
                 return _with(chain, replace(now, compliance=value))
         raise TypeError(f"{part.name} is no drive any more")
 

@@ -34,7 +34,7 @@ from vjm_updating.calibrate.identifiability import Identifiability, identifiabil
 from vjm_updating.calibrate.parameters import MATRIX
 from vjm_updating.calibrate.profile import profile_interval
 from vjm_updating.experiment import Kind, Measurement
-from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.channels import unit_of
 from vjm_updating.observation.coordinate import Coordinate
 from vjm_updating.observation.significance import NORMAL_95
 
@@ -219,6 +219,12 @@ def _identifiability(fit: Solution, found: Identifiability) -> IdentifiabilityRo
     postures = ", ".join(dict.fromkeys(ray.posture for ray in fit.problem.observed.rays))
     seen = sum(one.seen for one in found.directions)
     words = [f"Postures {postures} see {seen} of {len(names)} directions in the space of the parameters."]
+    if promised := fit.problem.promised:
+        words.insert(
+            0,
+            f"The readings do not tell {', '.join(promised)} from what carries it: what the sheet promises of it "
+            "counts, and it is not looked for. --fit says otherwise.",
+        )
     if not lost:
         words.append("Every parameter has a number of its own.")
     else:
@@ -245,15 +251,15 @@ def _fit(fit: Solution) -> FitRow:
         good = at & ~fit.outliers[:, c]
         channels.append(
             ChannelRow(
-                channel=WRENCH[c],
+                channel=problem.observed.columns[c],
                 readings=int(at.sum()),
                 rmse_nominal=float(np.sqrt(np.mean(fit.nominal.residual[at, c] ** 2))),
                 rmse=float(np.sqrt(np.mean(fit.at.residual[at, c] ** 2))),
-                unit="N" if c < 3 else "N mm",
+                unit=unit_of(problem.observed.columns[c]).replace("Nmm", "N mm"),
                 in_sigma=float(fit.whitening.spread[c] * np.sqrt(np.mean(fit.residual[good, c] ** 2))),
                 spread=float(fit.whitening.spread[c]),
                 autocorrelation=float(fit.whitening.memory.rho[c]),
-                quantum=problem.observed.noise.quantum.get(WRENCH[c], 0.0),
+                quantum=problem.observed.noise.quantum.get(problem.observed.columns[c], 0.0),
             )
         )
     outliers = [_outlier(fit, int(k)) for k in np.flatnonzero(fit.outliers.any(axis=1))]
@@ -283,7 +289,7 @@ def _outlier(fit: Solution, k: int) -> OutlierRow:
     posture = next(ray.posture for ray in observed.rays if k in ray.index)
     bad = np.flatnonzero(fit.outliers[k])
     off = float(np.abs(fit.noises[k, bad]).max())
-    channels = [WRENCH[c] for c in bad]
+    channels = [observed.columns[c] for c in bad]
     return OutlierRow(row=int(observed.readings.row[k]), posture=posture, channels=channels, in_sigma=off)
 
 

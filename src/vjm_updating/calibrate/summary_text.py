@@ -27,8 +27,11 @@ def tables(document: Calibration) -> list[Table | str]:
     found += [_parameters(document)]
     if document.combinations:
         found.append(_combinations(document))
-    found.append(_figures("What the calibrated machine will do", document.predictions.calibrated))
-    found += _next(document)
+    if document.predictions.calibrated:
+        found.append(_figures("What the calibrated machine will do", document.predictions.calibrated))
+    # a test of one joint has no ramps
+    if document.identifiability.directions:
+        found += _next(document)
     return found
 
 

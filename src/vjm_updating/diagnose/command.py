@@ -34,14 +34,13 @@ from vjm_updating.diagnose.evidence import effective_samples
 from vjm_updating.diagnose.extended import extended_text
 from vjm_updating.diagnose.kind_of_test import HoldOut, KindOfTest
 from vjm_updating.diagnose.kinds import kind_of
-from vjm_updating.diagnose.mistaken import with_mistakes
+from vjm_updating.diagnose.mistaken import unless_unexplained, with_mistakes
 from vjm_updating.diagnose.preprocess import Prepared, possible, prepare, refresh
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import Search
 from vjm_updating.diagnose.transfer import transfer
 from vjm_updating.diagnose.verdict import Verdict, judge, proved
 from vjm_updating.experiment import Measurement, read_measurement
-from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.mistakes import mended, mistakes_of
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.inference.fitting import Fit
@@ -122,7 +121,7 @@ def diagnose(
     best = kind.completed(search, best)
     prepared = replace(prepared, null=search.null)
     progress("verdict")
-    verdict, candidates, points = _proved(prepared, kind, judge(search, best))
+    verdict, candidates, points = _proved(prepared, kind, unless_unexplained(judge(search, best), mistakes))
     document = _document(measurement, prepared, kind, verdict, candidates, points, begun)
     if second is not None:
         document = document.model_copy(update={"transfer": _transfer(verdict, second)})
@@ -190,7 +189,7 @@ def _document(
     fitter = prepared.fitter
     observed = fitter.forward.observed
     chosen = verdict.members[0].fit if verdict.members else prepared.null
-    channels = {name: WRENCH.index(name) for name in observed.wrench_channels}
+    channels = {name: observed.columns.index(name) for name in observed.wrench_channels}
     return Diagnosis(
         verdict=verdict.kind,
         causes=sorted({cause for c in candidates for cause in c.causes}),
@@ -284,6 +283,7 @@ def _gain(hold_out: HoldOut, fit: Fit, points: Sequence[Critical]) -> GainRow:
         before_in_sigma=found.before_in_sigma,
         after_in_sigma=found.after_in_sigma,
         expected_in_sigma=found.expected_in_sigma,
+        unit=found.unit,
         split=found.split,
         critical=CriticalRow(measured_N=measured, before_N=before, after_N=after),
         folds=[

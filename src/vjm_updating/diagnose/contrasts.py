@@ -47,10 +47,10 @@ def contrasts(fitter: Fitter, null: Fit) -> list[Contrast]:
     space = projection(fitter, null)
     result = []
     for name, column in _columns(fitter, null):
-        for c, channel in enumerate(WRENCH):
+        for c, channel in enumerate(observed.columns):
             if not observed.present[:, c].any():
                 continue
-            raw = np.zeros((len(column), 6))
+            raw = np.zeros(observed.present.shape)
             raw[:, c] = column
             free = np.concatenate([fitter.whitening.flat(raw), np.zeros(len(space.residual) - space.rows)])
             rest = space.rest(free[:, None])[:, 0]
@@ -106,6 +106,9 @@ def _behind(fitter: Fitter, null: Fit) -> np.ndarray:
     """Readings ``(n,)`` where the tangent along the ray has fallen below a third of the unloaded one."""
     observed = fitter.forward.observed
     result = np.zeros(len(observed.pose), dtype=bool)
+    if observed.columns != WRENCH:
+        # what was read is not the wrench of the displacement that was imposed: there is no tangent stiffness
+        return result
     for ray in observed.rays:
         k = np.einsum("i,nij,j->n", ray.direction, null.at.stiffness[ray.index], ray.direction)
         s = np.abs(observed.pose[ray.index] @ ray.measure)

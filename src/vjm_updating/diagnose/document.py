@@ -35,8 +35,8 @@ class FoldRow(Row):
     """Errors of readings that were held out together."""
 
     name: str
-    readings: int = Field(description="forces that were read; a reading of three components has three")
-    force: float = Field(description="root mean square of what was read, N")
+    readings: int = Field(description="samples that were read; a reading of three components has three")
+    force: float = Field(description="root mean square of what was read, in the unit of the gain")
     rmse_before: float
     rmse_after: float
 
@@ -47,7 +47,7 @@ class GainRow(Row):
     rmse_before: float
     rmse_after: float
     interval95: list[float] = Field(description="of the reduction")
-    unit: Literal["N"] = "N"
+    unit: Literal["N", "mm", "Nmm", "rad"] = "N"
     before_in_sigma: float
     after_in_sigma: float
     expected_in_sigma: float = Field(

@@ -24,6 +24,7 @@ from vjm_updating.mechanisms.base_compliance import BaseCompliance
 from vjm_updating.mechanisms.effect import Effect, part_table
 from vjm_updating.mechanisms.foot_lumping import FootLumping
 from vjm_updating.mechanisms.gravity import Gravity
+from vjm_updating.mechanisms.joint_test import JointHardening
 from vjm_updating.mechanisms.link_bow import LinkBow
 from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.link_lumping import LinkLumping
@@ -34,6 +35,7 @@ from vjm_updating.mechanisms.part_compliance import PartCompliance
 FILE = "extended-model.toml"
 WORDS: dict[type[Effect], str] = {
     ActuatorCompliance: "in the drive's compliance",
+    JointHardening: "in the joint's compliance at no load; what it stiffens by is not in the numbers below",
     BaseCompliance: "in the mounts before the chain",
     PartCompliance: "in the part's section and matrix",
     LinkLength: "in the link's length_mm",

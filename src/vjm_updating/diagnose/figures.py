@@ -58,8 +58,11 @@ def pictures(prepared: Prepared, fit: Fit, document: Diagnosis, before: Before) 
 
 
 def _force(prepared: Prepared) -> int:
-    """The wrench channel that is drawn: the driven one, else the first that was read."""
+    """The channel that is drawn: the driven one, else the first that was read; of displacements the clearest."""
     observed = prepared.fitter.forward.observed
+    if observed.columns != WRENCH:
+        size = np.nanmax(np.abs(observed.wrench), axis=0) / observed.noise.wrench
+        return int(np.argmax(np.nan_to_num(size)))
     driven = observed.slots[driven_channel(observed)]
     return driven if observed.present[:, driven].any() else int(np.argmax(observed.present.any(axis=0)))
 
@@ -86,7 +89,9 @@ def _curves(prepared: Prepared, fit: Fit, before: Before) -> Picture:
                 after = read - fit.at.residual[on, c]
                 ax.plot(u[on], after, color=AFTER, lw=1.3, label="extended model", zorder=2.5)
             ax.plot(u[on], read, ".", color=INK, ms=3.5, label="measured", zorder=3)
-            ax.set(title=f"posture {label}", xlabel=_axis(driven_channel(observed)), ylabel=_axis(WRENCH[c]))
+            ax.set(
+                title=f"posture {label}", xlabel=_axis(driven_channel(observed)), ylabel=_axis(observed.columns[c])
+            )
             ax.tick_params(labelbottom=True)
         axes[0].legend()
         for ax in axes[len(labels) :]:
@@ -118,7 +123,7 @@ def _residuals(prepared: Prepared, fit: Fit, before: Before) -> Picture:
                     ax.plot(u[own], residual[own, c], marker, ms=3.0, lw=0, color=colour, label=kind, alpha=0.7)
                 ax.axhline(0.0, color=BACK, lw=0.7)
                 ax.set(title=f"posture {label}, {name}")
-            axes[n * k].set_ylabel(_axis(WRENCH[c]))
+            axes[n * k].set_ylabel(_axis(observed.columns[c]))
         if len(kinds) > 1:
             axes[0].legend()
         for ax in axes[-n:]:

@@ -39,16 +39,17 @@ class Split:
 
 @dataclass(frozen=True)
 class Gain:
-    """Error of force readings held out, before and after.
+    """Error of readings held out, before and after: of forces where these were read, see `Observed.scored`.
 
     Attributes:
-        before: root mean square, N.
+        before: root mean square.
         after: likewise.
         interval: of the reduction, 95 %.
         before_in_sigma: over each reading's noise.
         after_in_sigma: likewise.
         split: how they were held out.
         expected_in_sigma: what a right model's error would be, over each reading's noise.
+        unit: of before, after and interval.
     """
 
     before: float
@@ -58,6 +59,7 @@ class Gain:
     after_in_sigma: float
     split: str
     expected_in_sigma: float
+    unit: str = "N"
 
 
 def split_of(observed: Observed) -> Split:
@@ -141,15 +143,16 @@ def gain(fitter: Fitter, fit: Fit, split: Split, before: Array, after: Array, op
         open_: standard deviations ``(n, 6)`` of its predictions.
     """
     observed = fitter.forward.observed
-    before, after = before[:, :3], after[:, :3]
-    on = fitter.whitening.present[:, :3]
+    own, unit = observed.scored
+    before, after = before[:, own], after[:, own]
+    on = fitter.whitening.present[:, own]
     K = fit.at.stiffness
     # a reading's own noise, and its displacement's
-    sigma = np.sqrt(np.einsum("nij,j->ni", K**2, observed.noise.pose**2) + observed.noise.wrench**2)[:, :3]
+    sigma = np.sqrt(np.einsum("nij,j->ni", K**2, observed.noise.pose**2) + observed.noise.wrench**2)[:, own]
     squares = [np.where(on, e**2, 0.0).sum(axis=1) for e in (before, after)]
     scaled = [np.where(on, (e / sigma) ** 2, 0.0).sum(axis=1) for e in (before, after)]
     count = on.sum(axis=1)
-    expected = float(np.sqrt(np.mean(1.0 + (open_[:, :3] / sigma)[on] ** 2)))
+    expected = float(np.sqrt(np.mean(1.0 + (open_[:, own] / sigma)[on] ** 2)))
     rmse = [float(np.sqrt(s.sum() / max(count.sum(), 1))) for s in squares]
     relative = [float(np.sqrt(s.sum() / max(count.sum(), 1))) for s in scaled]
     blocks = np.arange(len(count)) // BLOCK
@@ -159,4 +162,4 @@ def gain(fitter: Fitter, fit: Fit, split: Split, before: Array, after: Array, op
     drawn = sums[:, picks].sum(axis=2)
     fall = np.sqrt(drawn[0] / np.maximum(drawn[2], 1)) - np.sqrt(drawn[1] / np.maximum(drawn[2], 1))
     low, high = np.quantile(fall, [0.025, 0.975])
-    return Gain(rmse[0], rmse[1], (float(low), float(high)), relative[0], relative[1], split.name, expected)
+    return Gain(rmse[0], rmse[1], (float(low), float(high)), relative[0], relative[1], split.name, expected, unit)

@@ -9,6 +9,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.holdout import Split
+from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.inference.fitting import Fitter
 from vjm_updating.observation.observed import Observed
 
@@ -35,9 +36,10 @@ class Fold:
 def folds(fitter: Fitter, split: Split, before: Array, after: Array) -> list[Fold]:
     """Every part of a split, of the residuals ``(n, 6)`` that `vjm_updating.diagnose.holdout.gain` takes."""
     observed = fitter.forward.observed
-    before, after = before[:, :3], after[:, :3]
-    on = fitter.whitening.present[:, :3]
-    force = np.where(on, np.nan_to_num(observed.wrench[:, :3]), 0.0)
+    own_channels, _ = observed.scored
+    before, after = before[:, own_channels], after[:, own_channels]
+    on = fitter.whitening.present[:, own_channels]
+    force = np.where(on, np.nan_to_num(observed.wrench[:, own_channels]), 0.0)
     found = []
     for number in np.unique(split.fold):
         own = split.fold == number
@@ -54,6 +56,8 @@ def _name(observed: Observed, split: Split, number: int) -> str:
     if split.name == "postures":
         return f"posture {observed.readings.posture[first]}"
     if split.name == "directions":
+        if observed.columns != WRENCH:
+            return "one way" if number == 0 else "the other way"
         return "compression" if observed.pose[first, 0] < 0.0 else "tension"
     if split.name == "cycles":
         return f"cycle {observed.readings.run[first]}"

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from vjm_updating.diagnose.column_test import ColumnTest
+from vjm_updating.diagnose.joint_test import JointTest
 from vjm_updating.diagnose.kind_of_test import KindOfTest
+from vjm_updating.diagnose.load_test import LoadTest
 from vjm_updating.diagnose.ramp_test import RampTest
 from vjm_updating.experiment import Measurement
 
-KINDS: tuple[KindOfTest, ...] = (ColumnTest(), RampTest())
+KINDS: tuple[KindOfTest, ...] = (JointTest(), ColumnTest(), LoadTest(), RampTest())
 """Each is asked in turn whether a test is of its kind; the last one takes every test."""
 
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.diagnose.screening import Projection, projection
-from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.inference.fitting import Fit, Fitter, prior
 from vjm_updating.inference.residual_basis import smooth_shapes, sudden_shapes
 from vjm_updating.observation.distributions import chi2_isf, chi2_sf
@@ -130,12 +129,12 @@ def _blocks(fitter: Fitter, space: Projection, shapes: Array, names: Sequence[st
     observed = fitter.forward.observed
     kinds = list(dict.fromkeys(name.partition(": ")[2] for name in names))
     result = []
-    for c, channel in enumerate(WRENCH):
+    for c, channel in enumerate(observed.columns):
         if not observed.present[:, c].any():
             continue
         for kind in kinds:
             own = [k for k, name in enumerate(names) if name.partition(": ")[2] == kind]
-            raw = np.zeros((len(shapes), 6, len(own)))
+            raw = np.zeros((*observed.present.shape, len(own)))
             raw[:, c] = shapes[:, own]
             free = fitter.whitening.apart(fitter.whitening.memory.remove(raw)[fitter.whitening.present])
             columns = space.rest(np.vstack([free, np.zeros((len(space.residual) - space.rows, len(own)))]))

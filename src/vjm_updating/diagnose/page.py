@@ -14,7 +14,6 @@ from vjm_updating.diagnose.figures import Before, nominal, pictures
 from vjm_updating.diagnose.preprocess import Prepared
 from vjm_updating.diagnose.summary_text import CONFIDENCE, placed, unseen
 from vjm_updating.experiment import Measurement
-from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.experiment.mistakes import TITLES
 from vjm_updating.inference.fitting import Fit
 
@@ -68,7 +67,7 @@ def _channels(prepared: Prepared, fit: Fit, before: Before) -> list[Channel]:
             rms(before.best, c),
             rms(fit.at.residual, c),
         )
-        for c, name in enumerate(WRENCH)
+        for c, name in enumerate(observed.columns)
         if observed.present[:, c].any()
     ]
 

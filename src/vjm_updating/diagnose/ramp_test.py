@@ -19,10 +19,10 @@ from vjm_updating.diagnose.screening import far_off
 from vjm_updating.diagnose.search import Search
 from vjm_updating.diagnose.verdict import Verdict
 from vjm_updating.experiment import Measurement
-from vjm_updating.experiment.channels import TIME
+from vjm_updating.experiment.channels import TIME, unit_of
 from vjm_updating.inference.fitting import Fit, Fitter
-from vjm_updating.inference.forward import Forward
-from vjm_updating.inference.instrument import LEVER, InstrumentScale, InstrumentZero, ThermalDrift, unit_of
+from vjm_updating.inference.forward import Forward, Predictor
+from vjm_updating.inference.instrument import LEVER, InstrumentScale, InstrumentZero, ThermalDrift
 from vjm_updating.mechanisms.catalogue import Maker, catalogue
 from vjm_updating.mechanisms.effect import Effect, Scene
 from vjm_updating.observation.observed import Observed, observe, straightened
@@ -46,7 +46,7 @@ class RampTest:
         """All readings with a displacement and a wrench."""
         return observe_ramps(measurement)
 
-    def forward(self, observed: Observed) -> Forward:
+    def forward(self, observed: Observed) -> Predictor:
         """Equilibria of the chain at the displacements, from tables along rays."""
         return Forward(observed)
 
@@ -144,15 +144,26 @@ def ramp_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]
         rays=tuple((ray.posture, tuple(ray.direction.tolist())) for ray in observed.rays),
     )
     largest = _largest(observed, scene)
-    found: list[Effect] = list(catalogue(scene, more))
+    return [*catalogue(scene, more), *instrument_effects(observed, scene.duration, largest)]
+
+
+def instrument_effects(observed: Observed, duration: float, largest: Mapping[str, float]) -> list[Effect]:
+    """Errors of every channel.
+
+    Args:
+        observed: the readings.
+        duration: of the test, s; zero where there is no clock.
+        largest: reading that gauges are made for, by unit.
+    """
+    found: list[Effect] = []
     for channel in (*observed.pose_channels, *observed.wrench_channels):
         found += [InstrumentZero(part=channel), InstrumentScale(part=channel)]
         most = largest[unit_of(channel)]
         if observed.warmth is not None:
             span = float(np.ptp(observed.warmth))
-            found.append(ThermalDrift(channel, "K", span, duration=scene.duration, largest=most))
-        if clock is not None:
-            span, first = float(np.ptp(clock)), float(observed.readings.values[TIME][0])
+            found.append(ThermalDrift(channel, "K", span, duration=duration, largest=most))
+        if observed.clock is not None:
+            span, first = float(np.ptp(observed.clock)), float(observed.readings.values[TIME][0])
             since = float(np.clip(first / span, 0.0, LONG_BEFORE))
             found.append(ThermalDrift(channel, "s", span, since=since, largest=most))
     return found

@@ -127,7 +127,7 @@ class Search:
             if size == 1:
                 pairs = self._pairs(null)
                 # two effects may be significant together where none is alone
-                if not pairs and not any(self._significant(r) for r in level):
+                if not pairs and not any(self.significant(r) for r in level):
                     return null
             better = [r for r in level if r.criterion < best.criterion]
             # beside one cause, two others may be better than it
@@ -140,7 +140,7 @@ class Search:
             if new.labels == best.labels:
                 break
             best = new
-        return best if self._significant(best) else null
+        return best if self.significant(best) else null
 
     def rest(self, fit: Fit) -> Misfit:
         """What a fit leaves."""
@@ -168,7 +168,7 @@ class Search:
         fitted |= {labels: r.criterion for labels, r in self.tried.items()}
         return [fitted.get(move.labels, move.promise) for move in self._forward(self.tried[null])]
 
-    def _significant(self, ranked: Ranked) -> bool:
+    def significant(self, ranked: Ranked) -> bool:
         """Whether what causes explain is rare without any, over the whole catalogue."""
         gain = max(self.null.objective - ranked.fit.objective, 0.0)
         labels = [effect.label for effect in ranked.fit.hypothesis]

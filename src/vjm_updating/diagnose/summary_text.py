@@ -30,12 +30,12 @@ def lines(found: Diagnosis) -> list[str]:
     if found.gain is not None:
         g = found.gain
         result.append(
-            f"held-out {g.split}: {g.rmse_before:.3g} N before, {g.rmse_after:.3g} N after "
+            f"held-out {g.split}: {g.rmse_before:.3g} {g.unit} before, {g.rmse_after:.3g} {g.unit} after "
             f"({g.before_in_sigma:.2f} and {g.after_in_sigma:.2f} of the noise)"
         )
     for fold in found.gain.folds if found.gain is not None else ():
         result.append(
-            f"  {fold.name}, {fold.readings} forces: {fold.rmse_before:.3g} N before, {fold.rmse_after:.3g} N after"
+            f"  {fold.name}, {fold.readings} readings: {fold.rmse_before:.3g} before, {fold.rmse_after:.3g} after"
         )
     result += [_critical(row) for row in found.critical if row.measured_N or row.nominal_N or row.extended_N]
     for row in found.transfer:

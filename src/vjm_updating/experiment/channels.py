@@ -11,6 +11,10 @@ POSE = ("ux_mm", "uy_mm", "uz_mm", "rx_rad", "ry_rad", "rz_rad")
 WRENCH = ("fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm")
 """Wrench that the chain needs at the end-effector, world axes."""
 TIME, POSTURE, RUN, TEMPERATURE = "time_s", "posture", "run", "temperature_C"
+MOTION, EFFORT = ("angle_rad", "deflection_mm"), ("torque_Nmm", "force_N")
+"""Of a test of one joint: its turn, or the shift of a point on a lever; its torque, or the force on a lever."""
+OF_JOINT = (TIME, RUN, *MOTION, *EFFORT, TEMPERATURE)
+"""Every column of a test of one joint."""
 PLAIN = (TIME, POSTURE, RUN, *POSE, *WRENCH, TEMPERATURE)
 """Every column that needs no point."""
 
@@ -32,8 +36,18 @@ def split_point(column: str) -> tuple[str, str]:
     return (point, channel) if dot else ("", column)
 
 
-def check_column(column: str, points: tuple[str, ...]) -> None:
+def unit_of(channel: str) -> str:
+    """A channel's unit: ``mm`` of ``mid.uy_mm``."""
+    return split_point(channel)[1].rpartition("_")[2]
+
+
+def check_column(column: str, points: tuple[str, ...], plain: tuple[str, ...] = PLAIN) -> None:
     """Refuse a column that is no channel, with the remedy.
+
+    Args:
+        column: its name.
+        points: that the sheet names.
+        plain: columns that need no point.
 
     Raises:
         ValueError: an unknown quantity or point, or a unit other than the format's.
@@ -42,7 +56,7 @@ def check_column(column: str, points: tuple[str, ...]) -> None:
     if point and point not in points:
         known = f"the sheet names {', '.join(points)}" if points else "the sheet names none"
         raise ValueError(f"column '{column}': no point '{point}'; {known}: add [points.{point}]")
-    known_channels = POSE if point else PLAIN
+    known_channels = POSE if point else plain
     if channel in known_channels:
         return
     found = _QUANTITY.fullmatch(column)

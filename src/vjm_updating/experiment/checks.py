@@ -144,10 +144,10 @@ def check_units(readings: Readings, chain: Chain, engine: VjmEngine, noise: dict
         if not driving and np.abs(g).max() <= least:
             continue  # what little the unloaded stiffness says of this channel is no measure
         moved = next((POSE[k] for k in (i, *range(6)) if np.any(pose[:, k])), POSE[0])
-        _check_ratio(readings.file, name, moved, *_ratio(f, g), driving=driving)
+        _check_ratio(readings.file, name, moved, *ratio_of(f, g), driving=driving)
 
 
-def _ratio(f: Array, g: Array) -> tuple[float, float]:
+def ratio_of(f: Array, g: Array) -> tuple[float, float]:
     """Of measured to predicted, by the median of the large half, which a few outliers do not move; its spread."""
     large = (np.abs(g) >= np.median(np.abs(g))) & (g != 0.0)
     if not large.any():

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.channels import unit_of
 from vjm_updating.experiment.measurement import Measurement
 from vjm_updating.experiment.nominal_curve import NominalCurves
+from vjm_updating.experiment.nominal_loads import NominalLoads
 
 FEW = 5
 """Readings on each side of a change."""
@@ -25,26 +26,56 @@ class Comparison:
         measurement: sheet, readings, machine.
         readings: its readings.
         labels: postures in the order of the file.
-        curves: wrenches of the nominal machine.
+        curves: what the nominal machine would have shown.
+        unit: ``(m,)`` what makes moments forces, or rotations displacements.
     """
 
     def __init__(self, measurement: Measurement) -> None:
         self.measurement, self.readings = measurement, measurement.readings
         self.labels: list[str] = list(dict.fromkeys(self.readings.posture.tolist()))
-        self.curves = NominalCurves(measurement)
+        self.curves = NominalLoads(measurement) if measurement.loaded else NominalCurves(measurement)
+        length = measurement.chain.characteristic_length
+        lever = {"Nmm": 1.0 / length, "rad": length}
+        self.unit = np.array([lever.get(unit_of(name), 1.0) for name in self.columns])
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """Columns of what was imposed: displacements, or loads."""
+        return self.curves.given
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of what was read, m: the wrench, or displacements."""
+        return self.curves.columns
+
+    @property
+    def read(self) -> Array:
+        """What was read ``(n, m)``."""
+        return self.curves.read
+
+    @property
+    def main(self) -> list[int]:
+        """Which of what was read are forces; of a test by force, displacements."""
+        return [k for k, name in enumerate(self.columns) if unit_of(name) in ("N", "mm")]
+
+    @property
+    def words(self) -> str:
+        """What was read, in a word."""
+        return "displacements" if self.measurement.loaded else "forces"
 
     @property
     def comparable(self) -> bool:
-        """Whether displacements of the end-effector and wrenches were read."""
-        return self.measurement.imposed and any(name in self.readings.values for name in WRENCH)
+        """Whether what was imposed is known, and something was read."""
+        known = self.measurement.loaded or self.measurement.imposed
+        return known and any(name in self.readings.values for name in self.columns)
 
     def at(self, label: str) -> np.ndarray:
-        """Indices of the readings of a posture whose displacement is known."""
-        return np.flatnonzero((self.readings.posture == label) & ~np.isnan(self.readings.pose).any(axis=1))
+        """Indices of the readings of a posture of which it is known what was imposed."""
+        return np.flatnonzero((self.readings.posture == label) & ~np.isnan(self.curves.imposed).any(axis=1))
 
     def predicted(self, label: str) -> Array:
-        """Wrenches ``(k, 6)`` of the nominal machine at the readings of `at`; nan where it does not go."""
-        result: Array = self.curves.wrench(only=label)[self.at(label)]
+        """What the nominal machine would show ``(k, m)`` at the readings of `at`; nan where it does not go."""
+        result: Array = self.curves.predicted(only=label)[self.at(label)]
         return result
 
     def agreement(self, label: str, name: str) -> float:
@@ -52,8 +83,8 @@ class Comparison:
 
         It is 0, too, where their sizes differ by more than a factor 2.
         """
-        at, k = self.at(label), WRENCH.index(name)
-        f, g = self.readings.wrench[at, k], self.predicted(label)[:, k]
+        at, k = self.at(label), self.columns.index(name)
+        f, g = self.read[at, k], self.predicted(label)[:, k]
         known = ~np.isnan(f) & ~np.isnan(g)
         a, b = (float(np.linalg.norm(v[known])) for v in (f, g))
         rms = b / np.sqrt(max(int(known.sum()), 1))
@@ -65,9 +96,9 @@ class Comparison:
 
     def slopes(self, name: str) -> list[float]:
         """A channel over its prediction in every posture where that is large and the channel follows it."""
-        k, noise, found = WRENCH.index(name), self.measurement.sheet.sigma(name).noise, []
+        k, noise, found = self.columns.index(name), self.measurement.sheet.sigma(name).noise, []
         for label in self.labels:
-            f, g = self.readings.wrench[self.at(label), k], self.predicted(label)[:, k]
+            f, g = self.read[self.at(label), k], self.predicted(label)[:, k]
             known = ~np.isnan(f) & ~np.isnan(g)
             square = float(g[known] @ g[known])
             large = square > 0.0 and np.sqrt(square / known.sum()) > CLEAR * noise
@@ -76,10 +107,10 @@ class Comparison:
         return found
 
     def expected(self, name: str) -> bool:
-        """Whether the model predicts a change of a channel of the wrench far above its noise."""
+        """Whether the model predicts a change of a channel that was read far above its noise."""
         if not self.comparable:
             return False
-        k, noise = WRENCH.index(name), self.measurement.sheet.sigma(name).noise
+        k, noise = self.columns.index(name), self.measurement.sheet.sigma(name).noise
         spans = [
             float(np.nanmax(g) - np.nanmin(g))
             for label in self.labels

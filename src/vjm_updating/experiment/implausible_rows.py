@@ -72,6 +72,9 @@ def _digits(c: Comparison, name: str) -> Iterator[Finding]:
     r, known = c.readings, c.measurement.sheet.instrument.get(name)
     if known is None or known.noise == 0.0 or known.held is not None:
         return
+    if c.measurement.loaded and name in c.given:
+        # weights are hung on in equal steps
+        return
     values, digit = r.values[name], _last_digit(r.values[name])
     likely = min(digit / (2.0 * np.sqrt(np.pi) * known.noise), 1.0)
     for number in np.unique(r.sequence):
@@ -256,15 +259,16 @@ def nothing_read(c: Comparison) -> Iterator[Finding]:
         yield Finding(
             Grade.REFUSED, f"{r.file}: column {', '.join(loaded)}", "every reading is the same: no load was read"
         )
-    for name in loaded:
+    read = [name for name in r.channels if name in c.columns]
+    for name in read:
         values = r.values[name][~np.isnan(r.values[name])]
-        if len(loaded) > 1 and len(values) >= LEAST and not np.ptp(values) and c.expected(name):
+        if len(read) > 1 and len(values) >= LEAST and not np.ptp(values) and c.expected(name):
             yield Finding(
                 Grade.DOUBTFUL,
                 f"{r.file}: column {name}",
                 f"every reading is {values[0]:g}, but the model predicts a change: was another column exported?",
             )
-    both = np.asarray(~np.isnan(r.pose).any(axis=1) & ~np.isnan(r.wrench).all(axis=1))
+    both = np.asarray(~np.isnan(c.curves.imposed).any(axis=1) & ~np.isnan(c.read).all(axis=1))
     usable = int(np.sum(both))
     for label in c.labels if c.measurement.imposed and usable >= LEAST else ():
         if not both[r.posture == label].any():
@@ -287,7 +291,7 @@ def sheet_values(c: Comparison) -> Iterator[Finding]:
         values = r.values[name][~np.isnan(r.values[name])]
         span = float(np.ptp(values)) if len(values) else 0.0
         seen = SEEN if name in _main(r) else 1.0
-        if known.noise == 0.0 and name in WRENCH:
+        if known.noise == 0.0 and name in c.columns:
             yield Finding(Grade.DOUBTFUL, where, "noise = 0: no instrument is without; every misfit then counts")
         elif 0.0 < known.noise < 1e-9 * span:
             yield Finding(Grade.DOUBTFUL, where, f"noise = {known.noise:g} is below the reading's last digit")
@@ -297,7 +301,7 @@ def sheet_values(c: Comparison) -> Iterator[Finding]:
                 where,
                 f"noise = {known.noise:g} under a span of {span:g} of all: little can be seen; another unit?",
             )
-        elif name in WRENCH and known.noise and (rough := roughness(r, name)) > 100.0 * known.noise:
+        elif name in c.columns and known.noise and (rough := roughness(r, name)) > 100.0 * known.noise:
             yield Finding(
                 Grade.DOUBTFUL,
                 where,

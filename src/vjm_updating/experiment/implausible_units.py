@@ -7,8 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
-from vjm_updating.experiment.channels import WRENCH
-from vjm_updating.experiment.comparison import Comparison
+from vjm_updating.experiment.channels import MOTION, unit_of
+from vjm_updating.experiment.checks import ALIKE as ONE_FACTOR
+from vjm_updating.experiment.checks import OPPOSITE, THOUSAND, ratio_of
+from vjm_updating.experiment.comparison import CLEAR, Comparison
+from vjm_updating.experiment.joint_levers import channels_of, expected
 from vjm_updating.experiment.mistaken_as import MistakenAs
 from vjm_updating.experiment.mistaken_columns import factors_of, turned_rows
 from vjm_updating.experiment.mistaken_rows import Mistaken, far_postures, mistaken_rows
@@ -45,6 +48,56 @@ def mistaken(c: Comparison) -> Iterator[Finding]:
         )  # fmt: skip
 
 
+def a_thousand(c: Comparison) -> Iterator[Finding]:
+    """Displacements under loads that are off by a thousand: no machine is that far from its model."""
+    if not c.measurement.loaded or not c.comparable:
+        return
+    predicted, (low, high) = c.curves.predicted(), THOUSAND
+    for k, name in enumerate(c.columns):
+        known = ~np.isnan(c.read[:, k]) & ~np.isnan(predicted[:, k])
+        f, g = c.read[known, k], predicted[known, k]
+        largest = max(np.abs(f).max(initial=0.0), np.abs(g).max(initial=0.0))
+        ratio, spread = ratio_of(f, g)
+        size, unit = max(abs(ratio), 1e-12), unit_of(name)
+        if spread >= ONE_FACTOR or largest <= CLEAR * c.measurement.sheet.sigma(name).noise:
+            continue
+        if low < size < high:
+            what = f"{size:.3g} times", "µm" if unit == "mm" else "mrad", "kN"
+        elif low < 1.0 / size < high:
+            what = f"1/{1.0 / size:.3g} of", "m" if unit == "mm" else "krad", "mN"
+        else:
+            continue
+        yield Finding(
+            Grade.REFUSED, f"{c.readings.file}: column {name}",
+            f"is about {what[0]} what the model predicts under the loads, a factor 1000: is it in {what[1]} "
+            f"instead of {unit}, or are the loads in {what[2]}? Convert it",
+        )  # fmt: skip
+
+
+def of_joint(c: Comparison) -> Iterator[Finding]:
+    """Loads of a joint that are off by a thousand, have the other sign, or look like an angle in degrees."""
+    if c.measurement.sheet.kind != "joint":
+        return
+    motion, effort = channels_of(c.measurement)
+    load, wanted = c.readings.values[effort], expected(c.measurement)
+    known = ~np.isnan(load) & ~np.isnan(wanted)
+    ratio, spread = ratio_of(load[known], wanted[known])
+    (low, high), where = THOUSAND, f"{c.readings.file}: column {effort}"
+    if spread >= ONE_FACTOR:
+        return
+    if ratio < OPPOSITE:
+        words = f"has the other sign than the model predicts for {motion}: turn the sign of one of them"
+        yield Finding(Grade.REFUSED, where, words)
+    elif low < ratio < high or low < 1.0 / max(ratio, 1e-12) < high:
+        words = (
+            f"is about {ratio:.3g} times what the model predicts for {motion}, a factor 1000: convert one of them"
+        )
+        yield Finding(Grade.REFUSED, where, words)
+    elif motion == MOTION[0] and abs(ratio * 180.0 / np.pi - 1.0) < SAME_GAIN:
+        words = f"is about 1/57 of what the model predicts for {motion}: is the angle in degrees?"
+        yield Finding(Grade.DOUBTFUL, where, words)
+
+
 def _strange(c: Comparison, explained: list[Mistaken]) -> Iterator[Finding]:
     """Postures whose readings are far from the model altogether, which no known mistake explains."""
     rest = ~np.any([np.zeros(len(c.readings), dtype=bool), *(found.rows for found in explained)], axis=0)
@@ -52,25 +105,25 @@ def _strange(c: Comparison, explained: list[Mistaken]) -> Iterator[Finding]:
     if far and len(far) == len(c.labels):
         yield Finding(
             Grade.DOUBTFUL, f"{c.readings.file}: {'every row' if len(far) > 1 else f'posture {far[0]}'}",
-            "forces differ from what the model predicts by more than a factor 2.6, and no unit, sign or exchange "
-            "explains it: look at the model's stiffness, the columns' axes and the postures",
+            f"{c.words} differ from what the model predicts by more than a factor 2.6, and no unit, sign or "
+            "exchange explains it: look at the model's stiffness, the columns' axes and the postures",
         )  # fmt: skip
 
 
 def _seen(c: Comparison, found: Mistaken) -> str:
     rest = "" if found.rows.all() else " while other rows fit"
     if found.way.cause == SIGN:
-        return f"forces point against what the model predicts there{rest}"
+        return f"{c.words} point against what the model predicts there{rest}"
     if found.way.cause == UNIT:
-        f, g = c.readings.wrench[found.rows, :3], c.curves.wrench()[found.rows, :3]
+        f, g = c.read[found.rows][:, c.main], c.curves.predicted()[found.rows][:, c.main]
         known = ~np.isnan(f) & ~np.isnan(g)
         f, g = np.where(known, f, 0.0), np.where(known, g, 0.0)
         size = np.sum(g * g, axis=1)
         large = (size > 0.0) & (size >= np.median(size))
         ratio = np.sum(f * g, axis=1)[large] / size[large]
         if len(ratio) and (middle := float(np.median(ratio))) > 0.0:
-            return f"forces are {middle:.3g} of what the model predicts there{rest}"
-        return f"forces are far from what the model predicts there{rest}"
+            return f"{c.words} are {middle:.3g} of what the model predicts there{rest}"
+        return f"{c.words} are far from what the model predicts there{rest}"
     return "the readings fit the model with them changed, not as they stand"
 
 
@@ -108,7 +161,7 @@ def gains(c: Comparison) -> Iterator[Finding]:
     """One channel that is the same multiple of its prediction in every posture, while the others fit."""
     if not c.comparable:
         return
-    slopes = {name: c.slopes(name) for name in WRENCH if name in c.readings.values}
+    slopes = {name: c.slopes(name) for name in c.columns if name in c.readings.values}
     usual = {name: float(np.median(of)) for name, of in slopes.items() if of}
     for name, middle in usual.items():
         others = [value for other, value in usual.items() if other != name]
@@ -125,9 +178,9 @@ def signs(c: Comparison) -> Iterator[Finding]:
     """One channel with the other sign, in whole postures or in a stretch of rows."""
     if not c.comparable:
         return
-    for name in [name for name in WRENCH if name in c.readings.values]:
+    for name in [name for name in c.columns if name in c.readings.values]:
         rows = np.zeros(len(c.readings), dtype=bool)
-        others = [n for n in WRENCH if n != name and n in c.readings.values]
+        others = [n for n in c.columns if n != name and n in c.readings.values]
         for label in c.labels:
             if not any(c.agreement(label, n) > ALIKE for n in others):
                 continue

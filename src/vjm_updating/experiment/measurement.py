@@ -7,10 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from vjm.io.model_file import build_chain, read_document
 from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.model.load_case import COMPONENTS
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.experiment.channels import POSE, WRENCH
+from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, WRENCH
 from vjm_updating.experiment.checks import check_postures, check_reach, check_time, check_units
 from vjm_updating.experiment.nuisances import Nuisance, nuisances
 from vjm_updating.experiment.overrides import SEGMENTS, overridden
@@ -43,6 +47,49 @@ class Measurement:
     data_sha256: str
 
     @property
+    def drive(self) -> ActuatedJoint | CoupledJoint | SprungJoint:
+        """The joint that a test of one joint is about.
+
+        Raises:
+            SheetError: the model has no such joint, or it does not deflect there.
+        """
+        sheet, kinds = self.sheet, (ActuatedJoint, CoupledJoint, SprungJoint)
+        joints = {part.name: part for part in self.chain.parts if isinstance(part, kinds)}
+        found = joints.get(sheet.test.joint)
+        if found is None:
+            raise SheetError(
+                f"{sheet.file}: [test] joint: no actuated, coupled or sprung joint '{sheet.test.joint}' in "
+                f"{self.chain.name}; there are {', '.join(joints) or 'none'}"
+            )
+        if not isinstance(found, SprungJoint) and not found.compliance > 0.0:
+            raise SheetError(
+                f"{sheet.file}: [test] joint: {found.name} is rigid in the model: give it a compliance in the "
+                "model file, a first guess"
+            )
+        return found
+
+    @property
+    def joint_compliance(self) -> float:
+        """Of that joint in the model, rad/(N mm) or mm/N."""
+        joint = self.drive
+        return 1.0 / joint.stiffness if isinstance(joint, SprungJoint) else joint.compliance
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Components of the end-effector's pose that no support holds: of a test by force; else none."""
+        test = self.sheet.test
+        return tuple(name for name in COMPONENTS if name not in test.held) if test.by_force else ()
+
+    @property
+    def loaded(self) -> bool:
+        """Whether loads say what the machine does: they were imposed, and its pose is not wholly known.
+
+        Where each component of the pose was read or held, displacements say it, whichever of the two was imposed.
+        """
+        read = {name for name, column in zip(COMPONENTS, POSE, strict=True) if column in self.readings.values}
+        return any(name not in read for name in self.free)
+
+    @property
     def imposed(self) -> bool:
         """Whether the pose of the end-effector is known at every reading, whichever end was steered by."""
         return any(name in self.readings.values for name in POSE)
@@ -58,8 +105,9 @@ def read_measurement(data: Path, sheet: Path) -> Measurement:
     document, chain, sha256 = _machine(page, sheet)
     engine = _engine(page, chain)
     readings = read_readings(data, page)
+    of_joint = page.kind == "joint"
     unknown = next((p for p in readings.posture.tolist() if p not in chain.postures), None)
-    if unknown is not None:
+    if unknown is not None and not of_joint:
         known = ", ".join(chain.postures)
         row = readings.row[readings.posture == unknown][0]
         raise DataError(
@@ -67,13 +115,15 @@ def read_measurement(data: Path, sheet: Path) -> Measurement:
             "add it to the sheet's [postures]"
         )
     check_time(readings)
-    check_postures(readings, page.test.control)
+    if not of_joint:
+        check_held(readings, page)
+        check_postures(readings, page.test.control)
+    needed = (*WRENCH, *MOTION, *EFFORT)
     noise = {
-        name: page.sigma(name).noise for name in readings.channels if name in WRENCH or name in page.instrument
+        name: page.sigma(name).noise for name in readings.channels if name in needed or name in page.instrument
     }
     check_reach(readings, chain)
-    check_units(readings, chain, engine, noise)
-    return Measurement(
+    measurement = Measurement(
         sheet=page,
         readings=readings,
         document=document,
@@ -83,6 +133,59 @@ def read_measurement(data: Path, sheet: Path) -> Measurement:
         model_sha256=sha256,
         data_sha256=hashlib.sha256(data.read_bytes()).hexdigest(),
     )
+    if of_joint:
+        check_joint(measurement)
+    elif measurement.loaded:
+        check_supports(measurement)
+    else:
+        check_units(readings, chain, engine, noise)
+    return measurement
+
+
+def check_held(readings: Readings, sheet: Sheet) -> None:
+    """Refuse a gauge on what the sheet holds.
+
+    Raises:
+        DataError: there is one.
+    """
+    for name, column in zip(COMPONENTS, POSE, strict=True):
+        if name in sheet.test.held and column in readings.values:
+            raise DataError(
+                f"{readings.file}: column {column} reads what the sheet holds ([test] held has '{name}'): "
+                "leave one of them out"
+            )
+
+
+def check_supports(measurement: Measurement) -> None:
+    """Refuse a load on what the sheet holds: it is the support's, and says nothing of what is imposed.
+
+    Raises:
+        DataError: there is one.
+    """
+    for name, column in zip(COMPONENTS, WRENCH, strict=True):
+        if name in measurement.sheet.test.held and column in measurement.readings.values:
+            raise DataError(
+                f"{measurement.readings.file}: column {column} is the reaction of what the sheet holds ([test] "
+                f"held has '{name}'), and no load that was imposed: leave it out"
+            )
+
+
+def check_joint(measurement: Measurement) -> None:
+    """Refuse a test of a joint that cannot be one.
+
+    Raises:
+        ValueError: there is no such joint, it is rigid in the model, its lever is not known, or nothing moved.
+    """
+    sheet, readings, drive = measurement.sheet, measurement.readings, measurement.drive
+    for name in readings.channels:
+        arm = {"force_N": "force_mm", "deflection_mm": "gauge_mm"}.get(name, "")
+        if not drive.slides and arm and getattr(sheet.lever, arm) is None:
+            raise SheetError(f"{sheet.file}: {name} was read on a lever: add [lever] {arm}, from the joint's axis")
+        if drive.slides and name in (MOTION[0], EFFORT[0]):
+            raise DataError(f"{readings.file}: column {name}: {drive.name} slides: give deflection_mm and force_N")
+        values = readings.values[name][~np.isnan(readings.values[name])]
+        if not len(values) or not np.ptp(values):
+            raise DataError(f"{readings.file}: column {name}: it does not change: was the right column exported?")
 
 
 def planned_measurement(sheet: Sheet, path: Path, readings: Readings) -> Measurement:

@@ -9,9 +9,8 @@ from itertools import combinations
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.experiment.channels import POSE, WRENCH
+from vjm_updating.experiment.channels import POSE, WRENCH, split_point, unit_of
 from vjm_updating.experiment.mistakes import EXCHANGE, SIGN, UNIT
-from vjm_updating.experiment.nominal_curve import UNCHANGED
 from vjm_updating.experiment.readings import Readings
 
 FORCES, MOMENTS, SHIFTS, TURNS = WRENCH[:3], WRENCH[3:], POSE[:3], POSE[3:]
@@ -56,15 +55,16 @@ class MistakenAs:
     postures: Mapping[str, str] = field(default_factory=dict)
 
     def scaled(self, names: tuple[str, ...]) -> Array:
-        """The factors of six columns ``(6,)``."""
+        """The factors of columns ``(m,)``."""
         return np.array([self.factors.get(name, 1.0) for name in names])
 
     def order(self, names: tuple[str, ...]) -> tuple[int, ...]:
-        """The order of six columns."""
+        """The order of columns."""
+        order = tuple(range(len(names)))
         if not self.exchanged or self.exchanged[0] not in names:
-            return UNCHANGED
+            return order
         i, j = (names.index(name) for name in self.exchanged)
-        return tuple({i: j, j: i}.get(k, k) for k in range(6))
+        return tuple({i: j, j: i}.get(k, k) for k in order)
 
     def within(self, other: MistakenAs) -> bool:
         """Whether another way does the same to these columns, and to more."""
@@ -74,28 +74,34 @@ class MistakenAs:
 RIGHT = MistakenAs("right", "")
 
 
-def ways(readings: Readings, postures: tuple[str, ...]) -> list[MistakenAs]:
+def ways(
+    readings: Readings, postures: tuple[str, ...], columns: tuple[tuple[str, ...], tuple[str, ...]] = (POSE, WRENCH)
+) -> list[MistakenAs]:
     """All ways that concern columns that are there.
 
     Args:
         readings: of the test.
         postures: labels of those in which the machine may have stood.
+        columns: of what was imposed, and of what was read.
 
     Returns:
         Those that concern more columns first.
     """
-    there = readings.values
+    there = [name for names in columns for name in names if name in readings.values]
 
     def only(names: tuple[str, ...], factor: float) -> dict[str, float]:
-        return {name: factor for name in names if name in there}
+        return {name: factor for name in there if split_point(name)[1] in names}
 
     found = [MistakenAs(words, UNIT, only(names, factor)) for words, factor, names in UNITS]
     found += [MistakenAs(words, SIGN, only(names, -1.0)) for words, names in SIGNS]
-    found += [MistakenAs(f"the sign of {name}", SIGN, {name: -1.0}) for name in (*WRENCH, *POSE) if name in there]
+    found += [
+        MistakenAs(f"the sign of {name}", SIGN, {name: -1.0})
+        for name in sorted(there, key=lambda name: unit_of(name) not in ("N", "Nmm"))
+    ]
     found = [way for k, way in enumerate(found) if way.factors and way not in found[:k]]
     found += [
         MistakenAs(f"the columns {a} and {b} exchanged", EXCHANGE, exchanged=(a, b))
-        for names in (POSE, WRENCH)
+        for names in columns
         for a, b in combinations([name for name in names if name in there], 2)
     ]
     labels = dict.fromkeys(readings.posture.tolist())

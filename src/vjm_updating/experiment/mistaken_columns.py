@@ -25,7 +25,7 @@ def factors_of(c: Comparison, found: Mistaken) -> dict[str, float]:
         found: rows that are mistaken, in another unit or with the other sign.
     """
     way = found.way
-    if way.cause not in (UNIT, SIGN) or not any(name in WRENCH[:3] for name in way.factors):
+    if c.columns != WRENCH or way.cause not in (UNIT, SIGN) or not any(name in WRENCH[:3] for name in way.factors):
         return dict(way.factors)
     factor = next(iter(way.factors.values()))
     there = [name for name in WRENCH if name in c.readings.values]
@@ -44,8 +44,8 @@ def turned_rows(c: Comparison, label: str, name: str) -> np.ndarray:
         label: of the posture.
         name: of the channel.
     """
-    at, k = c.at(label), WRENCH.index(name)
-    f, g = c.readings.wrench[at, k], c.predicted(label)[:, k]
+    at, k = c.at(label), c.columns.index(name)
+    f, g = c.read[at, k], c.predicted(label)[:, k]
     least = CLEAR * c.measurement.sheet.sigma(name).noise
     clear = np.nan_to_num(np.minimum(np.abs(f), np.abs(g))) > least
     size = np.maximum(np.abs(f) + np.abs(g) + least, 1e-300)
@@ -59,7 +59,7 @@ def turned_rows(c: Comparison, label: str, name: str) -> np.ndarray:
 
 def _turned(c: Comparison, found: Mistaken, name: str) -> bool:
     """Whether a column is turned, too: it goes against a clear prediction; as a rule it is where forces are."""
-    predicted = c.curves.wrench()[found.rows, WRENCH.index(name)]
+    predicted = c.curves.predicted()[found.rows, WRENCH.index(name)]
     known = c.measurement.sheet.instrument.get(name)
     size = float(np.sqrt(np.mean(_known(predicted) ** 2))) if len(_known(predicted)) else 0.0
     if size > CLEAR * (known.noise + known.zero if known else 0.0):

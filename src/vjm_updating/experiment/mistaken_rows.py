@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.comparison import Comparison
 from vjm_updating.experiment.implausible_rows import roughness
 from vjm_updating.experiment.mistaken_as import RIGHT, MistakenAs, ways
@@ -90,24 +89,23 @@ class Distances:
 
     Attributes:
         c: readings beside the nominal machine.
-        unit: ``(6,)`` what makes moments forces.
-        floor: N, below which forces say nothing.
+        floor: N, or mm of a test by force, below which readings say nothing.
     """
 
     def __init__(self, c: Comparison) -> None:
         self.c = c
-        self.unit = np.repeat([1.0, 1.0 / c.measurement.chain.characteristic_length], 3)
-        there = [k for k, name in enumerate(WRENCH) if name in c.readings.values]
-        known = [(k, c.measurement.sheet.sigma(WRENCH[k])) for k in there]
+        there = [k for k, name in enumerate(c.columns) if name in c.readings.values]
+        known = [(k, c.measurement.sheet.sigma(c.columns[k])) for k in there]
         # of forces, where there are any: moments may be read by another instrument
-        known = [(k, one) for k, one in known if k < 3] or known
-        self.floor = FLOOR * max(((one.noise + one.zero) * self.unit[k] for k, one in known), default=0.0)
+        known = [(k, one) for k, one in known if k in c.main] or known
+        self.floor = FLOOR * max(((one.noise + one.zero) * c.unit[k] for k, one in known), default=0.0)
 
     def pair(self, way: MistakenAs, label: str) -> tuple[Array, Array]:
-        """What was read, made right, and what is predicted, of a posture ``(k, 6)`` each, N; nan where unknown."""
+        """What was read of a posture, made right, and what is predicted ``(k, m)``, N or mm; nan where unknown."""
         at = self.c.at(label)
-        f = self.c.readings.wrench[at][:, list(way.order(WRENCH))] * way.scaled(WRENCH) * self.unit
-        g = self.c.curves.wrench(way.scaled(POSE), way.order(POSE), way.postures, label)[at] * self.unit
+        c = self.c
+        f = c.read[at][:, list(way.order(c.columns))] * way.scaled(c.columns) * c.unit
+        g = c.curves.predicted(way.scaled(c.given), way.order(c.given), way.postures, label)[at] * c.unit
         return f, g
 
     def own(self, label: str, left: np.ndarray) -> float:
@@ -158,7 +156,7 @@ def mistaken_rows(c: Comparison) -> list[Mistaken]:
             doubted.append(label)
     if not doubted:
         return []
-    known = ways(c.readings, tuple(c.measurement.chain.postures))
+    known = ways(c.readings, tuple(c.measurement.chain.postures), (c.given, c.columns))
     found = {label: _stretches(distances, known, label, 1.0) for label in doubted}
     all_of_them = [rows for several in found.values() for s in several for rows in s.rows.values()]
     left = ~np.any([np.zeros(len(c.readings), dtype=bool), *all_of_them], axis=0)
@@ -264,7 +262,7 @@ def _strange(c: Comparison, label: str, rows: np.ndarray, way: MistakenAs) -> fl
     for name, factor in way.factors.items():
         known, rough = c.measurement.sheet.instrument.get(name), roughness(readings, name)
         noise = known.noise if known else 0.0
-        if name in POSE:
+        if name in c.given:
             # a ramp's steps are no noise; but it has to be seen, and is as long as others
             span = float(np.nanmax(np.abs(readings.values[name]), initial=0.0)) * abs(factor)
             elsewhere = float(np.nanmax(np.abs(c.readings.values[name][~rows]), initial=0.0))

@@ -10,7 +10,7 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
-from vjm_updating.experiment.channels import POSE
+from vjm_updating.experiment.channels import POSE, WRENCH
 from vjm_updating.experiment.measurement import Measurement
 from vjm_updating.experiment.rays import Ray, rays
 
@@ -24,12 +24,19 @@ class NominalCurves:
 
     Attributes:
         measurement: sheet, readings, machine.
+        given: columns of what was imposed.
+        columns: of what was read.
+        imposed: displacements ``(n, 6)``.
+        read: wrenches ``(n, 6)``.
         rays: of the readings; none where they do not lie on a few.
     """
+
+    given, columns = POSE, WRENCH
 
     def __init__(self, measurement: Measurement) -> None:
         self.measurement = measurement
         readings = measurement.readings
+        self.imposed, self.read = readings.pose, readings.wrench
         known = np.flatnonzero(~np.isnan(readings.pose).any(axis=1))
         try:
             found = rays(
@@ -48,7 +55,7 @@ class NominalCurves:
         known = [self.measurement.sheet.instrument.get(name) for name in POSE]
         return np.array([0.0 if one is None else np.hypot(one.noise, one.zero) for one in known])
 
-    def wrench(
+    def predicted(
         self,
         factors: Array = ONE,
         order: tuple[int, ...] = UNCHANGED,

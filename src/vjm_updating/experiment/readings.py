@@ -14,6 +14,10 @@ from vjm.io.errors import did_you_mean
 from vjm.plain_numbers import plain_number
 from vjm.rotations import Array
 from vjm_updating.experiment.channels import (
+    EFFORT,
+    MOTION,
+    OF_JOINT,
+    PLAIN,
     POSE,
     POSTURE,
     RUN,
@@ -169,7 +173,7 @@ def read_readings(path: Path, sheet: Sheet) -> Readings:
     try:
         header, table = table_of(lines)
         for column in header:
-            check_column(column, tuple(sheet.points))
+            check_column(column, tuple(sheet.points), OF_JOINT if sheet.kind == "joint" else PLAIN)
         _check_header(header, sheet)
         rows = np.array([number for number, _ in table])
         text = {name: [cells[i] for _, cells in table] for i, name in enumerate(header)}
@@ -209,6 +213,11 @@ def table_of(lines: list[list[str]]) -> tuple[list[str], list[tuple[int, list[st
 def _check_header(header: list[str], sheet: Sheet) -> None:
     """Refuse a file without what its control needs."""
     control = sheet.test.control
+    if sheet.kind == "joint":
+        for names, what in ((MOTION, "motion"), (EFFORT, "load")):
+            if len([name for name in header if name in names]) != 1:
+                raise ValueError(f"a test of one joint has one column of {what}, {' or '.join(names)}: give one")
+        return
     if POSTURE not in header and len(sheet.postures) != 1:
         raise ValueError("column 'posture' is missing: add it, with the sheet's labels")
     if control not in ("displacement", "force") and control not in header:
@@ -229,7 +238,7 @@ def _check_header(header: list[str], sheet: Sheet) -> None:
 
 def _postures(text: dict[str, list[str]], rows: np.ndarray, sheet: Sheet) -> np.ndarray:
     """Labels ``(n,)``, known ones."""
-    only = next(iter(sheet.postures), "")
+    only = next(iter(sheet.postures), sheet.test.joint)
     labels = text.get(POSTURE, [only] * len(rows))
     for label, row in zip(labels, rows, strict=True):
         if not label:

@@ -14,7 +14,7 @@ from vjm.io.errors import one_line
 from vjm.io.schema import Label
 from vjm.io.sections import Table
 from vjm.io.toml_parsing import parse_toml
-from vjm_updating.experiment.channels import POSE, TEMPERATURE, WRENCH, split_point
+from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, TEMPERATURE, WRENCH, split_point
 
 Sigma = Annotated[float, Field(ge=0.0, le=1e9)]
 
@@ -33,9 +33,28 @@ class Test(Table):
 
     title: str = ""
     model: str = Field(min_length=1)
+    joint: str = Field("", description='the joint, of a sheet of kind = "joint"')
     control: str = "displacement"
+    held: list[Literal["x", "y", "z", "rx", "ry", "rz"]] = Field(
+        [], description="components of the end-effector that something holds, under force control"
+    )
     gravity: Annotated[list[float], Field(min_length=3, max_length=3)] | None = None
     source: str = ""
+
+    @property
+    def by_force(self) -> bool:
+        """Whether loads were imposed: an absent load is then zero, and what is neither read nor held is free."""
+        return self.control == "force" or self.control in WRENCH
+
+    @model_validator(mode="after")
+    def _held(self) -> Test:
+        if self.held and not self.by_force:
+            raise ValueError(
+                f"held is for control = \"force\": under control = '{self.control}' an absent displacement is held"
+            )
+        if twice := [name for name in self.held if self.held.count(name) > 1]:
+            raise ValueError(f"held names '{twice[0]}' twice: leave one")
+        return self
 
     @field_validator("control")
     @classmethod
@@ -67,6 +86,14 @@ class PointTable(Table):
     source: str = ""
 
 
+class LeverTable(Table):
+    """Where a test of one joint loads it and reads it, from the joint's axis; of no meaning for one that slides."""
+
+    force_mm: float | None = Field(None, gt=0.0, le=1e6, description="arm of force_N")
+    gauge_mm: float | None = Field(None, gt=0.0, le=1e6, description="arm of deflection_mm")
+    source: str = ""
+
+
 class Tolerance(Table):
     """What the manufacturer promises of the machine, 1-sigma."""
 
@@ -78,17 +105,28 @@ class Tolerance(Table):
 class Sheet(Table):
     """A test sheet."""
 
+    kind: Literal["", "joint"] = Field("", description="joint: torque against angle of one joint")
     test: Test
     model: dict[str, Any] = Field({}, description="overrides of the model file's values")
     postures: dict[Label, list[float]] = Field({}, description="passive joint coordinates in rad")
     points: dict[Label, PointTable] = Field({})
     instrument: dict[str, Instrument] = Field({})
+    lever: LeverTable = LeverTable()
     tolerance: Tolerance = Tolerance()
     file: str = Field("", exclude=True)
 
     @model_validator(mode="after")
     def _instruments(self) -> Sheet:
+        if (self.kind == "joint") != bool(self.test.joint):
+            raise ValueError('kind = "joint" and [test] joint = "NAME" go together: give both or none')
         for name in self.instrument:
+            if self.kind == "joint":
+                if name not in (*MOTION, *EFFORT, TEMPERATURE):
+                    known = ", ".join((*MOTION, *EFFORT, TEMPERATURE))
+                    raise ValueError(
+                        f"[instrument.{name}] is no channel of a test of one joint: write one of {known}"
+                    )
+                continue
             point, channel = split_point(name)
             if channel not in POSE and (point or channel not in (*WRENCH, TEMPERATURE)):
                 known = ", ".join((*POSE, *WRENCH, TEMPERATURE))
@@ -149,5 +187,5 @@ def _line_of(said: str, text: str) -> str:
 
 
 def _known_keys(_: str) -> Iterable[str]:
-    tables: tuple[type[Table], ...] = (Sheet, Test, Instrument, PointTable, Tolerance)
+    tables: tuple[type[Table], ...] = (Sheet, Test, Instrument, PointTable, LeverTable, Tolerance)
     return [name for table in tables for name in table.model_fields if name != "file"]

@@ -149,7 +149,7 @@ class Fitter:
             borrowed: those by the machine's nuisances ``(n, 6, m)``, of a fit near by; differentiated without, and
                 where the hypothesis frees them.
         """
-        J = np.zeros((len(at.place), 6, len(found)))
+        J = np.zeros((*at.residual.shape, len(found)))
         machine = self.of_machine
         if borrowed is not None:
             J[:, :, machine] = borrowed

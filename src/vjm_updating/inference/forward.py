@@ -131,14 +131,14 @@ class Forward:
         errors = instrument_errors(found, z, observed.slots)
         drift = self._drift(hypothesis, values)
         place = errors.true_displacement(observed.pose - drift[:, :6])
-        own = _own(found, z, hypothesis)
+        own = own_effects(found, z, hypothesis)
         for effect, v in own:
             place = effect.imposed(place, v)
         if beside is None:
             look, tables = self._lookup(machine, own, place)
         else:
             reference = self.machine(found, beside, hypothesis)
-            look, tables = self._lookup(machine, _own(found, beside, hypothesis), place, reference)
+            look, tables = self._lookup(machine, own_effects(found, beside, hypothesis), place, reference)
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
         limit = sum((np.asarray(effect.friction(v)) for effect, v in own), np.zeros(1))
         histories = [self._relaxation(tables, r) for e, v in own if (r := e.relaxation(machine, v)) is not None]
@@ -209,7 +209,7 @@ class Forward:
     def behind_bifurcation(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
         """Whether each reading ``(n,)`` lies behind a bifurcation of the machine of coordinates ``(n_z,)``."""
         place = instrument_errors(found, z, self.observed.slots).true_displacement(self.observed.pose)
-        _, tables = self._lookup(self.machine(found, z, hypothesis), _own(found, z, hypothesis), place)
+        _, tables = self._lookup(self.machine(found, z, hypothesis), own_effects(found, z, hypothesis), place)
         result = np.zeros(len(place), dtype=bool)
         for index, measure, up, down in tables:
             s = place[index] @ measure
@@ -322,7 +322,7 @@ def _ramps(observed: Observed, branches: Sequence[tuple[int, int]], *, at_readin
     return result
 
 
-def _own(found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> list[tuple[Effect, list[float]]]:
+def own_effects(found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> list[tuple[Effect, list[float]]]:
     """The effects that free no nuisance, with their values."""
     values = values_of(found, z, hypothesis)
     return [(effect, v) for effect, v in zip(hypothesis, values, strict=True) if release_key(effect) is None]

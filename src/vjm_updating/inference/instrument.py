@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.experiment.channels import split_point
+from vjm_updating.experiment.channels import unit_of
 from vjm_updating.mechanisms.effect import Effect, Quantity
 
 UNIT = {"mm": 0.01, "rad": 1e-4, "N": 10.0, "Nmm": 1000.0}
@@ -18,11 +18,6 @@ MOST_DRIFT, LEVER = 0.02, 100.0
 transducers; and the lever, mm, that makes a range of moments of one of forces."""
 USUAL_LAG = 30.0
 """Time constant, s, that a gauge's temperature has behind the room's, in order of magnitude."""
-
-
-def unit_of(channel: str) -> str:
-    """A channel's unit."""
-    return split_point(channel)[1].rpartition("_")[2]
 
 
 def size_of(channel: str) -> float:

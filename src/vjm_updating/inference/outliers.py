@@ -38,7 +38,7 @@ def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndar
     sequence = observed.readings.sequence
     # a sample less the median of six neighbours, whose variance is π/12 of one
     spike = level(int(observed.present.sum())) * float(np.sqrt(1.0 + np.pi / 12.0))
-    for c in range(6):
+    for c in range(observed.present.shape[1]):
         at = np.flatnonzero(observed.present[:, c])
         for number in np.unique(sequence[at]):
             own = at[sequence[at] == number]
@@ -82,7 +82,7 @@ def deleted(whitening: Whitening, residual: Array) -> Array:
     weight = 1.0 / (1.0 - power**2)
     free = memory.remove(whitening.instant(whitening.without_slow(residual))) * np.sqrt(weight)
     back, diagonal = free.copy(), weight.copy()
-    for c in range(6):
+    for c in range(residual.shape[1]):
         later = np.flatnonzero(memory.before[:, c] >= 0)
         earlier = memory.before[later, c]
         back[earlier, c] -= power[later, c] * free[later, c]
@@ -116,7 +116,7 @@ def outlying(observed: Observed, whitening: Whitening, residual: Array, known: A
     off = deleted(whitening, residual)
     size = np.abs(off)
     top = size == size.max(axis=1, keepdims=True)
-    for c in range(6):
+    for c in range(observed.present.shape[1]):
         # a wild sample makes its neighbours look wrong
         later = np.flatnonzero(whitening.memory.before[:, c] >= 0)
         earlier = whitening.memory.before[later, c]
@@ -143,7 +143,7 @@ def _few(observed: Observed, way: Array, load: Array) -> Array:
     shows = np.abs(load) > 2.0 * level(int(observed.present.sum()))
     driven = int(np.argmax(np.where(observed.present[:, :3], np.abs(load[:, :3]), 0.0).max(axis=0)))
     kept[_first_felt(load[:, driven], way[:, driven], (observed.present & shows)[:, driven]), driven] = 0.0
-    for c in range(6):
+    for c in range(observed.present.shape[1]):
         own = observed.present[:, c]
         wild = way[own, c] != 0.0
         together = any(_gathered(where[own], wild) < rare for where in (place, np.abs(place)))

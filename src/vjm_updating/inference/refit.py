@@ -49,7 +49,7 @@ def refit(fitter: Fitter, without: Without, everything: Observed, best: Fit) -> 
     at = whole or best.at
     m = len(fitter.nuisances)
     fit: Fit | None = None
-    wild, accidents = np.zeros(everything.present.shape), np.ones(6, dtype=bool)
+    wild, accidents = np.zeros(everything.present.shape), np.ones(everything.present.shape[1], dtype=bool)
     for _ in range(WORSE):
         found = outlying(everything, fitter.whitening, at.residual, wild, load)
         # what with others turns out to be none is not looked for again
@@ -80,7 +80,7 @@ def remember(fitter: Fitter, base: Fit, changes: Sequence[Array]) -> None:
     off = base.at.z - np.array([c.mean for c in base.found])
     known = (sigma > 0.0) & np.isfinite(sigma)
     J = whitening.instant(base.jacobian)
-    shapes = [J[:, :, ~known], np.repeat(smooth[:, None, :], 6, axis=1)]
+    shapes = [J[:, :, ~known], np.repeat(smooth[:, None, :], observed.present.shape[1], axis=1)]
     if changes:
         shapes.append(whitening.instant(np.stack(changes, axis=-1)))
     sheet = J[:, :, known] * sigma[known]

@@ -22,7 +22,6 @@ from vjm_updating.mechanisms.element_sites import SAME, drive
 from vjm_updating.mechanisms.joint_motions import joint_motions
 from vjm_updating.mechanisms.modified_chain import NEITHER, ModifiedChain
 from vjm_updating.mechanisms.part_compliance import FACTOR
-from vjm_updating.mechanisms.path_table import first_wrench
 from vjm_updating.mechanisms.series_elements import AtJoint, Element, Place
 
 Driven = ActuatedJoint | SprungJoint | CoupledJoint
@@ -182,7 +181,7 @@ def _begun(scene: Scene) -> list[tuple[Array, dict[str, Array]]]:
     found = []
     for posture, direction in scene.rays:
         try:
-            wrench = first_wrench(scene.machine, posture, np.array(direction))
+            wrench = scene.begun(scene.machine, posture, direction)
         except NoConvergenceError:
             continue
         if wrench[:3].any():

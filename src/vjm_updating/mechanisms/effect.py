@@ -18,6 +18,7 @@ from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.mechanisms.element_sites import along_links
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.path_table import first_wrench
 from vjm_updating.mechanisms.relaxation import Relaxation
 from vjm_updating.mechanisms.series_elements import Element
 
@@ -68,6 +69,7 @@ class Scene:
         interval: median time between readings, s.
         gravity: direction of the weight where it is known.
         rays: posture and direction ``(6,)`` of each ramp of the test; empty where they are not known.
+        loaded: whether these are directions of loads that were imposed, and not of displacements.
     """
 
     chain: Chain
@@ -78,6 +80,7 @@ class Scene:
     interval: float = 0.0
     gravity: tuple[float, float, float] | None = None
     rays: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    loaded: bool = False
 
     @property
     def machine(self) -> ModifiedChain:
@@ -86,13 +89,21 @@ class Scene:
 
     @property
     def driven(self) -> int:
-        """Axis of the world along which the displacement is imposed, 0 to 2: the first one of several."""
+        """Axis of the world along which the displacement or load is imposed, 0 to 2: the first one of several."""
         return min((int(np.argmax(np.abs(direction[:3]))) for _, direction in self.rays), default=0)
 
     @property
     def labels(self) -> set[str]:
         """Postures of the test; all that the chain has where none are known."""
         return {label for label, _ in self.rays} or set(self.chain.postures)
+
+    def begun(self, machine: ModifiedChain, posture: str, direction: Sequence[float]) -> Array:
+        """Wrench ``(6,)`` per unit of a ramp with which a nominal machine begins it.
+
+        Raises:
+            vjm.errors.NoConvergenceError: it does not stand.
+        """
+        return np.array(direction) if self.loaded else first_wrench(machine, posture, np.array(direction))
 
     def places(self, *, jointed: bool) -> list[tuple[str, str]]:
         """Links along which something may slip, or their joints may; see `along_links`."""

@@ -13,7 +13,6 @@ from vjm.rotations import Array
 from vjm_updating.mechanisms.drives import BEFORE_JOINTS, Drive, drives
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.modified_chain import LINK, ModifiedChain, foot_of, links_of, place_of
-from vjm_updating.mechanisms.path_table import first_force
 from vjm_updating.mechanisms.series_elements import Element, memoryless
 
 RATIO = Quantity("ratio", 0.1, 10.0, 0.05, neutral=1.0)
@@ -115,7 +114,7 @@ def _is_pulled(scene: Scene, effect: Asymmetry) -> bool:
     machine = effect.machine(scene.machine, (1.0, 0.0))
     for posture, direction in scene.rays:
         try:
-            force = first_force(machine, posture, np.array(direction))
+            force = scene.begun(machine, posture, direction)[:3]
         except NoConvergenceError:
             return True
         if any(machine.ways(posture, force)):

@@ -50,9 +50,9 @@ def estimate_memory(
         nuisances: whitened ``(n, 6, m)``, what one sigma of each nuisance does.
     """
     known = np.zeros((*instant.shape, 0)) if nuisances is None else nuisances
-    channels = [c for c in range(6) if present[:, c].sum() >= FEWEST]
+    channels = [c for c in range(present.shape[1]) if present[:, c].sum() >= FEWEST]
     if not channels:
-        return replace(memory, rho=np.zeros(6))
+        return replace(memory, rho=np.zeros(present.shape[1]))
     costs = np.array([_costs(memory, c, instant, shapes, known, present) for c in channels])
     # readings with hardly any of the noise that the sheet says tell nothing of its memory
     quiet = np.array([silent(np.diff(instant[present[:, c], c], n=2)) for c in channels])
@@ -60,7 +60,7 @@ def estimate_memory(
     grid = np.array(GRID)
     apart, off = ((grid[:, None] - grid) / ALIKE) ** 2, ((grid - USUAL) / WIDE) ** 2
     if not quiet.all() and _white(costs[~quiet], apart, off):
-        return replace(memory, rho=np.zeros(6))
+        return replace(memory, rho=np.zeros(present.shape[1]))
     # by the common memory (columns): the least that each channel costs beside it
     total = (costs[:, :, None] + apart).min(axis=1).sum(axis=0) + off
     common = int(np.argmin(total))
@@ -129,12 +129,13 @@ def _costs(
     U = U * np.sqrt(len(X))
     known = nuisances[:, c][on]
     m, k = known.shape[1], U.shape[1]
-    table = np.zeros((len(on), 6, m + k + 1))
+    channels = present.shape[1]
+    table = np.zeros((len(on), channels, m + k + 1))
     table[on, c] = np.column_stack([known, U, instant[on, c]])
     linked = (memory.before[:, c] >= 0) & on
     result = []
     for rho in GRID:
-        free = replace(memory, rho=np.full(6, rho)).remove(table)[on, c]
+        free = replace(memory, rho=np.full(channels, rho)).remove(table)[on, c]
         determinant = float(np.sum(np.log1p(-(rho ** (2 * np.maximum(memory.gap[linked, c], 1))))))
         G, y = free.T @ free, m + k
         least = np.inf

@@ -10,6 +10,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.experiment import Kind
+from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.observation.instrument_errors import InstrumentErrors
 
 
@@ -58,7 +59,16 @@ class Coordinate:
         return (float(np.log1p(value)) if self.kind == Kind.MODULUS else value) / self.scale
 
 
-def instrument_errors(found: Sequence[Coordinate], z: Array, slots: Mapping[str, int]) -> InstrumentErrors:
-    """Zeros and scales among coordinates ``(n_z,)``; ``slots`` are the displacement's components by channel."""
+def instrument_errors(
+    found: Sequence[Coordinate], z: Array, slots: Mapping[str, int], columns: tuple[str, ...] = WRENCH
+) -> InstrumentErrors:
+    """Zeros and scales among coordinates ``(n_z,)``.
+
+    Args:
+        found: coordinates.
+        z: their values.
+        slots: the displacement's components by channel.
+        columns: names of the channels that were read.
+    """
     values = {(c.kind, c.subject): c.value(v) for c, v in zip(found, z, strict=True) if c.of_instrument}
-    return InstrumentErrors.of(values, slots)
+    return InstrumentErrors.of(values, slots, columns)

@@ -9,7 +9,6 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.experiment import Kind
-from vjm_updating.experiment.channels import WRENCH
 from vjm_updating.observation.instrument_errors import InstrumentErrors
 
 
@@ -48,8 +47,8 @@ class Evaluation:
             slots: component of the displacement by channel.
         """
         result = np.zeros(self.wrench.shape)
-        if channel in WRENCH:
-            k = WRENCH.index(channel)
+        if channel in self.errors.columns:
+            k = self.errors.columns.index(channel)
             result[:, k] = -1.0 if kind == Kind.ZERO else -self.wrench[:, k]
         elif channel in slots:
             k = slots[channel]

@@ -21,8 +21,8 @@ class Noise:
     """1-sigma errors of one reading, quantisation included.
 
     Attributes:
-        pose: ``(6,)`` mm, rad.
-        wrench: ``(6,)`` N, N mm; 1 where there is no channel.
+        pose: of what was imposed ``(6,)``, mm, rad.
+        wrench: of what was read ``(m,)``, N, N mm; 1 where there is no channel.
         quantum: step of each channel whose readings are rounded to one.
     """
 
@@ -31,32 +31,37 @@ class Noise:
     quantum: dict[str, float]
 
 
-def noise_of(measurement: Measurement) -> Noise:
+def noise_of(measurement: Measurement, imposed: tuple[str, ...] = POSE, read: tuple[str, ...] = WRENCH) -> Noise:
     """Noise of a measurement's channels.
 
+    Args:
+        measurement: sheet and readings.
+        imposed: six columns.
+        read: the m columns of what was read.
+
     Raises:
-        ValueError: a wrench channel has none at all.
+        ValueError: a channel that was read has none at all.
     """
     sheet, readings = measurement.sheet, measurement.readings
     sigma, quantum = {}, {}
-    for name in (*POSE, *WRENCH):
+    for name in (*imposed, *read):
         if name not in readings.values:
             continue
         noise = sheet.instrument[name].noise if name in sheet.instrument else 0.0
-        step = rounding_step(readings.values[name]) if noise > 0.0 or name in WRENCH else 0.0
+        step = rounding_step(readings.values[name]) if noise > 0.0 or name in read else 0.0
         # a rounded reading is off by up to half a step, evenly
         rounding = step / np.sqrt(12.0)
-        if name in POSE and rounding > noise:
+        if name in imposed and rounding > noise:
             # no gauge is better than its own rounding: these are the test's own steps, read to the last digit
             step = rounding = 0.0
         if step > 0.1 * noise:
             quantum[name] = step
         sigma[name] = float(np.hypot(noise, rounding))
-        if name in WRENCH and sigma[name] == 0.0:
+        if name in read and sigma[name] == 0.0:
             raise ValueError(f"{sheet.file}: [instrument.{name}] noise is zero: give the spread of one reading")
     return Noise(
-        np.array([sigma.get(name, 0.0) for name in POSE]),
-        np.array([sigma.get(name, 1.0) for name in WRENCH]),
+        np.array([sigma.get(name, 0.0) for name in imposed]),
+        np.array([sigma.get(name, 1.0) for name in read]),
         quantum,
     )
 
@@ -85,9 +90,11 @@ def whiten(pose: Array, wrench: Array, sensitivity: Array, present: np.ndarray) 
     K = np.nan_to_num(sensitivity)
     C = np.einsum("kij,kj,klj->kil", K, pose**2, K) + np.diag(wrench**2)
     C = np.where(present[:, :, None] & present[:, None, :], C, 0.0)
-    C[:, range(6), range(6)] = np.where(present, C[:, range(6), range(6)], 1.0)
-    size = np.sqrt(C[:, range(6), range(6)])
-    L = np.linalg.cholesky(C / size[:, :, None] / size[:, None, :] + 1e-12 * np.eye(6))
+    C[:, range(len(wrench)), range(len(wrench))] = np.where(
+        present, C[:, range(len(wrench)), range(len(wrench))], 1.0
+    )
+    size = np.sqrt(C[:, range(len(wrench)), range(len(wrench))])
+    L = np.linalg.cholesky(C / size[:, :, None] / size[:, None, :] + 1e-12 * np.eye(len(wrench)))
     result: Array = np.linalg.inv(L) / size[:, None, :]
     return result
 
@@ -127,9 +134,9 @@ def memory_of(sequence: np.ndarray, present: np.ndarray) -> Memory:
         sequence: number ``(n,)`` of each reading's sequence.
         present: ``(n, 6)`` which channels were read.
     """
-    n = len(sequence)
-    before, gap = np.full((n, 6), -1), np.zeros((n, 6), dtype=int)
-    for c in range(6):
+    n, m = present.shape
+    before, gap = np.full((n, m), -1), np.zeros((n, m), dtype=int)
+    for c in range(m):
         last = -1
         for k in range(n):
             if not present[k, c]:
@@ -137,4 +144,4 @@ def memory_of(sequence: np.ndarray, present: np.ndarray) -> Memory:
             if last >= 0 and sequence[last] == sequence[k]:
                 before[k, c], gap[k, c] = last, k - last
             last = k
-    return Memory(np.zeros(6), before, gap)
+    return Memory(np.zeros(m), before, gap)

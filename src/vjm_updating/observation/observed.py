@@ -10,7 +10,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.experiment import Kind, Measurement, Readings
-from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH
+from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH, unit_of
 from vjm_updating.experiment.rays import Ray, rays
 from vjm_updating.experiment.thermometer import smoothed
 from vjm_updating.mechanisms.joint_motions import motions_of_readings
@@ -19,21 +19,29 @@ from vjm_updating.mechanisms.series_elements import History
 from vjm_updating.observation.noise import Memory, Noise, memory_of, noise_of
 from vjm_updating.observation.ramp_regression import Steady, steady
 
+SCORED = ("N", "mm", "Nmm", "rad")
+"""Units of channels, those first whose errors say most of a machine."""
+
 
 @dataclass(frozen=True)
 class Observed:
-    """n readings.
+    """n readings of m channels against what was imposed.
+
+    Of a ramp displacements are imposed and the wrench is read; of a test by force it is the reverse.
 
     Attributes:
         measurement: sheet, readings and machine.
         readings: those that are used.
-        pose: displacements ``(n, 6)``, mm, rad: as read, or where they are `straightened` as steered.
-        wrench: as read ``(n, 6)``, N, N mm; nan where there is no reading, or a wild one.
+        pose: displacements ``(n, 6)``, mm, rad: as read, or where they are `straightened` as steered; of a test by
+            force the loads, N, N mm.
+        wrench: as read ``(n, m)``, N, N mm; nan where there is no reading, or a wild one; of a test by force the
+            displacements, mm, rad.
         noise: of one reading.
         rays: of the readings, by posture and run.
         clock: s since the first reading ``(n,)``, or None.
         warmth: K above the first reading ``(n,)``, or None.
-        slots: index of the displacement that each of its channels is.
+        slots: index of the displacement that each of its channels is; of a test by force, of the load.
+        columns: names of the m channels of ``wrench``.
         wild: number of samples left out as wild.
         steady: how the displacement was steered; None where it is what was read.
         zeros: bounds of a channel's zero, in its own unit, where readings without load show it.
@@ -48,20 +56,28 @@ class Observed:
     clock: Array | None
     warmth: Array | None
     slots: Mapping[str, int]
+    columns: tuple[str, ...] = WRENCH
     wild: int = 0
     steady: Steady | None = None
     zeros: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def present(self) -> np.ndarray:
-        """Which samples count ``(n, 6)``."""
+        """Which samples count ``(n, m)``."""
         result: np.ndarray = ~np.isnan(self.wrench)
         return result
 
     @property
     def wrench_channels(self) -> list[str]:
-        """Columns of the wrench that were read."""
-        return [name for i, name in enumerate(WRENCH) if self.present[:, i].any()]
+        """Columns of ``wrench`` that were read."""
+        return [name for i, name in enumerate(self.columns) if self.present[:, i].any()]
+
+    @property
+    def scored(self) -> tuple[list[int], str]:
+        """Channels whose errors are told in one number, and their unit: those read of the first of `SCORED`."""
+        read = {name: unit_of(name) for name in self.wrench_channels}
+        unit = next(unit for unit in SCORED if unit in read.values())
+        return [i for i, name in enumerate(self.columns) if read.get(name) == unit], unit
 
     @property
     def pose_channels(self) -> list[str]:
@@ -128,12 +144,10 @@ def observe(measurement: Measurement) -> Observed:
     usable = np.flatnonzero(~np.isnan(pose).any(axis=1) & ~np.isnan(wrench).all(axis=1))
     readings, pose, wrench = readings.only(usable), pose[usable], wrench[usable]
     noise = noise_of(measurement)
-    heat = readings.values.get(TEMPERATURE)
-    if heat is not None and TEMPERATURE in sheet.instrument:
-        heat = smoothed(heat, sheet.instrument[TEMPERATURE].noise)
+    heat = temperature_of(measurement, readings)
     return Observed(
         measurement, readings, pose, wrench, noise, _rays(measurement, readings, pose, noise),
-        _since_first(readings.values.get(TIME)), _since_first(heat),
+        since_first(readings.values.get(TIME)), since_first(heat),
         {name: k for k, name in enumerate(POSE) if name in readings.values},
     )  # fmt: skip
 
@@ -192,6 +206,12 @@ def _rays(measurement: Measurement, readings: Readings, pose: Array, noise: Nois
     return tuple(Ray(r.posture.rpartition(" ")[0], r.direction, r.measure, r.index) for r in found)
 
 
-def _since_first(values: Array | None) -> Array | None:
+def temperature_of(measurement: Measurement, readings: Readings) -> Array | None:
+    """Temperatures ``(n,)`` of some readings without the thermometer's noise, °C; None where none were read."""
+    heat, known = readings.values.get(TEMPERATURE), measurement.sheet.instrument.get(TEMPERATURE)
+    return heat if heat is None or known is None else smoothed(heat, known.noise)
+
+
+def since_first(values: Array | None) -> Array | None:
     """What a column ``(n,)`` gained since its first reading; None where it has gaps or does not change."""
     return None if values is None or np.isnan(values).any() or np.ptp(values) == 0.0 else values - values[0]

@@ -29,7 +29,7 @@ class Whitening:
         present: ``(n, 6)`` which samples count.
         steady: how the displacement was steered, where that is known.
         shaken: ``(n, 6)`` what one standard deviation of the displacement's gauge makes of the readings, raw.
-        spread: standard deviation ``(6,)`` of each channel over what the sheet says.
+        spread: standard deviation ``(6,)`` of each channel over what the sheet says, or ``(1,)`` of all.
     """
 
     factors: Array
@@ -37,7 +37,7 @@ class Whitening:
     present: np.ndarray
     steady: Steady | None = None
     shaken: Array | None = None
-    spread: Array = field(default_factory=lambda: np.ones(6))
+    spread: Array = field(default_factory=lambda: np.ones(1))
 
     def reading(self, observed: Observed) -> Whitening:
         """The same noise of other readings; their covariances are still to be `weighed`."""
@@ -51,7 +51,7 @@ class Whitening:
 
     def independent(self, raw: Array) -> Array:
         """``(n, 6, …)`` of unit variance without memory; errors of lines steered are still shared."""
-        result: Array = self.memory.remove(self.instant(raw)) / self.spread.reshape(6, *[1] * (raw.ndim - 2))
+        result: Array = self.memory.remove(self.instant(raw)) / self.spread.reshape(-1, *[1] * (raw.ndim - 2))
         return result
 
     def flat(self, raw: Array) -> Array:
@@ -68,7 +68,8 @@ class Whitening:
     @property
     def determinant(self) -> float:
         """Logarithm of the determinant of the readings' covariance, but for their memory's."""
-        own = np.where(self.present, self.factors[:, range(6), range(6)] / self.spread, 1.0)
+        diagonal = np.einsum("nii->ni", self.factors)
+        own = np.where(self.present, diagonal / self.spread, 1.0)
         return float(np.log1p(self._together[1] ** 2).sum() - 2.0 * np.log(own).sum())
 
     @cached_property

@@ -16,13 +16,13 @@ from vjm.io.files import check_writable, write_whole
 from vjm.rotations import Array
 from vjm_output.documents import as_json
 from vjm_updating.diagnose.experiment import left_over
-from vjm_updating.diagnose.ramp_test import observe_ramps, ramp_effects
+from vjm_updating.diagnose.kind_of_test import KindOfTest
+from vjm_updating.diagnose.kinds import kind_of
 from vjm_updating.experiment import Readings, read_sheet
 from vjm_updating.experiment.channels import POSE, POSTURE, RUN, TEMPERATURE, WRENCH
 from vjm_updating.experiment.measurement import planned_measurement
 from vjm_updating.experiment.sheet import Sheet
 from vjm_updating.inference.fitting import Fitter
-from vjm_updating.inference.forward import Forward
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, release_key, start
 from vjm_updating.mechanisms.catalogue import plug_in
 from vjm_updating.mechanisms.effect import Effect
@@ -68,6 +68,7 @@ class Truth(BaseModel):
 class _Machine:
     """The machine with what is hidden in it, at the planned readings; beams where it has the name of an engine."""
 
+    kind: KindOfTest
     observed: Observed
     nuisances: tuple[Coordinate, ...]
     effects: tuple[Effect, ...]
@@ -85,7 +86,7 @@ class _Machine:
             return beams.wrench(off)
         found = coordinates(self.nuisances, self.effects)
         z = start(found, self.effects, self._released(drawn), self.values)
-        at = Forward(self.observed).evaluate(found, z, self.effects)
+        at = self.kind.forward(self.observed).evaluate(found, z, self.effects)
         return self.observed.wrench - at.residual
 
     def _released(self, drawn: Array) -> Array:
@@ -125,12 +126,20 @@ def simulate(
     page = read_sheet(sheet)
     name = str(Path(model).resolve()) if Path(model).is_file() else model
     page = page.model_copy(update={"test": page.test.model_copy(update={"model": name})})
-    observed, plan = _planned(page, sheet, [parsed_ramp(text) for text in ramps])
-    nominal = _Machine(observed, tuple(nuisance_coordinates(observed)), (), [])
+    if page.kind == "joint":
+        raise ValueError(
+            f"{sheet.name}: is a test of one joint, and ramps of a chain are simulated: take another sheet"
+        )
+    kind, observed, plan = _planned(page, sheet, [parsed_ramp(text) for text in ramps])
+    if engine and observed.measurement.loaded:
+        raise ValueError(
+            f"--engine {engine}: takes imposed displacements, and {page.file} imposes loads: leave it out"
+        )
+    nominal = _Machine(kind, observed, tuple(nuisance_coordinates(observed)), (), [])
     rest = np.zeros(len(nominal.nuisances))
     # effects know the test by its forces
     scene = replace(observed, wrench=np.where(observed.present, nominal.wrench(rest), np.nan))
-    hidden = parsed_effects(hide, ramp_effects(scene, more))
+    hidden = parsed_effects(hide, kind.effects(scene, more))
     if engine:
         refuse_what_beams_cannot_carry(hidden, engine)
     machine = replace(nominal, effects=tuple(e for e, _ in hidden), values=[v for _, v in hidden], engine=engine)
@@ -153,7 +162,7 @@ def simulate(
         seed=seed,
         noise=noise,
         nuisances={c.name: c.value(float(z)) for c, z in zip(nominal.nuisances, drawn, strict=True) if z},
-        ramps=[f"{ramp.posture} {ramp.channel} {ramp.end:g}" for ramp in plan],
+        ramps=[f"{ramp.posture} {ramp.channel(page)} {ramp.end:g}" for ramp in plan],
         readings=len(readings),
         strength=strength,
         largest=largest,
@@ -186,13 +195,19 @@ def words(truth: Truth) -> list[str]:
     ]
 
 
-def _planned(page: Sheet, path: Path, ramps: list[Ramp]) -> tuple[Observed, list[Ramp]]:
+def _planned(page: Sheet, path: Path, ramps: list[Ramp]) -> tuple[KindOfTest, Observed, list[Ramp]]:
+    if not ramps and page.test.by_force:
+        raise ValueError(
+            f"{page.file}: loads are imposed, and nothing says how large: give --ramp POSTURE:AXIS:LOAD, such as "
+            "bench:z:100, in N or N mm"
+        )
     if not ramps:
         bare = planned_measurement(page, path, planned_readings(page, []))
         labels = list(page.postures) or list(bare.chain.postures)
         ramps = usual_ramps(bare.chain, bare.engine, labels)
     measurement = planned_measurement(page, path, planned_readings(page, ramps))
-    return observe_ramps(measurement), ramps
+    kind = kind_of(measurement)
+    return kind, kind.observe(measurement), ramps
 
 
 def _strength(nominal: _Machine, machine: _Machine) -> tuple[float, float, float, str]:
@@ -200,7 +215,7 @@ def _strength(nominal: _Machine, machine: _Machine) -> tuple[float, float, float
     observed = nominal.observed
     found = coordinates(nominal.nuisances, ())
     rest = np.zeros(len(found))
-    forward = Forward(observed)
+    forward = machine.kind.forward(observed)
     at = forward.evaluate(found, rest, ())
     fitter = Fitter(forward, nominal.nuisances, whitening_of(observed, at))
     change = np.where(observed.present, machine.wrench(rest) - nominal.wrench(rest), 0.0)
@@ -208,7 +223,7 @@ def _strength(nominal: _Machine, machine: _Machine) -> tuple[float, float, float
     strength, left = left_over(fitter, change, fitter.slopes(found, at, ()), known, found)
     left = np.where(observed.present, left, 0.0)
     k = int(np.argmax(np.abs(left).max(axis=0) / observed.noise.wrench))
-    return strength, float(np.abs(change[:, k]).max()), float(np.abs(left[:, k]).max()), WRENCH[k]
+    return strength, float(np.abs(change[:, k]).max()), float(np.abs(left[:, k]).max()), observed.columns[k]
 
 
 def _named(hidden: Sequence[Hidden]) -> dict[str, float | None]:
@@ -225,10 +240,12 @@ def _read(observed: Observed, page: Sheet, wrench: Array, rng: np.random.Generat
     """The readings with the instruments' noise."""
     readings = observed.readings
     values = dict(readings.values)
-    for k, name in enumerate(WRENCH):
+    for k, name in enumerate(observed.columns):
         if name in values:
             values[name] = wrench[:, k]
-    for name in (*POSE, *WRENCH, TEMPERATURE):
+    usual = (*POSE, *WRENCH, TEMPERATURE)
+    # the same seed gives the same readings, in whatever order the sheet has its instruments
+    for name in (*usual, *(name for name in page.instrument if name not in usual)):
         if name in values and noise == "sheet":
             values[name] = values[name] + page.instrument[name].noise * rng.standard_normal(len(readings))
     return replace(readings, values=values)

@@ -10,7 +10,7 @@ import numpy as np
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import EventKind
 from vjm.model.chain import Chain
-from vjm.model.load_case import LoadCase
+from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnose.experiment import SHORT_OF, out_and_back
@@ -20,7 +20,6 @@ from vjm_updating.experiment.sheet import Sheet, SheetError
 
 INTERVAL, ROOM = 10.0, 20.0
 """Seconds between two readings, and the temperature, °C, at which all of them are taken."""
-SHORTHAND = dict(zip(("x", "y", "z", "rx", "ry", "rz"), POSE, strict=True))
 
 
 @dataclass(frozen=True)
@@ -29,13 +28,17 @@ class Ramp:
 
     Attributes:
         posture: label.
-        channel: displacement that is driven.
-        end: of the ramp, mm or rad.
+        axis: component that is driven, of the displacement or under force control of the load.
+        end: of the ramp, mm or rad; N or N mm.
     """
 
     posture: str
-    channel: str
+    axis: str
     end: float
+
+    def channel(self, sheet: Sheet) -> str:
+        """The column that is driven."""
+        return (WRENCH if sheet.test.by_force else POSE)[COMPONENTS.index(self.axis)]
 
 
 def parsed_ramp(text: str) -> Ramp:
@@ -47,19 +50,19 @@ def parsed_ramp(text: str) -> Ramp:
     posture, *axis, end = text.split(":") if text.count(":") in (1, 2) else ["", "", ""]
     name = axis[0] if axis else "x"
     try:
-        if not posture or name not in SHORTHAND or not 0.0 < abs(float(end)) < float("inf"):
+        if not posture or name not in COMPONENTS or not 0.0 < abs(float(end)) < float("inf"):
             raise ValueError
     except ValueError:
         raise ValueError(
             f"--ramp: '{text}' is no ramp: write POSTURE:END or POSTURE:AXIS:END, such as A:-2 or B:y:0.5"
         ) from None
-    return Ramp(posture, SHORTHAND[name], float(end))
+    return Ramp(posture, name, float(end))
 
 
 def usual_ramps(chain: Chain, engine: VjmEngine, labels: Sequence[str]) -> list[Ramp]:
     """Every posture pulled and pushed along x, short of where the nominal machine turns critical."""
     return [
-        Ramp(label, POSE[0], _safe_end(chain, engine, label, direction))
+        Ramp(label, COMPONENTS[0], _safe_end(chain, engine, label, direction))
         for label in labels
         for direction in Direction
     ]
@@ -79,25 +82,30 @@ def planned_readings(sheet: Sheet, ramps: Sequence[Ramp]) -> Readings:
     Raises:
         SheetError: an instrument cannot be simulated, or one that is needed is missing.
     """
+    by_force = sheet.test.by_force
     for name, known in sheet.instrument.items():
-        if split_point(name)[0] or known.held:
+        if known.held or (split_point(name)[0] and not by_force):
             raise SheetError(
-                f"{sheet.file}: [instrument.{name}]: only instruments at the end-effector can be simulated, "
-                "none at a point and none steered to marks: leave it out"
+                f"{sheet.file}: [instrument.{name}]: only instruments at the end-effector can be simulated, at a "
+                "point only under force control, and none steered to marks: leave it out"
             )
-    for name in dict.fromkeys(ramp.channel for ramp in ramps):
-        sheet.sigma(name)
-    if not any(name in WRENCH for name in sheet.instrument):
-        raise SheetError(f"{sheet.file}: no force is read: add [instrument.fx_N] with its noise")
+    for ramp in ramps:
+        sheet.sigma(ramp.channel(sheet))
+    imposed, read = (WRENCH, POSE) if by_force else (POSE, WRENCH)
+    if not any(split_point(name)[1] in read for name in sheet.instrument):
+        raise SheetError(
+            f"{sheet.file}: {'no displacement' if by_force else 'no force'} is read: add "
+            f"[instrument.{'uz_mm' if by_force else 'fx_N'}] with its noise"
+        )
     ways = [out_and_back(ramp.end) for ramp in ramps]
     n = sum(len(way) for way in ways)
-    pose = {name: np.zeros(n) for name in POSE if name in sheet.instrument}
+    driven = {name: np.zeros(n) for name in imposed if name in sheet.instrument}
     begin = 0
     for ramp, way in zip(ramps, ways, strict=True):
-        pose[ramp.channel][begin : begin + len(way)] = way
+        driven[ramp.channel(sheet)][begin : begin + len(way)] = way
         begin += len(way)
-    values: dict[str, Array] = {TIME: INTERVAL * np.arange(n, dtype=float), **pose}
-    values |= {name: np.zeros(n) for name in WRENCH if name in sheet.instrument}
+    values: dict[str, Array] = {TIME: INTERVAL * np.arange(n, dtype=float), **driven}
+    values |= {name: np.zeros(n) for name in sheet.instrument if split_point(name)[1] in read}
     if TEMPERATURE in sheet.instrument:
         values[TEMPERATURE] = np.full(n, ROOM)
     labels, numbers = [], []

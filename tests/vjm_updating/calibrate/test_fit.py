@@ -128,9 +128,10 @@ def test_the_other_branch_of_a_bifurcation_is_found(make: Make):
 
 
 def test_force_control_is_the_same_to_a_fit(make: Make):
-    """Errors of both displacement and force are in the covariance, whichever was imposed."""
+    """Errors of both are in the covariance, whichever was imposed; the sheet says what is held."""
     found = make()
-    steered = make(sheet=synthetic.sheet_text(foot=1, link=4).replace('title = "made up"', 'control = "force"'))
+    held = 'control = "force"\nheld = ["y", "z", "rx", "ry", "rz"]'
+    steered = make(sheet=synthetic.sheet_text(foot=1, link=4).replace('title = "made up"', held))
     assert steered.sheet.test.control == "force"
     np.testing.assert_allclose(solved(steered).z, solved(found).z, atol=1e-9)
 

@@ -14,6 +14,7 @@ from vjm_output.documents import as_json
 from vjm_output.optional_page import page_line
 from vjm_updating.calibrate.command import PAGE, STAGES, calibrate, prepare
 from vjm_updating.calibrate.summary_text import tables
+from vjm_updating.joint.command import calibrate_joint
 from vjm_updating.poses.command import calibrate_poses
 from vjm_updating.poses.sheet import kind_of_sheet
 from vjm_updating.poses.summary_text import lines as lines_of_poses
@@ -55,6 +56,9 @@ def calibrate_(
     strict: Strict = False,
 ) -> int:
     """Fit spring compliances to measured force-displacement readings, with their uncertainty."""
+    if kind_of_sheet(sheet) == "joint":
+        return _by_joint(data, sheet, out, [*fit, *next_, *([figure] if figure else [])], force=force, json=json,
+                         strict=strict)  # fmt: skip
     if kind_of_sheet(sheet) == "poses":
         if force:
             raise ValueError(
@@ -76,13 +80,45 @@ def calibrate_(
         console.print(item, soft_wrap=isinstance(item, str))
     console.print(page_line(out / PAGE), soft_wrap=True)
     if status != OK:
-        look = shlex.join(["validate", "diagnose", str(data), "--sheet", str(sheet), "--out", str(out)])
-        console.print(
-            f"No calibrated model was written: it would not explain its own readings. `{look}` looks for what it "
-            "lacks; --force writes it all the same.",
-            soft_wrap=True,
-        )
+        console.print(_not_written(data, sheet, out), soft_wrap=True)
     return status
+
+
+def _by_joint(
+    data: Path, sheet: Path, out: Path, options: list[str], *, force: bool, json: bool, strict: bool
+) -> int:
+    if options:
+        raise ValueError(
+            f"{sheet.name}: is a test of one joint: stiffness, hardening, backlash and friction are looked for; "
+            "leave --fit, --next and --figure out"
+        )
+    with terminal.progress(quiet=json) as progress:
+        done = 0
+
+        def tell(_: str) -> None:
+            nonlocal done
+            done += 1
+            progress("calibration", done, 0)
+
+        document = calibrate_joint(data, sheet, out, force=force, strict=strict, warn=warn, progress=tell)
+    status = OK if document.calibrated_model else NOT_ACCEPTED
+    if json:
+        sys.stdout.write(as_json(document))
+        return status
+    console = terminal.console()
+    for item in tables(document):
+        console.print(item, soft_wrap=isinstance(item, str))
+    if status != OK:
+        console.print(_not_written(data, sheet, out), soft_wrap=True)
+    return status
+
+
+def _not_written(data: Path, sheet: Path, out: Path) -> str:
+    look = shlex.join(["validate", "diagnose", str(data), "--sheet", str(sheet), "--out", str(out)])
+    return (
+        f"No calibrated model was written: it would not explain its own readings. `{look}` looks for what it "
+        "lacks; --force writes it all the same."
+    )
 
 
 def _by_poses(

@@ -1,0 +1,46 @@
+"""Columns of a test of one joint, and the lever at which its laws are told."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.experiment.channels import EFFORT, MOTION
+from vjm_updating.experiment.measurement import Measurement
+
+
+def channels_of(measurement: Measurement) -> tuple[str, str]:
+    """Columns of the motion and of the load."""
+    motion, effort = (
+        next(name for name in names if name in measurement.readings.values) for names in (MOTION, EFFORT)
+    )
+    return motion, effort
+
+
+def levers_of(measurement: Measurement) -> tuple[float, float, float]:
+    """The lever L in mm at which the joint's laws are told, and what makes readings of its motion and load.
+
+    Returns:
+        L, 1 where the joint slides; motion at L, mm, per unit of the motion's column; the load's column per N at L.
+    """
+    motion, effort = channels_of(measurement)
+    if measurement.drive.slides:
+        return 1.0, 1.0, 1.0
+    length, lever = measurement.chain.characteristic_length, measurement.sheet.lever
+    of_motion = length if motion == MOTION[0] else length / (lever.gauge_mm or np.nan)
+    of_load = length if effort == EFFORT[0] else length / (lever.force_mm or np.nan)
+    return length, of_motion, of_load
+
+
+def stiffness_of(measurement: Measurement) -> float:
+    """Of the joint in the model at its lever, N/mm."""
+    length, _, _ = levers_of(measurement)
+    return 1.0 / measurement.joint_compliance / length**2
+
+
+def expected(measurement: Measurement) -> Array:
+    """Loads ``(n,)`` that the joint in the model would take at the motions, in the unit of their column."""
+    motion, _ = channels_of(measurement)
+    _, of_motion, of_load = levers_of(measurement)
+    result: Array = of_load * stiffness_of(measurement) * of_motion * measurement.readings.values[motion]
+    return result

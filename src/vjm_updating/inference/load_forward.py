@@ -1,0 +1,234 @@
+"""What gauges read of a machine under loads: equilibria along rays of loads, elements in series, instruments.
+
+See `vjm_updating.observation.loads` for the kind of test. What an element gives way by moves all that is behind it
+as a rigid body, to first order; held components push back, which `vjm_updating.mechanisms.series_elements.balance`
+finds.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.experiment.channels import WRENCH
+from vjm_updating.experiment.nominal_loads import gauges_of
+from vjm_updating.experiment.rays import Ray
+from vjm_updating.inference.forward import MARGIN, machine_of, own_effects, values_of
+from vjm_updating.inference.instrument import ThermalDrift
+from vjm_updating.inference.parameters import Hypothesis
+from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.mechanisms.joint_motions import joint_motions
+from vjm_updating.mechanisms.load_table import Gauge, LoadTable, load_table
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of
+from vjm_updating.mechanisms.path_table import HalfRay
+from vjm_updating.mechanisms.series_elements import AlongLine, AtJoint, Behind, Element, History, Place, balance
+from vjm_updating.observation.coordinate import Coordinate, instrument_errors
+from vjm_updating.observation.evaluation import Evaluation
+from vjm_updating.observation.observed import Observed
+
+KEPT = 400
+"""Tables that are kept."""
+
+Found = tuple[Array, Array, Array, Array, Array]
+"""Of n readings what `LoadTable.at` gives."""
+
+
+@dataclass
+class LoadForward:
+    """Predicts displacements under loads; see `vjm_updating.inference.forward.Predictor`.
+
+    Attributes:
+        observed: the readings.
+        branches: none: what loses its stability under a load bears no more of it.
+    """
+
+    observed: Observed
+    branches: dict[tuple[int, int], int] = field(default_factory=dict)
+    _tables: OrderedDict[tuple[object, ...], LoadTable] = field(default_factory=OrderedDict)
+
+    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+        """The machine of a hypothesis."""
+        return machine_of(self.observed, found, z, hypothesis)
+
+    def reading(self, observed: Observed) -> LoadForward:
+        """The same for other readings of the same test."""
+        return LoadForward(observed, {}, self._tables)
+
+    def branched(self, ray: Ray, sign: int, reach: float) -> bool:
+        """No path is followed beyond a bifurcation."""
+        return False
+
+    def behind_bifurcation(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
+        """No reading ``(n,)`` is."""
+        return np.zeros(len(self.observed.pose), dtype=bool)
+
+    def evaluate(
+        self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+    ) -> Evaluation:
+        """Readings against a hypothesis; equilibria are solved anew whatever lies ``beside``.
+
+        Raises:
+            vjm.errors.NoConvergenceError: the machine does not bear the loads.
+        """
+        observed = self.observed
+        machine = self.machine(found, z, hypothesis)
+        errors = instrument_errors(found, z, observed.slots, observed.columns)
+        of_loads, of_gauges = self._drift(hypothesis, values_of(found, z, hypothesis))
+        load = errors.true_displacement(observed.pose - of_loads)
+        own = own_effects(found, z, hypothesis)
+        for effect, v in own:
+            load = effect.imposed(load, v)
+        reading, compliance, carried, wrench, stiffness = self._lookup(machine, own, load)
+        elements = [element for effect, v in own for element in effect.elements(machine, v)]
+        if elements:
+            still = np.zeros_like(wrench)
+
+            def look(moved: Array) -> tuple[Array, Array]:
+                return wrench + np.einsum("nij,nj->ni", stiffness, moved), stiffness
+
+            balanced = balance(look, still, elements, self._history)
+            reading = reading + np.einsum("nij,nj->ni", carried, balanced.pose)
+            for k, element in enumerate(elements):
+                motion = element.place.motion(balanced.wrench, self._history)
+                slope = element.law(element.place.force(balanced.wrench, self._history), self._history)[1]
+                seen = self._seen(element, motion)
+                reading = reading + balanced.extension[:, [k]] * seen
+                compliance = compliance + slope[:, None, None] * seen[:, :, None] * motion[:, None, :]
+        turned = np.eye(6)
+        for effect, v in own:
+            turned = effect.imposed(turned, v)
+        residual = errors.residual(observed.wrench - of_gauges, reading)
+        return Evaluation(z, residual, reading, compliance @ turned.T, load, errors)
+
+    def _drift(self, hypothesis: Hypothesis, values: Sequence[Sequence[float]]) -> tuple[Array, Array]:
+        """What drift adds to the readings of loads ``(n, 6)`` and of gauges ``(n, m)``."""
+        observed = self.observed
+        of_loads, of_gauges = np.zeros_like(observed.pose), np.zeros_like(observed.wrench)
+        for effect, v in zip(hypothesis, values, strict=True):
+            if isinstance(effect, ThermalDrift):
+                course = effect.course(observed.warmth, observed.clock, v)
+                if effect.part in WRENCH:
+                    of_loads[:, WRENCH.index(effect.part)] += course
+                else:
+                    of_gauges[:, observed.columns.index(effect.part)] += course
+        return of_loads, of_gauges
+
+    def _lookup(self, machine: ModifiedChain, own: Sequence[tuple[Effect, Sequence[float]]], load: Array) -> Found:
+        """Equilibria under loads ``(n, 6)``; linear off the rays."""
+        n, m = self.observed.wrench.shape
+        result = np.zeros((n, m)), np.zeros((n, m, 6)), np.zeros((n, m, 6)), np.zeros((n, 6)), np.zeros((n, 6, 6))
+        for ray in self.observed.rays:
+            d, measure = ray.direction[None], ray.measure[None]
+            for effect, v in own:
+                d, measure = effect.imposed(d, v), effect.imposed(measure, v)
+            s = load[ray.index] @ measure[0]
+            for sign in (1.0, -1.0):
+                here = s >= 0.0 if sign > 0.0 else s < 0.0
+                if not here.any():
+                    continue
+                at = ray.index[here]
+                table = self._table(machine, HalfRay.of(ray.posture, sign * d[0], self._reach(ray, sign)))
+                for target, values in zip(result, table.at(np.abs(s[here])), strict=True):
+                    target[at] = values
+                off = load[at] - s[here, None] * d[0]
+                result[0][at] += np.einsum("nij,nj->ni", result[1][at], off)
+                result[3][at] += off
+        return result
+
+    def _reach(self, ray: Ray, sign: float) -> float:
+        """How far a table goes: as far as the readings of every run along one ray, and their errors."""
+        alike = [
+            r for r in self.observed.rays if r.posture == ray.posture and np.array_equal(r.direction, ray.direction)
+        ]
+        s = sign * np.concatenate([self.observed.pose[r.index] @ r.measure for r in alike])
+        return max(float(s.max()) * MARGIN, 0.02 * float(np.abs(s).max()))
+
+    def _table(self, machine: ModifiedChain, half: HalfRay) -> LoadTable:
+        key = machine.key, half
+        if key not in self._tables:
+            pulls = machine.ways(half.posture, np.array(half.direction[:3])) if machine.asymmetry else ()
+            measurement = self.observed.measurement
+            self._tables[key] = load_table(machine, half, pulls, measurement.free, self._gauges)
+            if len(self._tables) > KEPT:
+                self._tables.popitem(last=False)
+        self._tables.move_to_end(key)
+        return self._tables[key]
+
+    @cached_property
+    def _gauges(self) -> tuple[Gauge, ...]:
+        return gauges_of(self.observed.measurement)
+
+    @cached_property
+    def _history(self) -> History:
+        """Clock, postures, lines of links, levers of the base and motions by joints of the unloaded machine."""
+        observed = self.observed
+        machine = ModifiedChain(observed.measurement.chain, observed.measurement.engine)
+        labels = observed.readings.posture.tolist()
+
+        def each(of: dict[str, Array]) -> Array:
+            return np.array([of[label] for label in labels])
+
+        known = dict.fromkeys(labels)
+        lines = {link: each({p: machine.line(p, link) for p in known}) for link in links_of(machine.nominal)}
+        motions = {p: joint_motions(machine, p) for p in known}
+        begins = np.ones(len(labels), dtype=bool)
+        begins[1:] = observed.readings.posture[1:] != observed.readings.posture[:-1]
+        return History(
+            np.zeros(len(labels)) if observed.clock is None else observed.clock,
+            begins,
+            next(reversed(lines.values())) if lines else np.zeros((len(labels), 3)),
+            each({p: machine.lever(p) for p in known}),
+            lines,
+            {name: each({p: motions[p][name] for p in known}) for name in motions[labels[0]]},
+        )
+
+    def _seen(self, element: Element, motion: Array) -> Array:
+        """What gauges read ``(n, m)`` where the end-effector moves by ``motion`` (n, 6) with an element."""
+        result = np.zeros((len(motion), len(self._gauges)))
+        for i, gauge in enumerate(self._gauges):
+            if not self._carries(element.place, gauge):
+                continue
+            moved = motion.copy()
+            moved[:, :3] += np.cross(motion[:, 3:], self._arms[:, i])
+            result[:, i] = moved[:, gauge.component]
+        return result
+
+    @cached_property
+    def _arms(self) -> Array:
+        """From the end-effector to each gauge's point ``(n, m, 3)`` in the unloaded posture, mm."""
+        machine = ModifiedChain(self.observed.measurement.chain, self.observed.measurement.engine)
+        labels = self.observed.readings.posture.tolist()
+        arms = {}
+        for label in dict.fromkeys(labels):
+            model = machine.model(label)
+            k = model.kinematics(model.configuration(model.chain.posture(label)))
+            found = []
+            for gauge in self._gauges:
+                joint, offset = model.find(gauge.body, gauge.at)
+                T = k.behind[joint + 1]
+                found.append(T[:3, 3] + T[:3, :3] @ offset - k.end[:3, 3])
+            arms[label] = np.array(found)
+        return np.array([arms[label] for label in labels])
+
+    def _carries(self, place: Place, gauge: Gauge) -> bool:
+        """Whether what gives way in a place moves a gauge's point: what slips along a link does so at its root."""
+        if not gauge.body:
+            return True
+        chain = self.observed.measurement.chain
+        order = [part.name for part in chain.parts]
+        body = order.index(gauge.body)
+        match place:
+            case AtJoint(joint=joint):
+                return order.index(joint) < body
+            case AlongLine(link=link):
+                return order.index(link or links_of(chain)[-1]) <= body
+            case Behind(link=link):
+                # a foot's tip carries its link
+                return order.index(link or links_of(chain)[0]) <= body
+        # a drive before all joints, and the base, carry everything
+        return True

@@ -1,0 +1,1 @@
+"""Calibration of one joint by its torque against its angle."""

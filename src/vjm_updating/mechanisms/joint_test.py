@@ -1,0 +1,185 @@
+"""What a test of one joint may show: its spring, and dry friction beside it.
+
+The joint's spring, what hardens in it and its backlash are in series; friction of the output's bearing and seal
+acts beside them, on the whole turn. So it shows in the backlash, too, and half the hysteresis is its torque.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vjm.model.chain import Chain
+from vjm.rotations import Array
+from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
+from vjm_updating.mechanisms.actuator_hardening import RATIO, ActuatorHardening
+from vjm_updating.mechanisms.drives import Drive
+from vjm_updating.mechanisms.effect import Effect, Quantity
+from vjm_updating.mechanisms.series_elements import Element, Place, memoryless
+
+STIFFEST = 0.05
+"""Share of the model's compliance that a joint has at least: it may be twenty times as stiff as the model says."""
+SOFTEST = 1e3
+"""Times the model's compliance that a joint has at most."""
+SHARE = 0.02
+"""Friction over the test's largest load that matters."""
+WOUND = Quantity("exponent", 0.3, 8.0, 1.0, usual=2.0, spread=0.5, log=True)
+"""Of the wind-up: a cubic has 2; one that stiffens early, or late, half and twice as much."""
+TURNS, EXACT = 60, 1e-13
+"""Of Newton's method, and its last step."""
+ELASTIC = 0.02
+"""Presliding over the test's largest motion, in order of magnitude."""
+
+
+@dataclass(frozen=True)
+class JointCompliance(ActuatorCompliance):
+    """Of a joint under test: softer or stiffer than the model says."""
+
+    title = "the joint is softer or stiffer than the model says"
+
+    def sliding(self) -> tuple[Quantity, ...]:
+        """Beyond what the model has; negative where it is stiffer."""
+        c = self.drive.compliance
+        low, high = (STIFFEST - 1.0) * c, SOFTEST * c
+        return (Quantity("compliance_mm_per_N", low, high, 0.1 * c, neutral=0.0),)
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """In rad and N mm where the joint turns."""
+        return (_told(self.drive, self.sliding()[0]),)
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """A tenth softer and stiffer."""
+        scale = self.quantities()[0].scale
+        return [(scale,), (-scale,)]
+
+
+@dataclass(frozen=True)
+class JointHardening(ActuatorHardening):
+    """Of a joint under test: load by the wind-up x as ``k x (1 + (r − 1)/(m + 1) (x/X)^m)``.
+
+    X is the wind-up under the largest load. With m = 2 it is the cubic that robots' gears are described by
+    (Kircanski and Goldenberg, Int. J. Robotics Research 16 (1997) 214). The tangent stiffness at the largest load
+    is r times that at none, which is k.
+    """
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """A spring may as well be linear."""
+        return (f"{ActuatorCompliance.cause}.{self.part}",)
+
+    def sliding(self) -> tuple[Quantity, ...]:
+        """The ratio, the whole compliance at no load, and the exponent."""
+        c = self.compliance
+        return (RATIO, Quantity("compliance_mm_per_N", STIFFEST * c, SOFTEST * c, 0.1 * c), WOUND)
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """In rad and N mm where the joint turns."""
+        ratio, own, exponent = self.sliding()
+        return ratio, _told(self.drive, own), exponent
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Stiffening and softening, of a stiff and of a soft joint."""
+        c = self.quantities()[1].scale / 0.1
+        return [(r, share * c, WOUND.usual) for r in (2.0, 0.6) for share in (1.0, 0.6, 1.7)]
+
+    def sliding_elements(self, place: Place, values: Sequence[float]) -> tuple[Element, ...]:
+        """The spring in the place of the model's."""
+        r, c, m = values
+
+        def law(N: Array) -> tuple[Array, Array]:
+            x, slope = wound_up(N / self.force, r, m)
+            own = c * self.force
+            return own * x - self.compliance * N, c * slope - self.compliance
+
+        return (Element(place, memoryless(law)),)
+
+    def write(self, document: dict[str, Any], nominal: Chain, values: Sequence[float]) -> None:
+        """The joint's compliance is that at no load."""
+        own = JointCompliance(self.part, self.drive)
+        per = float(self.drive.factors(self.sliding())[1])
+        own.write(document, nominal, (values[1] - self.compliance * per,))
+
+
+def wound_up(load: Array, ratio: float, power: float) -> tuple[Array, Array]:
+    """Wind-up ``(n,)`` and its derivative at shares of the largest load, of a spring of unit compliance at no load.
+
+    By Newton's method on a monotone law; beyond the largest load its tangent goes straight on.
+    """
+    a = (ratio - 1.0) / (power + 1.0)
+    most = 1.0 / (1.0 + a)
+    size = np.abs(load)
+    inside = np.minimum(size, 1.0)
+    s = inside.copy()
+    for _ in range(TURNS):
+        step = (s * (1.0 + a * s**power) * most - inside) / ((1.0 + (power + 1.0) * a * s**power) * most)
+        s = np.clip(s - step, 0.0, 1.0)
+        if np.abs(step).max(initial=0.0) < EXACT:
+            break
+    tangent = 1.0 / (1.0 + (power + 1.0) * a * s**power)
+    x = most * s + (size - inside) / ratio
+    return np.sign(load) * x, tangent
+
+
+def _told(drive: Drive, own: Quantity) -> Quantity:
+    """A compliance in mm/N at the lever as one in rad/(N mm) where the joint turns."""
+    per = float(drive.factors((own,))[0])
+    name = "compliance_rad_per_Nmm" if drive.turns else own.name
+    return Quantity(name, own.low * per, own.high * per, own.scale * per, own.neutral)
+
+
+@dataclass(frozen=True)
+class DriveFriction(Effect):
+    """Dry friction in a joint under test: a spring and a slider in series, beside the joint's own spring.
+
+    Attributes:
+        largest: load of the test on the joint, N mm, or N where it slides.
+        reach: largest motion, rad or mm.
+        slides: whether the joint does.
+        part: the joint.
+    """
+
+    largest: float = 1.0
+    reach: float = 1.0
+    slides: bool = False
+    part: str = ""
+    cause = "joint_friction"
+    title = "dry friction in the joint"
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Torque at which it slips, half the hysteresis; and the elastic motion before."""
+        torque, elastic = ("force_N", "presliding_mm") if self.slides else ("torque_Nmm", "presliding_rad")
+        usual = ELASTIC * self.reach
+        return (
+            Quantity(torque, 0.0, 2.0 * self.largest, SHARE * self.largest, neutral=0.0),
+            Quantity(elastic, 1e-3 * usual, 50.0 * usual, usual, usual=usual, spread=1.5, log=True),
+        )
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """Little and much, rigid and soft before it slips."""
+        usual = ELASTIC * self.reach
+        return [(share * self.largest, e * usual) for share in (0.02, 0.1) for e in (0.3, 1.0, 4.0)]
+
+    def friction(self, values: Sequence[float]) -> Array:
+        """The torque ``(1,)``."""
+        return np.array([values[0]])
+
+    def presliding(self, values: Sequence[float]) -> float:
+        """Elastic motion before it slips."""
+        return float(values[1])
+
+
+def drive_of(name: str, *, slides: bool, compliance: float, lever: float, force: float) -> Drive:
+    """The place of a joint's effects.
+
+    Args:
+        name: of the joint.
+        slides: whether it does.
+        compliance: in the model, rad/(N mm) or mm/N.
+        lever: mm at which a turn is counted; 1 for what slides.
+        force: largest of the test at the lever, N.
+    """
+    c = compliance * lever**2
+    return Drive(name, name, not slides, lever, c, c, force)

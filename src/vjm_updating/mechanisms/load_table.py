@@ -1,0 +1,216 @@
+"""Equilibria of a machine along half a ramp of loads: what gauges on it read, and how that changes with every load.
+
+The end-effector is free in some components of its pose and held in the others, as a `vjm.model.load_case.LoadCase`
+has it. Equilibria are found at equal steps; between them readings follow the cubic with their values and slopes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+
+from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.continuation.path import Equilibrium
+from vjm.errors import NoConvergenceError
+from vjm.model.load_case import COMPONENTS, Load, LoadCase
+from vjm.model.lumped import Kinematics, LumpedModel
+from vjm.rotations import Array, displacement_between, skew, translation
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, Ways, bowed
+from vjm_updating.mechanisms.path_table import HalfRay
+
+NODES = 8
+"""Steps along half a ramp. A cubic through values and slopes errs by the fourth power of a step."""
+HALVINGS = 6
+"""Of a step at which Newton's method fails."""
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """What one channel reads.
+
+    Attributes:
+        channel: its column.
+        component: of the displacement, 0 to 5.
+        body: part that carries the point; empty for the end-effector.
+        at: fraction of the part's elastic length.
+    """
+
+    channel: str
+    component: int
+    body: str = ""
+    at: float = 1.0
+
+
+@dataclass(frozen=True)
+class LoadTable:
+    """Equilibria at k loads, ``s`` times a direction.
+
+    Attributes:
+        s: ``(k,)``, from zero.
+        reading: of the gauges ``(k, m)``, mm, rad.
+        compliance: its derivative by the load on the end-effector ``(k, m, 6)``.
+        carried: derivative of the readings by what the held components are moved ``(k, m, 6)``; zero for free ones.
+        wrench: load and support's reaction on the end-effector ``(k, 6)``, N, N mm.
+        stiffness: its derivative by what the held components are moved ``(k, 6, 6)``.
+        direction: ``(6,)`` load per unit of s.
+    """
+
+    s: Array
+    reading: Array
+    compliance: Array
+    carried: Array
+    wrench: Array
+    stiffness: Array
+    direction: Array
+
+    def at(self, s: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """All of them at places ``(n,)``, in the order of the attributes; straight on beyond the end."""
+        inside = np.clip(s, 0.0, self.s[-1])
+        m = self.reading.shape[1]
+        reading = self._reading(inside)
+        edges = np.cumsum([m * 6, m * 6, 6])
+        parts = np.split(self._others(inside), edges, axis=1)
+        n = len(s)
+        compliance = parts[0].reshape(n, m, 6)
+        reading = reading + (compliance @ self.direction) * (s - inside)[:, None]
+        wrench = parts[2] + (s - inside)[:, None] * self.direction
+        return reading, compliance, parts[1].reshape(n, m, 6), wrench, parts[3].reshape(n, 6, 6)
+
+    @cached_property
+    def _reading(self) -> CubicHermiteSpline:
+        return CubicHermiteSpline(self.s, self.reading, self.compliance @ self.direction)
+
+    @cached_property
+    def _others(self) -> PchipInterpolator:
+        k = len(self.s)
+        stacked = (self.compliance, self.carried, self.wrench, self.stiffness)
+        return PchipInterpolator(self.s, np.hstack([values.reshape(k, -1) for values in stacked]))
+
+
+def load_table(
+    machine: ModifiedChain, half: HalfRay, pulls: bool | Ways, free: Sequence[str], gauges: Sequence[Gauge]
+) -> LoadTable:
+    """The stable equilibria of a machine along half a ramp of loads.
+
+    Args:
+        machine: under load.
+        half: posture, direction of the load and how far it goes, N or N mm.
+        pulls: what the load does to each part that differs between pull and push.
+        free: components of the end-effector's pose that are free; the others are held.
+        gauges: on the machine.
+
+    Raises:
+        NoConvergenceError: it does not bear the loads.
+        ValueError: what is free makes it a mechanism, or what is held cannot move.
+    """
+    load = Load(half.direction)
+    load_case = LoadCase(half.posture, half.reach, "load", free=tuple(free), loads=(load,))
+    model = machine.model(half.posture, pulls)
+    bow = bowed(model, half.posture, machine.bow) if machine.bow else None
+    if bow is not None:
+        # the support's joints come behind the chain's own coordinates
+        bow = np.concatenate([bow, np.zeros(_support(model, load_case))])
+    problem = LumpedProblem(model, load_case, machine.engine.label, bow)
+    held = [k for k, name in enumerate(COMPONENTS) if name not in free]
+    probes = [_Probe(problem, *model.find(gauge.body, gauge.at)) for gauge in gauges]
+    tool = _Probe(problem, *model.find("", 1.0))
+    s = np.linspace(0.0, half.reach, NODES + 1)
+    point = problem.unloaded()
+    found = [_node(problem, point, tool, probes, gauges, held)]
+    for place in s[1:]:
+        point = _reached(problem, point, float(place))
+        found.append(_node(problem, point, tool, probes, gauges, held))
+    reading, compliance, carried, wrench, stiffness = (np.array(column) for column in zip(*found, strict=True))
+    return LoadTable(s, reading, compliance, carried, wrench, stiffness, np.array(half.direction))
+
+
+def _support(model: LumpedModel, load_case: LoadCase) -> int:
+    return LumpedProblem(model, load_case, "").model.size - model.size
+
+
+class _Probe:
+    """A point of the machine: its displacement, and what coordinates do to it."""
+
+    def __init__(self, problem: LumpedProblem, joint: int, offset: Array) -> None:
+        self.joint, self.offset = joint, translation(offset)
+        self.model = problem.model
+        self.start = self.frame(self.model.kinematics(problem.unloaded().state[: self.model.size]))
+
+    def frame(self, k: Kinematics) -> Array:
+        """Where it is ``(4, 4)``."""
+        result: Array = k.behind[self.joint + 1] @ self.offset
+        return result
+
+    def displacement(self, k: Kinematics) -> Array:
+        """From its unloaded place ``(6,)``, mm, rad."""
+        return displacement_between(self.start, self.frame(k))
+
+    def jacobian(self, k: Kinematics) -> Array:
+        """Velocity and angular velocity ``(6, n)`` by the coordinates' velocities."""
+        J = np.zeros((6, len(k.axes)))
+        own = np.arange(len(k.axes)) <= self.joint
+        turns, slides = own & k.rotary, own & ~k.rotary
+        lever = self.frame(k)[:3, 3] - k.behind[1:, :3, 3]
+        J[:3, turns] = np.cross(k.axes, lever)[turns].T
+        J[3:, turns] = k.axes[turns].T
+        J[:3, slides] = k.axes[slides].T
+        result: Array = J @ k.drive
+        return result
+
+
+def _reached(problem: LumpedProblem, point: Equilibrium, to: float) -> Equilibrium:
+    """The equilibrium at a load, gone to from one before it by steps that become shorter where they fail."""
+    step = to - point.s
+    for _ in range(2**HALVINGS):
+        try:
+            there = problem.solve(min(point.s + step, to), point)
+        except NoConvergenceError:
+            there = None
+        if there is None or there.unstable:
+            step *= 0.5
+            if step < (to - point.s) / 2**HALVINGS:
+                break
+            continue
+        point = there
+        if point.s >= to * (1.0 - 1e-12):
+            return point
+    raise NoConvergenceError(
+        f"posture {problem.load_case.posture}: no stable equilibrium beyond {point.s:.4g} of a load of {to:.4g}"
+    )
+
+
+def _node(
+    problem: LumpedProblem,
+    point: Equilibrium,
+    tool: _Probe,
+    probes: Sequence[_Probe],
+    gauges: Sequence[Gauge],
+    held: Sequence[int],
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Readings, and what loads and the held components do to them, at one equilibrium."""
+    at = problem.configuration(point)
+    k, compiled = problem.model.kinematics(at.x), problem.model.compiled
+    m = len(gauges)
+    moved, carried, stiffness = (
+        np.zeros((problem.model.size, 6)),
+        np.zeros((problem.model.size, 6)),
+        np.zeros((6, 6)),
+    )
+    J = tool.jacobian(k)
+    none = np.zeros(problem.model.size)
+    for c in range(6):
+        moved[:, c] = compiled.response(at.x, at.wrench, J[c], np.zeros(6), at.load)[0]
+    for c in held:
+        carried[:, c], stiffness[:, c] = compiled.response(at.x, at.wrench, none, np.eye(6)[c], at.load)
+    reading, by_load, by_pose = np.zeros(m), np.zeros((m, 6)), np.zeros((m, 6))
+    for i, (probe, gauge) in enumerate(zip(probes, gauges, strict=True)):
+        u, own = probe.displacement(k), probe.jacobian(k)
+        # the rotation vector's rate is the angular velocity but for half their product, and the square of the turn
+        own[3:] -= 0.5 * skew(u[3:]) @ own[3:]
+        reading[i] = u[gauge.component]
+        by_load[i], by_pose[i] = own[gauge.component] @ moved, own[gauge.component] @ carried
+    return reading, by_load, by_pose, point.wrench, stiffness
