@@ -18,11 +18,11 @@ import pydantic
 from pydantic import Field, StringConstraints, model_validator
 
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
-from vjm.io.joint_tables import LARGEST_TURN
 from vjm.io.model_file import Entry, ModelDocument, _parse, build_chain, library, read_document
 from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM, rotation
 from vjm.io.sections import Table
 from vjm.model.chain import Chain
+from vjm.model.joint_limits import LARGEST_TURN
 from vjm.platform.manipulator import BASE, PLATFORM, Coupling, Drive, Leg, Manipulator, drive_of
 from vjm.rotations import Array, frame
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -41,6 +42,7 @@ from vjm_validation.load_any_model import postures
 INTERRUPTED = 130
 UNITS = {"_N_per_mm": "N/mm", "_Nmm_per_rad": "N mm/rad", "_mm": "mm", "_rad": "rad", "_N": "N"}
 """Endings of columns, the longer ones first."""
+NUMBER = re.compile(r"[-+]?\d[\d.]*(e[-+]?\d+)?")
 REFINED = "vjm-4"
 """Springs a beam by default: critical loads of a pinned column within 1e-3, at a quarter of the cost of 16."""
 
@@ -179,14 +181,26 @@ def _said(found: Mapped, doubts: Sequence[Finding], plot: Path | None, report: P
         finite = found.values[np.isfinite(found.values[:, k]), k]
         if finite.size:
             console.print(f"  {column}: {finite.min():.6g} to {finite.max():.6g}", soft_wrap=True)
-    reasons = [each for each in found.why if each != OK]
-    for reason in list(dict.fromkeys(reasons))[:5]:
-        console.print(f"  {reasons.count(reason)} poses: {reason}", soft_wrap=True)
+    for line in _reasons(found.why):
+        console.print(f"  {line}", soft_wrap=True)
     for file in found.files:
         console.print(f"{file}", soft_wrap=True)
     pages.draw(plot, report, lambda: _content(found), console)
     sys.stdout.flush()
     return 0
+
+
+def _reasons(why: Sequence[str]) -> list[str]:
+    """Why poses have no value, a line for each kind of reason: those that differ in their numbers are one."""
+    kinds: dict[str, list[str]] = {}
+    for each in why:
+        if each != OK:
+            kinds.setdefault(NUMBER.sub("", each), []).append(each)
+    lines = []
+    for reasons in kinds.values():
+        like = "" if len(set(reasons)) == 1 else " (the first; each is in the file)"
+        lines.append(f"{len(reasons)} poses: {reasons[0]}{like}")
+    return lines
 
 
 def _document(found: Mapped, doubts: Sequence[Finding]) -> MapRowsDocument:
