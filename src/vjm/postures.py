@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TypeAlias, TypeVar
+from typing import TypeAlias, overload
 
 import numpy as np
 
@@ -18,16 +18,21 @@ from vjm.platform.manipulator import Manipulator
 
 Posture: TypeAlias = str | Mapping[str, float] | Sequence[float]
 """A label; a text of numbers, ``0.1,0.2`` or ``elbow=0.2,shoulder=0.1``; or these as a sequence or by name."""
-MachineT = TypeVar("MachineT", Chain, Manipulator)
 
 
-def in_posture(machine: MachineT, posture: Posture) -> tuple[MachineT, str]:
+@overload
+def in_posture(machine: Chain, posture: Posture) -> tuple[Chain, str]: ...
+@overload
+def in_posture(machine: Manipulator, posture: Posture) -> tuple[Manipulator, str]: ...
+@overload
+def in_posture(machine: Chain | Manipulator, posture: Posture) -> tuple[Chain | Manipulator, str]: ...
+def in_posture(machine: Chain | Manipulator, posture: Posture) -> tuple[Chain | Manipulator, str]:
     """A machine that has a posture, and the label under which it has it.
 
     Args:
         machine: see `vjm.load`.
-        posture: a label of the machine's; or coordinates in mm and rad of its joints, coupled ones left out, from
-            base to tool; or by the joints' names. Of a manipulator: a label, or its platform's ``x, y, z`` from home
+        posture: a label of the machine's; or coordinates in mm and rad of its joints, from base to tool
+            without coupled ones; or by the joints' names. Of a manipulator: a label, or its platform's ``x, y, z`` from home
             in mm and perhaps ``rx, ry, rz`` in rad.
 
     Returns:
@@ -45,7 +50,9 @@ def in_posture(machine: MachineT, posture: Posture) -> tuple[MachineT, str]:
     """
     if isinstance(machine, Manipulator):
         if isinstance(posture, Mapping):
-            raise ValueError(f"{machine.name}: of a platform give a label, or x,y,z in mm; joints are its legs' own")
+            raise ValueError(
+                f"{machine.name}: of a platform give a label, or x,y,z in mm; joints are its legs' own"
+            )
         label = posture if isinstance(posture, str) else _label(posture)
         machine.displacement(label)
         return machine, label
@@ -73,33 +80,36 @@ def _values(chain: Chain, posture: Posture) -> dict[str, float]:
         ValueError: it gives other joints than there are, or no numbers.
     """
     names = [joint.name for joint in _joints(chain)]
-    known = f"{chain.name} has the postures {', '.join(chain.postures)} and the joints {', '.join(names)}"
+    known = f"its joints are {', '.join(names)}"
     if isinstance(posture, str):
-        posture = _parsed(posture, known)
+        posture = _parsed(chain, posture, known)
     if not isinstance(posture, Mapping):
         if len(posture) != len(names):
-            raise ValueError(f"{len(posture)} coordinates for {len(names)} joints: {known}")
+            raise ValueError(f"{chain.name}: {len(posture)} coordinates for {len(names)} joints; {known}")
         posture = dict(zip(names, posture, strict=True))
     other = [name for name in posture if name not in names] or [name for name in names if name not in posture]
     if other:
         what = f"no joint '{other[0]}' to be given" if other[0] in posture else f"no coordinate for '{other[0]}'"
-        raise ValueError(f"{what}: {known}")
+        raise ValueError(f"{chain.name}: {what}; {known}")
     values = {name: float(posture[name]) for name in names}
     if not np.all(np.isfinite([*values.values()])):
-        raise ValueError(f"coordinates must be finite: {known}")
+        raise ValueError(f"{chain.name}: coordinates must be finite; {known}")
     return values
 
 
-def _parsed(text: str, known: str) -> dict[str, float] | list[float]:
+def _parsed(chain: Chain, text: str, known: str) -> dict[str, float] | list[float]:
     """``0.1,0.2`` or ``elbow=0.2,shoulder=0.1``."""
     words = [word.partition("=") for word in text.split(",")]
     named = [bool(equals) for _, equals, _ in words]
     try:
         numbers = [plain_number(value if equals else name) for name, equals, value in words]
     except ValueError:
-        raise ValueError(f"no posture '{text}': {known}; or give a coordinate of each, in mm and rad") from None
+        raise ValueError(
+            f"{chain.name} has no posture '{text}' (it has {', '.join(chain.postures)}); or give coordinates in mm and "
+            f"rad: {known}"
+        ) from None
     if any(named) and not all(named):
-        raise ValueError(f"'{text}': give a name to every coordinate or to none: {known}")
+        raise ValueError(f"'{text}': give a name to every coordinate or to none; {known}")
     names = [name.strip() for name, _, _ in words]
     if all(named) and len(set(names)) < len(names):
         raise ValueError(f"'{text}': a joint stands twice")
@@ -114,7 +124,9 @@ def _standing(chain: Chain, label: str, values: Mapping[str, float]) -> Chain:
     """
     for joint in _joints(chain):
         if not joint.slides:
-            said = said_turned(joint.name, values[joint.name], passive=isinstance(joint, PassiveJoint | SprungJoint))
+            said = said_turned(
+                joint.name, values[joint.name], passive=isinstance(joint, PassiveJoint | SprungJoint)
+            )
             if said:
                 raise ValueError(said)
     joint_limits(chain).check(values)

@@ -8,7 +8,6 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from vjm.io import checks
-from vjm.io.errors import printed
 from vjm.io.fields import Axis, Label, Matrix6, Turns, VectorMM, rotation
 from vjm.io.sections import Table
 from vjm.model import joints, parts

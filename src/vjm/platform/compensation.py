@@ -87,7 +87,7 @@ def compensated(manipulator: Manipulator, displacement: Array, wrench: Array, en
     rigid = error(np.zeros(len(driven)))
     K = ManipulatorProblem(manipulator.with_offsets({}).with_errors({}), LoadCase("", 1.0), engine, pose)
     soft = np.linalg.solve(np.asarray(K.unloaded().stiffness), np.asarray(wrench, dtype=float))
-    u_linear = np.clip(-np.linalg.solve(J, felt(soft)), *limits.T)
+    u_linear = np.clip(-np.linalg.solve(J, felt(soft)), limits[:, 0], limits[:, 1])
     linear = error(u_linear)
 
     def left(u: Array, _: np.ndarray) -> Array:
@@ -99,7 +99,7 @@ def compensated(manipulator: Manipulator, displacement: Array, wrench: Array, en
                 continue
         return rows
 
-    u, size = damped_search(left, u_linear[None], *limits.T, drive_unit)
+    u, size = damped_search(left, u_linear[None], limits[:, 0], limits[:, 1], drive_unit)
     if not size[0] * length < EXACT:
         anywhere = np.full(len(driven), np.inf)
         free, free_size = damped_search(left, u_linear[None], -anywhere, anywhere, drive_unit)

@@ -73,7 +73,7 @@ def compensated_arm(
 ) -> ArmCompensation:
     """Joint coordinates of a path of tool poses for the rigid, the linear and the loaded model.
 
-    All of them are within the joints' limits. Of several solutions of the loaded arm the one near the rigid arm's is
+    All of them are within the joints' limits. Of several solutions of the loaded arm that near the rigid arm's is
     taken. Only what the rigid arm's joints can move is put right: a planar arm's sag out of its plane stays.
 
     Args:

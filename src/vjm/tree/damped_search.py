@@ -103,7 +103,7 @@ def _moves(
 
 
 def _jacobian(residual: Residual, q: Array, at: np.ndarray, unit: Array) -> Array:
-    """Derivative ``(s, m, n)`` by the coordinates in their units, by central differences; zero where there is none."""
+    """Derivative ``(s, m, n)`` by coordinates in their units, by central differences; zero where there is none."""
     s, n = q.shape
     shifts = STEP * np.diag(unit)
     rows = np.concatenate([q[:, None] + shifts, q[:, None] - shifts], axis=1).reshape(-1, n)

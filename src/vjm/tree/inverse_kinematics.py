@@ -27,7 +27,7 @@ MOST = 16
 
 
 class ReachError(ValueError):
-    """No posture puts the end frame there; the message says how near the nearest comes, or which limit is in the way."""
+    """No posture puts the end frame there; the message says how near one comes, or which limit is in the way."""
 
 
 @dataclass(frozen=True)
@@ -203,7 +203,13 @@ def _left(model: TreeModel, p: Array, R: Array, position: Array, rotation: Array
 
 
 def _why_not(
-    model: TreeModel, ranges: Ranges, position: Array, rotation: Array | None, index: int, starts: Array, lost: Array
+    model: TreeModel,
+    ranges: Ranges,
+    position: Array,
+    rotation: Array | None,
+    index: int,
+    starts: Array,
+    lost: Array,
 ) -> str:
     """Which joints would have to go beyond their limits, or how near the nearest posture comes."""
     nearest = lost[np.argmin(np.linalg.norm(lost, axis=1))]
@@ -218,7 +224,7 @@ def _why_not(
 
 
 def least_beyond(ranges: Ranges, q: Array) -> str:
-    """What is said of the one of postures ``(s, n)`` that goes least beyond the limits; empty where there is none."""
+    """What is said of the one of postures ``(s, n)`` that goes least beyond the limits; empty for none."""
     if not len(q):
         return ""
     middle = 0.5 * (ranges.low + ranges.high)

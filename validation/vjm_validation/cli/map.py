@@ -37,7 +37,7 @@ from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
 from vjm_validation.cli.options import Json
 from vjm_validation.documents import MapRowsDocument
-from vjm_validation.load_any_model import postures
+from vjm_validation.load_any_model import in_postures
 
 INTERRUPTED = 130
 UNITS = {"_N_per_mm": "N/mm", "_Nmm_per_rad": "N mm/rad", "_mm": "mm", "_rad": "rad", "_N": "N"}
@@ -53,7 +53,6 @@ def map_(
     grid: Annotated[
         str,
         Parameter(
-            allow_leading_hyphen=True,
             help="Points a side of the workspace, such as 21, or x=from:to:count,y=…,z=… in mm: from home; of an "
             "arm the tool's place in the world, or joints by name, such as elbow=0:2:21.",
         ),
@@ -61,7 +60,7 @@ def map_(
     quantity: Annotated[Quantity, Parameter(help="stiffness, critical or deflection.")] = Quantity.STIFFNESS,
     wrench: Annotated[
         str,
-        Parameter(allow_leading_hyphen=True, help="fx,fy,fz,mx,my,mz on the platform, N and N mm."),
+        Parameter(help="fx,fy,fz,mx,my,mz on the platform, N and N mm."),
     ] = "",
     most: Annotated[float, Parameter(help="Largest force tried for a critical one, N.")] = 20_000.0,
     posture: Annotated[str, Parameter(help="Of an arm: what the grid leaves out; the first by default.")] = "",
@@ -156,7 +155,7 @@ def _of_arm(
 ) -> Mapped:
     if not held_by_itself(chain):
         raise ValueError(f"{chain.name}: is a single chain that swings, and this needs a manipulator or an arm")
-    label = postures(chain, (posture,) if posture else ())[0]
+    chain, (label, *_) = in_postures(chain, (posture,) if posture else ())
     on_end = (0.0,) * 6 if not wrench and (gravity or loads) else _wrench(wrench, quantity)
     with locked(folder):
         found = map_arm(chain, springs, quantity, grid, label, wrench=on_end, gravity=gravity, loads=loads, end=end)

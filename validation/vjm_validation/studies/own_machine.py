@@ -22,7 +22,7 @@ from vjm.rotations import Array
 from vjm.tree.equilibria import Equilibria, equilibria
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
-from vjm_validation.load_any_model import loaded, postures
+from vjm_validation.load_any_model import in_postures, loaded
 from vjm_validation.metrics import path_metrics
 from vjm_validation.studies.force_directions import DIRECTIONS, unit_of
 from vjm_validation.studies.own_machine_rows import ConvergenceRow, CriticalRow, LoadRow, StiffnessRow
@@ -116,7 +116,7 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
         ValueError: no such posture, direction or engine.
     """
     machine, whole = loaded(request.model)
-    labels = postures(machine, request.postures)
+    machine, labels = in_postures(machine, request.postures)
     for direction in request.directions:
         unit_of(direction)
     platform = isinstance(machine, Manipulator)
