@@ -32,8 +32,8 @@ def in_posture(machine: Chain | Manipulator, posture: Posture) -> tuple[Chain | 
     Args:
         machine: see `vjm.load`.
         posture: a label of the machine's; or coordinates in mm and rad of its joints, from base to tool
-            without coupled ones; or by the joints' names. Of a manipulator: a label, or its platform's ``x, y, z`` from home
-            in mm and perhaps ``rx, ry, rz`` in rad.
+            without coupled ones; or by the joints' names. Of a manipulator: a label, or its platform's ``x, y, z``
+            from home in mm and perhaps ``rx, ry, rz`` in rad.
 
     Returns:
         The machine itself for a label; else one that has the posture too.
@@ -105,8 +105,8 @@ def _parsed(chain: Chain, text: str, known: str) -> dict[str, float] | list[floa
         numbers = [plain_number(value if equals else name) for name, equals, value in words]
     except ValueError:
         raise ValueError(
-            f"{chain.name} has no posture '{text}' (it has {', '.join(chain.postures)}); or give coordinates in mm and "
-            f"rad: {known}"
+            f"{chain.name} has no posture '{text}' (it has {', '.join(chain.postures)}); or give coordinates in mm "
+            f"and rad: {known}"
         ) from None
     if any(named) and not all(named):
         raise ValueError(f"'{text}': give a name to every coordinate or to none; {known}")

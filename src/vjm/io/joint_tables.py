@@ -29,6 +29,10 @@ class PartTable(Table):
     )
 
 
+CALIBRATED = "calibrated: "
+"""Begins the source of a part that a calibration made: its numbers were fitted, and no one typed them."""
+
+
 class Offset(PartTable):
     """A rigid piece: shifted first, then turned."""
 
