@@ -141,7 +141,7 @@ def _tiny(where: str, vector: list[float], least: float = TINY_MM) -> Iterator[F
 
 
 def _bodies(model: ModelFile) -> dict[str, float]:
-    """Longest rigid piece of the body that each one is of, mm, by its name: each stands behind the one before it."""
+    """Longest rigid piece of the body that each one is of, mm, by its name: each lies behind the one before."""
     longest: dict[str, float] = {}
     body: dict[str, str] = {}
     before = ""
@@ -156,7 +156,7 @@ def _bodies(model: ModelFile) -> dict[str, float]:
 
 
 def _may_be_in_metres(link: Offset) -> bool:
-    """Whether a link's vector may have been typed in metres: it is no fit by its source, or by digits below 1 µm."""
+    """Whether a link's vector may have been typed in metres: no fit by its source or by digits below 1 µm."""
     vector = link.translation_mm
     return not link.source.startswith(CALIBRATED) and all(abs(v - round(v, METRE_DIGITS)) <= 1e-12 for v in vector)
 
@@ -350,8 +350,8 @@ def postures(model: ModelFile) -> Iterator[Found]:
         for name, q in given.items() if all(_round_number(q) for q in turned) else ():
             if isinstance(moving[name], JointTable) and abs(q) >= FOLDED and moving[name].limits is None:
                 found = (
-                    f"the passive joint {name} at {printed(q)} rad is turned by {printed(np.rad2deg(q), 3)}°, and all "
-                    "coordinates are round numbers: is it in degrees? Give rad"
+                    f"the passive joint {name} at {printed(q)} rad is turned by {printed(np.rad2deg(q), 3)}°, and "
+                    "all coordinates are round numbers: is it in degrees? Give rad"
                 )
                 yield Grade.DOUBTFUL, where, found
         if turned and max(map(abs, turned)) >= 3.0 and all(float(q).is_integer() for q in turned):
