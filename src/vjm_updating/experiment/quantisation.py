@@ -29,8 +29,9 @@ WITHIN = 0.3
 """Share of the driving channel's way during which a rounded one stands still. Of set values it is none, of one
 rounded with m readings a step (m - 1)/m."""
 BESIDE = 0.2
-"""Of the last digit: median distance of a reading from the line through its neighbours, where steps differ. Rounding
-spreads it over half a digit either way; set values lie on the machine's curve, beside the line by its bend alone."""
+"""Of the last digit: median distance of a reading from the line through its neighbours, where steps differ.
+Rounding spreads it over half a digit either way; set values lie on the machine's curve, beside the line by its bend
+alone."""
 
 
 def digits(c: Comparison, name: str) -> Iterator[Finding]:

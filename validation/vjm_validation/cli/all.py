@@ -14,6 +14,7 @@ from cyclopts import Parameter
 from vjm.io.errors import did_you_mean
 from vjm.io.files import locked
 from vjm.io.findings import Finding
+from vjm.io.manipulator_file import load_model
 from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_validation.cli import tables
@@ -84,6 +85,8 @@ def all_(
         for name, value in (("--force", force), ("--to", to)):
             if value is not None and not 0.0 < value < float("inf"):
                 raise UsageError(f"{name}: must be positive, not {value:g}; --direction gives the sign")
+        # what is wrong with the file is said of the file, before what is doubtful
+        load_model(model)
         doubts = considered(model, strict)
         return _own(
             Request(
@@ -140,7 +143,11 @@ def _said(summary: Summary | OwnMachineSummary, folder: FilePath, *, pdf: bool, 
         console.print(f"report: {folder / 'index.html'}", soft_wrap=True)
         if pdf:
             console.print(f"printed: {folder / 'report.pdf'}", soft_wrap=True)
-    return OK if all(row.passed is not False for row in summary.acceptance) else NOT_ACCEPTED
+    from vjm_validation.acceptance import accepted
+
+    if not any(row.passed is not None for row in summary.acceptance):
+        terminal.error("nothing was checked: no requirement was looked at, so that this run is no pass")
+    return OK if accepted(summary.acceptance) else NOT_ACCEPTED
 
 
 def _command(quick: bool, only: Sequence[str], steps: int | None) -> str:
