@@ -28,6 +28,8 @@ from vjm_updating.maps.pose_grid import MOST, grid_axis
 
 TOOL = ("x", "y", "z")
 LOST, UNSTABLE = "no equilibrium under these loads", "the equilibrium is unstable"
+RIGID = "empty_where_ok=rigid"
+"""Of a map's file: an empty cell of a row with an answer is an infinite stiffness."""
 ROUNDING = 1e-12
 """Over the largest: compliance that is none."""
 
@@ -205,11 +207,11 @@ def write_arm_map(found: ArmMap, folder: Path) -> list[Path]:
     stream.write(
         f"# model={found.chain.name} engine={found.engine} quantity={found.quantity} version={__version__}"
     )
-    stream.write(f" model_sha256={found.chain.sha256}\n")
+    stream.write(f" model_sha256={found.chain.sha256} {RIGID}\n")
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow([*found.joints, "x_mm", "y_mm", "z_mm", *COLUMNS[found.quantity], "status"])
     for q, p, row, why in zip(found.q, found.tool, found.values, found.why, strict=True):
-        writer.writerow([*("" if np.isnan(v) else f"{v:.9g}" for v in (*q, *p, *row)), why])
+        writer.writerow([*(f"{v:.9g}" if np.isfinite(v) else "" for v in (*q, *p, *row)), why])
     write_whole(files[0], stream.getvalue())
     if len(found.grid.varied) in (1, 2):
         files.append(folder / "map.png")

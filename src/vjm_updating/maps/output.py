@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from vjm.io.files import write_whole
 from vjm.rotations import Array
-from vjm_output.off_screen import why_not_rendered
+from vjm_output import off_screen
 from vjm_output.plot_style import PAGE_WIDTH, figure, plain, png
 from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
 from vjm_updating.maps.run import MapResult
@@ -41,7 +41,7 @@ def write_map(result: MapResult, folder: Path) -> list[Path]:
     write_whole(files[0], csv_text(result))
     write_vtk(result, files[1])
     write_whole(files[2], map_figure(result))
-    if not why_not_rendered():
+    if not off_screen.why_not_rendered():
         files.append(folder / "render.png")
         write_whole(files[-1], render(result))
     return files
@@ -134,14 +134,12 @@ def render(result: MapResult) -> bytes:
     """The workspace in space, off the screen: three planes through its middle, or all points where it is flat."""
     import pyvista
 
-    # VTK tries an X display first and would write about its absence on stderr
-    pyvista.vtk_verbosity("off")
     wanted = result.map
     grid: Any = pyvista.RectilinearGrid(*(np.array(axis) for axis in wanted.grid.axes))
     column = SHOWN[wanted.quantity]
     name = COLUMNS[wanted.quantity][column]
     grid.point_data[name] = _cube(result, column).ravel(order="F")
-    plotter: Any = pyvista.Plotter(off_screen=True, window_size=[int(130 * PAGE_WIDTH), 700])
+    plotter = off_screen.plotter((int(130 * PAGE_WIDTH), 700))
     plotter.background_color = "white"
     body = grid.slice_orthogonal() if min(wanted.grid.shape) > 1 else grid
     values = _cube(result, column)[np.isfinite(_cube(result, column))]

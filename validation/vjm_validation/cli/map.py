@@ -180,6 +180,9 @@ def _said(found: Mapped, doubts: Sequence[Finding], plot: Path | None, report: P
         finite = found.values[np.isfinite(found.values[:, k]), k]
         if finite.size:
             console.print(f"  {column}: {finite.min():.6g} to {finite.max():.6g}", soft_wrap=True)
+        rigid = int(np.isinf(found.values[:, k]).sum())
+        if rigid:
+            console.print(f"  {column}: infinite at {rigid} poses, where nothing deflects", soft_wrap=True)
     for line in _reasons(found.why):
         console.print(f"  {line}", soft_wrap=True)
     for file in found.files:
