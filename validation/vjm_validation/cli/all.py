@@ -14,7 +14,6 @@ from cyclopts import Parameter
 from vjm.io.errors import did_you_mean
 from vjm.io.files import locked
 from vjm.io.findings import Finding
-from vjm.io.manipulator_file import load_model
 from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_validation.cli import tables
@@ -27,6 +26,7 @@ from vjm_validation.cli.options import (
 )
 from vjm_validation.cli.status import INTERRUPTED, NOT_ACCEPTED, OK, UsageError
 from vjm_validation.comparison_names import COMPARISONS
+from vjm_validation.load_any_model import in_postures, loaded
 from vjm_validation.report.printing import chromium, print_page
 from vjm_validation.runs.own_machine import run_own
 from vjm_validation.runs.paper import Options, run_all
@@ -86,7 +86,7 @@ def all_(
             if value is not None and not 0.0 < value < float("inf"):
                 raise UsageError(f"{name}: must be positive, not {value:g}; --direction gives the sign")
         # what is wrong with the file is said of the file, before what is doubtful
-        load_model(model)
+        in_postures(loaded(model)[0], posture)
         doubts = considered(model, strict)
         return _own(
             Request(

@@ -218,12 +218,7 @@ def _stiffness(request: Request, chain: Chain, labels: Sequence[str], lumped: Vj
         for load in ("none", "weight") if request.gravity else ("none",):
             at = equilibria(model, model.posture(label), gravity=request.gravity if load == "weight" else None)
             for end, C in zip(model.ends, _compliance(at), strict=True):
-                diagonal = np.diag(C)
-                largest = np.repeat([diagonal[:3].max(), diagonal[3:].max()], 3)
-                # what is left of a direction in which nothing moves is rounding
-                along = [
-                    float(1.0 / c) if c > RIGID * most else None for c, most in zip(diagonal, largest, strict=True)
-                ]
+                along = [_along(C, unit) for unit in np.eye(6)]
                 rows.append(StiffnessRow(posture=label, end=end, load=load, along=along))
     return rows
 
@@ -326,10 +321,10 @@ def _tree_rows(request: Request, found: OwnMachine, lumped: VjmEngine, labels: S
 
 
 def _along(C: Array, unit: Array) -> float | None:
-    """Stiffness along a direction ``(6,)`` of a compliance ``(6, 6)``, N/mm; None where nothing deflects."""
-    compliance = float(unit @ C @ unit)
+    """Stiffness along or about a direction ``(6,)`` of a compliance ``(6, 6)``; None where nothing deflects."""
+    compliance, kind = float(unit @ C @ unit), slice(0, 3) if unit[:3].any() else slice(3, 6)
     # what is left of a direction in which nothing moves is rounding
-    return 1.0 / compliance if compliance > RIGID * float(np.diag(C)[:3].max()) else None
+    return 1.0 / compliance if compliance > RIGID * float(np.diag(C)[kind].max()) else None
 
 
 def studied(found: OwnMachine) -> tuple[str, str, bool] | None:
