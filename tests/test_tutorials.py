@@ -69,9 +69,10 @@ def figures_of(line: str) -> list[tuple[float, float]]:
 def alike(shown: str, printed: str) -> bool:
     """Whether a printed line begins like the shown one, to the last digit but one of its figures.
 
-    A page may leave out the last columns of a wide table.
+    A page may leave out the end of a line, such as the last columns of a wide table.
     """
-    if not f"{words_of(printed)} ".startswith(f"{words_of(shown)} "):
+    begun, whole = words_of(shown), words_of(printed)
+    if not whole.startswith(begun) or whole[len(begun) : len(begun) + 1].isalnum():
         return False
     pairs = zip(figures_of(shown), figures_of(printed), strict=False)
     return all(abs(a - b) <= LAST_BUT_ONE * unit for (a, unit), (b, _) in pairs)

@@ -112,7 +112,7 @@ def postures_of(
         >>> import vjm
         >>> model = TreeModel(vjm.load("planar-2r"))
         >>> [q.round(3).tolist() for q in postures_of(model, np.array([600.0, 300.0, 0.0]))]
-        [[1.058, -1.439], [-0.131, 1.439]]
+        [[-0.171, 1.471], [1.099, -1.471]]
     """
     ranges, index = ranges_of(model), end_index(model, end)
     return _postures(model, ranges, position, rotation, index, ranges.random(STARTS, seed))
