@@ -33,7 +33,7 @@ MAY_IMPORT = {
     "vjm.io": {"numpy", "scipy", "pydantic", "pydantic_core", "mujoco", "xacro", "robot_descriptions"},
     # what it shows results with, imported when asked
     "vjm.notebook": {"numpy", "matplotlib", "pandas"},
-    "vjm_output": {"vjm", "numpy", "pydantic", "matplotlib", "jinja2", "markupsafe", "rich"},
+    "vjm_output": {"vjm", "numpy", "pydantic", "matplotlib", "pyvista", "jinja2", "markupsafe", "rich"},
     "vjm_fea": {"vjm", "numpy", "scipy", "exudyn", "openseespy", "gmsh", "skfem", "pypardiso"},
     "vjm_updating": {
         *("vjm", "vjm_output", "vjm_fea", "numpy", "scipy", "numba", "pydantic"),

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from vjm.model.chain import Chain
     from vjm.model.load_case import Load, LoadCase, PointControl
     from vjm.platform.manipulator import Manipulator
+    from vjm.postures import in_posture
     from vjm.vjm_engine import VjmEngine
 
 __version__ = "0.2.0"
@@ -56,6 +57,7 @@ _HOME = {
     "VjmEngine": "vjm.vjm_engine",
     "buckling": "vjm.analysis",
     "engine_by_name": "vjm.engines",
+    "in_posture": "vjm.postures",
     "load": "vjm.io.manipulator_file:load_model",
     "read_curve": "vjm.io.path_files",
     "stiffness": "vjm.analysis",
@@ -84,6 +86,7 @@ __all__ = [
     "__version__",
     "buckling",
     "engine_by_name",
+    "in_posture",
     "load",
     "read_curve",
     "stiffness",

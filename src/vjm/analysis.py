@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
@@ -17,6 +17,7 @@ from vjm.loaded_stiffness import DISPLACEMENT, WRENCH, LoadedStiffness, held_by_
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.platform.manipulator import Manipulator
+from vjm.postures import Posture, in_posture
 from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
 
@@ -67,10 +68,11 @@ class Buckling:
         first = next(iter(self.paths.values()))
         lines = [f"<Buckling {first.model}, {first.engine}"]
         for row in self.rows():
-            what = "no critical point"
+            what, driven = "no critical point", self.paths[row["posture"], row["direction"]].load_case.driven
             if row["critical"]:
-                what = f"{row['critical']} at {row['d_cr']:.5g} mm, {row['F_cr']:.5g} N"
-            lines.append(f" {row['posture']} {row['direction']}: K0 = {row['K0']:.5g} N/mm; {what}")
+                what = f"{row['critical']} at {row['d_cr']:.5g} {driven.along}, {row['F_cr']:.5g} {driven.unit}"
+            K0 = f"{row['K0']:.5g} {driven.stiffness}"
+            lines.append(f" {row['posture']} {row['direction']}: K0 = {K0}; {what}")
         return "\n".join(lines) + ">"
 
     def _repr_html_(self) -> str:
@@ -126,12 +128,14 @@ def trace(
         >>> path.critical.kind, round(path.critical.force)
         (<EventKind.BIFURCATION: 'bifurcation'>, 2696)
     """
+    machine, label = in_posture(machine, load_case.posture)
+    load_case = load_case if label == load_case.posture else replace(load_case, posture=label)
     return _solver(machine, engine, options).trace(cast(Chain, machine), load_case)
 
 
 def stiffness(
     machine: Machine,
-    posture: str = "",
+    posture: Posture = "",
     *,
     displacement: Sequence[float] | None = None,
     wrench: Sequence[float] | None = None,
@@ -145,7 +149,7 @@ def stiffness(
 
     Args:
         machine: see `vjm.load`.
-        posture: label; the first one if left out.
+        posture: label, or coordinates, by the joints' names too, see `vjm.in_posture`; the first one if left out.
         displacement: ``(6,)`` of the end-effector, imposed; mm and rad, world axes. Zero if neither is given.
         wrench: ``(6,)`` on the free end-effector, dead; N and N mm, world axes.
         engine: as for `trace`.
@@ -173,7 +177,7 @@ def stiffness(
     values = tuple(float(value) for value in given)
     if len(values) != 6 or not np.all(np.isfinite(values)):
         raise ValueError(f"{control} must be six finite numbers, got {list(given)}")
-    label = posture or _labels(machine)[0]
+    machine, label = in_posture(machine, posture or _labels(machine)[0])
     solver = engine_by_name(engine, options, machine) if isinstance(engine, str) else engine
     if displacement is None and isinstance(machine, Chain) and isinstance(solver, VjmEngine):
         if held_by_itself(machine):
@@ -192,29 +196,32 @@ def stiffness(
 
 def buckling(
     machine: Machine,
-    postures: Sequence[str] = (),
+    postures: Sequence[Posture] = (),
     directions: Sequence[str] = ("tension", "compression"),
     *,
     engine: str | Engine = "vjm",
     options: EngineOptions = DEFAULTS,
     to: float | None = None,
+    axis: str = "x",
     free: Sequence[str] = (),
     force: bool = False,
 ) -> Buckling:
-    """Paths along x in every posture and direction, with their critical points.
+    """Paths along an axis in every posture and direction, with their critical points.
 
     Args:
         machine: see `vjm.load`.
-        postures: labels; all if left out.
+        postures: labels or coordinates, see `vjm.in_posture`; all if left out.
         directions: ``tension`` is the positive ramp, ``compression`` the negative one.
         engine: as for `trace`.
         options: likewise.
-        to: how far, mm, or N with ``force``; 4 mm by default.
+        to: how far, mm or rad, with ``force`` N or N mm; 4 mm by default along x, y and z.
+        axis: the driven component, one of x, y, z, rx, ry, rz.
         free: components in which the end-effector is free, such as ``("rx", "ry", "rz")``.
-        force: a dead force along x is driven, up to its first maximum, instead of the displacement.
+        force: a dead force or moment along the axis is driven, up to its first maximum, instead of the
+            displacement.
 
     Raises:
-        ValueError: as `trace`, or ``force`` without ``to``.
+        ValueError: as `trace`, or ``force`` or a rotation without ``to``.
         NoConvergenceError: as `trace`.
 
     Example:
@@ -224,18 +231,26 @@ def buckling(
          A tension: K0 = 3300.3 N/mm; bifurcation at 0.81313 mm, 2696.2 N
          A compression: K0 = 3300.3 N/mm; no critical point>
     """
-    if force and to is None:
-        raise ValueError("with force=True say up to how many N: to=…")
+    if axis not in COMPONENTS:
+        raise ValueError(f"axis '{axis}' is none of {', '.join(COMPONENTS)}")
+    if to is None and (force or axis not in COMPONENTS[:3]):
+        raise ValueError(
+            f"{'with force=True' if force else f'along {axis}'} say up to how many "
+            f"{'N' if axis in COMPONENTS[:3] else 'N mm' if force else 'rad'}: to=…"
+        )
     solver = _solver(machine, engine, options)
-    paths = {}
-    for posture in postures or _labels(machine):
+    paths, labels = {}, []
+    for wanted in postures or _labels(machine):
+        machine, label = in_posture(machine, wanted)
+        labels.append(label)
+    for posture in labels:
         for word in directions:
             direction = Direction(word)
             end = ramp_end(cast(Chain, machine), posture, direction) if to is None else direction.sign * abs(to)
-            case = LoadCase(posture, end, free=tuple(free))
+            case = LoadCase(posture, end, axis, free=tuple(free))
             if force:
-                push = Load((1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-                slides = tuple(name for name in COMPONENTS if name == "x" or name in free)
+                push = Load(tuple(float(name == axis) for name in COMPONENTS))
+                slides = tuple(name for name in COMPONENTS if name == axis or name in free)
                 case = LoadCase(posture, end, "load", free=slides, loads=(push,), control=TO_LIMIT)
             paths[posture, str(direction)] = solver.trace(cast(Chain, machine), case)
     return Buckling(paths)

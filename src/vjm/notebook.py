@@ -138,10 +138,9 @@ def path_columns(path: Traced) -> dict[str, Any]:
 
 
 def path_unit(path: Traced) -> str:
-    """Unit of the ramp: ``mm``, ``rad``, or nothing for a load factor."""
-    if path.load_case.load_driven:
-        return ""
-    return "mm" if path.load_case.direction[:3].any() else "rad"
+    """Unit of the ramp: ``mm`` or ``rad``; of a driven load ``N``, ``N mm``, or nothing for a load factor."""
+    driven = path.load_case.driven
+    return driven.unit if path.load_case.load_driven else driven.along
 
 
 def path_plot(path: Traced, ax: Axes | None = None, label: str = "") -> Axes:
@@ -158,9 +157,10 @@ def path_plot(path: Traced, ax: Axes | None = None, label: str = "") -> Axes:
     for event in path.events:
         ramp = event.point.ramp if event.point else event.s
         ax.plot(ramp, event.force, "o", color=line.get_color(), markersize=4)
-    unit = path_unit(path)
-    ax.set_xlabel(f"displacement, {unit}" if unit else "load factor")
-    ax.set_ylabel("force, N" if unit == "mm" else "moment, N mm" if unit else "load factor")
+    driven = path.load_case.driven
+    load = f"{driven.name}, {driven.unit}" if driven.unit else driven.name
+    ax.set_xlabel(load if path.load_case.load_driven else f"displacement, {driven.along}")
+    ax.set_ylabel(load)
     ax.legend()
     return ax
 

@@ -1,9 +1,11 @@
-"""Whether this machine can render three-dimensional pictures without a screen."""
+"""Three-dimensional pictures without a screen: what draws them, and whether this machine can."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Sequence
+from typing import Any
 
 PROBE = """
 import pyvista
@@ -29,3 +31,17 @@ def why_not_rendered() -> str:
         return ""
     last = done.stderr.strip().splitlines()[-1:] or ["no message"]
     return f"exit status {done.returncode}, {last[0][:200]}"
+
+
+def plotter(size: Sequence[int]) -> Any:  # noqa: ANN401
+    """A `pyvista.Plotter` that draws without a screen, of a width and a height in pixels.
+
+    VTK asks for an X server before it draws without one, and warns where there is none: its errors alone are shown.
+
+    Raises:
+        ImportError: PyVista is not installed.
+    """
+    import pyvista  # it takes seconds to import
+
+    pyvista.vtk_verbosity("error")
+    return pyvista.Plotter(off_screen=True, window_size=list(size))

@@ -38,7 +38,13 @@ def test_import_alone_loads_no_numpy():
     assert done.stdout == "False False\n"
 
 
-@pytest.mark.parametrize("module", ["vjm", "vjm.analysis"])
+@pytest.mark.parametrize(
+    "module",
+    [
+        *("vjm", "vjm.analysis", "vjm.postures", "vjm.model.joint_limits", "vjm.tree.damped_search"),
+        "vjm.tree.inverse_kinematics",
+    ],
+)
 def test_examples_in_docstrings_hold(module):
     result = doctest.testmod(importlib.import_module(module))
     assert result.attempted >= 2

@@ -59,6 +59,12 @@ def at_most(name: str, value: float, limit: float, unit: str = "") -> Acceptance
     )
 
 
+def accepted(rows: Iterable[AcceptanceRow]) -> bool:
+    """Whether a run is accepted: no requirement failed, and one at least was looked at and holds."""
+    passed = [row.passed for row in rows]
+    return False not in passed and True in passed
+
+
 MODEL_ROW = "model"
 """Name of the row about the model file itself."""
 
@@ -70,8 +76,13 @@ def model_rows(findings: Iterable[Finding]) -> list[AcceptanceRow]:
 
 
 def solver_rows(paths: Mapping[Key, Path]) -> list[AcceptanceRow]:
-    """Every path reached its end, every point is an equilibrium, every point that was kept is stable."""
+    """Every path reached its end, every point is an equilibrium, every point that was kept is stable.
+
+    No rows where no path was followed: of nothing everything holds.
+    """
     followed = {key: path for key, path in paths.items() if key.engine != FROZEN}
+    if not followed:
+        return []
     early = [f"{key.stem}: {path.stopped}" for key, path in followed.items() if not path.complete]
     residuals = [p.residual for path in followed.values() for p in path.points]
     unstable = [f"{key.stem} at {p.s:.4g}" for key, path in followed.items() for p in path.points if p.unstable > 0]

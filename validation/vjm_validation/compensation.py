@@ -35,6 +35,7 @@ class ModelError(BaseModel):
     largest_mm: float
     mean_mm: float
     largest_rad: float
+    """Largest turn; of an arm whose path asks for none, from the end of the rigid arm."""
 
 
 class CompensationDocument(BaseModel):
@@ -114,7 +115,7 @@ def compensation(
         joints=list(answer.joints),
         commands={name: rows.tolist() for name, rows in answer.commands.items()},
         errors={name: rows.tolist() for name, rows in answer.errors.items()},
-        left={name: _left(rows, turns=path.turns is not None) for name, rows in answer.errors.items()},
+        left={name: _left(rows) for name, rows in answer.errors.items()},
     )
 
 
@@ -137,9 +138,9 @@ def _platform(machine: Manipulator, engine: VjmEngine, path: ToolPath) -> _Answe
     )
 
 
-def _left(errors: Array, *, turns: bool) -> ModelError:
+def _left(errors: Array) -> ModelError:
     shifts = np.linalg.norm(errors[:, :3], axis=1)
-    turned = np.linalg.norm(errors[:, 3:], axis=1) if turns else np.zeros(1)
+    turned = np.linalg.norm(errors[:, 3:], axis=1)
     return ModelError(largest_mm=float(shifts.max()), mean_mm=float(shifts.mean()), largest_rad=float(turned.max()))
 
 

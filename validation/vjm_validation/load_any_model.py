@@ -9,7 +9,7 @@ from vjm.engine import Engine
 from vjm.engines import for_model
 from vjm.io.manipulator_file import load_model
 from vjm.model.chain import Chain
-from vjm.platform.manipulator import Manipulator
+from vjm.postures import in_posture
 
 
 def loaded(name_or_path: str, *, shear: bool = True) -> tuple[Chain, Callable[[Engine], Engine]]:
@@ -33,20 +33,21 @@ def loaded(name_or_path: str, *, shear: bool = True) -> tuple[Chain, Callable[[E
     return cast(Chain, model), lambda engine: for_model(engine, model)
 
 
-def postures(model: Chain, wanted: Sequence[str]) -> list[str]:
-    """The labels that are asked for, or all; of a manipulator also coordinates, see `Manipulator.displacement`.
+def in_postures(model: Chain, wanted: Sequence[str]) -> tuple[Chain, list[str]]:
+    """A model that has the postures asked for, and their labels; all of its own where none is asked for.
+
+    Args:
+        model: a chain, or a manipulator under its protocol.
+        wanted: labels, or coordinates, see `vjm.postures.in_posture`.
 
     Raises:
-        ValueError: there is no such posture.
+        ValueError: there is no such posture, or a coordinate is beyond its joint's limits.
     """
-    for label in wanted:
-        if isinstance(model, Manipulator):
-            try:
-                model.displacement(label)
-            except ValueError as error:
-                raise ValueError(f"--posture: {error}") from None
-        elif label not in model.postures:
-            raise ValueError(
-                f"--posture: {model.name} has no posture '{label}' (it has {', '.join(model.postures)})"
-            )
-    return list(wanted or model.postures)
+    labels = []
+    for text in wanted:
+        try:
+            model, label = in_posture(model, text)
+        except ValueError as error:
+            raise ValueError(f"--posture: {error}") from None
+        labels.append(label)
+    return model, labels or list(model.postures)

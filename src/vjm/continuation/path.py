@@ -199,7 +199,7 @@ class Path:
         case, unit, n = self.load_case, path_unit(self), len(self.points)
         unit = f" {unit}" if unit else ""
         axis = case.axis if isinstance(case.axis, str) else "a direction"
-        per = "" if case.load_driven else " N/mm" if unit == " mm" else " N mm/rad"
+        per = f" {case.driven.stiffness}" if case.driven.stiffness else ""
         lines = [
             f"<Path {self.model}, posture {case.posture}, {self.engine}: "
             f"{axis} to {case.to:g}{unit}, {n} equilibria",

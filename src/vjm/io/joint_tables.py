@@ -8,10 +8,10 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from vjm.io import checks
-from vjm.io.errors import printed
 from vjm.io.fields import Axis, Label, Matrix6, Turns, VectorMM, rotation
 from vjm.io.sections import Table
 from vjm.model import joints, parts
+from vjm.model.joint_limits import said_beyond, said_turned
 from vjm.rotations import frame
 
 Mass = Annotated[float, Field(ge=0.0, le=1e4, description="kg")]
@@ -27,6 +27,10 @@ class PartTable(Table):
     after: str | None = Field(
         None, description="name of the part behind which this one begins, '' for the base; else the part before it"
     )
+
+
+CALIBRATED = "calibrated: "
+"""Begins the source of a part that a calibration made: its numbers were fitted, and no one typed them."""
 
 
 class Offset(PartTable):
@@ -283,10 +287,6 @@ class PointSpringTable(Table):
         )  # fmt: skip
 
 
-LARGEST_TURN = 2.0 * np.pi
-"""rad; a coordinate beyond it is taken for degrees. Passive joints turn half as far."""
-
-
 def check_coordinate(label: str, joint: MovingTable, value: float) -> None:
     """Refuse a coordinate of a posture that is in another unit or beyond the joint's limits.
 
@@ -295,16 +295,13 @@ def check_coordinate(label: str, joint: MovingTable, value: float) -> None:
     """
     where = f"posture '{label}':"
     if not joint.slides:
-        bound, name = (np.pi, "±π") if isinstance(joint, JointTable) else (LARGEST_TURN, "±2π")
-        if abs(value) > bound:
-            raise ValueError(f"{where} {joint.name} = {printed(value)} rad is beyond {name}: is it in degrees?")
-    if joint.limits is None:
-        return
-    low, high = joint.limits
-    if value < low:
-        raise ValueError(f"{where} out of reach: {joint.name} = {printed(value)} is below its limit {printed(low)}")
-    if value > high:
-        raise ValueError(f"{where} out of reach: {joint.name} = {printed(value)} exceeds its limit {printed(high)}")
+        turned = said_turned(joint.name, value, passive=isinstance(joint, JointTable))
+        if turned:
+            raise ValueError(f"{where} {turned}")
+    if joint.limits is not None:
+        said = said_beyond(joint.name, value, joint.limits, "mm" if joint.slides else "rad")
+        if said:
+            raise ValueError(f"{where} out of reach: {said}")
 
 
 def given_coordinates(

@@ -18,11 +18,11 @@ import pydantic
 from pydantic import Field, StringConstraints, model_validator
 
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
-from vjm.io.joint_tables import LARGEST_TURN
 from vjm.io.model_file import Entry, ModelDocument, _parse, build_chain, library, read_document
 from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM, rotation
 from vjm.io.sections import Table
 from vjm.model.chain import Chain
+from vjm.model.joint_limits import LARGEST_TURN
 from vjm.platform.manipulator import BASE, PLATFORM, Coupling, Drive, Leg, Manipulator, drive_of
 from vjm.rotations import Array, frame
 
@@ -219,8 +219,8 @@ def build_manipulator(document: ModelDocument, folder: Path | Traversable) -> Ma
         raise ModelFileError(f"{file}: {error}") from error
 
 
-def leg_documents(name_or_path: str | Path) -> list[ModelDocument]:
-    """The documents of the chains that a manipulator's legs are made of, each once.
+def leg_documents(name_or_path: str | Path) -> dict[str, ModelDocument]:
+    """The documents of the chains that a manipulator's legs are made of, by the name that these have for them.
 
     Raises:
         ModelFileError: one of them is not there.
@@ -228,7 +228,7 @@ def leg_documents(name_or_path: str | Path) -> list[ModelDocument]:
     inside = isinstance(name_or_path, str) and any(f.name == f"{name_or_path}.toml" for f in _library_files())
     folder = _folder() / "chains" if inside else Path(name_or_path).parent
     legs = read_document(name_or_path).content.get("legs", [])
-    return [_leg_document(name, folder) for name in dict.fromkeys(str(leg["chain"]) for leg in legs)]
+    return {name: _leg_document(name, folder) for name in dict.fromkeys(str(leg["chain"]) for leg in legs)}
 
 
 def _chain(name: str, folder: Path | Traversable) -> Chain:

@@ -6,7 +6,7 @@ hardly is. Each rule names part and key, what was found and the likely mistake.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from vjm.io.errors import printed
 from vjm.io.fields import Turns
 from vjm.io.findings import Finding, Grade, worst_first
 from vjm.io.joint_tables import (
+    CALIBRATED,
     ActuatedTable,
     ActuatorTable,
     CoupledTable,
@@ -36,7 +37,7 @@ from vjm.io.joint_tables import (
     Offset,
     PayloadTable,
 )
-from vjm.io.manipulator_file import KIND, ManipulatorFile, leg_documents
+from vjm.io.manipulator_file import KIND, LegTable, ManipulatorFile, leg_documents
 from vjm.io.matrix_plausibility import matrices
 from vjm.io.model_file import read_document
 from vjm.io.schema import BeamTable, ModelFile
@@ -45,6 +46,8 @@ from vjm.model.parts import Beam
 TINY_MM, TINY_INSIDE_MM, LEAST_MM = 2.0, 0.5, 1e-3
 """Lengths of vectors below which they are taken for metres, from part to part and within one, and above which: 1 mm
 is the least that a link has. What is shorter still is no length in any unit, but what a fit leaves of a zero."""
+METRE_DIGITS = 6
+"""Decimals of a length in metres that drawings and data sheets give: the last is 1 µm."""
 SMALLEST_MM = 10.0
 """Of a machine, all its parts together: below it is taken for metres."""
 ODD_DRIVES = {"mm/N": (1e-8, 0.1), "rad/(N mm)": (1e-14, 1e-3)}
@@ -78,9 +81,27 @@ def findings_of(name_or_path: str | Path) -> list[Finding]:
     if document.content.get("kind") != KIND:
         return model_findings(document.content, document.file)
     found = [Finding(g, f"{document.file}: {w}", t) for g, w, t in _machine(document.content)]
-    for leg in leg_documents(name_or_path):
-        found += model_findings(leg.content, leg.file)
+    legs = ManipulatorFile.model_validate(document.content).legs
+    for name, leg in leg_documents(name_or_path).items():
+        used = [table for table in legs if table.chain == name]
+        found += model_findings(_as_used(leg.content, used), leg.file)
     return worst_first(found)
+
+
+def _as_used(content: Mapping[str, Any], legs: Sequence[LegTable]) -> dict[str, Any]:
+    """A chain's document with the postures alone in which legs stand: labels of its own, or coordinates at home."""
+    own = content.get("postures", {})
+    used: dict[str, Any] = {}
+    for leg in legs:
+        if isinstance(leg.posture, str):
+            used[leg.posture] = own[leg.posture]
+        elif any(part.get("kind") in ("actuated", "sprung", "coupled") for part in content.get("parts", [])):
+            # what is held stands as in the first posture
+            label = next(iter(own))
+            used[label] = own[label]
+        else:
+            used[f"home-of-{leg.name}"] = leg.posture
+    return {**content, "postures": used}
 
 
 def model_findings(content: Mapping[str, Any], file: str) -> list[Finding]:
@@ -137,24 +158,31 @@ def _tiny(where: str, vector: list[float], least: float = TINY_MM) -> Iterator[F
 
 
 def _bodies(model: ModelFile) -> dict[str, float]:
-    """Longest rigid piece of the body that each rigid piece is of, mm, by the piece's name."""
+    """Longest rigid piece of the body that each one is of, mm, by its name: each lies behind the one before."""
     longest: dict[str, float] = {}
-    body: list[str] = []
+    body: dict[str, str] = {}
+    before = ""
     for part in model.parts:
-        if not isinstance(part, Offset) or part.after is not None:
-            body = []
+        behind = before if part.after is None else part.after
+        before = part.name
         if isinstance(part, Offset):
-            body.append(part.name)
-            longest[part.name] = float(np.linalg.norm(part.translation_mm))
-            longest |= dict.fromkeys(body, max(longest[name] for name in body))
-    return longest
+            body[part.name] = body.get(behind, part.name)
+            own = float(np.linalg.norm(part.translation_mm))
+            longest[body[part.name]] = max(longest.get(body[part.name], 0.0), own)
+    return {name: longest[root] for name, root in body.items()}
+
+
+def _may_be_in_metres(link: Offset) -> bool:
+    """Whether a link's vector may have been typed in metres: no fit by its source or by digits below 1 µm."""
+    vector = link.translation_mm
+    return not link.source.startswith(CALIBRATED) and all(abs(v - round(v, METRE_DIGITS)) <= 1e-12 for v in vector)
 
 
 def offsets(model: ModelFile) -> Iterator[Found]:
     """Rigid arms and whole machines so small that they are in metres, and masses far outside of the machine.
 
     Pieces of one rigid body come in one unit: beside a long piece a tiny one is a correction, such as calibrations
-    write.
+    write. Elsewhere it is one where its source says so, or its digits are finer than any in metres.
     """
     size = sum(length_of(part.part()) for part in model.parts)
     if 0.0 < size < SMALLEST_MM:
@@ -166,7 +194,7 @@ def offsets(model: ModelFile) -> Iterator[Found]:
         where = f"part '{part.name}'"
         if isinstance(part, BeamTable):
             yield from _tiny(f"{where}, end_offset_mm", part.end_offset_mm, TINY_INSIDE_MM)
-        elif isinstance(part, Offset) and longest[part.name] < TINY_MM:
+        elif isinstance(part, Offset) and longest[part.name] < TINY_MM and _may_be_in_metres(part):
             yield from _tiny(f"{where}, translation_mm", part.translation_mm)
         if isinstance(part, Offset | PayloadTable) and part.centre_of_mass_mm is not None:
             yield from _tiny(f"{where}, centre_of_mass_mm", part.centre_of_mass_mm, TINY_INSIDE_MM)
@@ -326,22 +354,31 @@ def limits(model: ModelFile) -> Iterator[Found]:
 
 
 def postures(model: ModelFile) -> Iterator[Found]:
-    """Coordinates in degrees that are small enough to pass for radians."""
+    """Coordinates in degrees that are small enough to pass for radians.
+
+    Degrees are typed round; radians of a bent machine come from its geometry, and 135° has no short decimal in rad.
+    A coordinate within limits that the file gives in rad is in rad.
+    """
     moving = {part.name: part for part in model.parts if isinstance(part, MovingTable) and not part.slides}
     for label in model.postures:
         given = {name: q for name, q in model.given(label).items() if name in moving}
         where = f"posture '{label}'"
-        for name, q in given.items():
-            if isinstance(moving[name], JointTable) and abs(q) >= FOLDED:
+        turned = [q for q in given.values() if q]
+        for name, q in given.items() if all(_round_number(q) for q in turned) else ():
+            if isinstance(moving[name], JointTable) and abs(q) >= FOLDED and moving[name].limits is None:
                 found = (
-                    f"the passive joint {name} at {printed(q)} rad is turned by {printed(np.rad2deg(q), 3)}°: "
-                    "is it in degrees? Give rad"
+                    f"the passive joint {name} at {printed(q)} rad is turned by {printed(np.rad2deg(q), 3)}°, and "
+                    "all coordinates are round numbers: is it in degrees? Give rad"
                 )
                 yield Grade.DOUBTFUL, where, found
-        turned = [q for q in given.values() if q]
         if turned and max(map(abs, turned)) >= 3.0 and all(float(q).is_integer() for q in turned):
             found = "every coordinate is a whole number: are they degrees? Give rad"
             yield Grade.DOUBTFUL, where, found
+
+
+def _round_number(q: float) -> bool:
+    """Whether a coordinate is a multiple of a tenth, as degrees are typed."""
+    return abs(q - round(q, 1)) <= 1e-12
 
 
 RULES: tuple[Rule, ...] = (

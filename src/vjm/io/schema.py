@@ -35,6 +35,7 @@ from vjm.io.sections import LengthMM, StiffnessSection, Table
 from vjm.io.shapes import SHAPES, AnySection
 from vjm.model import parts
 from vjm.model.chain import FOOT, Chain, pushed_out
+from vjm.model.joint_limits import joint_limits
 from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
 from vjm.rotations import frame
 
@@ -250,7 +251,12 @@ class ModelFile(Table):
             link_segments=self.springs.link_segments,
             foot_segments=self.springs.foot_segments,
         )
+        limits = joint_limits(chain)
         for label in self.postures:
+            try:
+                limits.check(given[label])
+            except ValueError as error:
+                raise ValueError(f"posture '{label}': {error}") from error
             for joint, beam in chain.pushing.items():
                 try:
                     pushed_out(beam, chain.held[label][joint])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,39 @@ LOAD = "load"
 RAMP, ARC, TO_LIMIT = "ramp", "arc", "limit"
 """A path's parameter may be the ramp itself or the length of the path's arc: to the ramp's end, or to where the
 ramp first turns back if that comes before."""
+
+
+class Driven(NamedTuple):
+    """What a ramp drives, as results are labelled.
+
+    Attributes:
+        name: ``force``, ``moment``, or ``load factor`` where loads have another size than one.
+        unit: of it: N or N mm; empty for a load factor.
+        along: unit of the displacement on which it works: mm or rad; empty where loads are of both kinds.
+        size: N or N mm that a load factor of one stands for; 1 where it is the force itself, 0 where it is none.
+    """
+
+    name: str
+    unit: str
+    along: str
+    size: float
+
+    @property
+    def stiffness(self) -> str:
+        """Unit of the stiffness along it; empty where there is none."""
+        return f"{self.unit}/{self.along}" if self.unit and self.along else ""
+
+    def said(self, value: float) -> str:
+        """A value of it in words.
+
+        Example:
+            >>> Driven("load factor", "", "mm", 10.0).said(2.5), Driven("force", "N", "mm", 1.0).said(2.5)
+            ('load factor 2.5 (25 N)', 'force 2.5 N')
+        """
+        if self.unit:
+            return f"{self.name} {value:.6g} {self.unit}"
+        unit = {"mm": "N", "rad": "N mm"}.get(self.along, "")
+        return f"{self.name} {value:.6g}" + (f" ({self.size * value:.6g} {unit})" if self.size and unit else "")
 
 
 @dataclass(frozen=True)
@@ -64,6 +98,8 @@ class PointControl:
         object.__setattr__(self, "direction", tuple((d / np.linalg.norm(d)).tolist()))
 
 
+UNIT_SIZE = 1e-12
+"""Rounding of a direction's length: a load of that size is a force of 1 N, and its factor the force."""
 SHORTEST = 1e-100
 """End of a ramp, mm, rad or a factor: squares of less are no numbers in double precision."""
 
@@ -168,6 +204,25 @@ class LoadCase:
     def load_driven(self) -> bool:
         """Whether the ramp is a load factor."""
         return self.axis == LOAD
+
+    @cached_property
+    def driven(self) -> Driven:
+        """What the ramp drives: a wrench along a displacement, one load of size one, or a factor on loads."""
+        if not self.load_driven:
+            return (
+                Driven("force", "N", "mm", 1.0)
+                if self.direction[:3].any()
+                else Driven("moment", "N mm", "rad", 1.0)
+            )
+        ramped = np.array([load.wrench for load in self.loads if load.ramped]).reshape(-1, 6)
+        forces, moments = bool(ramped[:, :3].any()), bool(ramped[:, 3:].any())
+        if forces == moments:
+            return Driven("load factor", "", "", 0.0)
+        along = "mm" if forces else "rad"
+        size = float(np.linalg.norm(ramped[0])) if len(ramped) == 1 else 0.0
+        if abs(size - 1.0) > UNIT_SIZE:
+            return Driven("load factor", "", along, size)
+        return Driven("force" if forces else "moment", "N" if forces else "N mm", along, 1.0)
 
     @property
     def weight_ramped(self) -> bool:

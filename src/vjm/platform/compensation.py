@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
+from vjm.model.joint_limits import said_beyond
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.platform.closure import RigidPose
-from vjm.platform.manipulator import Manipulator
+from vjm.platform.manipulator import Leg, Manipulator
 from vjm.platform.problem import ManipulatorProblem
-from vjm.platform.rigid import freedom, inverse_kinematics, rates
+from vjm.platform.rigid import PoseError, freedom, inverse_kinematics, rates
 from vjm.rotations import Array
+from vjm.tree.damped_search import damped_search
 from vjm.vjm_engine import VjmEngine
 
-ITERATIONS = 12
 EXACT = 1e-8
 """mm, or rad times the characteristic length, that may be left of what the drives can put right."""
 
@@ -28,7 +29,7 @@ class Compensation:
     Attributes:
         drives: coordinates ``(l,)`` of the rigid machine, mm or rad.
         offsets: by leg, what is added to them.
-        offsets_linear: the same by the linear model, ``K`` of the unloaded machine.
+        offsets_linear: the same by the linear model, ``K`` of the unloaded machine, cut at the drives' limits.
         rigid: error ``(6,)`` of the platform where nothing is compensated, mm, rad.
         linear: where the linear model's offsets are.
         loaded: where the loaded model's are: what no drive can put right, such as turns of a platform that only
@@ -44,7 +45,7 @@ class Compensation:
 
 
 def compensated(manipulator: Manipulator, displacement: Array, wrench: Array, engine: VjmEngine) -> Compensation:
-    """The drives' offsets that bring the loaded platform to a pose, by Newton's method with Broyden's updates.
+    """The drives' offsets that bring the loaded platform to a pose, by damped least squares within their limits.
 
     Only what the rigid platform can do counts: a machine that shifts its platform cannot turn it back.
 
@@ -55,7 +56,7 @@ def compensated(manipulator: Manipulator, displacement: Array, wrench: Array, en
         engine: how beams become springs.
 
     Raises:
-        PoseError: the rigid machine cannot take the pose.
+        PoseError: the rigid machine cannot take the pose, or the loaded one not within its drives' limits.
         ValueError: its drives are not as many as its platform's freedoms.
         NoConvergenceError: an equilibrium or the offsets were not found.
     """
@@ -80,25 +81,46 @@ def compensated(manipulator: Manipulator, displacement: Array, wrench: Array, en
     def felt(e: Array) -> Array:
         return basis.T @ (unit * e)
 
-    nothing = np.zeros(len(driven))
-    rigid = error(nothing)
+    stands = np.array([d for d, leg in zip(pose.drives, manipulator.legs, strict=True) if leg.drive is not None])
+    stands = stands + np.array([manipulator.offsets.get(name, 0.0) for name in names])
+    limits = np.array([leg.drive.limits for leg in driven if leg.drive is not None]) - stands[:, None]
+    rigid = error(np.zeros(len(driven)))
     K = ManipulatorProblem(manipulator.with_offsets({}).with_errors({}), LoadCase("", 1.0), engine, pose)
     soft = np.linalg.solve(np.asarray(K.unloaded().stiffness), np.asarray(wrench, dtype=float))
-    u_linear = -np.linalg.solve(J, felt(soft))
+    u_linear = np.clip(-np.linalg.solve(J, felt(soft)), limits[:, 0], limits[:, 1])
     linear = error(u_linear)
-    u, left = u_linear, felt(linear)
-    loaded = linear
-    for _ in range(ITERATIONS):
-        if np.abs(left).max() < EXACT:
-            return Compensation(pose.drives, named(u), named(u_linear), rigid, linear, loaded)
-        step = -np.linalg.solve(J, left)
-        loaded = error(u + step)
-        after = felt(loaded)
-        J = J + np.outer(after, step) / (step @ step)
-        u, left = u + step, after
-    raise NoConvergenceError(
-        f"{manipulator.name}: after {ITERATIONS} steps the platform is still {np.abs(left).max():.2g} mm off"
-    )
+
+    def left(u: Array, _: np.ndarray) -> Array:
+        rows = np.full((len(u), basis.shape[1]), np.nan)
+        for row, each in zip(rows, u, strict=True):
+            try:
+                row[:] = felt(error(each)) / length
+            except NoConvergenceError:
+                continue
+        return rows
+
+    u, size = damped_search(left, u_linear[None], limits[:, 0], limits[:, 1], drive_unit)
+    if not size[0] * length < EXACT:
+        anywhere = np.full(len(driven), np.inf)
+        free, free_size = damped_search(left, u_linear[None], -anywhere, anywhere, drive_unit)
+        reached = stands + free[0] if free_size[0] * length < EXACT else None
+        raise PoseError(
+            f"{manipulator.name}: out of reach of the loaded machine: {_beyond(driven, reached)}the platform stays "
+            f"{size[0] * length:.2g} mm off"
+        )
+    return Compensation(pose.drives, named(u[0]), named(u_linear), rigid, linear, error(u[0]))
+
+
+def _beyond(driven: Sequence[Leg], stands: Array | None) -> str:
+    """Which drives would stand beyond their limits, and by how much; empty where none would."""
+    if stands is None:
+        return ""
+    said = [
+        said_beyond(f"the drive of leg '{leg.name}'", float(value), leg.drive.limits, leg.drive.unit)
+        for leg, value in zip(driven, stands, strict=True)
+        if leg.drive is not None
+    ]
+    return "".join(f"{text}; " for text in said if text)
 
 
 def _error_of(

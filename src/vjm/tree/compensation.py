@@ -8,19 +8,33 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array, rotation_from_vector
+from vjm.tree.damped_search import damped_search
 from vjm.tree.equilibria import equilibria, unloaded_frames
-from vjm.tree.inverse_kinematics import ReachError, postures_of
+from vjm.tree.inverse_kinematics import (
+    Ranges,
+    ReachError,
+    difference,
+    end_index,
+    followed,
+    least_beyond,
+    ranges_of,
+)
 from vjm.tree.model import Gravity, TreeModel
 
-ITERATIONS = 60
 EXACT = 1e-10
-"""Of the machine's reach, or in rad: the last correction of the joints' frame."""
+"""Of the machine's reach and in rad: what may be left of what the joints can put right."""
 STEP = 1e-6
 """rad, or of the reach: of the differences that make the Jacobian."""
 SMALL = 1e-4
 """Share of the loads under which the linear answer is measured: second-order terms are that share of it."""
 SINGULAR = 1e-6
 """Singular value over the largest below which the joints do not move the end."""
+ASIDE = 0.1
+"""rad, or of the reach: how far beside a singular posture its arm is looked at, which can go more ways there."""
+AROUND = (0.01, 0.03, 0.1, 0.3, 1.0)
+"""rad, or of the reach: within which further starts lie, where a row has no solution near its rigid posture."""
+STARTS = 16
+"""Of each of them."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +73,9 @@ def compensated_arm(
 ) -> ArmCompensation:
     """Joint coordinates of a path of tool poses for the rigid, the linear and the loaded model.
 
+    All of them are within the joints' limits. Of several solutions of the loaded arm that near the rigid arm's is
+    taken. Only what the rigid arm's joints can move is put right: a planar arm's sag out of its plane stays.
+
     Args:
         model: the machine.
         positions: ``(g, 3)`` wanted, mm, world.
@@ -69,128 +86,177 @@ def compensated_arm(
         end: name of the end frame; the first where it is empty.
 
     Raises:
-        ReachError: a pose is out of reach; the message says which.
+        ReachError: a pose is out of reach of the rigid or the loaded arm, or a joint would have to go beyond its
+            limits; the message says which, and by how much.
         NoConvergenceError: under some load there is no stable equilibrium.
         ValueError: there is no such end frame.
     """
-    if end and end not in model.ends:
-        raise ValueError(f"{model.chain.name}: no end frame '{end}'; it has {', '.join(model.ends)}")
-    index = model.ends.index(end) if end else 0
-    q = _path(model, positions, rotations, start, end, index)
+    index = end_index(model, end)
+    q, why = followed(model, positions, rotations, start, end)
+    lost = next((k for k, each in enumerate(why) if each), None)
+    if lost is not None:
+        raise ReachError(f"row {lost + 1} of the path: {why[lost]}")
     wanted_R = unloaded_frames(model, q)[0][:, index] if rotations is None else rotations
-    rows = np.ones(6, dtype=bool)
-    rows[3:] = rotations is not None
-    unit = np.repeat([1.0 / model.reach, 1.0], 3)
+    arm = _LoadedArm(model, index, positions, wanted_R, wrenches, gravity)
+    rigid = arm.errors(q)
+    unfound = np.flatnonzero(np.isnan(rigid).any(axis=1))
+    if len(unfound):
+        raise NoConvergenceError(f"{model.chain.name}: no stable equilibrium at row {1 + unfound[0]} of the path")
+    ways = _movable(model, q, index, rotations is not None)
+    ranges = ranges_of(model)
+    q_linear = _linear(arm, ranges, ways, q)
+    q_loaded = _put_right(arm, ranges, ways, q)
+    return ArmCompensation(model.joints, q, q_linear, q_loaded, rigid, arm.errors(q_linear), arm.errors(q_loaded))
 
-    def loaded_error(at: Array, share: float = 1.0) -> Array:
-        wrench = np.zeros((len(at), len(model.ends), 6))
-        wrench[:, index] = share * wrenches
-        weight = None if gravity is None else (share * gravity[0], share * gravity[1], share * gravity[2])
-        found = equilibria(model, at, gravity=weight, wrench=wrench, compliance=False)
-        good = found.found & found.stable
-        if not good.all():
-            raise NoConvergenceError(
-                f"{model.chain.name}: no stable equilibrium at row {1 + int(np.argmin(good))} of the path"
-            )
-        return difference(found.position[:, index], found.rotation[:, index], positions, wanted_R)
 
-    def corrected(at: Array, error: Array, J: Array) -> Array:
-        move = np.einsum(
-            "gij,gj->gi", np.linalg.pinv((J * unit[:, None])[:, rows], rcond=SINGULAR), (unit * error)[:, rows]
+@dataclass(frozen=True)
+class _LoadedArm:
+    """The loaded arm along a path.
+
+    Attributes:
+        model: the machine.
+        index: of the end frame.
+        positions: ``(g, 3)`` wanted, mm, world.
+        rotations: ``(g, 3, 3)`` wanted.
+        wrenches: ``(g, 6)`` on the end.
+        gravity: m/s².
+    """
+
+    model: TreeModel
+    index: int
+    positions: Array
+    rotations: Array
+    wrenches: Array
+    gravity: Gravity | None
+
+    def errors(self, q: Array, rows: np.ndarray | None = None, share: float = 1.0) -> Array:
+        """Errors ``(s, 6)`` of the end under a share of the loads, nan where no equilibrium is stable.
+
+        Args:
+            q: coordinates ``(s, n)``.
+            rows: number of the pose of each ``(s,)``; None for all poses in their order.
+            share: of the loads.
+        """
+        rows = np.arange(len(self.positions)) if rows is None else rows
+        wrench = np.zeros((len(q), len(self.model.ends), 6))
+        wrench[:, self.index] = share * self.wrenches[rows]
+        g = self.gravity
+        weight = None if g is None else (share * g[0], share * g[1], share * g[2])
+        at = equilibria(self.model, q, gravity=weight, wrench=wrench, compliance=False)
+        p, R = at.position[:, self.index], at.rotation[:, self.index]
+        e = difference(p, R, self.positions[rows], self.rotations[rows])
+        e[~(at.found & at.stable)] = np.nan
+        return e
+
+    def rigid_errors(self, q: Array, rows: np.ndarray) -> Array:
+        """Errors ``(s, 6)`` of the arm without loads and deflections."""
+        R, p = unloaded_frames(self.model, q)
+        return difference(p[:, self.index], R[:, self.index], self.positions[rows], self.rotations[rows])
+
+
+def _linear(arm: _LoadedArm, ranges: Ranges, ways: Array, q: Array) -> Array:
+    """Coordinates ``(g, n)`` of the rigid arm whose end is off by as much as the linear model sags.
+
+    Raises:
+        NoConvergenceError: naming the row where the arm does not stand without loads.
+    """
+    # what springs do without loads is no share of the loads
+    at_rest = arm.errors(q, share=0.0)
+    lost = np.flatnonzero(np.isnan(at_rest).any(axis=1))
+    if len(lost):
+        raise NoConvergenceError(
+            f"{arm.model.chain.name}: no stable equilibrium without loads at row {1 + lost[0]} of the path"
         )
-        return at - move
+    sagged = at_rest + (arm.errors(q, share=SMALL) - at_rest) / SMALL
 
-    J = _jacobian(model, q, index)
-    # the rigid arm's own error is rounding, so that what is left is the loads'
-    q_linear = q
-    sagged = loaded_error(q, SMALL) / SMALL
-    for _ in range(ITERATIONS):
-        R, p = unloaded_frames(model, q_linear)
-        shown = difference(p[:, index], R[:, index], positions, wanted_R)
-        after = corrected(q_linear, shown + sagged, _jacobian(model, q_linear, index))
-        done = np.abs(after - q_linear).max() < EXACT
-        q_linear = after
-        if done:
-            break
-    q_loaded = q
-    for _ in range(ITERATIONS):
-        error = loaded_error(q_loaded)
-        after = corrected(q_loaded, error, J)
-        done = np.abs(after - q_loaded).max() < EXACT
-        q_loaded = after
-        if done:
-            break
-    else:
-        raise NoConvergenceError(f"{model.chain.name}: the compensation does not settle in {ITERATIONS} steps")
-    return ArmCompensation(
-        model.joints, q, q_linear, q_loaded, loaded_error(q), loaded_error(q_linear), loaded_error(q_loaded)
-    )
+    def left(q: Array, rows: np.ndarray) -> Array:
+        return _projected(ways[rows], arm.rigid_errors(q, rows) + sagged[rows])
+
+    return damped_search(left, q, ranges.low, ranges.high, ranges.unit)[0]
 
 
-def difference(p: Array, R: Array, wanted_p: Array, wanted_R: Array) -> Array:
-    """Errors ``(g, 6)`` of frames: shift, and rotation vector from the wanted ones, world axes."""
-    A = R @ np.swapaxes(wanted_R, 1, 2)
-    vector = 0.5 * np.stack([A[:, 2, 1] - A[:, 1, 2], A[:, 0, 2] - A[:, 2, 0], A[:, 1, 0] - A[:, 0, 1]], axis=1)
-    sine = np.linalg.norm(vector, axis=1)
-    angle = np.arctan2(sine, 0.5 * (np.trace(A, axis1=1, axis2=2) - 1.0))
-    scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 1.0)
-    return np.hstack([p - wanted_p, scale[:, None] * vector])
+def _put_right(arm: _LoadedArm, ranges: Ranges, ways: Array, q: Array) -> Array:
+    """Coordinates ``(g, n)`` that put the loaded end right, near those of the rigid arm.
+
+    Raises:
+        ReachError: naming the row for which there are none.
+    """
+
+    def left(q: Array, rows: np.ndarray) -> Array:
+        return _projected(ways[rows], arm.errors(q, rows))
+
+    found, size = damped_search(left, q, ranges.low, ranges.high, ranges.unit)
+    lost = (size >= EXACT) | ~ranges.limits.kept(found)
+    for k in np.flatnonzero(lost).tolist():
+        starts = _around(q[k], ranges)
+
+        def of_row(q: Array, _: np.ndarray, k: int = k) -> Array:
+            return left(q, np.full(len(q), k))
+
+        near, size = damped_search(of_row, starts, ranges.low, ranges.high, ranges.unit)
+        good = (size < EXACT) & ranges.limits.kept(near)
+        if not good.any():
+            best = near[int(np.argmin(size))]
+            missed = arm.model.reach * float(np.linalg.norm(of_row(best[None], np.zeros(1))[0, :3]))
+            free = ranges.without_limits()
+            wide, wide_size = damped_search(of_row, starts, free.low, free.high, free.unit)
+            said = least_beyond(ranges, wide[wide_size < EXACT])
+            raise ReachError(
+                f"row {k + 1} of the path: {arm.model.chain.name}: out of reach of the loaded arm: "
+                f"{f'{said}; ' if said else ''}the nearest posture within the joints' limits misses the pose by "
+                f"{missed:.4g} mm"
+            )
+        apart = np.abs((near - q[k]) / ranges.unit).max(axis=1)
+        found[k] = near[int(np.argmin(np.where(good, apart, np.inf)))]
+    return found
+
+
+def _around(q: Array, ranges: Ranges) -> Array:
+    """Starts ``(s, n)`` about a posture ``(n,)``, further and further from it."""
+    aside = np.random.default_rng(0).uniform(-1.0, 1.0, (len(AROUND), STARTS, len(q)))
+    rows = q + np.array(AROUND)[:, None, None] * ranges.unit * aside
+    return np.clip(np.vstack([q[None], rows.reshape(-1, len(q))]), ranges.low, ranges.high)
+
+
+def _projected(ways: Array, error: Array) -> Array:
+    """What of errors ``(s, 6)`` lies along orthonormal directions ``(s, 6, 6)``, in the units of those."""
+    result: Array = np.einsum("gij,gj->gi", ways, error)
+    return result
+
+
+def _movable(model: TreeModel, q: Array, index: int, turns: bool) -> Array:
+    """Projections ``(g, 6, 6)`` of errors on what the rigid arm's joints move: shifts over the reach, and turns.
+
+    A stretched arm does not go outwards, and one beside it does: what joints move there counts too.
+    """
+    unit = np.repeat([1.0 / model.reach, 1.0], 3)
+    shown = unit * (np.arange(6) < 3 if not turns else np.ones(6))
+    aside = ASIDE * ranges_of(model).unit * np.random.default_rng(0).choice([-1.0, 1.0], len(model.joints))
+    result = np.zeros((len(q), 6, 6))
+    for k, (J, J2) in enumerate(zip(_jacobian(model, q, index), _jacobian(model, q + aside, index), strict=True)):
+        U = _range(shown[:, None] * J)
+        other = _range(shown[:, None] * J2)
+        if other.shape[1] > U.shape[1]:
+            missing, _, _ = np.linalg.svd(other - U @ (U.T @ other), full_matrices=False)
+            U = np.hstack([U, missing[:, : other.shape[1] - U.shape[1]]])
+        result[k] = U @ U.T * unit
+    return result
+
+
+def _range(J: Array) -> Array:
+    """Orthonormal columns ``(6, r)`` that span those of a matrix ``(6, n)``."""
+    U, s, _ = np.linalg.svd(J, full_matrices=False)
+    return U[:, s > SINGULAR * s[0]]
 
 
 def _jacobian(model: TreeModel, q: Array, index: int) -> Array:
-    """Derivative ``(g, 6, n)`` of the unloaded end by the joints, by central differences."""
-    parts = {part.name: part for part in model.chain.parts}
-    steps = np.array(
-        [STEP * (model.reach if getattr(parts[name], "slides", False) else 1.0) for name in model.joints]
-    )
+    """Derivative ``(g, 6, n)`` of the unloaded end by the joints in their units, by central differences."""
+    unit = ranges_of(model).unit
     columns = []
-    for i, step in enumerate(steps):
-        shift = step * np.eye(len(steps))[i]
+    for shift in STEP * np.diag(unit):
         (R1, p1), (R0, p0) = (unloaded_frames(model, q + sign * shift) for sign in (1.0, -1.0))
-        columns.append(difference(p1[:, index], R1[:, index], p0[:, index], R0[:, index]) / (2.0 * step))
+        columns.append(difference(p1[:, index], R1[:, index], p0[:, index], R0[:, index]) / (2.0 * STEP))
     return np.stack(columns, axis=2)
-
-
-def _path(
-    model: TreeModel, positions: Array, rotations: Array | None, start: Array | None, end: str, index: int
-) -> Array:
-    """Rigid coordinates ``(g, n)``, each from those before it, so that the arm keeps its branch."""
-    rows: list[Array] = []
-    before = start
-    for k, position in enumerate(positions):
-        rotation = None if rotations is None else rotations[k]
-        q = near(model, before, position, rotation, index) if before is not None else None
-        if q is None:
-            try:
-                solutions = postures_of(model, position, rotation, end)
-            except ReachError as error:
-                raise ReachError(f"row {k + 1} of the path: {error}") from None
-            q = solutions[0]
-            if before is not None:
-                distance = [float(np.abs(each - before).max()) for each in solutions]
-                q = solutions[int(np.argmin(distance))]
-        rows.append(q)
-        before = q
-    return np.array(rows)
-
-
-def near(model: TreeModel, q: Array, position: Array, rotation: Array | None, index: int) -> Array | None:
-    """A solution by Newton's method from coordinates ``(n,)``; None where that goes astray."""
-    q = q[None].copy()
-    unit = np.repeat([1.0 / model.reach, 1.0], 3)
-    rows = np.ones(6, dtype=bool)
-    rows[3:] = rotation is not None
-    for _ in range(ITERATIONS):
-        R, p = unloaded_frames(model, q)
-        error = difference(
-            p[:, index], R[:, index], position[None], R[:, index] if rotation is None else rotation[None]
-        )
-        if np.abs(unit * error)[0, rows].max() < EXACT:
-            return np.asarray(q[0])
-        J = _jacobian(model, q, index)[0] * unit[:, None]
-        move = np.linalg.pinv(J[rows], rcond=SINGULAR) @ (unit * error[0])[rows]
-        q[0] -= move * min(1.0, 0.3 / max(float(np.abs(move).max()), 1e-300))
-    return None
 
 
 def rotations_of(vectors: Array) -> Array:

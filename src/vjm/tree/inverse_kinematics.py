@@ -1,24 +1,25 @@
-"""Postures of a machine that put an end frame where it is wanted, without load."""
+"""Postures of a machine that put an end frame where it is wanted, without load and within the joints' limits."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from vjm.model.joint_limits import JointLimits, joint_limits
 from vjm.model.joints import HeldJoint
 from vjm.model.parts import PassiveJoint
 from vjm.rotations import Array
+from vjm.tree.damped_search import damped_search
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.model import TreeModel
 
 STARTS = 128
-"""Random postures from which a solution is looked for: a 6R arm has up to 16."""
-ITERATIONS = 100
+"""Random postures from which all solutions are looked for: a 6R arm has up to 16."""
+DRAWN, NEAREST = 4096, 16
+"""Random postures, and the number of them nearest to a pose, from which a path goes on where it lost its branch."""
 FOUND = 1e-9
 """Of the machine's reach and in rad: what is left of the pose at a solution."""
-STEP = 1e-6
-"""rad, or of the reach: step of the differences that make the Jacobian."""
-LARGEST_MOVE = 0.4
-"""rad, or of the reach, in one iteration."""
 ALIKE = 1e-5
 """rad, or of the reach, up to which two solutions are one."""
 MOST = 16
@@ -26,7 +27,66 @@ MOST = 16
 
 
 class ReachError(ValueError):
-    """No posture puts the end frame there; the message says how near the nearest comes."""
+    """No posture puts the end frame there; the message says how near one comes, or which limit is in the way."""
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """Where postures are looked for.
+
+    Attributes:
+        low: lower bounds of the joints ``(n,)``, mm or rad.
+        high: upper ones.
+        unit: of each: 1 rad, or the machine's reach in mm.
+        turns: which of them turn.
+        limits: of all joints, coupled ones too.
+    """
+
+    low: Array
+    high: Array
+    unit: Array
+    turns: np.ndarray
+    limits: JointLimits
+
+    def random(self, count: int, seed: int) -> Array:
+        """Postures ``(count, n)``, the first one with every joint as near to zero as it goes."""
+        q = self.low + (self.high - self.low) * np.random.default_rng(seed).random((count, len(self.low)))
+        q[0] = np.clip(0.0, self.low, self.high)
+        return q
+
+    def without_limits(self) -> Ranges:
+        """Joints that turn a whole turn either way of the middle of their limits, and slide as far as the reach."""
+        middle = 0.5 * (self.low + self.high)
+        wide = np.maximum(np.where(self.turns, 2.0 * np.pi, self.unit), 0.5 * (self.high - self.low))
+        return Ranges(middle - wide, middle + wide, self.unit, self.turns, self.limits)
+
+
+def ranges_of(model: TreeModel) -> Ranges:
+    """The ranges that the joints' limits leave; half a turn either way, and the reach, where there are none."""
+    parts = {part.name: part for part in model.chain.parts}
+    low, high, unit, turns = [], [], [], []
+    for name in model.joints:
+        part = parts[name]
+        assert isinstance(part, HeldJoint | PassiveJoint)
+        own = part.limits if isinstance(part, HeldJoint) else None
+        reach = model.reach if part.slides else np.pi
+        low.append(own[0] if own is not None else -reach)
+        high.append(own[1] if own is not None else reach)
+        unit.append(model.reach if part.slides else 1.0)
+        turns.append(not part.slides)
+    limits = joint_limits(model.chain, model.joints)
+    return Ranges(np.array(low), np.array(high), np.array(unit), np.array(turns, dtype=bool), limits)
+
+
+def end_index(model: TreeModel, end: str) -> int:
+    """Number of an end frame; the first where the name is empty.
+
+    Raises:
+        ValueError: there is no such end frame.
+    """
+    if end and end not in model.ends:
+        raise ValueError(f"{model.chain.name}: no end frame '{end}'; it has {', '.join(model.ends)}")
+    return model.ends.index(end) if end else 0
 
 
 def postures_of(
@@ -45,97 +105,145 @@ def postures_of(
         Up to `MOST` solutions ``(n_joints,)``, those of the smallest coordinates first.
 
     Raises:
-        ReachError: none was found; with the distance of the nearest.
+        ReachError: none was found; with the distance of the nearest, or the limits that are in the way.
+        ValueError: there is no such end frame.
+
+    Example:
+        >>> import vjm
+        >>> model = TreeModel(vjm.load("planar-2r"))
+        >>> [q.round(3).tolist() for q in postures_of(model, np.array([600.0, 300.0, 0.0]))]
+        [[-0.171, 1.471], [1.099, -1.471]]
+    """
+    ranges, index = ranges_of(model), end_index(model, end)
+    return _postures(model, ranges, position, rotation, index, ranges.random(STARTS, seed))
+
+
+def _postures(
+    model: TreeModel, ranges: Ranges, position: Array, rotation: Array | None, index: int, starts: Array
+) -> list[Array]:
+    q, lost = _searched(model, ranges, position, rotation, index, starts)
+    good = (np.linalg.norm(lost, axis=1) < FOUND) & ranges.limits.kept(q)
+    if not good.any():
+        raise ReachError(_why_not(model, ranges, position, rotation, index, starts, lost))
+    return _distinct(q[good], ranges)
+
+
+def followed(
+    model: TreeModel, positions: Array, rotations: Array | None, start: Array | None, end: str = ""
+) -> tuple[Array, list[str]]:
+    """Coordinates of a path of poses, each near those before it, so that the arm keeps its branch where it can.
+
+    Args:
+        model: the machine.
+        positions: ``(g, 3)`` wanted, mm, world.
+        rotations: ``(g, 3, 3)`` wanted; None where the end may turn as it likes.
+        start: coordinates ``(n,)`` near which the path begins; None for the smallest.
+        end: name of the end frame; the first where it is empty.
+
+    Returns:
+        Coordinates ``(g, n)``, nan where there are none, and why there are none, empty where there are.
+
+    Raises:
         ValueError: there is no such end frame.
     """
-    if end and end not in model.ends:
-        raise ValueError(f"{model.chain.name}: no end frame '{end}'; it has {', '.join(model.ends)}")
-    index = model.ends.index(end) if end else 0
-    low, high, unit, turns = _ranges(model)
-    q = low + (high - low) * np.random.default_rng(seed).random((STARTS, len(low)))
-    q[0] = np.clip(0.0, low, high)
-    lost = _missing(model, q, position, rotation, index)
-    best, best_lost = q.copy(), lost.copy()
-    for _ in range(ITERATIONS):
-        size = np.linalg.norm(lost, axis=1)
-        if np.all(size < 0.01 * FOUND):
-            break
-        J = _jacobian(model, q, unit, position, rotation, index)
-        # damped by what is left: Newton's steps near a solution, short ones near a singular posture
-        damping = (1e-3 * size**2)[:, None, None] * np.eye(J.shape[1])
-        gram = J @ J.swapaxes(1, 2) + damping + 1e-14 * np.eye(J.shape[1])
-        move = np.einsum("sij,si->sj", J, np.linalg.solve(gram, lost[:, :, None])[:, :, 0])
-        move *= np.minimum(1.0, LARGEST_MOVE / np.maximum(np.abs(move).max(axis=1), 1e-300))[:, None]
-        q = np.clip(q + move * unit, low, high)
-        lost = _missing(model, q, position, rotation, index)
-        nearer = np.linalg.norm(lost, axis=1) < np.linalg.norm(best_lost, axis=1)
-        best[nearer], best_lost[nearer] = q[nearer], lost[nearer]
-    good = np.linalg.norm(best_lost, axis=1) < FOUND
-    if not good.any():
-        raise ReachError(_far(model, best_lost))
-    return _distinct(best[good], unit, turns, low, high)
+    ranges, index = ranges_of(model), end_index(model, end)
+    drawn = ranges.random(DRAWN, 0)
+    R, p = unloaded_frames(model, drawn)
+    before = None if start is None else np.clip(start, ranges.low, ranges.high)
+    rows, why = np.full((len(positions), len(ranges.low)), np.nan), [""] * len(positions)
+    for k, position in enumerate(positions):
+        rotation = None if rotations is None else rotations[k]
+        if before is not None:
+            q, lost = _searched(model, ranges, position, rotation, index, before[None])
+            if np.linalg.norm(lost[0]) < FOUND and ranges.limits.kept(q)[0]:
+                rows[k] = before = q[0]
+                continue
+        away = np.linalg.norm(_left(model, p[:, index], R[:, index], position, rotation), axis=1)
+        try:
+            starts = drawn[np.argsort(away)[:NEAREST]]
+            solutions = _postures(model, ranges, position, rotation, index, starts)
+        except ReachError as error:
+            why[k] = str(error)
+            continue
+        far = [0.0 if before is None else float(np.abs((q - before) / ranges.unit).max()) for q in solutions]
+        rows[k] = before = solutions[int(np.argmin(far))]
+    return rows, why
 
 
-def _ranges(model: TreeModel) -> tuple[Array, Array, Array, np.ndarray]:
-    """Lower and upper limits of the joints, a unit of each, and which of them turn; ``(n_joints,)``."""
-    parts = {part.name: part for part in model.chain.parts}
-    low, high, unit, turns = [], [], [], []
-    for name in model.joints:
-        part = parts[name]
-        assert isinstance(part, HeldJoint | PassiveJoint)
-        own = part.limits if isinstance(part, HeldJoint) else None
-        reach = model.reach if part.slides else np.pi
-        low.append(own[0] if own is not None else -reach)
-        high.append(own[1] if own is not None else reach)
-        unit.append(model.reach if part.slides else 1.0)
-        turns.append(not part.slides)
-    return np.array(low), np.array(high), np.array(unit), np.array(turns, dtype=bool)
-
-
-def _missing(model: TreeModel, q: Array, position: Array, rotation: Array | None, index: int) -> Array:
-    """What is left to the pose ``(s, 3 or 6)``: shift over the reach, and rotation vector."""
-    R, p = unloaded_frames(model, q)
-    shift = (np.asarray(position, dtype=float) - p[:, index]) / model.reach
-    if rotation is None:
-        return shift
-    A = rotation @ R[:, index].swapaxes(1, 2)
+def difference(p: Array, R: Array, wanted_p: Array, wanted_R: Array) -> Array:
+    """Errors ``(g, 6)`` of frames: shift, and rotation vector from the wanted ones, world axes."""
+    A = R @ np.swapaxes(wanted_R, 1, 2)
     vector = 0.5 * np.stack([A[:, 2, 1] - A[:, 1, 2], A[:, 0, 2] - A[:, 2, 0], A[:, 1, 0] - A[:, 0, 1]], axis=1)
     sine = np.linalg.norm(vector, axis=1)
     angle = np.arctan2(sine, 0.5 * (np.trace(A, axis1=1, axis2=2) - 1.0))
     # at half a turn any axis is a way out
-    vector = np.where((sine > 1e-9)[:, None], vector * (angle / np.maximum(sine, 1e-300))[:, None], vector)
-    return np.hstack([shift, vector])
+    scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 1.0)
+    return np.hstack([p - wanted_p, scale[:, None] * vector])
 
 
-def _jacobian(
-    model: TreeModel, q: Array, unit: Array, position: Array, rotation: Array | None, index: int
-) -> Array:
-    """Derivative ``(s, 3 or 6, n)`` of the pose by the joints in their units, by central differences."""
-    s, n = q.shape
-    shifts = STEP * np.diag(unit)
-    rows = np.concatenate([q[:, None] + shifts, q[:, None] - shifts], axis=1).reshape(-1, n)
-    lost = _missing(model, rows, position, rotation, index).reshape(s, 2, n, -1)
-    result: Array = ((lost[:, 1] - lost[:, 0]) / (2.0 * STEP)).swapaxes(1, 2)
-    return result
+def _searched(
+    model: TreeModel, ranges: Ranges, position: Array, rotation: Array | None, index: int, starts: Array
+) -> tuple[Array, Array]:
+    """Postures ``(s, n)`` nearest to the pose, and what is left: shift over the reach, and rotation vector."""
+
+    def left(q: Array, _: np.ndarray) -> Array:
+        R, p = unloaded_frames(model, q)
+        return _left(model, p[:, index], R[:, index], position, rotation)
+
+    q, _ = damped_search(left, starts, ranges.low, ranges.high, ranges.unit)
+    return q, left(q, np.arange(len(q)))
 
 
-def _far(model: TreeModel, lost: Array) -> str:
+def _left(model: TreeModel, p: Array, R: Array, position: Array, rotation: Array | None) -> Array:
+    """What is left of a pose ``(s, 3 or 6)``: shift over the reach, and rotation vector where one is wanted."""
+    if rotation is None:
+        result: Array = (p - position) / model.reach
+        return result
+    return difference(p, R, position, rotation[None]) / np.repeat([model.reach, 1.0], 3)
+
+
+def _why_not(
+    model: TreeModel,
+    ranges: Ranges,
+    position: Array,
+    rotation: Array | None,
+    index: int,
+    starts: Array,
+    lost: Array,
+) -> str:
+    """Which joints would have to go beyond their limits, or how near the nearest posture comes."""
     nearest = lost[np.argmin(np.linalg.norm(lost, axis=1))]
     text = f"{np.linalg.norm(nearest[:3]) * model.reach:.4g} mm"
     if len(nearest) > 3:
         text += f" and {np.degrees(np.linalg.norm(nearest[3:])):.4g} degrees"
-    return (
-        f"{model.chain.name}: out of reach: the nearest posture within the joints' limits misses the pose by {text}"
-    )
+    free = ranges.without_limits()
+    q, left = _searched(model, free, position, rotation, index, starts)
+    said = least_beyond(ranges, q[np.linalg.norm(left, axis=1) < FOUND])
+    missed = f"the nearest posture within the joints' limits misses the pose by {text}"
+    return f"{model.chain.name}: out of reach: {f'{said}; ' if said else ''}{missed}"
 
 
-def _distinct(q: Array, unit: Array, turns: np.ndarray, low: Array, high: Array) -> list[Array]:
+def least_beyond(ranges: Ranges, q: Array) -> str:
+    """What is said of the one of postures ``(s, n)`` that goes least beyond the limits; empty for none."""
+    if not len(q):
+        return ""
+    middle = 0.5 * (ranges.low + ranges.high)
+    turn = 2.0 * np.pi
+    q = np.where(ranges.turns, q - turn * np.round((q - middle) / turn), q)
+    size = np.where([unit == "mm" for unit in ranges.limits.units], ranges.unit.max(), 1.0)
+    beyond = np.maximum(ranges.limits.excess(q), 0.0) / size
+    return ranges.limits.said(q[int(np.argmin(beyond.sum(axis=1)))])
+
+
+def _distinct(q: Array, ranges: Ranges) -> list[Array]:
     """Different solutions; what turns is brought to ±π where its limits allow it."""
-    wrapped = np.where(turns, q - 2.0 * np.pi * np.round(q / (2.0 * np.pi)), q)
-    q = np.where((wrapped >= low) & (wrapped <= high), wrapped, q)
+    wrapped = np.where(ranges.turns, q - 2.0 * np.pi * np.round(q / (2.0 * np.pi)), q)
+    inside = np.where((wrapped >= ranges.low) & (wrapped <= ranges.high), wrapped, q)
+    # a whole turn of one joint may be more than one of those coupled to it
+    q = np.where(ranges.limits.kept(inside)[:, None], inside, q)
     found: list[Array] = []
-    for row in q[np.argsort(np.abs(q / unit).max(axis=1))]:
-        if all(np.abs((row - other) / unit).max() > ALIKE for other in found):
+    for row in q[np.argsort(np.abs(q / ranges.unit).max(axis=1))]:
+        if all(np.abs((row - other) / ranges.unit).max() > ALIKE for other in found):
             found.append(row)
         if len(found) == MOST:
             break

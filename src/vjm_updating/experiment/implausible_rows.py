@@ -11,6 +11,7 @@ from vjm.rotations import Array
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH
 from vjm_updating.experiment.comparison import FEW, Comparison
 from vjm_updating.experiment.mistakes import CLOCK, Mistake, MistakeFound
+from vjm_updating.experiment.quantisation import CHANCE, chance_of_repeats, digits
 from vjm_updating.experiment.readings import Readings
 
 LEAST = 3
@@ -19,18 +20,12 @@ LEAST = 3
 
 SEEN = 0.1
 """Noise, or a zero's tolerance, over the span of a test's readings above which little can be seen in them."""
-CHANCE = 0.01
-"""That a row of a test repeats the one before it, below which it was written twice."""
 GAP, PAUSE_S = 1000.0, 60.0
 """Of the usual step of a clock, and s, from which on a step is a jump."""
 LONGEST_S = 7 * 86400.0
 """Of a test: machines are not loaded for longer."""
 FINEST_MM = 1e-3
 """Of a link's tolerance: gauge blocks are made to a tenth of it."""
-HUNG = 0.1
-"""Of the readings of a posture, that a channel may stand still: a few stale ones are no mistake."""
-COARSE = 3.0
-"""Standard deviation of rounding over noise from which on digits were lost."""
 
 
 def rows(c: Comparison) -> Iterator[Finding]:
@@ -57,7 +52,7 @@ def rows(c: Comparison) -> Iterator[Finding]:
     else:
         yield from _repeated(c, table)
     for name in r.channels:
-        yield from _digits(c, name)
+        yield from digits(c, name)
         blank = int(np.isnan(r.values[name]).sum())
         if blank > 0.4 * len(r):
             yield Finding(
@@ -65,43 +60,6 @@ def rows(c: Comparison) -> Iterator[Finding]:
                 f"{r.file}: column {name}",
                 f"{blank} of {len(r)} readings are blank: was the right column exported?",
             )
-
-
-def _digits(c: Comparison, name: str) -> Iterator[Finding]:
-    """A channel that stands still, which its noise makes no chance, or that is rounded far beyond its noise."""
-    r, known = c.readings, c.measurement.sheet.instrument.get(name)
-    if known is None or known.noise == 0.0 or known.held is not None:
-        return
-    if c.measurement.loaded and name in c.given:
-        # weights are hung on in equal steps
-        return
-    values, digit = r.values[name], _last_digit(r.values[name])
-    likely = min(digit / (2.0 * np.sqrt(np.pi) * known.noise), 1.0)
-    for number in np.unique(r.sequence):
-        at = np.flatnonzero(r.sequence == number)
-        begin, count = _standing(values[at])
-        # what is the same in a whole posture may be so, see `nothing_read`
-        if max(FEW, HUNG * len(at)) <= count < len(at) and len(r) * likely ** (count - 1) < CHANCE:
-            first, last = r.row[at[begin]], r.row[at[begin + count - 1]]
-            yield Finding(
-                Grade.DOUBTFUL, f"{r.file}: column {name}, rows {first} to {last}",
-                f"{count} readings are {values[at[begin]]:g}, under a noise of {known.noise:g}: "
-                "did the channel hang, or reach the end of its range?",
-            )  # fmt: skip
-            break
-    if digit > COARSE * np.sqrt(12.0) * known.noise:
-        yield Finding(
-            Grade.DOUBTFUL, f"{r.file}: column {name}",
-            f"every reading is a multiple of {digit:g}, far above its noise of {known.noise:g}: were digits "
-            "lost, or is one in another unit?",
-        )  # fmt: skip
-
-
-def _standing(values: Array) -> tuple[int, int]:
-    """Where the longest run of equal values begins, and how many they are."""
-    changes = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1], [True]]))
-    longest = int(np.argmax(np.diff(changes)))
-    return int(changes[longest]), int(changes[longest + 1] - changes[longest])
 
 
 def _known(values: Array) -> Array:
@@ -115,13 +73,7 @@ def _repeated(c: Comparison, table: Array) -> Iterator[Finding]:
     same = (table[1:] == table[:-1]).all(axis=1) & (r.sequence[1:] == r.sequence[:-1])
     if TIME in r.values:
         same &= r.values[TIME][1:] == r.values[TIME][:-1]
-        chance = 0.0
-    else:
-        chance = float(len(r))
-        for name in [n for n in r.channels if n in c.measurement.sheet.instrument]:
-            noise = c.measurement.sheet.instrument[name].noise
-            # two readings of one value differ by less than the last digit so often
-            chance *= min(_last_digit(r.values[name]) / max(2.0 * np.sqrt(np.pi) * noise, 1e-300), 1.0)
+    chance = 0.0 if TIME in r.values else chance_of_repeats(c, same)
     if same.any() and chance < CHANCE:
         k = int(np.flatnonzero(same)[0]) + 1
         more = f", and {int(same.sum()) - 1} more rows do so" if same.sum() > 1 else ""
@@ -129,14 +81,6 @@ def _repeated(c: Comparison, table: Array) -> Iterator[Finding]:
             Grade.DOUBTFUL, f"{r.file}: row {r.row[k]}",
             f"repeats row {r.row[k - 1]} in every column{more}: was it pasted twice?",
         )  # fmt: skip
-
-
-def _last_digit(values: Array) -> float:
-    """What readings are rounded to: a power of ten from 1e3 down to 1e-12."""
-    known = _known(values)
-    least = 1e-12 * float(np.abs(known).max(initial=0.0))
-    exact = (10.0**-d for d in range(-3, 12) if np.all(np.abs(np.round(known, d) - known) <= least))
-    return next(exact, 1e-12)
 
 
 def _moving(table: Array) -> np.ndarray:

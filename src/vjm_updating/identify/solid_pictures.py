@@ -12,6 +12,7 @@ from vjm_fea.solid.compliance import Tip
 from vjm_fea.solid.elasticity import von_mises
 from vjm_fea.solid.faces import Face
 from vjm_fea.solid.identify import SolidCompliance
+from vjm_output import off_screen
 from vjm_output.number_text import number
 from vjm_output.plot_style import PAGE_WIDTH, figure, png
 
@@ -41,7 +42,7 @@ def numbered_faces(faces: Sequence[Face]) -> bytes:
 
 def _faces_from(faces: Sequence[Face], view: tuple[float, float, float]) -> np.ndarray:
     pv = _pyvista()
-    plotter = pv.Plotter(off_screen=True, window_size=SIZE)
+    plotter = off_screen.plotter(SIZE)
     try:
         plotter.set_background("white")
         for i, face in enumerate(faces):
@@ -128,7 +129,7 @@ def _panels(found: SolidCompliance, cases: Sequence[tuple[str, Array, bool | Non
 def _deflected(found: SolidCompliance, u: Array, stress: Array, factor: float, top: float) -> np.ndarray:
     pv = _pyvista()
     points, triangles = found.solid.mesh.points, np.concatenate(list(found.solid.mesh.faces.values()))
-    plotter = pv.Plotter(off_screen=True, window_size=SIZE)
+    plotter = off_screen.plotter(SIZE)
     try:
         plotter.set_background("white")
         rest = _surface(pv, points, triangles)

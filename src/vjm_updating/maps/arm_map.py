@@ -14,10 +14,11 @@ import numpy as np
 from vjm import __version__
 from vjm.io.files import write_whole
 from vjm.model.chain import Chain
+from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import Load
 from vjm.rotations import Array
-from vjm.tree.compensation import near
 from vjm.tree.equilibria import equilibria, unloaded_frames
+from vjm.tree.inverse_kinematics import followed
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_output.optional_page import why_not
@@ -27,7 +28,8 @@ from vjm_updating.maps.pose_grid import MOST, grid_axis
 
 TOOL = ("x", "y", "z")
 LOST, UNSTABLE = "no equilibrium under these loads", "the equilibrium is unstable"
-UNREACHED = "not reached from its neighbours and the posture"
+RIGID = "empty_where_ok=rigid"
+"""Of a map's file: an empty cell of a row with an answer is an infinite stiffness."""
 ROUNDING = 1e-12
 """Over the largest: compliance that is none."""
 
@@ -83,7 +85,7 @@ class ArmMap:
         joints: names of the n joints.
         quantity: what was asked.
         grid: where.
-        q: coordinates ``(g, n)``; nan where a tool position is not reached.
+        q: coordinates ``(g, n)`` that are asked for; nan where a tool position is not reached within the limits.
         tool: positions ``(g, 3)`` of the unloaded end, mm.
         values: ``(g, k)`` in the order of `COLUMNS`.
         why: ``ok``, or why there is no value.
@@ -114,6 +116,8 @@ def map_arm(
 ) -> ArmMap:
     """Evaluate a quantity at every point of a grid, all equilibria in one batch.
 
+    A point that takes a joint beyond its limits has no value, and its ``why`` names the joint and by how much.
+
     Args:
         chain: arm or tree.
         engine: that splits its beams.
@@ -136,10 +140,9 @@ def map_arm(
         raise ValueError(f"--end: {chain.name} has no end frame '{end}' (it has {', '.join(model.ends)})")
     index = model.ends.index(end) if end else 0
     points, home = parsed_arm_grid(grid, model), model.posture(posture)
-    q = _tool_rows(model, points, home, index) if points.tool else _joint_rows(model, points, home)
-    reached = np.asarray(np.isfinite(q).all(axis=1)).reshape(-1)
+    q, why = _tool_rows(model, points, home, index) if points.tool else _joint_rows(model, points, home)
+    reached = np.array([not each for each in why])
     values, tool = np.full((len(q), len(COLUMNS[quantity])), np.nan), np.full((len(q), 3), np.nan)
-    why = [OK if good else UNREACHED for good in reached.tolist()]
     if reached.any():
         on_ends = np.zeros((len(model.ends), 6))
         on_ends[index] = wrench
@@ -160,26 +163,24 @@ def map_arm(
     return ArmMap(chain, engine.label, model.joints, quantity, points, q, tool, values, why)
 
 
-def _joint_rows(model: TreeModel, grid: ArmGrid, home: Array) -> Array:
+def _joint_rows(model: TreeModel, grid: ArmGrid, home: Array) -> tuple[Array, list[str]]:
+    """Joint coordinates of a grid, and which of them are beyond their limits, and by how much."""
     rows = np.tile(home, (int(np.prod([len(v) for v in grid.axes.values()])), 1))
     columns = [model.joints.index(name) for name in grid.axes]
     rows[:, columns] = np.array(list(product(*grid.axes.values())))
-    return rows
+    limits = joint_limits(model.chain, model.joints)
+    kept = limits.kept(rows)
+    return rows, ["" if good else f"out of reach: {limits.said(q)}" for q, good in zip(rows, kept, strict=True)]
 
 
-def _tool_rows(model: TreeModel, grid: ArmGrid, home: Array, index: int) -> Array:
-    """Joint coordinates of tool positions, each found from the one before it or from the posture."""
+def _tool_rows(model: TreeModel, grid: ArmGrid, home: Array, index: int) -> tuple[Array, list[str]]:
+    """Joint coordinates of tool positions, each found from the one before it, and why some are not reached."""
     R, p = (frames[0, index] for frames in unloaded_frames(model, home))
-    rotation = R if len(home) >= 6 else None
     axes = [grid.axes.get(name, (float(p[k]),)) for k, name in enumerate(TOOL)]
-    rows, before = [], home
-    for position in product(*axes):
-        q = near(model, before, np.array(position), rotation, index)
-        if q is None and before is not home:
-            q = near(model, home, np.array(position), rotation, index)
-        rows.append(np.full(len(home), np.nan) if q is None else q)
-        before = home if q is None else q
-    return np.array(rows)
+    positions = np.array(list(product(*axes)))
+    rotations = np.tile(R, (len(positions), 1, 1)) if len(home) >= 6 else None
+    rows, why = followed(model, positions, rotations, home, model.ends[index])
+    return rows, [each.removeprefix(f"{model.chain.name}: ") for each in why]
 
 
 def _stiffnesses(C: Array) -> Array:
@@ -206,11 +207,11 @@ def write_arm_map(found: ArmMap, folder: Path) -> tuple[list[Path], list[str]]:
     stream.write(
         f"# model={found.chain.name} engine={found.engine} quantity={found.quantity} version={__version__}"
     )
-    stream.write(f" model_sha256={found.chain.sha256}\n")
+    stream.write(f" model_sha256={found.chain.sha256} {RIGID}\n")
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow([*found.joints, "x_mm", "y_mm", "z_mm", *COLUMNS[found.quantity], "status"])
     for q, p, row, why in zip(found.q, found.tool, found.values, found.why, strict=True):
-        writer.writerow([*("" if np.isnan(v) else f"{v:.9g}" for v in (*q, *p, *row)), why])
+        writer.writerow([*(f"{v:.9g}" if np.isfinite(v) else "" for v in (*q, *p, *row)), why])
     write_whole(files[0], stream.getvalue())
     if len(found.grid.varied) not in (1, 2):
         return files, []

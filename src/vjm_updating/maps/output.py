@@ -11,7 +11,7 @@ import numpy as np
 
 from vjm.io.files import write_whole
 from vjm.rotations import Array
-from vjm_output.off_screen import why_not_rendered
+from vjm_output import off_screen
 from vjm_output.optional_page import why_not
 from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
 from vjm_updating.maps.run import MapResult
@@ -45,7 +45,7 @@ def write_map(result: MapResult, folder: Path) -> tuple[list[Path], list[str]]:
 
     files.append(folder / "map.png")
     write_whole(files[-1], map_figure(result))
-    if why := why_not("pyvista") or why_not_rendered():
+    if why := why_not("pyvista") or off_screen.why_not_rendered():
         left_out.append(f"no render.png: {why}")
     else:
         files.append(folder / "render.png")

@@ -10,6 +10,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from vjm.rotations import Array
+from vjm_output import off_screen
 from vjm_output.plot_style import PAGE_WIDTH, figure, plain, png
 from vjm_updating.maps.evaluate import COLUMNS, OK
 from vjm_updating.maps.output import SHOWN, TITLES, cube_of
@@ -67,14 +68,12 @@ def render(result: MapResult) -> bytes:
     """The workspace in space, off the screen: three planes through its middle, or all points where it is flat."""
     import pyvista
 
-    # VTK tries an X display first and would write about its absence on stderr
-    pyvista.vtk_verbosity("off")
     wanted = result.map
     grid: Any = pyvista.RectilinearGrid(*(np.array(axis) for axis in wanted.grid.axes))
     column = SHOWN[wanted.quantity]
     name = COLUMNS[wanted.quantity][column]
     grid.point_data[name] = cube_of(result, column).ravel(order="F")
-    plotter: Any = pyvista.Plotter(off_screen=True, window_size=[int(130 * PAGE_WIDTH), 700])
+    plotter = off_screen.plotter((int(130 * PAGE_WIDTH), 700))
     plotter.background_color = "white"
     body = grid.slice_orthogonal() if min(wanted.grid.shape) > 1 else grid
     values = cube_of(result, column)[np.isfinite(cube_of(result, column))]

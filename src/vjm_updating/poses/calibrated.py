@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from vjm.io.joint_tables import CALIBRATED
 from vjm.io.toml_text import toml_text
 from vjm.model.joints import HeldJoint, joint_axes
 from vjm.rotations import Array
@@ -111,7 +112,7 @@ def _of_base(found: dict[str, float]) -> list[tuple[str, float]]:
 def _base(axis: str, compliance: float) -> dict[str, Any]:
     return {
         "kind": "actuated", "name": f"base-turn-{axis}", "axis": axis, "compliance_rad_per_Nmm": compliance,
-        "source": "calibrated: the base deflects; its coordinate is always zero",
+        "source": f"{CALIBRATED}the base deflects; its coordinate is always zero",
     }  # fmt: skip
 
 
@@ -135,7 +136,7 @@ def _frame_link(name: str, axis: Array, found: dict[str, float], *, slides: bool
         return None
     return {
         "kind": "link", "name": f"{name}-frame", "translation_mm": [float(v) for v in shift], "turns": turns,
-        "source": "calibrated: errors of the joint's frame and zero",
+        "source": f"{CALIBRATED}errors of the joint's frame and zero",
     }  # fmt: skip
 
 

@@ -301,6 +301,54 @@ def test_a_correction_beside_its_link_is_not_in_metres(tmp_path):
     )
 
 
+@pytest.mark.parametrize(
+    ("vector", "source", "doubted"),
+    [
+        ("[0.5, 0.0, 0.0]", "a data sheet", True),
+        # as `validate calibrate` writes the error of a frame before a joint that stands alone
+        ("[0.5, 0.0, 0.0]", "calibrated: errors of the joint's frame and zero", False),
+        # nobody gives half a metre to the nanometre
+        ("[0.499999999214, 0.0, 0.0]", "a data sheet", False),
+    ],
+)
+def test_a_fitted_correction_alone_between_two_joints_is_not_in_metres(vector, source, doubted, tmp_path):
+    piece = f'[[parts]]\nkind = "link"\nname = "frame"\ntranslation_mm = {vector}\nsource = "{source}"\n'
+    first = BEAM.index("[[parts]]")
+    said = said_of(BEAM[:first] + piece + BEAM[first:], tmp_path)
+    assert any("is it in metres" in line for line in said) is doubted, said
+
+
+@pytest.mark.parametrize(
+    ("posture", "doubted"),
+    [
+        ("{ q1 = 2.356194490192345, q2 = -0.4 }", False),
+        ("{ q1 = 2.36, q2 = -0.41 }", False),
+        ("{ q1 = 2.5, q2 = -0.4 }", True),
+        ("{ q1 = 3.0, q2 = 1.5 }", True),
+    ],
+)
+def test_a_passive_joint_at_135_degrees_is_no_mistake_and_one_typed_in_degrees_is(posture, doubted, tmp_path):
+    text = library_text("new chain").replace("{ q1 = 0.4, q2 = -0.4 }", posture)
+    assert any("is it in degrees" in line for line in said_of(text, tmp_path)) is doubted
+
+
+@pytest.mark.parametrize("stands", [False, True])
+def test_only_the_postures_in_which_legs_stand_are_looked_at(stands, tmp_path):
+    """A posture more in degrees of the example's strut: doubted where a leg stands in it."""
+    example = resources.files("vjm_validation") / "examples/platform"
+    straight = "straight = { q1 = 0.0, q2 = 0.0, q3 = 0.0, q4 = 0.0 }"
+    strut = (example / "strut.toml").read_text(encoding="utf-8")
+    assert straight in strut
+    folded = "folded = { q1 = 2.5, q2 = 0.5, q3 = -0.5, q4 = 1.0 }"
+    (tmp_path / "strut.toml").write_text(strut.replace(straight, f"{straight}\n{folded}"), encoding="utf-8")
+    text = (example / "platform.toml").read_text(encoding="utf-8")
+    if stands:
+        text = text.replace('posture = "straight"', 'posture = "folded"', 1)
+    (tmp_path / "platform.toml").write_text(text, encoding="utf-8")
+    said = [str(finding) for finding in findings_of(tmp_path / "platform.toml")]
+    assert any("is it in degrees" in line for line in said) is stands, said
+
+
 def test_strict_refuses_what_is_doubtful(tmp_path):
     file = tmp_path / "model.toml"
     file.write_text(BEAM.replace("[0.0, 0.0, 80.0]", "[0.0, 0.0, 0.08]"))

@@ -195,9 +195,9 @@ REFUSALS = {
     "beyond pi": ("postures/B/1", 30.0, "posture 'B': q2 = 30 rad is beyond ±π: is it in degrees?"),
     "limits": ("parts/2/limits_rad", [1.0, -1.0], "part 'q1': limits_rad = [1.0, -1.0] must be [lower, upper]"),
     "above limit": ("parts/3/limits_rad", [-0.5, 0.5],
-        "posture 'B': out of reach: q2 = 0.523599 exceeds its limit 0.5"),
+        "posture 'B': out of reach: q2 = 0.523599 exceeds its limit 0.5 by 0.0236 rad"),
     "below limit": ("parts/5/limits_rad", [-0.5, 0.5],
-        "posture 'B': out of reach: q3 = -0.523599 is below its limit -0.5"),
+        "posture 'B': out of reach: q3 = -0.523599 is below its limit -0.5 by 0.0236 rad"),
     "same line": ("parts/2/axis", "z",
         "posture 'A': joints q1 and q2 turn about the same line: the chain folds; change the posture or leave "
         "one joint out"),

@@ -88,6 +88,91 @@ def test_a_planar_arm_is_put_right_in_its_plane_only():
     assert abs(found.loaded[0, 2]) > 0.1
 
 
+def two_links(compliance: float = 1e-6, limit: float = 3.0) -> TreeModel:
+    """Rigid links of 500 and 400 mm in a plane, on elastic gears."""
+    parts: list = []
+    for name, length in (("shoulder", 500.0), ("elbow", 400.0)):
+        parts.append(ActuatedJoint(name, AXES["z"], compliance=compliance, limits=(-limit, limit)))
+        parts.append(RigidOffset(f"after-{name}", translation([length, 0.0, 0.0])))
+    return TreeModel(Chain("two", tuple(parts)))
+
+
+def exact(at: tuple[float, float], force: tuple[float, float], compliance: float, sign: float) -> np.ndarray:
+    """Commands of `two_links` that put its loaded end at a point: statics there is known, as the point is."""
+    x, y = at
+    turned = sign * np.arccos((x * x + y * y - 500.0**2 - 400.0**2) / (2.0 * 500.0 * 400.0))
+    first = np.arctan2(y, x) - np.arctan2(400.0 * np.sin(turned), 500.0 + 400.0 * np.cos(turned))
+    knee = 500.0 * np.array([np.cos(first), np.sin(first)])
+    moments = [x * force[1] - y * force[0], (x - knee[0]) * force[1] - (y - knee[1]) * force[0]]
+    return np.array([first, turned]) - compliance * np.array(moments)
+
+
+@pytest.mark.parametrize("x", [895.0, 899.99, 900.0 - 1e-5])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_near_the_stretched_arm_one_of_the_two_solutions_is_found(x, sign):
+    """Where the end stands is known, so are the gears' moments, and the commands in closed form, two for a point.
+
+    The tolerance is what rounding of the end's place, 1e-12 mm, makes of the elbow near its stretched posture.
+    """
+    model, force = two_links(), (50.0, -100.0)
+    wanted, wrench = np.array([[x, 0.0, 0.0]]), np.array([[*force, 0.0, 0.0, 0.0, 0.0]])
+    found = compensated_arm(model, wanted, None, wrench, start=np.array([-0.2 * sign, 0.5 * sign]))
+    both = [exact((x, 0.0), force, 1e-6, s) for s in (1.0, -1.0)]
+    assert min(np.abs(found.q_loaded[0] - q).max() for q in both) < 1e-8
+    assert np.abs(found.loaded[0, :2]).max() < 1e-7
+
+
+def test_a_stretched_arm_that_only_its_load_lengthens_is_put_right():
+    """The rigid arm cannot go outwards from there, the loaded one may have to come back."""
+    model = TreeModel(load_chain("planar-2r").refined(8))
+    wrench = np.array([[5000.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    found = compensated_arm(model, np.array([[900.0, 0.0, 0.0]]), None, wrench, start=np.zeros(2))
+    assert found.q[0] == pytest.approx([0.0, 0.0], abs=1e-4)
+    assert found.rigid[0, 0] > 1e-2
+    assert np.abs(found.loaded[0, :2]).max() < 1e-7
+
+
+def test_what_the_loaded_arm_does_not_reach_is_said_with_the_distance():
+    """Pressed together along itself by 500 N the arm's tubes are shorter by F L/EA: it comes no further."""
+    areas = [60.0**2 - 54.0**2, 40.0**2 - 34.0**2]
+    shorter = 500.0 * sum(length / (70000.0 * area) for length, area in zip((500.0, 400.0), areas, strict=True))
+    wanted = np.array([[900.0 - 0.5 * shorter, 0.0, 0.0]])
+    model = TreeModel(load_chain("planar-2r").refined(4))
+    with pytest.raises(ReachError, match=r"row 1 of the path: .*out of reach of the loaded arm: ") as refused:
+        compensated_arm(model, wanted, None, np.array([[-500.0, 0.0, 0.0, 0.0, 0.0, 0.0]]))
+    missed = float(str(refused.value).rsplit("by ", 1)[1].removesuffix(" mm"))
+    # what is printed has four digits
+    assert missed == pytest.approx(0.5 * shorter, rel=2e-3)
+
+
+def test_no_command_goes_beyond_a_joints_limits():
+    """The loaded elbow would have to be commanded beyond its limit, though the rigid one stands within."""
+    force = (50.0, -100.0)
+    wanted, wrench = np.array([[600.0, 300.0, 0.0]]), np.array([[*force, 0.0, 0.0, 0.0, 0.0]])
+    q = exact((600.0, 300.0), force, 1e-6, -1.0)
+    rigid = exact((600.0, 300.0), (0.0, 0.0), 1e-6, -1.0)
+    limit = 0.5 * (abs(q[1]) + abs(rigid[1]))
+    assert abs(q[1]) != pytest.approx(abs(rigid[1]), abs=1e-3)
+    tight = two_links(limit=limit)
+    for start in (rigid, -rigid):
+        try:
+            found = compensated_arm(tight, wanted, None, wrench, start=start)
+        except ReachError as refused:
+            assert "elbow" in str(refused)  # noqa: PT017  (either answer is right, and checked)
+        else:
+            assert np.abs(found.q_loaded[0, 1]) <= limit + 1e-9
+            assert np.abs(found.q[0, 1]) <= limit + 1e-9
+
+
+def test_a_joint_that_would_have_to_go_beyond_its_limit_is_named():
+    model = TreeModel(load_chain("planar-2r"))
+    elbow = np.arccos((200.0**2 + 100.0**2 - 500.0**2 - 400.0**2) / (2.0 * 500.0 * 400.0))
+    with pytest.raises(
+        ReachError, match=rf"row 1 .*elbow = -?{elbow:.6g} .* its limit -?2.6 by {elbow - 2.6:.4g} rad"
+    ):
+        compensated_arm(model, np.array([[200.0, 100.0, 0.0]]), None, np.zeros((1, 6)), start=model.posture("bent"))
+
+
 def test_a_pose_out_of_reach_is_named_by_its_row():
     model = TreeModel(lever())
     wanted = np.array([[500.0, 0.0, 0.0], [600.0, 0.0, 0.0]])

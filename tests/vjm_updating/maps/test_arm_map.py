@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 
 import jsonschema
 import numpy as np
@@ -11,14 +12,14 @@ import pytest
 
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint
+from vjm.model.joints import ActuatedJoint, CoupledJoint
 from vjm.model.load_case import Load
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.equilibria import equilibria
 from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.arm_map import UNREACHED, map_arm, write_arm_map
+from vjm_updating.maps.arm_map import map_arm, write_arm_map
 from vjm_updating.maps.evaluate import Quantity
 from vjm_validation.cli.main import run
 from vjm_validation.schemas import schemas
@@ -57,7 +58,7 @@ def test_a_deflection_over_the_tool_s_place_is_that_of_the_posture_there():
     words = (chain, VjmEngine(2), Quantity.DEFLECTION, "y=-100:100:3,x=500:920:5", "bent")
     found = map_arm(*words, wrench=wrench, gravity=(0.0, -9.81, 0.0))
     # the whole arm is 900 mm long
-    lost = np.array([why == UNREACHED for why in found.why])
+    lost = np.array([why.startswith("out of reach: ") for why in found.why])
     assert lost.tolist() == [x == 920 for x in (500, 605, 710, 815, 920) for _ in range(3)]
     model = TreeModel(chain.refined(2))
     for q, tool, row in zip(found.q[~lost], found.tool[~lost], found.values[~lost], strict=True):
@@ -66,6 +67,32 @@ def test_a_deflection_over_the_tool_s_place_is_that_of_the_posture_there():
         assert row[6] == pytest.approx(np.linalg.norm(at.deflection[0, 0, :3]), rel=1e-9)
         assert np.abs(tool[0] - np.array([500.0, 605.0, 710.0, 815.0])).min() < 1e-6
     assert np.isnan(found.values[lost]).all()
+
+
+def test_a_point_beyond_a_joints_limits_has_no_value_and_says_which_and_by_how_much():
+    """planar-2r's elbow goes to 2.6 rad: its tool comes as near as the law of cosines says."""
+    chain, words = load_chain("planar-2r"), (VjmEngine(2), Quantity.STIFFNESS)
+    over_joints = map_arm(chain, *words, "elbow=2.2:2.8:4", "bent")
+    assert over_joints.why[:3] == ["ok"] * 3
+    assert over_joints.why[3] == "out of reach: elbow = 2.8 exceeds its limit 2.6 by 0.2 rad"
+    assert np.isfinite(over_joints.values[:3, 0]).all()
+    assert np.isnan(over_joints.values[3]).all()
+    nearest = np.sqrt(500.0**2 + 400.0**2 + 2.0 * 500.0 * 400.0 * np.cos(2.6))
+    inside, outside = nearest - 20.0, nearest + 20.0
+    over_places = map_arm(chain, *words, f"x={inside}:{outside}:2,y=0", "bent")
+    elbow = np.arccos((inside**2 - 500.0**2 - 400.0**2) / (2.0 * 500.0 * 400.0))
+    assert over_places.why[1] == "ok"
+    assert f"elbow = {elbow:.6g} exceeds its limit 2.6 by {elbow - 2.6:.4g} rad" in over_places.why[0]
+    assert "misses the pose by 20 mm" in over_places.why[0]
+    assert abs(over_places.q[1, 1]) < 2.6
+
+
+def test_the_limits_of_a_joint_that_follows_others_count_too():
+    follower = CoupledJoint("j2", AXES["z"], ratios=(("j1", 2.0),), offset=0.1, limits=(-1.0, 1.0))
+    chain = two_links()
+    chain = replace(chain, parts=(*chain.parts, follower))
+    found = map_arm(chain, VjmEngine(), Quantity.STIFFNESS, "j1=0.4:0.5:2", "bent")
+    assert found.why == ["ok", "out of reach: j2 = 1.1 exceeds its limit 1 by 0.1 rad"]
 
 
 def test_its_files(tmp_path):

@@ -119,7 +119,7 @@ def test_the_number_of_processes_changes_nothing(tmp_path, monkeypatch):
 
 
 def test_the_command_writes_csv_vtk_and_a_figure(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("vjm_updating.maps.output.why_not_rendered", lambda: "no graphics in this test")
+    monkeypatch.setattr("vjm_output.off_screen.why_not_rendered", lambda: "no graphics in this test")
     assert (
         run(["map", "orthoglide", "--grid", "x=0,y=0:300:3,z=0:300:2", "--jobs", "1", "--out", str(tmp_path)]) == 0
     )

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -69,3 +72,23 @@ def test_bad_words_are_refused(words, said, tmp_path, monkeypatch, capsys):
     assert run(["show", "ur10", *words]) == 2
     assert said in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+QUIET = """
+import sys
+import pyvista
+from vjm_output.off_screen import plotter
+drawn = plotter((64, 48))
+drawn.add_mesh(pyvista.Sphere())
+sys.stdout.write(str(drawn.screenshot(return_img=True).shape))
+"""
+
+
+@pytest.mark.skipif(bool(why_not_rendered()), reason="this machine cannot render")
+def test_drawing_without_a_screen_says_nothing_of_one():
+    """VTK looks for an X server first; whoever runs a command without one has nothing to do about it."""
+    environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
+    done = subprocess.run(
+        [sys.executable, "-c", QUIET], capture_output=True, text=True, env=environment, check=True
+    )
+    assert (done.stdout, done.stderr) == ("(48, 64, 3)", "")

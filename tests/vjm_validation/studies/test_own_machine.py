@@ -14,6 +14,7 @@ from vjm.tree.equilibria import equilibria
 from vjm.tree.model import TreeModel
 from vjm_output.off_screen import why_not_rendered
 from vjm_validation import load_any_model
+from vjm_validation.acceptance import accepted, at_most
 from vjm_validation.cli.main import run
 from vjm_validation.runs.own_machine import own_acceptance
 from vjm_validation.schemas import schemas
@@ -153,3 +154,59 @@ def test_a_critical_point_that_one_engine_lacks_fails_near_by_only(force, displa
     found = OwnMachine(load_any_model.loaded("orthoglide")[0], False, 1.0, critical=rows)
     verdict = next(row for row in own_acceptance(found) if row.name == "kinds of critical points")
     assert verdict.passed is passed
+
+
+TREE = """
+format = 1
+name = "fork"
+title = "two arms on one joint"
+source = "made up"
+[units]
+length = "mm"
+force = "N"
+angle = "rad"
+[[parts]]
+kind = "actuated"
+name = "joint"
+axis = "z"
+compliance_rad_per_Nmm = 1e-7
+[[parts]]
+kind = "link"
+name = "left"
+translation_mm = [300.0, 100.0, 0.0]
+after = "joint"
+[[parts]]
+kind = "link"
+name = "right"
+translation_mm = [300.0, -100.0, 0.0]
+after = "joint"
+[ends]
+l = "left"
+r = "right"
+[postures]
+home = { joint = 0.0 }
+"""
+
+
+def test_a_trees_equilibria_are_checked_and_its_rigid_directions_said(tmp_path):
+    """One gear of compliance c: along y the left end has 1/(c 300²) N/mm, and along z nothing moves."""
+    file = tmp_path / "fork.toml"
+    file.write_text(TREE, encoding="utf-8")
+    found = study(Request(str(file), directions=("y", "z")))
+    assert [row.K0 for row in found.loads] == [pytest.approx(1.0 / (1e-7 * 300.0**2), rel=1e-12), None]
+    rows = own_acceptance(found)
+    assert [row.passed for row in rows] == [True, True]
+    assert rows[1].name == "equilibrium residual"
+
+
+def test_a_run_that_looked_at_nothing_is_no_pass(tmp_path, capsys, monkeypatch):
+    nothing = OwnMachine(load_any_model.loaded("planar-2r")[0], False, 1.0, notes=["exudyn was left out"])
+    (row,) = own_acceptance(nothing)
+    assert (row.passed, "exudyn was left out" in str(row.value)) == (None, True)
+    assert [accepted(rows) for rows in ([], [row], [at_most("a", 1.0, 2.0), row])] == [False, False, True]
+    assert not accepted([at_most("a", 1.0, 2.0), at_most("b", 3.0, 2.0)])
+    file = tmp_path / "fork.toml"
+    file.write_text(TREE, encoding="utf-8")
+    monkeypatch.setattr("vjm_validation.studies.own_machine._tree_rows", lambda *_: [])
+    assert run(["all", str(file), "--out", str(tmp_path / "run")]) == 1
+    assert "nothing was checked" in capsys.readouterr().err

@@ -26,6 +26,7 @@ from vjm_validation.cli.options import (
 )
 from vjm_validation.cli.status import INTERRUPTED, NOT_ACCEPTED, OK, UsageError
 from vjm_validation.comparison_names import COMPARISONS
+from vjm_validation.load_any_model import in_postures, loaded
 from vjm_validation.report.printing import chromium, print_page
 from vjm_validation.runs.own_machine import run_own
 from vjm_validation.runs.paper import Options, run_all
@@ -84,6 +85,8 @@ def all_(
         for name, value in (("--force", force), ("--to", to)):
             if value is not None and not 0.0 < value < float("inf"):
                 raise UsageError(f"{name}: must be positive, not {value:g}; --direction gives the sign")
+        # what is wrong with the file is said of the file, before what is doubtful
+        in_postures(loaded(model)[0], posture)
         doubts = considered(model, strict, weighed=bool(gravity))
         return _own(
             Request(
@@ -140,7 +143,11 @@ def _said(summary: Summary | OwnMachineSummary, folder: FilePath, *, pdf: bool, 
         console.print(f"report: {folder / 'index.html'}", soft_wrap=True)
         if pdf:
             console.print(f"printed: {folder / 'report.pdf'}", soft_wrap=True)
-    return OK if all(row.passed is not False for row in summary.acceptance) else NOT_ACCEPTED
+    from vjm_validation.acceptance import accepted
+
+    if not any(row.passed is not None for row in summary.acceptance):
+        terminal.error("nothing was checked: no requirement was looked at, so that this run is no pass")
+    return OK if accepted(summary.acceptance) else NOT_ACCEPTED
 
 
 def _command(quick: bool, only: Sequence[str], steps: int | None) -> str:

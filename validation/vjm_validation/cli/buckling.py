@@ -14,7 +14,7 @@ from vjm.continuation.path import Path
 from vjm.engines import engine_by_name
 from vjm.errors import NoConvergenceError
 from vjm.io.model_file import read_document
-from vjm.model.load_case import RAMP, TO_LIMIT
+from vjm.model.load_case import COMPONENTS, LOAD, RAMP, TO_LIMIT
 from vjm.model.parts import Placement
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
@@ -22,6 +22,7 @@ from vjm_validation.cli import pages, tables
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, parsed_load_case
 from vjm_validation.cli.options import (
+    Axis,
     FootSegments,
     Force,
     Free,
@@ -39,7 +40,7 @@ from vjm_validation.cli.options import (
 )
 from vjm_validation.cli.status import UsageError
 from vjm_validation.documents import BucklingDocument
-from vjm_validation.load_any_model import loaded, postures
+from vjm_validation.load_any_model import in_postures, loaded
 from vjm_validation.metrics import PathMetrics, path_metrics
 from vjm_validation.yielding import yield_rows
 
@@ -58,8 +59,13 @@ def buckling_(
     placement: PlacementOption = Placement.BEST,
     shear: Shear = None,
     to: Annotated[
-        float | None, Parameter(help="How far to go, mm, with --force N; 4 mm by default, 14 where that says more.")
+        float | None,
+        Parameter(
+            help="How far to go, mm or rad, with --force N or N mm; along x, y, z 4 mm by default, 14 where that "
+            "says more."
+        ),
     ] = None,
+    axis: Axis = "x",
     free: Free = "",
     force: Force = False,
     gravity: GravityOption = "",
@@ -73,8 +79,9 @@ def buckling_(
     """Stiffness, critical points and post-buckling stiffness."""
     if to is not None and not to > 0.0:
         raise UsageError(f"--to: the reach must be positive, not {to}; --direction gives the sign")
-    if force and to is None:
-        raise UsageError("--to: with --force say up to how many N")
+    if to is None and (force or axis not in COMPONENTS[:3]):
+        unit = "N or N mm" if force else "mm or rad, or which load factor"
+        raise UsageError(f"--to: with {'--force' if force else f'--axis {axis}'} say up to how many {unit}")
     pages.check(plot, report)
     chain, whole = loaded(model, shear=with_shear(shear))
     doubts = considered(model, strict, weighed=bool(gravity))
@@ -83,14 +90,15 @@ def buckling_(
     directions = (
         [Direction.TENSION if direction == "+" else Direction.COMPRESSION] if direction else list(Direction)
     )
-    labels = postures(chain, posture)
+    chain, labels = in_postures(chain, posture)
     cases = [(label, way, solver) for label in labels for way in directions for solver in solvers]
     tasks = []
     for label, way, solver in cases:
         end = way.sign * to if to is not None else ramp_end(chain, label, way)
         load_case = parsed_load_case(
-            label, end, force=force, free=free, gravity=gravity, loads=load, control=TO_LIMIT if force else RAMP
-        )
+            label, end, axis=axis, force=force, free=free, gravity=gravity, loads=load,
+            control=TO_LIMIT if force or axis == LOAD else RAMP,
+        )  # fmt: skip
         within_reach("--to", chain, load_case.displacement(load_case.length).tolist())
         tasks.append(Task(solver, chain, load_case))
     with terminal.progress(quiet=json) as progress:
@@ -113,7 +121,7 @@ def buckling_(
     if json:
         sys.stdout.write(as_json(document))
     else:
-        terminal.console().print(tables.metrics_table(document))
+        terminal.console().print(tables.metrics_table(document, paths[0].load_case.driven))
         for line in (*flutter_words(paths), *(row.words for row in yields)):
             terminal.console().print(line, soft_wrap=True)
     pages.draw(plot, report, lambda: _content(paths, document), None if json else terminal.console())
@@ -126,6 +134,8 @@ def _content(paths: list[Path], document: BucklingDocument) -> pages.Content:
     from vjm_validation.report.tables import Table
 
     numbers = ("K0", "K1", "F_cr", "d_cr", "K2", "F_end", "d_end", "K3")
+    driven = paths[0].load_case.driven
+    units = ", ".join(word for word in (driven.unit or driven.name, driven.along) if word)
     rows = [
         (posture, direction, engine, str(m.critical or "none"), *(number(getattr(m, name), 5) for name in numbers))
         for posture, directions in document.chain.items()
@@ -133,8 +143,8 @@ def _content(paths: list[Path], document: BucklingDocument) -> pages.Content:
         for engine, m in engines.items()
     ]
     table = Table(
-        "N, mm, magnitudes. K0: unloaded stiffness; K1 and K2: at 0.99 and 1.01 of the critical displacement; K3: "
-        "at the end of the path",
+        f"{units}, magnitudes. K0: unloaded stiffness; K1 and K2: at 0.99 and 1.01 of the critical displacement; "
+        "K3: at the end of the path",
         ("posture", "direction", "engine", "critical", *numbers), tuple(rows), words=4,
     )  # fmt: skip
     sharp = sum(row[3] != "none" for row in rows)

@@ -20,7 +20,7 @@ from vjm_validation.cli.load_case_options import GravityOption, acceleration
 from vjm_validation.cli.options import Json, Model, Posture, Segments, segments_of
 from vjm_validation.cli.status import OK, UsageError
 from vjm_validation.compensation import CompensationDocument, compensation, write_commands
-from vjm_validation.load_any_model import loaded, postures
+from vjm_validation.load_any_model import in_postures, loaded
 from vjm_validation.tool_path import read_tool_path
 
 
@@ -49,7 +49,7 @@ def compensate_(
     if not isinstance(solver, VjmEngine):
         raise UsageError(f"--engine {engine}: compensation takes vjm, vjm-paper or vjm-<n>")
     if posture is not None:
-        postures(machine, (posture,))
+        machine, (posture,) = in_postures(machine, (posture,))
     pages.check(plot, report)
     if out is not None:
         if out.suffix != ".csv":

@@ -19,6 +19,7 @@ from vjm_validation.cli import pages, tables
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, parsed_load_case
 from vjm_validation.cli.options import (
+    Axis,
     FootSegments,
     Force,
     Free,
@@ -36,7 +37,7 @@ from vjm_validation.cli.options import (
     within_reach,
 )
 from vjm_validation.documents import curve_document
-from vjm_validation.load_any_model import loaded, postures
+from vjm_validation.load_any_model import in_postures, loaded
 
 
 def curve_(
@@ -44,10 +45,7 @@ def curve_(
     *,
     to: Annotated[float, Parameter(help="End of the ramp, mm or rad; -4 is compression for posture A.")],
     posture: Posture = None,
-    axis: Annotated[
-        str,
-        Parameter(help="x, y, z, rx, ry, rz, a direction dx,dy,dz, or load: the factor on every --load."),
-    ] = "x",
+    axis: Axis = "x",
     steps: Annotated[int | None, Parameter(help="Equal steps; adaptive by default.")] = None,
     engine: Annotated[str, Parameter(help="See `validate list`.")] = "vjm",
     segments: Segments = None,
@@ -81,7 +79,7 @@ def curve_(
     positive("--steps", steps)
     chain, whole = loaded(model, shear=with_shear(shear))
     doubts = considered(model, strict, weighed=bool(gravity))
-    label = postures(chain, (posture,) if posture else ())[0]
+    chain, (label, *_) = in_postures(chain, (posture,) if posture else ())
     load_case = parsed_load_case(
         label, to, axis=axis, force=force, steps=steps, branch={"+": 1, "-": -1, "0": 0}[branch], free=free,
         loads=load, gravity=gravity, control=control, imperfection=imperfection,
@@ -119,7 +117,7 @@ def _content(path: Path) -> pages.Content:
         (f"{p.ramp:.6g}", f"{force:.6g}", f"{p.tangent:.6g}", *(f"{u:.6g}" for u in p.displacement + 0.0))
         for p, force in zip(path.points, path.force, strict=True)
     ]
-    header = ("ramp", "force or load factor", "stiffness", "ux", "uy", "uz", "rx", "ry", "rz")
+    header = ("ramp", path.load_case.driven.name, "stiffness", "ux", "uy", "uz", "rx", "ry", "rz")
     table = Table("Every point of the path; N, mm, rad", header, tuple(rows), words=0)
     verdict, *rest = tables.event_lines(path)
     title = f"{path.model}, posture {path.load_case.posture}, {path.engine}"

@@ -13,13 +13,12 @@ from vjm.plain_numbers import plain_number
 
 GravityOption = Annotated[
     str,
-    Parameter(name="--gravity", allow_leading_hyphen=True, help="gx,gy,gz in m/s2: the parts get their weight."),
+    Parameter(name="--gravity", help="gx,gy,gz in m/s2: the parts get their weight."),
 ]
 LoadOption = Annotated[
     tuple[str, ...],
     Parameter(
         name="--load",
-        allow_leading_hyphen=True,
         help="[part@fraction:]fx,fy,fz[,mx,my,mz][:follower][:constant], N and N mm; may be repeated.",
     ),
 ]

@@ -46,6 +46,8 @@ app = App(
 )
 NUMBER = re.compile(r"[-+\d.eE]+")
 """With the digits of any script, which Python takes."""
+NEGATIVE = re.compile(r"-\.?\d")
+"""What begins like it is a value, such as -1,-60,0, and no option's name."""
 app.register_install_completion_command()
 COMMANDS = {
     "all": "Run every comparison and write the report.",
@@ -143,6 +145,22 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.exit(status)
 
 
+def joined(arguments: Sequence[str]) -> list[str]:
+    """Words in which values that begin with a minus are joined to their options: ``--base -1,0,0`` by ``=``."""
+    words: list[str] = []
+    option = ""
+    for word in arguments:
+        if not NEGATIVE.match(word) or not option:
+            words.append(word)
+            option = word.partition("=")[0] if word.startswith("--") else option
+        elif words[-1] == option:
+            words[-1] = f"{option}={word}"
+        else:
+            # one more of the option's values
+            words.append(f"{option}={word}")
+    return words
+
+
 def run(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status; errors become one line."""
     foreign = next((word for word in arguments if NUMBER.fullmatch(word) and not word.isascii()), None)
@@ -150,7 +168,7 @@ def run(arguments: Sequence[str]) -> int:
         terminal.error(f"{foreign}: write numbers with the digits 0 to 9")
         return BAD_INPUT
     try:
-        result = app(arguments, exit_on_error=False, print_error=False)
+        result = app(joined(arguments), exit_on_error=False, print_error=False)
     except UnusedCliTokensError as error:
         command = " ".join(["validate", *(error.command_chain or ())])
         words = " ".join(error.unused_tokens or ())

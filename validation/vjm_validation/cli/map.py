@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -36,11 +37,12 @@ from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
 from vjm_validation.cli.options import Json
 from vjm_validation.documents import MapRowsDocument
-from vjm_validation.load_any_model import postures
+from vjm_validation.load_any_model import in_postures
 
 INTERRUPTED = 130
 UNITS = {"_N_per_mm": "N/mm", "_Nmm_per_rad": "N mm/rad", "_mm": "mm", "_rad": "rad", "_N": "N"}
 """Endings of columns, the longer ones first."""
+NUMBER = re.compile(r"[-+]?\d[\d.]*(e[-+]?\d+)?")
 REFINED = "vjm-4"
 """Springs a beam by default: critical loads of a pinned column within 1e-3, at a quarter of the cost of 16."""
 
@@ -51,7 +53,6 @@ def map_(
     grid: Annotated[
         str,
         Parameter(
-            allow_leading_hyphen=True,
             help="Points a side of the workspace, such as 21, or x=from:to:count,y=…,z=… in mm: from home; of an "
             "arm the tool's place in the world, or joints by name, such as elbow=0:2:21.",
         ),
@@ -59,7 +60,7 @@ def map_(
     quantity: Annotated[Quantity, Parameter(help="stiffness, critical or deflection.")] = Quantity.STIFFNESS,
     wrench: Annotated[
         str,
-        Parameter(allow_leading_hyphen=True, help="fx,fy,fz,mx,my,mz on the platform, N and N mm."),
+        Parameter(help="fx,fy,fz,mx,my,mz on the platform, N and N mm."),
     ] = "",
     most: Annotated[float, Parameter(help="Largest force tried for a critical one, N.")] = 20_000.0,
     posture: Annotated[str, Parameter(help="Of an arm: what the grid leaves out; the first by default.")] = "",
@@ -156,7 +157,7 @@ def _of_arm(
 ) -> Mapped:
     if not held_by_itself(chain):
         raise ValueError(f"{chain.name}: is a single chain that swings, and this needs a manipulator or an arm")
-    label = postures(chain, (posture,) if posture else ())[0]
+    chain, (label, *_) = in_postures(chain, (posture,) if posture else ())
     on_end = (0.0,) * 6 if not wrench and (gravity or loads) else _wrench(wrench, quantity)
     with locked(folder):
         found = map_arm(chain, springs, quantity, grid, label, wrench=on_end, gravity=gravity, loads=loads, end=end)
@@ -183,14 +184,29 @@ def _said(found: Mapped, doubts: Sequence[Finding], plot: Path | None, report: P
         finite = found.values[np.isfinite(found.values[:, k]), k]
         if finite.size:
             console.print(f"  {column}: {finite.min():.6g} to {finite.max():.6g}", soft_wrap=True)
-    reasons = [each for each in found.why if each != OK]
-    for reason in list(dict.fromkeys(reasons))[:5]:
-        console.print(f"  {reasons.count(reason)} poses: {reason}", soft_wrap=True)
+        rigid = int(np.isinf(found.values[:, k]).sum())
+        if rigid:
+            console.print(f"  {column}: infinite at {rigid} poses, where nothing deflects", soft_wrap=True)
+    for line in _reasons(found.why):
+        console.print(f"  {line}", soft_wrap=True)
     for line in (*found.files, *found.left_out):
         console.print(f"{line}", soft_wrap=True)
     pages.draw(plot, report, lambda: _content(found), console)
     sys.stdout.flush()
     return 0
+
+
+def _reasons(why: Sequence[str]) -> list[str]:
+    """Why poses have no value, a line for each kind of reason: those that differ in their numbers are one."""
+    kinds: dict[str, list[str]] = {}
+    for each in why:
+        if each != OK:
+            kinds.setdefault(NUMBER.sub("", each), []).append(each)
+    lines = []
+    for reasons in kinds.values():
+        like = "" if len(set(reasons)) == 1 else " (the first; each is in the file)"
+        lines.append(f"{len(reasons)} poses: {reasons[0]}{like}")
+    return lines
 
 
 def _document(found: Mapped, doubts: Sequence[Finding]) -> MapRowsDocument:

@@ -40,6 +40,9 @@ Shear = Annotated[
         help="Leave out the shear that the model states; by default every engine has it.",
     ),
 ]
+Axis = Annotated[
+    str, Parameter(help="x, y, z, rx, ry, rz, a direction dx,dy,dz, or load: the factor on every --load.")
+]
 Free = Annotated[str, Parameter(help="Components of the pose that are free, such as rx,ry,rz.")]
 Force = Annotated[
     bool, Parameter(negative="", help="Drive a dead force or moment along --axis, N or N mm, instead of the pose.")
@@ -48,7 +51,11 @@ Jobs = Annotated[int, Parameter(help="Processes; one a core by default.")]
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print one JSON document and nothing else.")]
 Posture = Annotated[
     str | None,
-    Parameter(allow_leading_hyphen=True, help="Label of a posture; of a manipulator also x,y,z from home in mm."),
+    Parameter(
+        allow_leading_hyphen=True,
+        help="Label of a posture, or coordinates in mm and rad: of an arm 0.1,0.2 or elbow=0.2,shoulder=0.1, of a "
+        "manipulator x,y,z from home.",
+    ),
 ]
 Model = Annotated[str, Parameter(help="A model of the library, or a path to a model file.")]
 

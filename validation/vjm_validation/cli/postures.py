@@ -27,7 +27,6 @@ def postures_(
     tool: Annotated[
         str,
         Parameter(
-            allow_leading_hyphen=True,
             help="x,y,z in mm, and perhaps a rotation vector rx,ry,rz in rad; without it the tool may turn freely.",
         ),
     ],

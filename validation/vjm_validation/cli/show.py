@@ -13,7 +13,7 @@ from vjm_output.off_screen import why_not_rendered
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.options import Posture
 from vjm_validation.cli.status import OK, UsageError
-from vjm_validation.load_any_model import loaded, postures
+from vjm_validation.load_any_model import in_postures, loaded
 
 
 def show_(
@@ -35,7 +35,7 @@ def show_(
         return show_drawing(Path(model), out)
     machine, _ = loaded(model)
     considered(model, strict)
-    label = postures(machine, (posture,) if posture else ())[0]
+    machine, (label, *_) = in_postures(machine, (posture,) if posture else ())
     file = out or Path(f"{machine.name}-{label.replace(',', '_')}.html")
     if file.suffix not in (".html", ".png"):
         raise UsageError(f"--out: {file}: write a name that ends in .html or .png")

@@ -31,7 +31,7 @@ from vjm_validation.cli.options import (
 )
 from vjm_validation.cli.status import OK, UsageError
 from vjm_validation.documents import StiffnessDocument
-from vjm_validation.load_any_model import loaded, postures
+from vjm_validation.load_any_model import in_postures, loaded
 from vjm_validation.loaded_stiffness import stiffness_document
 
 
@@ -41,11 +41,9 @@ def stiffness_(
     posture: Posture = None,
     wrench: Annotated[
         str | None,
-        Parameter(allow_leading_hyphen=True, help="fx,fy,fz,mx,my,mz in N and N mm on the free end-effector."),
+        Parameter(help="fx,fy,fz,mx,my,mz in N and N mm on the free end-effector."),
     ] = None,
-    displacement: Annotated[
-        str | None, Parameter(allow_leading_hyphen=True, help="ux,uy,uz,rx,ry,rz in mm and rad, imposed.")
-    ] = None,
+    displacement: Annotated[str | None, Parameter(help="ux,uy,uz,rx,ry,rz in mm and rad, imposed.")] = None,
     gravity: GravityOption = "",
     load: LoadOption = (),
     end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
@@ -66,7 +64,7 @@ def stiffness_(
     chain, _ = loaded(model, shear=with_shear(shear))
     doubts = considered(model, strict, weighed=bool(gravity))
     solver = engine_by_name(engine, engine_options(segments, foot_segments, placement), chain)
-    label = postures(chain, (posture,) if posture else ())[0]
+    chain, (label, *_) = in_postures(chain, (posture,) if posture else ())
     imposed = None if displacement is None else six("--displacement", displacement)
     if imposed is not None:
         within_reach("--displacement", chain, imposed)

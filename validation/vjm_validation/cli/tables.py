@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from vjm.continuation.path import Path, travel
+from vjm.model.load_case import Driven
 from vjm_validation.documents import BucklingDocument, StiffnessDocument
 
 if TYPE_CHECKING:
@@ -32,15 +33,15 @@ NO_POTENTIAL = (
 
 def path_table(path: Path) -> Table:
     """A path's points, thinned to what a terminal shows."""
-    driven = path.load_case.load_driven
-    unit = "mm" if path.load_case.direction[:3].any() else "rad"
-    force = "N" if unit == "mm" else "N mm"
+    driven, what = path.load_case.load_driven, path.load_case.driven
     way = "; magnitudes: the ramp goes against its axis" if path.load_case.sign < 0 and not driven else ""
     title = f"{path.model}, posture {path.load_case.posture}, {path.engine}{way}"
     table = Table(title=title, title_justify="left")
-    columns = ["ux mm", "uy mm", "uz mm", "load factor", "its stiffness"]
-    if not driven:
-        columns = [f"displacement {unit}", f"force {force}", f"stiffness {force}/{unit}"]
+    columns = [
+        f"{what.name} {what.unit}".strip(),
+        f"stiffness {what.stiffness}" if what.stiffness else "its stiffness",
+    ]
+    columns = ["ux mm", "uy mm", "uz mm", *columns] if driven else [f"displacement {what.along}", *columns]
     for column in (*columns, "smallest eigenvalue, over that unloaded", "unstable modes"):
         table.add_column(column, justify="right")
     n = len(path.points)
@@ -59,22 +60,22 @@ def path_table(path: Path) -> Table:
 
 def event_lines(path: Path) -> list[str]:
     """The critical points in words."""
-    lines = []
+    lines, driven = [], path.load_case.driven
     for event in path.events:
         at = travel(path, event.point) if event.point else event.s
-        if path.load_case.load_driven:
-            lines.append(f"{event.kind} at {at:.6g}, load factor {event.force:.6g}")
-        else:
-            unit, force = ("mm", "N") if path.load_case.direction[:3].any() else ("rad", "N mm")
-            lines.append(f"{event.kind} at {at:.6g} {unit}, force {event.force:.6g} {force}")
+        # of loads on other parts alone the end-effector has no way
+        where = "" if np.isnan(at) else f" at {at:.6g} {driven.along}".rstrip()
+        lines.append(f"{event.kind}{where}, {driven.said(event.force)}")
     if path.stopped:
         lines.append(f"the path ends at {path.points[-1].ramp:.6g}: {path.stopped}")
     return lines or ["no critical point on this path"]
 
 
-def metrics_table(document: BucklingDocument) -> Table:
+def metrics_table(document: BucklingDocument, driven: Driven) -> Table:
     """Metrics of every path."""
-    table = Table(title=f"{document.model}: N, mm, magnitudes on the driven axis", title_justify="left", box=SIMPLE)
+    units = ", ".join(dict.fromkeys(word for word in (driven.unit or driven.name, driven.along) if word))
+    title = f"{document.model}: {units}, magnitudes on the driven axis"
+    table = Table(title=title, title_justify="left", box=SIMPLE)
     table.add_column("", no_wrap=True)
     table.add_column("critical", no_wrap=True)
     numbers = ("K0", "K1", "F_cr", "d_cr", "K2", "F_end", "d_end", "K3")

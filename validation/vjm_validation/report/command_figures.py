@@ -25,11 +25,10 @@ def path_pictures(paths: Sequence[Path]) -> list[Picture]:
     names = _names(paths)
     colours = _colours(paths)
     first = paths[0]
-    unit, force = ("mm", "N") if first.load_case.direction[:3].any() else ("rad", "N mm")
-    across, up = f"displacement, {unit}", f"force, {force}"
-    slope = f"tangent stiffness, {force}/{unit}"
-    if first.load_case.load_driven:
-        across, up, slope = "arc length of the path", "load factor", "its stiffness"
+    driven = first.load_case.driven
+    across = "arc length of the path" if first.load_case.load_driven else f"displacement, {driven.along}"
+    up = f"{driven.name}, {driven.unit}" if driven.unit else driven.name
+    slope = f"tangent stiffness, {driven.stiffness}" if driven.stiffness else "its stiffness"
     with figure(3.6, 2) as (fig, axes):
         for path, name, colour in zip(paths, names, colours, strict=True):
             _line(axes[0], path.s, path.force, name, colour)

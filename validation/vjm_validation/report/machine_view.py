@@ -5,11 +5,11 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from vjm.rotations import Array
+from vjm_output import off_screen
 from vjm_output.templating import environment
 from vjm_validation.report.machine_geometry import (
     BEAM,
@@ -43,9 +43,8 @@ def rendered(shown: Geometry, moved: Sequence[Array] = (), *, names: bool = True
     import pyvista as pv  # takes seconds, and its library may be missing
 
     # VTK tries an X display first and would write about its absence on stderr
-    pv.vtk_verbosity("off")
     size = shown.extent
-    plotter: Any = pv.Plotter(off_screen=True, window_size=list(SIZE))
+    plotter = off_screen.plotter(SIZE)
     try:
         plotter.set_background("white")
         for line in shown.lines:

@@ -12,6 +12,7 @@ from vjm.continuation.direction import Direction
 from vjm.continuation.path import Equilibrium, Event, Path
 from vjm.model.chain import Chain
 from vjm.rotations import Array
+from vjm_output import off_screen
 from vjm_output.number_text import listed, number
 from vjm_output.plot_style import FE, PAGE_WIDTH, PAPER, REFINED, Drawing, Picture, engine_style, figure, png
 from vjm_validation.report.figures import postures
@@ -158,7 +159,7 @@ def _scene(group: Mapping[str, Skeleton], times: float, camera: Camera, ruler: f
     """One rendered panel ``(h, w, 3)``."""
     pv = _pyvista()
     unit = 0.011 * camera.half_width
-    plotter = pv.Plotter(off_screen=True, window_size=(WIDTH, WIDTH))
+    plotter = off_screen.plotter((WIDTH, WIDTH))
     try:
         plotter.set_background("white")
         plotter.enable_anti_aliasing("ssaa")

@@ -17,6 +17,8 @@ from vjm_validation.acceptance import AcceptanceRow, at_most, none_of
 from vjm_validation.studies.own_machine import REFERENCE, OwnMachine, Progress, Request, extent, study
 from vjm_validation.studies.own_machine_rows import OwnMachineSummary
 
+NOTHING_CHECKED = "anything checked"
+"""Name of the only row of a run that looked at nothing, which is no pass."""
 AGREEMENT = 2e-3
 """Of what both engines compute: 16 springs a beam, and 8 elements, are good to 1e-4 and to 7e-4 near buckling."""
 RESIDUAL = 1e-8
@@ -104,11 +106,22 @@ def own_acceptance(found: OwnMachine) -> list[AcceptanceRow]:
         rows.append(
             at_most(f"unloaded stiffness: virtual springs against {REFERENCE}", max(K, default=0.0), AGREEMENT)
         )
+    if found.residuals:
+        lost = ["_".join(key) for key, residual in found.residuals.items() if np.isnan(residual)]
+        known = [residual for residual in found.residuals.values() if np.isfinite(residual)]
+        rows += [
+            none_of("equilibria found", "there is one under every force", lost),
+            at_most("equilibrium residual", max(known, default=0.0), RESIDUAL, " (scaled)"),
+        ]
     rows += _critical_rows(found)
     if len(found.convergence) > 1:
         row = found.convergence[-2]
         name = f"{row.quantity.split(',')[0]}: {row.springs} springs a beam against twice as many"
         rows.append(at_most(name, row.error, CONVERGENCE))
+    if not rows:
+        why = "; ".join(found.notes) or "no load path, no equilibrium and no second engine"
+        what = "an equilibrium, another engine or more springs"
+        rows.append(AcceptanceRow(name=NOTHING_CHECKED, requirement=what, value=f"not run: {why}", passed=None))
     return rows
 
 

@@ -19,10 +19,10 @@ from vjm.model.load_case import COMPONENTS, RAMP, TO_LIMIT, Load, LoadCase
 from vjm.platform.manipulator import Manipulator
 from vjm.platform.problem import ManipulatorProblem
 from vjm.rotations import Array
-from vjm.tree.equilibria import Equilibria, equilibria
+from vjm.tree.equilibria import Equilibria, equilibria, largest_residual
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
-from vjm_validation.load_any_model import loaded, postures
+from vjm_validation.load_any_model import in_postures, loaded
 from vjm_validation.metrics import path_metrics
 from vjm_validation.studies.force_directions import DIRECTIONS, unit_of
 from vjm_validation.studies.own_machine_rows import ConvergenceRow, CriticalRow, LoadRow, StiffnessRow
@@ -41,6 +41,8 @@ MOST = 300.0
 """Times the force, up to which critical points are looked for."""
 NOTHING = 1e-6
 """Of the largest answer of all load paths: what is less is none."""
+RIGID = 1e-12
+"""Of the largest compliance of its kind: less is rounding, and no deflection."""
 EVENTS = (EventKind.BIFURCATION, EventKind.LIMIT)
 
 Key = tuple[str, str, str]
@@ -89,6 +91,7 @@ class OwnMachine:
         critical: one row a path of ``criticals``.
         convergence: with the number of springs.
         elements: the quantity of ``convergence`` by finite elements.
+        residuals: of a tree, the largest scaled residual of each equilibrium; nan where there is none.
         notes: what was left out, and why.
     """
 
@@ -102,6 +105,7 @@ class OwnMachine:
     critical: list[CriticalRow] = field(default_factory=list)
     convergence: list[ConvergenceRow] = field(default_factory=list)
     elements: float | None = None
+    residuals: dict[tuple[str, str], float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
 
@@ -116,7 +120,7 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
         ValueError: no such posture, direction or engine.
     """
     machine, whole = loaded(request.model)
-    labels = postures(machine, request.postures)
+    machine, labels = in_postures(machine, request.postures)
     for direction in request.directions:
         unit_of(direction)
     platform = isinstance(machine, Manipulator)
@@ -214,12 +218,7 @@ def _stiffness(request: Request, chain: Chain, labels: Sequence[str], lumped: Vj
         for load in ("none", "weight") if request.gravity else ("none",):
             at = equilibria(model, model.posture(label), gravity=request.gravity if load == "weight" else None)
             for end, C in zip(model.ends, _compliance(at), strict=True):
-                diagonal = np.diag(C)
-                largest = np.repeat([diagonal[:3].max(), diagonal[3:].max()], 3)
-                # what is left of a direction in which nothing moves is rounding
-                along = [
-                    float(1.0 / c) if c > 1e-12 * most else None for c, most in zip(diagonal, largest, strict=True)
-                ]
+                along = [_along(C, unit) for unit in np.eye(6)]
                 rows.append(StiffnessRow(posture=label, end=end, load=load, along=along))
     return rows
 
@@ -306,10 +305,12 @@ def _tree_rows(request: Request, found: OwnMachine, lumped: VjmEngine, labels: S
         before = equilibria(model, model.posture(posture), gravity=request.gravity, wrench=wrench)
         wrench[0] = found.size * unit
         at = equilibria(model, model.posture(posture), gravity=request.gravity, wrench=wrench)
+        residual = largest_residual(at, gravity=request.gravity, wrench=wrench) if at.found[0] else float("nan")
+        found.residuals[posture, direction] = residual
         if not (before.found[0] and at.found[0]):
             found.notes.append(f"posture {posture}, {direction}: no equilibrium under {found.size:g} N")
             continue
-        K0, K1 = (1.0 / float(unit @ _compliance(each)[0] @ unit) for each in (before, at))
+        K0, K1 = (_along(_compliance(each)[0], unit) for each in (before, at))
         rows.append(
             LoadRow(
                 posture=posture, direction=direction, engine=lumped.label, K0=K0, K_end=K1, force=found.size,
@@ -317,6 +318,13 @@ def _tree_rows(request: Request, found: OwnMachine, lumped: VjmEngine, labels: S
             )
         )  # fmt: skip
     return rows
+
+
+def _along(C: Array, unit: Array) -> float | None:
+    """Stiffness along or about a direction ``(6,)`` of a compliance ``(6, 6)``; None where nothing deflects."""
+    compliance, kind = float(unit @ C @ unit), slice(0, 3) if unit[:3].any() else slice(3, 6)
+    # what is left of a direction in which nothing moves is rounding
+    return 1.0 / compliance if compliance > RIGID * float(np.diag(C)[kind].max()) else None
 
 
 def studied(found: OwnMachine) -> tuple[str, str, bool] | None:

@@ -1,0 +1,133 @@
+"""Limits of a machine's joints, coupled ones among them, and by how much coordinates go beyond them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.model.chain import Chain
+from vjm.model.joints import CoupledJoint, HeldJoint
+from vjm.model.parts import PassiveJoint
+from vjm.rotations import Array
+
+ROUNDING = 1e-9
+"""rad, or of the largest limit in mm: what is beyond by less is at the limit, as solvers stop at 1e-10 of it."""
+
+
+def said_beyond(name: str, value: float, limits: tuple[float, float], unit: str) -> str:
+    """What is wrong with a joint's coordinate; empty where it is within the limits.
+
+    Example:
+        >>> said_beyond("elbow", 2.75, (-2.5, 2.5), "rad")
+        'elbow = 2.75 exceeds its limit 2.5 by 0.25 rad'
+    """
+    low, high = limits
+    if value < low:
+        return f"{name} = {value:.6g} is below its limit {low:.6g} by {low - value:.4g} {unit}"
+    if value > high:
+        return f"{name} = {value:.6g} exceeds its limit {high:.6g} by {value - high:.4g} {unit}"
+    return ""
+
+
+LARGEST_TURN = 2.0 * np.pi
+"""rad; a coordinate beyond it is taken for degrees. Passive joints turn half as far."""
+
+
+def said_turned(name: str, value: float, *, passive: bool) -> str:
+    """What is said of a turning joint's coordinate that is likely in degrees; empty where it is not."""
+    bound, words = (np.pi, "±π") if passive else (LARGEST_TURN, "±2π")
+    return f"{name} = {value:.6g} rad is beyond {words}: is it in degrees?" if abs(value) > bound else ""
+
+
+@dataclass(frozen=True)
+class JointLimits:
+    """Limits of the k held joints of a machine, coupled ones too, whose coordinates follow from n that are given.
+
+    Attributes:
+        names: of the k joints.
+        units: ``mm`` or ``rad`` of each.
+        share: ``(k, n)`` coordinates of the joints by the given ones.
+        offset: ``(k,)`` likewise, mm or rad.
+        low: ``(k,)`` lower limits, -inf where there is none.
+        high: ``(k,)`` upper limits.
+        given: names of the n given coordinates.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    share: Array
+    offset: Array
+    low: Array
+    high: Array
+    given: tuple[str, ...]
+
+    def joint_values(self, q: Array) -> Array:
+        """Coordinates ``(g, k)`` of the joints at rows ``(g, n)`` of given ones."""
+        result: Array = q @ self.share.T + self.offset
+        return result
+
+    def excess(self, q: Array) -> Array:
+        """By how much rows ``(g, n)`` go beyond each limit ``(g, k)``, mm or rad; zero or less within."""
+        values = self.joint_values(q)
+        return np.maximum(values - self.high, self.low - values)
+
+    def kept(self, q: Array) -> np.ndarray:
+        """Whether rows ``(g, n)`` keep all limits ``(g,)``, but for rounding."""
+        size = np.maximum(np.where(np.isfinite(self.low), np.abs(self.low), 0.0), 1.0)
+        size = np.maximum(size, np.where(np.isfinite(self.high), np.abs(self.high), 0.0))
+        return np.asarray(np.all(self.excess(q) <= ROUNDING * size, axis=1))
+
+    def said(self, q: Array) -> str:
+        """Which joints a row ``(n,)`` puts beyond their limits, and by how much; empty where none is."""
+        if self.kept(q[None])[0]:
+            return ""
+        values = self.joint_values(q[None])[0]
+        rows = zip(self.names, values, self.low, self.high, self.units, strict=True)
+        return "; ".join(text for n, v, lo, hi, u in rows if (text := said_beyond(n, float(v), (lo, hi), u)))
+
+    def check(self, values: Mapping[str, float]) -> None:
+        """Refuse coordinates by name, mm or rad.
+
+        Raises:
+            ValueError: naming the joints that are beyond their limits, and by how much.
+        """
+        said = self.said(np.array([values[name] for name in self.given], dtype=float))
+        if said:
+            raise ValueError(f"out of reach: {said}")
+
+
+def joint_limits(chain: Chain, given: Sequence[str] = ()) -> JointLimits:
+    """The limits of a machine's held joints.
+
+    Args:
+        chain: the machine.
+        given: names of the coordinates that are given, in their order; those of all held and passive joints that
+            are not coupled, in the order of the parts, where it is empty.
+
+    Example:
+        >>> import vjm
+        >>> limits = joint_limits(vjm.load("planar-2r"))
+        >>> limits.said(np.array([0.0, 2.7]))
+        'elbow = 2.7 exceeds its limit 2.6 by 0.1 rad'
+    """
+    joints = [part for part in chain.parts if isinstance(part, HeldJoint | PassiveJoint)]
+    given = tuple(given) or tuple(part.name for part in joints if not isinstance(part, CoupledJoint))
+    share = {name: np.eye(len(given))[i] for i, name in enumerate(given)}
+    offset = dict.fromkeys(given, 0.0)
+    held = [part for part in joints if isinstance(part, HeldJoint)]
+    for part in held:
+        if isinstance(part, CoupledJoint):
+            share[part.name] = sum((ratio * share[name] for name, ratio in part.ratios), np.zeros(len(given)))
+            offset[part.name] = part.offset + sum(ratio * offset[name] for name, ratio in part.ratios)
+    limits = [part.limits or (-np.inf, np.inf) for part in held]
+    return JointLimits(
+        names=tuple(part.name for part in held),
+        units=tuple("mm" if part.slides else "rad" for part in held),
+        share=np.array([share[part.name] for part in held]).reshape(len(held), len(given)),
+        offset=np.array([offset[part.name] for part in held]),
+        low=np.array([low for low, _ in limits]),
+        high=np.array([high for _, high in limits]),
+        given=given,
+    )

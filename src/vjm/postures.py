@@ -1,0 +1,137 @@
+"""Postures of machines by their labels, or by coordinates: of all joints in a row, or by the joints' names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import TypeAlias, overload
+
+import numpy as np
+
+from vjm.io.checks import check_postures
+from vjm.model.chain import Chain
+from vjm.model.joint_limits import joint_limits, said_turned
+from vjm.model.joints import HeldJoint, SprungJoint
+from vjm.model.parts import PassiveJoint
+from vjm.plain_numbers import plain_number
+from vjm.platform.manipulator import Manipulator
+
+Posture: TypeAlias = str | Mapping[str, float] | Sequence[float]
+"""A label; a text of numbers, ``0.1,0.2`` or ``elbow=0.2,shoulder=0.1``; or these as a sequence or by name."""
+
+
+@overload
+def in_posture(machine: Chain, posture: Posture) -> tuple[Chain, str]: ...
+@overload
+def in_posture(machine: Manipulator, posture: Posture) -> tuple[Manipulator, str]: ...
+@overload
+def in_posture(machine: Chain | Manipulator, posture: Posture) -> tuple[Chain | Manipulator, str]: ...
+def in_posture(machine: Chain | Manipulator, posture: Posture) -> tuple[Chain | Manipulator, str]:
+    """A machine that has a posture, and the label under which it has it.
+
+    Args:
+        machine: see `vjm.load`.
+        posture: a label of the machine's; or coordinates in mm and rad of its joints, from base to tool
+            without coupled ones; or by the joints' names. Of a manipulator: a label, or its platform's ``x, y, z``
+            from home in mm and perhaps ``rx, ry, rz`` in rad.
+
+    Returns:
+        The machine itself for a label; else one that has the posture too.
+
+    Raises:
+        ValueError: no such posture, or coordinates that are too few, not finite, in degrees, beyond the joints'
+            limits (naming the joint and by how much), or leave passive joints dependent.
+
+    Example:
+        >>> import vjm
+        >>> arm, label = in_posture(vjm.load("planar-2r"), {"shoulder": 0.1, "elbow": 1.2})
+        >>> label, dict(arm.held[label])
+        ('0.1,1.2', {'shoulder': 0.1, 'elbow': 1.2})
+    """
+    if isinstance(machine, Manipulator):
+        if isinstance(posture, Mapping):
+            raise ValueError(
+                f"{machine.name}: of a platform give a label, or x,y,z in mm; joints are its legs' own"
+            )
+        label = posture if isinstance(posture, str) else _label(posture)
+        machine.displacement(label)
+        return machine, label
+    if isinstance(posture, str) and posture in machine.postures:
+        return machine, posture
+    values = _values(machine, posture)
+    label = _label(values.values())
+    return _standing(machine, label, values), label
+
+
+def _label(values: Iterable[float]) -> str:
+    return ",".join(f"{float(v):.12g}" for v in values)
+
+
+def _joints(chain: Chain) -> list[HeldJoint | PassiveJoint]:
+    """The joints whose coordinates a posture gives, from base to tool."""
+    given = joint_limits(chain).given
+    return [part for part in chain.parts if isinstance(part, HeldJoint | PassiveJoint) and part.name in given]
+
+
+def _values(chain: Chain, posture: Posture) -> dict[str, float]:
+    """Coordinates by name in the order of the joints.
+
+    Raises:
+        ValueError: it gives other joints than there are, or no numbers.
+    """
+    names = [joint.name for joint in _joints(chain)]
+    known = f"its joints are {', '.join(names)}"
+    if isinstance(posture, str):
+        posture = _parsed(chain, posture, known)
+    if not isinstance(posture, Mapping):
+        if len(posture) != len(names):
+            raise ValueError(f"{chain.name}: {len(posture)} coordinates for {len(names)} joints; {known}")
+        posture = dict(zip(names, posture, strict=True))
+    other = [name for name in posture if name not in names] or [name for name in names if name not in posture]
+    if other:
+        what = f"no joint '{other[0]}' to be given" if other[0] in posture else f"no coordinate for '{other[0]}'"
+        raise ValueError(f"{chain.name}: {what}; {known}")
+    values = {name: float(posture[name]) for name in names}
+    if not np.all(np.isfinite([*values.values()])):
+        raise ValueError(f"{chain.name}: coordinates must be finite; {known}")
+    return values
+
+
+def _parsed(chain: Chain, text: str, known: str) -> dict[str, float] | list[float]:
+    """``0.1,0.2`` or ``elbow=0.2,shoulder=0.1``."""
+    words = [word.partition("=") for word in text.split(",")]
+    named = [bool(equals) for _, equals, _ in words]
+    try:
+        numbers = [plain_number(value if equals else name) for name, equals, value in words]
+    except ValueError:
+        raise ValueError(
+            f"{chain.name} has no posture '{text}' (it has {', '.join(chain.postures)}); or give coordinates in mm "
+            f"and rad: {known}"
+        ) from None
+    if any(named) and not all(named):
+        raise ValueError(f"'{text}': give a name to every coordinate or to none; {known}")
+    names = [name.strip() for name, _, _ in words]
+    if all(named) and len(set(names)) < len(names):
+        raise ValueError(f"'{text}': a joint stands twice")
+    return dict(zip(names, numbers, strict=True)) if all(named) else numbers
+
+
+def _standing(chain: Chain, label: str, values: Mapping[str, float]) -> Chain:
+    """The machine with one posture more.
+
+    Raises:
+        ValueError: a coordinate is beyond its joint's limits or likely in degrees, or passive joints are dependent.
+    """
+    for joint in _joints(chain):
+        if not joint.slides:
+            said = said_turned(
+                joint.name, values[joint.name], passive=isinstance(joint, PassiveJoint | SprungJoint)
+            )
+            if said:
+                raise ValueError(said)
+    joint_limits(chain).check(values)
+    passive = [joint.name for joint in chain.joints]
+    stands = np.array([values[name] for name in passive], dtype=float)
+    held = {name: value for name, value in values.items() if name not in passive}
+    check_postures(replace(chain, postures={label: stands}, held={label: held}))
+    return replace(chain, postures={**chain.postures, label: stands}, held={**chain.held, label: held})

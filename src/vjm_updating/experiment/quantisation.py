@@ -1,0 +1,176 @@
+"""Channels that stand still or are rounded beyond their noise, judged by what their own readings show.
+
+How many digits a file prints says little: a cell may count in steps of 1.88 N that are printed to 0.001 N, and
+set weights of 10, 20 and 30 N are exact. What tells a mistake is how the channel behaves elsewhere in the test, and
+what the channel that goes with it does meanwhile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from vjm.io.findings import Finding, Grade
+from vjm.rotations import Array
+from vjm_updating.experiment.channels import POSE, WRENCH
+from vjm_updating.experiment.comparison import FEW, Comparison
+from vjm_updating.experiment.readings import DEADBAND, Readings
+
+CHANCE = 0.01
+"""That readings repeat as they do, below which it is no chance."""
+HUNG = 0.1
+"""Of the readings of a posture, that a channel may stand still: a few stale ones are no mistake."""
+LONGER = 3.0
+"""Times as long as nine in ten of a channel's other runs of equal readings, which a hanging one is at least."""
+COARSE = 3.0
+"""Standard deviation of rounding over noise from which on digits may have been lost."""
+WITHIN = 0.3
+"""Share of the driving channel's way during which a rounded one stands still. Of set values it is none, of one
+rounded with m readings a step (m - 1)/m."""
+BESIDE = 0.2
+"""Of the last digit: median distance of a reading from the line through its neighbours, where steps differ.
+Rounding spreads it over half a digit either way; set values lie on the machine's curve, beside the line by its bend
+alone."""
+
+
+def digits(c: Comparison, name: str) -> Iterator[Finding]:
+    """A channel that stands still, which its readings make no chance, or that is rounded far beyond its noise."""
+    r, known = c.readings, c.measurement.sheet.instrument.get(name)
+    if known is None or known.noise == 0.0 or known.held is not None:
+        return
+    yield from _hung(r, name, known.noise)
+    digit = last_digit(r.values[name])
+    if digit > COARSE * np.sqrt(12.0) * known.noise and _rounded(c, name, digit):
+        yield Finding(
+            Grade.DOUBTFUL, f"{r.file}: column {name}",
+            f"every reading is a multiple of {digit:g}, far above its noise of {known.noise:g}: were digits "
+            "lost, or is one in another unit?",
+        )  # fmt: skip
+
+
+def _hung(r: Readings, name: str, noise: float) -> Iterator[Finding]:
+    values = r.values[name]
+    runs = [(at[a], b - a, len(at)) for at in _sequences(r) for a, b in _runs(values[at])]
+    lengths = np.array([count for _, count, _ in runs])
+    by_noise = min(last_digit(values) / (2.0 * np.sqrt(np.pi) * noise), 1.0)
+    for k in np.argsort(-lengths, kind="stable").tolist():
+        begin, count, of = runs[k]
+        # what is the same in a whole posture may be so, see `implausible_rows.nothing_read`
+        if not max(FEW, HUNG * of) <= count < of:
+            continue
+        others = np.delete(lengths, k)
+        likely = max(by_noise, _repeating(others))
+        longer = count > LONGER * float(np.percentile(others, 90.0))
+        if longer and len(r) * likely ** (count - 1) < CHANCE:
+            yield Finding(
+                Grade.DOUBTFUL, f"{r.file}: column {name}, rows {r.row[begin]} to {r.row[begin + count - 1]}",
+                f"{count} readings are {values[begin]:g}, under a noise of {noise:g}: "
+                "did the channel hang, or reach the end of its range?",
+            )  # fmt: skip
+        return
+
+
+def _sequences(r: Readings) -> list[np.ndarray]:
+    return [np.flatnonzero(r.sequence == number) for number in np.unique(r.sequence)]
+
+
+def _runs(values: Array) -> list[tuple[int, int]]:
+    """Begins and ends of runs of equal values."""
+    edges = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1], [True]]))
+    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+
+
+def _repeating(lengths: np.ndarray) -> float:
+    """Share of readings that repeat the one before them, in runs of these lengths."""
+    total = int(lengths.sum())
+    return float((total - len(lengths)) / total) if total else 0.0
+
+
+def _rounded(c: Comparison, name: str, digit: float) -> bool:
+    """Whether a channel whose readings are multiples of a digit was rounded, and not set to these values.
+
+    The channel that goes with it moves on while a rounded one stands, and rounded readings lie beside the machine's
+    curve by shares of the digit.
+    """
+    r = c.readings
+    other = _driving(r, name)
+    if other is None:
+        return True
+    known = c.measurement.sheet.instrument.get(other)
+    noise = known.noise if known else 0.0
+    within, between, beside = 0.0, 0.0, list[tuple[float, bool]]()
+    for at in _sequences(r):
+        at = at[~np.isnan(r.values[name][at]) & ~np.isnan(r.values[other][at])]
+        v, w = r.values[name][at], r.values[other][at]
+        runs = _runs(v)
+        moves = [abs(float(w[b - 1] - w[a])) for a, b in runs]
+        within += sum(move for move in moves if move > DEADBAND * noise)
+        between += sum(abs(float(w[b] - w[b - 1])) for _, b in runs[:-1])
+        middle = np.array([float(np.mean(w[a:b])) for a, b in runs])
+        value = np.array([float(v[a]) for a, _ in runs])
+        beside += _beside(value, middle, noise, digit)
+    if within > WITHIN * (within + between):
+        return True
+    # of a steady ramp most steps are alike, rounded or set: those that differ tell
+    told = [away for away, differs in beside if differs] or [away for away, _ in beside]
+    return bool(told) and float(np.median(told)) > BESIDE * digit
+
+
+def _beside(value: Array, driving: Array, noise: float, digit: float) -> list[tuple[float, bool]]:
+    """How far inner values ``(k,)`` lie from the line through their neighbours, beyond the other channel's noise.
+
+    Returns:
+        A distance each, and whether the steps before and behind it differ, in either channel, by half a digit.
+    """
+    found = []
+    for k in range(1, len(value) - 1):
+        way = driving[k + 1] - driving[k - 1]
+        turned = (driving[k] - driving[k - 1]) * (driving[k + 1] - driving[k]) <= 0.0
+        if turned or abs(way) <= DEADBAND * noise:
+            continue
+        slope = (value[k + 1] - value[k - 1]) / way
+        away = abs(value[k] - value[k - 1] - slope * (driving[k] - driving[k - 1]))
+        steps = np.diff(value[k - 1 : k + 2], 2)[0], slope * np.diff(driving[k - 1 : k + 2], 2)[0]
+        differs = max(map(abs, steps)) > 0.5 * digit
+        found.append((max(float(away - 2.0 * abs(slope) * noise), 0.0), bool(differs)))
+    return found
+
+
+def _driving(r: Readings, name: str) -> str | None:
+    """The displacement that goes with a force, or the other way round: that of the largest span."""
+    kinds = [n for n in r.channels if (n in WRENCH) != (name in WRENCH)]
+    spans = {n: float(np.nanmax(r.values[n]) - np.nanmin(r.values[n])) for n in kinds if not _blank(r.values[n])}
+    first = [n for n in spans if n in (*POSE[:3], *WRENCH[:3])] or list(spans)
+    moving = [n for n in first if spans[n] > 0.0]
+    return max(moving, key=lambda n: spans[n]) if moving else None
+
+
+def _blank(values: Array) -> bool:
+    return bool(np.isnan(values).all())
+
+
+def last_digit(values: Array) -> float:
+    """What readings are rounded to: a power of ten from 1e3 down to 1e-12."""
+    known = values[~np.isnan(values)]
+    least = 1e-12 * float(np.abs(known).max(initial=0.0))
+    exact = (10.0**-d for d in range(-3, 12) if np.all(np.abs(np.round(known, d) - known) <= least))
+    return next(exact, 1e-12)
+
+
+def chance_of_repeats(c: Comparison, same: np.ndarray) -> float:
+    """How many rows of a test may repeat the one before them in every column by chance.
+
+    Args:
+        c: the test.
+        same: which pairs of rows ``(n - 1,)`` do, and are left out of what the columns do elsewhere.
+    """
+    r, chance = c.readings, float(len(c.readings))
+    within = r.sequence[1:] == r.sequence[:-1]
+    for name in [n for n in r.channels if n in c.measurement.sheet.instrument]:
+        noise, values = c.measurement.sheet.instrument[name].noise, r.values[name]
+        # two readings of one value differ by less than the last digit so often
+        likely = min(last_digit(values) / max(2.0 * np.sqrt(np.pi) * noise, 1e-300), 1.0)
+        elsewhere = (values[1:] == values[:-1])[within & ~same]
+        chance *= max(likely, float(np.mean(elsewhere)) if len(elsewhere) else 0.0)
+    return chance

@@ -1,0 +1,107 @@
+"""Every tutorial does what it says: its commands run in their order, and print the lines that it shows."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from helpers.command import validate
+
+TUTORIALS = Path(__file__).parents[1] / "docs/tutorials"
+FENCE = re.compile(r"^```")
+FIGURE = re.compile(r"(?<![\w.])[-−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
+LAST_BUT_ONE = 5.5
+"""Units of a figure's last digit: half of the digit before it, and the rounding of what is shown."""
+LONG = {"hidden-cause", "own-effect", "ur10", "part-to-spring", "calibrate", "table2"}
+"""Tutorials that fit, or ask finite elements, which takes minutes."""
+
+
+@dataclass
+class Step:
+    """A command of a tutorial, with the files that the page gives before it and the lines that it shows behind."""
+
+    words: list[str]
+    shown: list[str] = field(default_factory=list)
+    files: dict[str, str] = field(default_factory=dict)
+
+
+def steps_of(text: str) -> list[Step]:
+    """The commands of a page in their order."""
+    steps: list[Step] = []
+    files: dict[str, str] = {}
+    lines = iter(text.splitlines())
+    for line in lines:
+        if line.startswith("    validate "):
+            steps.append(Step(line.split()[1:], files=files))
+            files = {}
+        elif FENCE.match(line):
+            head = [line]
+            body: list[str] = []
+            for inner in lines:
+                if FENCE.match(inner):
+                    break
+                (head if inner.startswith(":") and not body else body).append(inner)
+            caption = next((h.split()[1] for h in head if h.startswith(":caption:")), "")
+            if caption:
+                files[caption] = "\n".join(body) + "\n"
+            elif head[0] == "```text" and steps:
+                steps[-1].shown += [each for each in body if each.strip()]
+    return steps
+
+
+def words_of(line: str) -> str:
+    """A line without its figures, its spaces and the frame of a table."""
+    return re.sub(r"[\s│┃─━]+", " ", FIGURE.sub("#", line)).strip()
+
+
+def figures_of(line: str) -> list[tuple[float, float]]:
+    """The figures of a line, each with the unit of its last digit."""
+    found = []
+    for word in FIGURE.findall(line):
+        number, _, power = word.replace("−", "-").partition("e")
+        decimals = len(number.partition(".")[2])
+        found.append((float(f"{number}e{power or 0}"), 10.0 ** (int(power or 0) - decimals)))
+    return found
+
+
+def alike(shown: str, printed: str) -> bool:
+    """Whether a printed line begins like the shown one, to the last digit but one of its figures.
+
+    A page may leave out the end of a line, such as the last columns of a wide table.
+    """
+    begun, whole = words_of(shown), words_of(printed)
+    if not whole.startswith(begun) or whole[len(begun) : len(begun) + 1].isalnum():
+        return False
+    pairs = zip(figures_of(shown), figures_of(printed), strict=False)
+    return all(abs(a - b) <= LAST_BUT_ONE * unit for (a, unit), (b, _) in pairs)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(page.stem, marks=pytest.mark.slow if page.stem in LONG else ())
+        for page in sorted(TUTORIALS.glob("*.md"))
+    ],
+)
+def test_a_tutorials_figures_are_those_that_its_commands_print(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    steps = steps_of((TUTORIALS / f"{name}.md").read_text(encoding="utf-8"))
+    assert steps
+    turned = []
+    for step in steps:
+        for file, text in step.files.items():
+            (tmp_path / file).write_text(text, encoding="utf-8")
+        done = validate(*step.words)
+        assert done.status == 0, f"validate {' '.join(step.words)}: {done.err}"
+        printed = (done.out + done.err).splitlines()
+        turned += [line for line in step.shown if not any(alike(line, other) for other in printed)]
+    assert turned == []
+
+
+def test_a_figure_that_turned_is_seen():
+    assert alike("F = 8849 N (bifurcation)", "F = 8852 N  (bifurcation)")
+    assert not alike("F = 8849 N (bifurcation)", "F = 8861 N (bifurcation)")
+    assert not alike("F = 8849 N (bifurcation)", "F = 8849 N (limit)")
+    assert figures_of("0.87 ± 0.39 at −2e-3") == [(0.87, 0.01), (0.39, 0.01), (-2e-3, 1e-3)]
