@@ -28,7 +28,7 @@ TEST_BENCH = ROOT / "tests/hidden_effects"
 # What a package may import besides itself and the standard library. Its absence from this table is what
 # forbids a name: `vjm_fea` in `vjm`, say, or `tests` anywhere.
 MAY_IMPORT = {
-    "vjm": {"numpy", "scipy", "numba"},
+    "vjm": {"numpy", "scipy", "numba", "threadpoolctl"},
     # pydantic's error types live in its core
     "vjm.io": {"numpy", "scipy", "pydantic", "pydantic_core", "mujoco", "xacro", "robot_descriptions"},
     # what it shows results with, imported when asked

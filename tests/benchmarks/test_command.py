@@ -1,4 +1,4 @@
-"""Processor time of the command that shows one path, first after the installation's warm-up and later, and of help."""
+"""Processor time of help and of the command that shows one path: first after the warm-up, and later."""
 
 import os
 import resource

@@ -56,7 +56,7 @@ def digest_of(folders: tuple[Path, ...]) -> str:
     return found.hexdigest()
 
 
-class _Announcer(events.Listener):  # type: ignore[misc]  # Numba has no types
+class _Announcer(events.Listener):
     """Tells the watchers of each kernel that is compiled; what is loaded from the disk makes no such event."""
 
     def on_start(self, event: events.Event) -> None:

@@ -22,8 +22,7 @@ from vjm.tree.inverse_kinematics import followed
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_output.optional_page import why_not
-from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
-from vjm_updating.maps.output import SHOWN, TITLES
+from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, Quantity
 from vjm_updating.maps.pose_grid import MOST, grid_axis
 
 TOOL = ("x", "y", "z")

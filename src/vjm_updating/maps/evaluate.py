@@ -49,6 +49,13 @@ COLUMNS: dict[Quantity, tuple[str, ...]] = {
     Quantity.CRITICAL: ("F_cr_N", "direction_x", "direction_y", "direction_z"),
     Quantity.DEFLECTION: ("ux_mm", "uy_mm", "uz_mm", "rx_rad", "ry_rad", "rz_rad", "u_mm"),
 }
+SHOWN = {Quantity.STIFFNESS: 0, Quantity.CRITICAL: 0, Quantity.DEFLECTION: 6}
+"""The column that the pictures show."""
+TITLES = {
+    Quantity.STIFFNESS: "smallest stiffness against a force, N/mm",
+    Quantity.CRITICAL: "smallest critical force, N",
+    Quantity.DEFLECTION: "deflection, mm",
+}
 
 
 @dataclass(frozen=True)

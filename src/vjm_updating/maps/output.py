@@ -10,19 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from vjm.io.files import write_whole
-from vjm.rotations import Array
 from vjm_output import off_screen
 from vjm_output.optional_page import why_not
-from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
+from vjm_updating.maps.evaluate import COLUMNS, OK
 from vjm_updating.maps.run import MapResult
-
-SHOWN = {Quantity.STIFFNESS: 0, Quantity.CRITICAL: 0, Quantity.DEFLECTION: 6}
-"""The column that the pictures show."""
-TITLES = {
-    Quantity.STIFFNESS: "smallest stiffness against a force, N/mm",
-    Quantity.CRITICAL: "smallest critical force, N",
-    Quantity.DEFLECTION: "deflection, mm",
-}
 
 
 def write_map(result: MapResult, folder: Path) -> tuple[list[Path], list[str]]:
@@ -73,7 +64,7 @@ def write_vtk(result: MapResult, path: Path) -> None:
 
     grid = pyvista.RectilinearGrid(*(np.array(axis) for axis in result.map.grid.axes))
     for k, name in enumerate(COLUMNS[result.map.quantity]):
-        grid.point_data[name] = cube_of(result, k).ravel(order="F")
+        grid.point_data[name] = result.cube(k).ravel(order="F")
     grid.point_data["ok"] = (
         np.array([why == OK for why in result.why]).reshape(result.map.grid.shape).ravel(order="F")
     )
@@ -85,9 +76,3 @@ def write_vtk(result: MapResult, path: Path) -> None:
     if not content.rstrip().endswith(b"</VTKFile>"):
         raise OSError(f"{temporary}: could not be written whole: is the disk full?")
     write_whole(path, content)
-
-
-def cube_of(result: MapResult, column: int) -> Array:
-    """One column over the grid ``(nx, ny, nz)``; nan where there is no answer."""
-    cube: Array = result.values[:, column].reshape(result.map.grid.shape)
-    return cube

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from vjm.rotations import Array
 from vjm_output import off_screen
 from vjm_output.plot_style import PAGE_WIDTH, figure, plain, png
-from vjm_updating.maps.evaluate import COLUMNS, OK
-from vjm_updating.maps.output import SHOWN, TITLES, cube_of
+from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES
 from vjm_updating.maps.run import MapResult
 
 SLICES = 3
@@ -24,7 +23,7 @@ def map_figure(result: MapResult) -> bytes:
     """Levels of z side by side, one colour scale."""
     wanted = result.map
     x, y, z = (np.array(axis) for axis in wanted.grid.axes)
-    cube = cube_of(result, SHOWN[wanted.quantity])
+    cube = result.cube(SHOWN[wanted.quantity])
     levels = sorted({round(float(k)) for k in np.linspace(0, len(z) - 1, min(SLICES, len(z)))})
     finite = cube[np.isfinite(cube)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
@@ -72,11 +71,11 @@ def render(result: MapResult) -> bytes:
     grid: Any = pyvista.RectilinearGrid(*(np.array(axis) for axis in wanted.grid.axes))
     column = SHOWN[wanted.quantity]
     name = COLUMNS[wanted.quantity][column]
-    grid.point_data[name] = cube_of(result, column).ravel(order="F")
+    grid.point_data[name] = result.cube(column).ravel(order="F")
     plotter = off_screen.plotter((int(130 * PAGE_WIDTH), 700))
     plotter.background_color = "white"
     body = grid.slice_orthogonal() if min(wanted.grid.shape) > 1 else grid
-    values = cube_of(result, column)[np.isfinite(cube_of(result, column))]
+    values = result.cube(column)[np.isfinite(result.cube(column))]
     low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
     plotter.add_mesh(
         body,

@@ -96,6 +96,11 @@ class MapResult:
     values: Array
     why: tuple[str, ...]
 
+    def cube(self, column: int) -> Array:
+        """One column over the grid ``(nx, ny, nz)``; nan where there is no answer."""
+        cube: Array = self.values[:, column].reshape(self.map.grid.shape)
+        return cube
+
 
 class MapStore:
     """The finished tasks of a map in its folder."""

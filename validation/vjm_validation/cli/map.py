@@ -28,8 +28,8 @@ from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
 from vjm_updating.maps.arm_map import map_arm, write_arm_map
-from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
-from vjm_updating.maps.output import SHOWN, TITLES, write_map
+from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, Quantity
+from vjm_updating.maps.output import write_map
 from vjm_updating.maps.pose_grid import parsed_grid
 from vjm_updating.maps.run import Map, run_map
 from vjm_validation.cli import pages
@@ -189,8 +189,8 @@ def _said(found: Mapped, doubts: Sequence[Finding], plot: Path | None, report: P
             console.print(f"  {column}: infinite at {rigid} poses, where nothing deflects", soft_wrap=True)
     for line in _reasons(found.why):
         console.print(f"  {line}", soft_wrap=True)
-    for line in (*found.files, *found.left_out):
-        console.print(f"{line}", soft_wrap=True)
+    for line in (*map(str, found.files), *found.left_out):
+        console.print(line, soft_wrap=True)
     pages.draw(plot, report, lambda: _content(found), console)
     sys.stdout.flush()
     return 0
