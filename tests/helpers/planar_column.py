@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import eigh, null_space
 
 PER_BEAM = 32
-DEFLECTED = (0.02, 0.05, 0.1, 0.01, 0.005)
+DEFLECTED = (0.005, 0.01, 0.02, 0.05, 0.1)
 """Largest deflection, over the length, of the state with which a buckled path begins: the first that is found."""
 
 

@@ -206,7 +206,8 @@ class _Trace:
                     reason = self._leave_at(critical, self._multiplicity(here, critical, there))
                     if reason:
                         return reason
-                    step = self.length if grid is not None else 2.0 * (self.points[-1].s - critical.s)
+                    most = self.control.largest * self.length
+                    step = most if grid is not None else 2.0 * (self.points[-1].s - critical.s)
                     continue
                 self.problem = WithoutPairs(self.problem, there.unstable)
                 there = self.problem.counted(there)
@@ -216,7 +217,9 @@ class _Trace:
             if self.progress is not None:
                 self.progress(there.s / self.length)
             done = target - here.s
-            largest = self.length if grid is not None else self.control.largest * self.length
+            # behind a bifurcation shapes change fast: fixed steps are parted there
+            parted = grid is None or self.origin is not None
+            largest = self.control.largest * self.length if parted else self.length
             step = min(largest, done * (2.0 if bend < 0.5 * self.control.bend else 1.2))
         return ""
 

@@ -295,10 +295,11 @@ class LoadedProblem(ABC, Generic[M]):
         The wrench is the one that keeps the joints in equilibrium, by differences of the residual.
         """
         compiled, unit = self.model.compiled, self.model.coordinate_scale
+        moves = np.isfinite(unit)
         target = self._pose0  # the gap, in which alone it counts, is not asked for
 
         def statics(x: Array, wrench: Array) -> Array:
-            return compiled.residual(x, wrench, target, at.load)[0] * unit
+            return (compiled.residual(x, wrench, target, at.load)[0] * unit)[moves]
 
         ahead, behind = (statics(at.x + step * mode, at.wrench) for step in (DIFFERENCE, -DIFFERENCE))
         by_mode = (ahead - behind) / (2.0 * DIFFERENCE)

@@ -98,6 +98,10 @@ def diagnose(
     measurement = mended(measurement, mistakes)
     second = None if beside is None else read_measurement(*beside)
     kind = kind_of(measurement)
+    if second is not None and kind_of(second) is not kind:
+        raise ValueError(
+            f"--beside {second.readings.file}: is another kind of test than {measurement.readings.file}"
+        )
     observed = kind.observe(measurement)
     possible(kind.effects(observed, more), only, without)
     check_writable(out)
@@ -223,7 +227,7 @@ def _document(
 
 def _transfer(verdict: Verdict, second: Measurement) -> list[TransferRow]:
     return [
-        TransferRow(causes=sorted(member.causes), what=row.what, rmse=row.rmse)
+        TransferRow(causes=sorted(member.causes), what=row.what, rmse=row.rmse, unit=row.unit)
         for member in verdict.members
         for row in transfer(member.fit, second)
     ]

@@ -105,11 +105,12 @@ class ExperimentRow(Row):
 
 
 class TransferRow(Row):
-    """Error of another specimen's forces under what was found, nothing fitted anew."""
+    """Error of another specimen's readings under what was found, nothing fitted anew."""
 
     causes: list[str] = Field(description="candidate of this diagnosis")
     what: str = Field(description="that was taken over of it")
-    rmse: float | None = Field(description="N; null where the machine does not stand with it")
+    rmse: float | None = Field(description="null where the machine does not stand with it")
+    unit: Literal["N", "mm", "Nmm", "rad"] = "N"
 
 
 class VersionRow(Row):

@@ -39,7 +39,7 @@ def lines(found: Diagnosis) -> list[str]:
         )
     result += [_critical(row) for row in found.critical if row.measured_N or row.nominal_N or row.extended_N]
     for row in found.transfer:
-        error = "does not stand" if row.rmse is None else f"{row.rmse:.3g} N"
+        error = "does not stand" if row.rmse is None else f"{row.rmse:.3g} {row.unit}"
         result.append(f"beside, by {' + '.join(row.causes)}: {row.what}: {error}")
     if found.next_experiment.why:
         n = found.next_experiment

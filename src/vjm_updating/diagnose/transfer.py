@@ -25,15 +25,17 @@ from vjm_updating.observation.observed import Observed
 
 @dataclass(frozen=True)
 class Transferred:
-    """What was taken over, and the error of the other test's forces then.
+    """What was taken over, and the error of the other test's readings then, see `Observed.scored`.
 
     Attributes:
         what: in words.
-        rmse: N; None where the machine does not stand with it.
+        rmse: None where the machine does not stand with it.
+        unit: of it.
     """
 
     what: str
     rmse: float | None
+    unit: str
 
 
 def transfer(fit: Fit, other: Measurement) -> list[Transferred]:
@@ -85,9 +87,10 @@ def _row(
 ) -> Transferred:
     found = coordinates(nuisance_coordinates(observed), hypothesis)
     z = np.array([c.coordinate(value(c)) for c in found])
+    own, unit = observed.scored
     try:
         at = forward.evaluate(found, z, hypothesis)
     except NoConvergenceError:
-        return Transferred(what, None)
-    on = observed.present[:, :3]
-    return Transferred(what, float(np.sqrt(np.mean(at.residual[:, :3][on] ** 2))))
+        return Transferred(what, None, unit)
+    on = observed.present[:, own]
+    return Transferred(what, float(np.sqrt(np.mean(at.residual[:, own][on] ** 2))), unit)
