@@ -92,11 +92,19 @@ class PoseForward:
         seen = (turned | np.isfinite(self.data.tilt).any(axis=2)).any(axis=0)
         return [int(k) for k in np.flatnonzero(seen)]
 
-    def torques(self) -> Array:
-        """Root mean square ``(n_tree,)`` of what each coordinate bears in the machine as the model file has it."""
+    def bearing(self) -> Array:
+        """What each coordinate bears ``(g, n_tree)`` in the machine as the model file has it, N mm or N."""
         x, _, _, _ = self._solve(self._arrays, self._values)
         K = np.array([self._arrays.K[self._block[c], 0, 0] if c in self._block else 0.0 for c in range(x.shape[1])])
-        result: Array = np.sqrt(np.mean(((x - self._natural) * K) ** 2, axis=0))
+        result: Array = (x - self._natural) * K
+        return result
+
+    def torques(self) -> Array:
+        """Standard deviation ``(n_tree,)`` over the postures of what each coordinate bears.
+
+        A torque that is the same in all postures turns a joint by a constant, which is an offset.
+        """
+        result: Array = np.std(self.bearing(), axis=0)
         return result
 
     def holding(self) -> Array:
