@@ -257,7 +257,7 @@ def _within_bounds(A: Array, b: Array, low: Array, high: Array) -> tuple[Array, 
     return np.clip(z, low, high), side == 0
 
 
-def _best(blocks: Blocks, solution: Solution, N: Array, b: Array) -> Array:
+def best_of(blocks: Blocks, solution: Solution, N: Array, b: Array) -> Array:
     """Active unknowns ``(p,)`` that fit normal equations of a part, under the sizes and the noise of a solution."""
     active = solution.active
     A = N / solution.noise**2 + np.diag(precision_of(blocks, blocks.family[active], solution.sizes))
@@ -279,7 +279,7 @@ def without(blocks: Blocks, solution: Solution, rows: np.ndarray) -> Array:
     """
     active = solution.active
     J, y = blocks.J[rows][:, active], blocks.y[rows]
-    return _best(blocks, solution, blocks.N[np.ix_(active, active)] - J.T @ J, blocks.b[active] - J.T @ y)
+    return best_of(blocks, solution, blocks.N[np.ix_(active, active)] - J.T @ J, blocks.b[active] - J.T @ y)
 
 
 def held_out(blocks: Blocks, solution: Solution, way: int) -> Array:
@@ -290,7 +290,7 @@ def held_out(blocks: Blocks, solution: Solution, way: int) -> Array:
     active, fold = solution.active, blocks.fold[way]
     result = np.empty(len(blocks.y))
     for k, (N, b) in enumerate(blocks.parts[way]):
-        z = _best(blocks, solution, (blocks.N - N)[np.ix_(active, active)], (blocks.b - b)[active])
+        z = best_of(blocks, solution, (blocks.N - N)[np.ix_(active, active)], (blocks.b - b)[active])
         rows = fold[blocks.posture] == k
         result[rows] = blocks.y[rows] - blocks.J[rows][:, active] @ z
     return result

@@ -62,7 +62,7 @@ def knowable(
     reasons = [_reason(member, machine, data, torque, largest) for member in members]
     asked = [member for member, reason in zip(members, reasons, strict=True) if not reason]
     of_part = {(member.family, member.part) for member in asked}
-    others = {}
+    others: dict[str, Unasked] = {}
     for member, reason in zip(members, reasons, strict=True):
         if reason:
             whole = (member.family, member.part) not in of_part and bool(member.part)
