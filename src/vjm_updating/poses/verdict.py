@@ -10,17 +10,18 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
 from vjm_updating.poses.contrasts import LEAST_SHARED, NOTED, Contrast, abrupt, contrasts, jump, jump_size
 from vjm_updating.poses.families import SECOND
+from vjm_updating.poses.fit import solve
 from vjm_updating.poses.halves import Halves, halves
 from vjm_updating.poses.identifiability import MemberEstimate, estimates
 from vjm_updating.poses.ladder import ALIKE, LEAST_EVIDENCE, Step
-from vjm_updating.poses.plausibility import missed, mistaken, weight_reversed
+from vjm_updating.poses.plausibility import MORE_THAN_NOISE, missed, mistaken, weight_reversed
 from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Hypothesis, State, Study
 from vjm_updating.poses.transfer import Series
 
@@ -31,11 +32,12 @@ FOLLOWS = 0.15
 causes are known leaves less than a tenth, whatever the series; one with another cause leaves a quarter and more."""
 EXPLAINS = 1.0 / 3.0
 """Share of the mean distance held out that must be saved for a part of it to be called explained."""
-MORE_THAN_NOISE = 1.3
-"""Scatter of what is left over the noise that the sheet says, from which on something remains."""
 AS_GOOD = 1.005
 """Error held out of another set over that of the set named up to which it explains the data alike: the paired
 differences of a hundred postures have standard errors of half a percent."""
+GEARS, SPRING = "gear_error", "point_spring"
+NO_FAMILY = 1_000_000
+"""Number of members that are left out of a fit."""
 JUMP = "tracker_jump"
 JUMPS = 8.0
 """Significance of a jump of the tracker's frame: the largest of a thousand places stays below 5 without one."""
@@ -48,6 +50,8 @@ LEAST_SHARE = 0.03
 
 NEXT = {
     "none": "Nothing calls for another test.",
+    "class": "These postures cannot tell the families apart that are as good: measure the postures below, with "
+    "another load on the hand; a gear's error stays, what bends does not.",
     "shared": "What is left moves all markers together: friction or play in what carries them, or "
     "the tracker. Approach "
     "the same postures from both sides, log measured joints, keep the order in which they were taken.",
@@ -55,7 +59,8 @@ NEXT = {
     "jump": "Measure a marker on the base before and after; cut the test at the jump and give each "
     "part its own file.",
     "angle": "What is left follows a joint's angle: turn that joint alone through its range in "
-    "steps, the others held.",
+    "steps, the others held. A gear errs so, or a spring between points that the model lacks, such as a gravity "
+    "compensator.",
     "torque": "What is left follows a joint's torque beyond a spring's law: put a known mass on the "
     "hand, in a few "
     "postures, and take it off.",
@@ -164,7 +169,7 @@ def judge(
         kind = "unknown" if lacking or explained < EXPLAINS else "partly"
     else:
         kind = "class" if alternatives else "named"
-    doing = NEXT["data"] if doubtful else NEXT[rest.kind]
+    doing = NEXT["data"] if doubtful else NEXT["class" if kind == "class" else rest.kind]
     said = [*findings]
     if jumped is not None:
         said.append(jumped)
@@ -269,9 +274,33 @@ def _alternatives(
                 continue
             if as_good(state.hypothesis.minus(own.name).plus(one.name)):
                 result.append(tuple(one.name if name == own.name else name for name in causes))
+    result += _compensators(study, state, causes)
     # functions of the posture that make a family of the first order superfluous
     if any(name in SECOND for name in causes):
         for name in causes:
             if name not in SECOND and as_good(state.hypothesis.minus(name)):
                 result.append(tuple(other for other in causes if other != name))
     return tuple(dict.fromkeys(result))
+
+
+def _compensators(study: Study, state: State, causes: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """A spring between points in place of errors of the gears: the waves of one joint that bears weight alone.
+
+    A gravity compensator that the model lacks turns the joint's drive by a function of the joint's angle.
+    """
+    if GEARS not in causes:
+        return []
+    loaded = {member.part for member in study.members if member.family == "joint_compliance"}
+    own = {member.part for member in study.members if member.family == GEARS}
+    blocks, n, result = state.blocks, state.blocks.nuisances, []
+    for joint in sorted(own & loaded):
+        others = [n + i for i, m in enumerate(study.members) if m.family == GEARS and m.part != joint]
+        family = blocks.family.copy()
+        family[others] = NO_FAMILY
+        alone = replace(blocks, family=family)
+        solution = solve(alone, study.numbers(state.hypothesis), state.solution.sizes)
+        errors = study.errors(alone, solution, state.sigma)
+        pairs = zip(errors.means[1:], state.errors.means[1:], strict=True)
+        if all(one <= AS_GOOD * named for one, named in pairs):
+            result.append(tuple(f"{SPRING}.{joint}" if name == GEARS else name for name in causes))
+    return result
