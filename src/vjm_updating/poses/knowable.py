@@ -21,9 +21,9 @@ from vjm_updating.poses.readings import PoseData
 WORST_OVER_MEAN = 9.0
 """Variance of a once-a-turn error at the worst angle of the turn over its mean at the angles measured: three
 standard deviations there for one here. An even half turn has 9.7, six tenths of a turn 4.7, a whole one 1."""
-LEAST_CHANGE = 0.05
+LEAST_CHANGE = 0.025
 """Of the largest change of a torque: a spring whose own changes by less is not asked. To turn as much it would have
-to be twenty times as compliant; drives of wrists are some five times as compliant as those of shoulders."""
+to be forty times as compliant; drives of wrists are some five times as compliant as those of shoulders."""
 NO_TORQUE = 1e-3
 """N mm: largest change of any torque below which nothing is weighed at all."""
 EXPANDS = 2.4e-5
