@@ -63,7 +63,8 @@ def read_pose_measurement(data: Path, sheet: Path) -> PoseMeasurement:
         machine = PoseMachine(chain, ends, rigid=page.test.rigid, at_output=page.at_output)
     except ValueError as error:
         raise SheetError(f"{page.file}: {error}") from error
-    readings = read_poses(data, page, machine.joints, machine.slides)
+    followers = [part for part in chain.parts if isinstance(part, CoupledJoint)]
+    readings = read_poses(data, page, machine.joints, machine.slides, followers)
     return PoseMeasurement(page, readings, content, chain, machine, sha256, doubts)
 
 

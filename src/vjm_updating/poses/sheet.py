@@ -96,6 +96,9 @@ class PoseSheet(Table):
         size = sum(v * v for v in self.test.gravity) ** 0.5
         if size > 100.0:
             raise ValueError(f"[test] gravity has {size:.4g} m/s²: write it in m/s²")
+        tilted = next((name for name, table in self.markers.items() if table.orientation == "tilt"), None)
+        if size == 0.0 and tilted is not None:
+            raise ValueError(f"[markers.{tilted}] orientation = 'tilt' is against gravity, and [test] has none")
         return self
 
 

@@ -14,6 +14,7 @@ from vjm_updating.poses.families import LARGEST, members_of
 from vjm_updating.poses.fit import Blocks, Solution, blocks_of, held_out, solve
 from vjm_updating.poses.folds import Folds, folds_of
 from vjm_updating.poses.forward import Frames, Linearised, PoseForward
+from vjm_updating.poses.knowable import knowable
 from vjm_updating.poses.machine import PoseMachine, with_coupling
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.sheet import PoseSheet
@@ -133,14 +134,16 @@ class Study:
         self.sheet, self.data, self.machine, self.outliers = sheet, data, machine, outliers
         forward = PoseForward(machine, data, sheet.test.gravity)
         self._forward: dict[tuple[str, ...], PoseForward] = {(): forward}
-        all_members = members_of(machine, data, forward.torques(), ordered=self.ordered)
-        self.members = [m for m in all_members if not (sheet.at_output and m.family in BEHIND_ENCODERS)]
+        torque = forward.torques()
+        all_members = members_of(machine, data, torque, ordered=self.ordered)
+        self.all_members = [m for m in all_members if not (sheet.at_output and m.family in BEHIND_ENCODERS)]
+        self.members, self.unasked = knowable(self.all_members, machine, data, torque)
         forward.members = self.members
         self.families = tuple(dict.fromkeys(member.family for member in self.members))
         self.folds: Folds = folds_of(data.q)
         guess = sheet.base
         wide = (1e5, 10.0) if guess is None else (guess.sigma_mm, guess.sigma_rad)
-        self._prior = np.concatenate(
+        self.prior = np.concatenate(
             [
                 np.full(3, wide[1]),
                 np.full(3, wide[0]),
@@ -271,6 +274,7 @@ class Study:
         n = at.nuisance.shape[3]
         family = np.concatenate([np.full(n, -1), [self.number(member.family) for member in self.members]])
         lower = np.concatenate([np.full(n, -np.inf), [member.lower / member.unit for member in self.members]])
+        upper = np.concatenate([np.full(n, np.inf), [member.upper / member.unit for member in self.members]])
         largest = {self.number(name): size for name, size in LARGEST.items() if name in self.families}
         return blocks_of(
             at.residual + at.member @ z,
@@ -278,10 +282,11 @@ class Study:
             sigma,
             self.folds.parts,
             n,
-            self._prior,
+            self.prior,
             family.astype(int),
             lower,
             largest,
+            upper,
         )
 
     def errors(self, blocks: Blocks, solution: Solution, sigma: Array) -> Errors:
@@ -289,9 +294,9 @@ class Study:
         active = solution.active
         fitted = blocks.y - blocks.J[:, active] @ solution.z[active]
         found = [fitted, held_out(blocks, solution, RANDOM), held_out(blocks, solution, REGION)]
-        return Errors(*(self.distance(self._rows(r, sigma)) for r in found))
+        return Errors(*(self.distance(self.unwhitened(r, sigma)) for r in found))
 
-    def _rows(self, whitened: Array, sigma: Array) -> Array:
+    def unwhitened(self, whitened: Array, sigma: Array) -> Array:
         """Residuals ``(g, k, 6)`` from whitened rows."""
         result = np.full(sigma.shape, np.nan)
         present = self.present

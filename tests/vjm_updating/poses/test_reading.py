@@ -117,3 +117,32 @@ def test_what_is_doubtful_in_a_urdf_is_doubted_of_the_test(tmp_path):
     study = Study(measurement.sheet, measurement.machine, measurement.data)
     found = [str(one) for one in considered(measurement, study) if one.grade is Grade.DOUBTFUL]
     assert any("sheet.toml, model robot.urdf: joint 'joint-2'" in line for line in found)
+
+
+URDF = """<robot name="gripper"><link name="base"/><link name="upper"/><link name="lower"/><link name="hand"/>
+<joint name="lift" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+<joint name="level" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0.4 0 0"/>
+<axis xyz="0 1 0"/><mimic joint="lift" multiplier="-1" offset="0.1"/>
+<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+<joint name="end" type="fixed"><parent link="lower"/><child link="hand"/><origin xyz="0.3 0 0"/></joint>
+</robot>"""
+
+
+def test_a_mimic_stands_beside_its_master_as_logs_have_it(tmp_path):
+    (tmp_path / "robot.urdf").write_text(URDF)
+    sheet = tmp_path / "sheet.toml"
+    sheet.write_text(
+        'kind = "poses"\n[test]\nmodel = "robot.urdf"\nrigid = true\n[markers.target]\n[tracker]\nnoise_mm = 0.1\n'
+    )
+    q = np.linspace(-1.0, 1.0, 12)
+    rows = [f"{a:.6f},{0.1 - a:.6f},{300 * np.cos(a):.6f},{20 * a:.6f},{-300 * np.sin(a):.6f}" for a in q]
+    header = "lift.q_rad,level.q_rad,target.x_mm,target.y_mm,target.z_mm\n"
+    (tmp_path / "readings.csv").write_text(header + "\n".join(rows) + "\n")
+    measurement = read_pose_measurement(tmp_path / "readings.csv", sheet)
+    assert measurement.data.joints == ("lift",)
+    assert measurement.data.q[:, 0] == pytest.approx(q, abs=1e-6)  # six digits were written
+    rows[4] = rows[4].replace(f"{0.1 - q[4]:.6f}", f"{0.3 - q[4]:.6f}")
+    (tmp_path / "readings.csv").write_text(header + "\n".join(rows) + "\n")
+    with pytest.raises(ValueError, match=r"readings\.csv: row 6, column 'level\.q_rad': .* of lift: correct"):
+        read_pose_measurement(tmp_path / "readings.csv", sheet)
