@@ -112,7 +112,7 @@ class BeamProblem:
             NoConvergenceError: they are more than the chain bears.
         """
         state = self._settled() if self.statics.applied_loads.constant.any() else self.statics.initial
-        return self.equilibrium(0.0, *self._newton(state))
+        return self.equilibrium(0.0, *self.bordered(state))
 
     def solve(self, s: float, start: Equilibrium, slope: Array | None = None) -> Equilibrium:
         """Equilibrium at ``s`` from the state of ``start``, along ``slope`` or else along the tangent.
@@ -130,8 +130,8 @@ class BeamProblem:
         else:
             state = self._advanced(start.state, s - start.s)
         if steered:
-            return self.equilibrium(s, *self._newton(state, lambda at: self._point_border(at, s)))
-        return self.equilibrium(s, *self._newton(self._ramped_to(state, s)))
+            return self.equilibrium(s, *self.bordered(state, lambda at: self._point_border(at, s)))
+        return self.equilibrium(s, *self.bordered(self._ramped_to(state, s)))
 
     def solve_pose(self, displacement: Array, start: Equilibrium) -> Equilibrium:
         """Equilibrium near ``start`` at any displacement ``(6,)`` of the support from its unloaded pose.
@@ -140,15 +140,19 @@ class BeamProblem:
             NoConvergenceError: Newton's method did not converge.
         """
         d, along = np.asarray(displacement, dtype=float), self.load_case.direction
-        found = self._newton(self.statics.with_hand(start.state, d))
+        found = self.bordered(self.statics.with_hand(start.state, d))
         return self.equilibrium(float(d @ along / (along @ along)), *found, end_condition=d)
+
+    def nearest_product(self, point: Equilibrium) -> float:
+        """See `vjm.continuation.problem.Problem.nearest_product`."""
+        return self.exact(point.state).nearest_product(self.device(point.state))
 
     def switch(self, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
         """A stable state at ``s`` on the crossing branch, see `vjm_fea.common.branches.switch`."""
         return branches.switch(self, critical, s, sign)
 
     def enter(self, critical: Equilibrium, sign: int) -> Equilibrium:
-        """A state a little way along the crossing branch, see `vjm_fea.common.branches.enter`."""
+        """A state a little way along it, see `vjm_fea.common.branches.enter`."""
         return branches.enter(self, critical, sign)
 
     def tangent(self, point: Equilibrium, along: Array | None = None) -> Array:
@@ -205,17 +209,13 @@ class BeamProblem:
         """Derivative ``(f,)`` of the free coordinates' residual by the ramp."""
         return tangent.by_ramp(self.drive, self.statics.ramped(state))
 
-    def bordered(self, state: Array, border: Callable[[Array], Border]) -> tuple[Array, int, float]:
-        """Equilibrium with one condition more, and the ramp that it takes: regular at critical points."""
-        return self._newton(state, border)
-
     def device(self, state: Array) -> Array | None:
         """Derivative ``(m + c,)`` of the displacement that a device holds, see `LoadCase.held_by_device`."""
         return self._point_row(state) if self.load_case.held_by_device else None
 
     # --- Newton -------------------------------------------------------------------------------------------
 
-    def _newton(self, state: Array, border: Callable[[Array], Border] | None = None) -> tuple[Array, int, float]:
+    def bordered(self, state: Array, border: Callable[[Array], Border] | None = None) -> tuple[Array, int, float]:
         """Equilibrium with what is held as in ``state``, or with one condition more and the ramp free."""
         statics = self.statics
         tangent: Tangent | None = None
@@ -280,7 +280,7 @@ class BeamProblem:
             return Border(missing, *self.statics.gradient(state, row))
 
         state = self.followed(start.state + slope * (s - start.s))
-        return self.equilibrium(s, *self._newton(state, border))
+        return self.equilibrium(s, *self.bordered(state, border))
 
     # --- a point that steers ------------------------------------------------------------------------------
 
@@ -313,7 +313,7 @@ class BeamProblem:
             return start.state
 
         def at(ramp: float) -> Array:
-            return self._newton(self._ramped_to(self._advanced(start.state, ramp), ramp))[0]
+            return self.bordered(self._ramped_to(self._advanced(start.state, ramp), ramp))[0]
 
         return begun(s, rate, self._point_row(start.state)[self.statics.free], at, self._gone, start.state)
 
@@ -329,7 +329,7 @@ class BeamProblem:
             while share < 1.0:
                 self.statics.share = min(share + step, 1.0)
                 try:
-                    there = self._newton(state)[0]
+                    there = self.bordered(state)[0]
                     lost = self._verdict(there, self.statics.tangent(there)).unstable > 0
                 except NoConvergenceError:
                     lost = True

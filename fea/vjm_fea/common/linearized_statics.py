@@ -189,6 +189,11 @@ class Tangent:
             return values, rounding
         return np.asarray(eigvals(K, check_finite=False)), 0.0
 
+    def nearest_product(self, device: Array | None) -> float:
+        """See `vjm.continuation.problem.Problem.nearest_product`."""
+        nearest = np.sort(np.abs(self.stability(device)[0]))[:2]
+        return float(np.prod(nearest)) if len(nearest) == 2 and self.symmetric else float("nan")
+
     def verdict(self, device: Array | None, neutral: float) -> Verdict:
         """Whether the stiffness that the constraints leave is positive.
 

@@ -170,6 +170,10 @@ class WithoutPairs:
         """See `Problem.solve`."""
         return self.counted(self._problem.solve(s, start, slope))
 
+    def nearest_product(self, point: Equilibrium) -> float:
+        """See `Problem.nearest_product`."""
+        return self._problem.nearest_product(point)
+
     def switch(self, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
         """See `Problem.switch`."""
         return self.counted(self._problem.switch(critical, s, sign))

@@ -34,6 +34,8 @@ AMPLITUDES = np.array([1e-3 * 2.0**k for k in range(8)])
 """Scaled amplitudes of the critical mode at which a crossing branch is looked at, to tell which way it leads."""
 DIFFERENCE = 1e-6
 """Scaled step of differences of the residual: errors of its square, and of rounding over it."""
+SKETCHED = 1e-3
+"""Of eigenvalues of which only a minimum along the path is looked for."""
 ENTRY = 1e-2
 """Scaled amplitude at which a branch is entered that is followed by its arc: its stability, which grows with the
 square, is told apart from what is neutral."""
@@ -125,6 +127,17 @@ class LoadedProblem(ABC, Generic[M]):
             return behind_bifurcation(critical, direct, at_amplitude, along, AMPLITUDES, self.load_case.length)
 
         return firmest(critical_modes(at, self._device(at)), sign, behind)
+
+    def nearest_product(self, point: Equilibrium) -> float:
+        """See `vjm.continuation.problem.Problem.nearest_product`; of loads that have a potential only."""
+        at = self.configuration(point)
+        if not self.conservative or self._device(at) is not None:
+            return float("nan")
+        try:
+            values, _ = self.model.compiled.modes(at.x, at.wrench, 2, at.load, SKETCHED)
+        except np.linalg.LinAlgError:
+            return 0.0
+        return float(np.abs(np.prod(values))) if len(values) == 2 else float("nan")
 
     def branch_shapes(self, critical: Equilibrium) -> tuple[BranchShape, ...]:
         """How the branches leave a bifurcation along each of its critical modes, wherever they lead.
@@ -299,7 +312,7 @@ class LoadedProblem(ABC, Generic[M]):
         target = self._pose0  # the gap, in which alone it counts, is not asked for
 
         def statics(x: Array, wrench: Array) -> Array:
-            return (compiled.residual(x, wrench, target, at.load)[0] * unit)[moves]
+            return compiled.residual(x, wrench, target, at.load)[0][moves] * unit[moves]
 
         ahead, behind = (statics(at.x + step * mode, at.wrench) for step in (DIFFERENCE, -DIFFERENCE))
         by_mode = (ahead - behind) / (2.0 * DIFFERENCE)

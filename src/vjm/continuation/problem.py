@@ -33,6 +33,12 @@ class Problem(Protocol):
             NoConvergenceError: none was found.
         """
 
+    def nearest_product(self, point: Equilibrium) -> float:
+        """Magnitude of the product of the two eigenvalues nearest zero at a point; nan where it is not known.
+
+        Unlike the smallest one it has no kink where two modes change places.
+        """
+
     def switch(self, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
         """A state on the branch that crosses at a bifurcation, at the path parameter ``s`` just behind it.
 

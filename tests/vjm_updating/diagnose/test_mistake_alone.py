@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -58,7 +60,7 @@ def test_pounds_beside_what_no_cause_explains(make, tmp_path, monkeypatch):
     lines = [head]
     for k, row in enumerate(rows):
         cells = row.split(",")
-        cells[fx] = repr(float(cells[fx]) + 40.0 * np.sin(0.9 * k))
+        cells[fx] = repr(float(cells[fx]) + 40.0 * math.sin(0.9 * k))
         for c in force:
             cells[c] = repr(float(cells[c]) / (4.4482216152605 if k >= 60 else 1.0))
         lines.append(",".join(cells))
