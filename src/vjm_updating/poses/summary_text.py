@@ -18,7 +18,7 @@ def lines(found: PoseCalibration) -> list[str]:
         result += [f"  as good: {', '.join(row)}" for row in found.alternatives]
         result.append("mean distance in mm: fitted, held out at random, held out by region")
         for row in found.ladder:
-            name = row.added or "frames only"
+            name = row.added or found.baseline
             result.append(f"  {name:24s} {row.fitted_mm:9.4g} {row.random_mm:9.4g} {row.region_mm:9.4g}")
         result.append(found.remainder.words)
     else:
@@ -29,7 +29,7 @@ def lines(found: PoseCalibration) -> list[str]:
             )
     result += [f"data: {row.where}: {row.found}" for row in found.doubts if row.grade == Grade.DOUBTFUL]
     if found.not_asked:
-        result.append(f"not asked, for the joints were {found.joints}: {', '.join(found.not_asked)}")
+        result.append(f"not asked, for {found.not_asked_for}: {', '.join(found.not_asked)}")
     members = [m for family in found.families for m in family.members if m.identifiable and "compliance" in m.name]
     result += [f"  {m.name} = {m.value:.4g} ± {m.std:.2g} {m.unit}" for m in members[:SHOWN]]
     blind = [m.name for family in found.families for m in family.members if not m.identifiable]
