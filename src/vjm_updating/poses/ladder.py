@@ -78,23 +78,28 @@ class Step:
     trials: tuple[Trial, ...]
 
 
-def paired(before: Array, after: Array) -> tuple[float, float]:
-    """Share saved of mean distances ``(g, k)``, and that over its standard error by postures."""
-    difference = np.nanmean(before - after, axis=1)
-    difference = difference[np.isfinite(difference)]
+def paired(before: Array, after: Array, sigma: Array) -> tuple[float, float]:
+    """Share saved of mean distances ``(g, k)``, and the saving over its standard error by postures.
+
+    The second is of distances over the readings' standard deviations ``sigma`` (g, k, 6): a reading that scatters
+    more, by its load or as an outlier, says less.
+    """
     mean = float(np.nanmean(before))
+    difference = np.nanmean((before - after) / np.sqrt(np.mean(sigma[..., :3] ** 2, axis=2)), axis=1)
+    difference = difference[np.isfinite(difference)]
     if mean <= 0.0 or len(difference) < 2:
         return 0.0, 0.0
+    share = 1.0 - float(np.nanmean(after)) / mean
     spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
     saved = float(difference.mean())
-    return saved / mean, saved / spread if spread > 0.0 else (np.inf if saved > 0.0 else 0.0)
+    return share, saved / spread if spread > 0.0 else (np.inf if saved > 0.0 else 0.0)
 
 
 def trial(study: Study, state: State, name: str) -> Trial:
     """What a family would bring."""
     solution, errors = study.tried(state, state.hypothesis.plus(name))
-    gain, sure = paired(state.errors.random, errors.random)
-    region, _ = paired(state.errors.region, errors.region)
+    gain, sure = paired(state.errors.random, errors.random, state.sigma)
+    region, _ = paired(state.errors.region, errors.region, state.sigma)
     return Trial(name, solution, errors, gain, sure, region, solution.log_evidence - state.solution.log_evidence)
 
 
@@ -150,8 +155,8 @@ def _thinned(study: Study, steps: list[Step]) -> list[Step]:
     state, dropped = steps[-1].state, []
     for name in state.hypothesis.names[:-1]:
         _, errors = study.tried(state, state.hypothesis.minus(name))
-        lost, sure = paired(errors.random, state.errors.random)
-        worse, _ = paired(errors.region, state.errors.region)
+        lost, sure = paired(errors.random, state.errors.random, state.sigma)
+        worse, _ = paired(errors.region, state.errors.region, state.sigma)
         if (lost < LOST or sure < 2.0) and worse < LOST:
             state = study.settle(state.hypothesis.minus(name), state)
             dropped.append(name)
