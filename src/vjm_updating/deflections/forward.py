@@ -21,6 +21,11 @@ from vjm_updating.poses.families import Member
 from vjm_updating.poses.forward import LARGEST_TURN, Frames, Linearised, PoseForward, turn_between
 from vjm_updating.poses.machine import PoseMachine
 
+LOAD = "load"
+"""What a member acts on that is a load's zero; its index is 6 times the point's number and the component's."""
+PUSHES = 1e-3
+"""Of the largest load: by what it is changed for a difference, whose error is that share squared of it."""
+
 
 class DeflectionForward:
     """The model of a test of deflections.
@@ -48,7 +53,7 @@ class DeflectionForward:
         R, _ = self.unloaded.unloaded()
         wrench = none.wrench.copy()
         wrench[:, k:] = in_base(data.load, R[:, k:], loads)
-        self.wrench = wrench
+        self._wrench, self._points = wrench, R[:, k:]
         self.loaded = PoseForward(machine, replace(none, wrench=wrench), gravity)
 
     @property
@@ -95,7 +100,9 @@ class DeflectionForward:
             NoConvergenceError: a reading has no equilibrium.
         """
         k = len(self.data.markers)
+        self.loaded.wrench = self._under(z)
         R, p, columns, forces = self.loaded.end_frames(z)
+        self._by_loads(z, columns)
         R0, p0, columns0, forces0 = self.unloaded.end_frames(z)
         arm, arm0 = (np.einsum("gkab,kb->gka", F[:, :k], frames.m) for F in (R, R0))
         moved = _velocity(columns[:, :k], arm) - _velocity(columns0[:, :k], arm0)
@@ -120,14 +127,45 @@ class DeflectionForward:
         torque = self.machine.tree.torques(forces - forces0)[:, self.loaded.given]
         return Linearised(residual, F, J, torque, tilt)
 
+    def _under(self, z: Array) -> Array:
+        """Wrenches ``(g, e, 6)`` with the zeros that members ``z`` take from those that were read."""
+        wrench = self._wrench.copy()
+        for size, member in zip(z, self.members, strict=True):
+            if member.acts == LOAD and size != 0.0:
+                wrench[:, len(self.data.markers) :] += size * member.unit * self._direction(member)
+        return wrench
+
+    def _direction(self, member: Member) -> Array:
+        """Wrenches ``(g, l, 6)`` in the base's axes of one N or N mm that a sensor's zero adds."""
+        load = np.zeros_like(self.data.load)
+        load[:, member.index // 6, member.index % 6] = 1.0
+        return in_base(load, self._points, self._loads)
+
+    def _by_loads(self, z: Array, columns: Array) -> None:
+        """Write the velocities of the end frames by zeros of loads into ``columns`` (g, e, 6, P)."""
+        k, around = len(self.data.markers), self.loaded.wrench
+        for i, member in enumerate(self.members):
+            if member.acts != LOAD:
+                continue
+            half = slice(0, 3) if member.index % 6 < 3 else slice(3, 6)
+            step = PUSHES * float(np.abs(self.data.load[:, member.index // 6, half]).max())
+            ends = []
+            for side in (1.0, -1.0):
+                self.loaded.wrench = around.copy()
+                self.loaded.wrench[:, k:] += side * step * self._direction(member)
+                ends.append(self.loaded.placed(z))
+            (R, p), (R0, p0) = ends
+            none = np.broadcast_to(np.eye(3), R.shape)
+            turned = turn_between(none, R @ np.swapaxes(R0, -1, -2))
+            columns[..., i] = member.unit / (2.0 * step) * np.concatenate([p - p0, turned], axis=2)
+        self.loaded.wrench = around
+
     def moved(self, frames: Frames, step: Array) -> Frames:
         """Nuisances after a step ``(n_f,)`` in the coordinates of `Linearised.nuisance`."""
         turn, size = step[:3], float(np.linalg.norm(step[:3]))
         if size > LARGEST_TURN:
             turn = turn * (LARGEST_TURN / size)
-        return Frames(
-            rotation_from_vector(turn) @ frames.R, frames.t, frames.m + step[3:].reshape(-1, 3), frames.M
-        )
+        return Frames(rotation_from_vector(turn) @ frames.R, frames.t, frames.m + step[3:].reshape(-1, 3), frames.M)
 
     def with_machine(self, machine: PoseMachine) -> DeflectionForward:
         """The same test of another machine with the same members."""

@@ -12,13 +12,13 @@ from vjm_updating.deflections.readings import DeflectionData, read_deflections, 
 from vjm_updating.deflections.sheet import DeflectionSheet, read_deflection_sheet
 from vjm_updating.deflections.study import DeflectionStudy, ends_of_test, with_loads
 from vjm_updating.poses.machine import PoseMachine
-from vjm_updating.poses.measurement import PoseMeasurement, machine_of
+from vjm_updating.poses.measurement import RobotMeasurement, machine_of
 from vjm_updating.poses.study import Candidates
 
 
 @dataclass(frozen=True)
-class DeflectionMeasurement(PoseMeasurement):
-    """What was measured and on what."""
+class DeflectionMeasurement(RobotMeasurement):
+    """A test of deflections."""
 
     sheet: DeflectionSheet
     data: DeflectionData

@@ -28,7 +28,8 @@ SAGS = 0.01
 KILOGRAM = 9.81
 """N."""
 LOOKED_AT = 0.3
-"""Share of the displacements that springs of joints and bearings leave, from which on changes of the data are tried."""
+"""Share of the displacements that springs of joints and bearings leave, above which changes of the data are
+tried."""
 MUCH_BETTER = 0.5
 """Share of that which a change of the data must leave at most to be named."""
 MOST_TRIED = 60
@@ -55,13 +56,15 @@ def check_count(study: DeflectionStudy) -> None:
     different, joints = len(np.unique(np.round(rows, 6), axis=0)), len(study.data.joints)
     if different < joints:
         words = (
-            f"{different} different readings are fewer than the {joints} joints: measure at least {joints} postures "
-            "or loads, 20 are better"
+            f"{different} different readings are fewer than the {joints} joints: measure at least {joints} "
+            "postures or loads, 20 are better"
         )
         refuse([Finding(Grade.REFUSED, study.data.file, words)])
 
 
-def considered(measurement: DeflectionMeasurement, study: DeflectionStudy, *, strict: bool = False) -> list[Finding]:
+def considered(
+    measurement: DeflectionMeasurement, study: DeflectionStudy, *, strict: bool = False
+) -> list[Finding]:
     """What is implausible about a test and its model, refusals first, unless it is refused for that.
 
     Raises:
@@ -98,8 +101,8 @@ def too_stiff(measurement: DeflectionMeasurement) -> Iterator[Finding]:
         yield Finding(
             Grade.REFUSED,
             data.file,
-            f"the loads over the displacements are {stiffness:.3g} N/mm; a solid steel rod as long, {reach:.4g} mm, "
-            f"and a tenth of it thick has {rod:.3g}: the displacements are in metres; multiply them by 1000",
+            f"the loads over the displacements are {stiffness:.3g} N/mm; a solid steel rod as long, {reach:.4g} "
+            f"mm, and a tenth of it thick has {rod:.3g}: the displacements are in metres; multiply them by 1000",
         )
 
 
@@ -164,7 +167,11 @@ def _of_axes(study: DeflectionStudy, data: DeflectionData) -> Iterator[Change]:
             load[:, j, :3], load[:, j, 3:] = load[:, j, :3] @ P, np.linalg.det(P) * load[:, j, 3:] @ P
             yield replace(data, load=load), f"load_axes.{point}.{name}", f"{words} columns of {point}"
         other = "tool" if study.sheet.loads[point].axes == "base" else "base"
-        yield _in_other_axes(study, data, j), f"load_axes.{point}.{other}", f"write axes = '{other}' in [loads.{point}]"
+        yield (
+            _in_other_axes(study, data, j),
+            f"load_axes.{point}.{other}",
+            f"write axes = '{other}' in [loads.{point}]",
+        )
 
 
 def _axes() -> Iterator[tuple[Array, str, str]]:
@@ -216,10 +223,8 @@ def _of_joints(study: DeflectionStudy, data: DeflectionData) -> Iterator[Change]
 
 
 def _left(study: DeflectionStudy, data: DeflectionData) -> float:
-    """Root of the squared displacements in mm that springs, none negative, leave; infinite without an equilibrium."""
-    forward = DeflectionForward(
-        study.machine, data, study.sheet.test.gravity, tuple(study.sheet.loads.values())
-    )
+    """Root of the squared displacements in mm that springs, none negative, leave; infinite where they are lost."""
+    forward = DeflectionForward(study.machine, data, study.sheet.test.gravity, tuple(study.sheet.loads.values()))
     forward.members = [member for member in study.members if member.family in COMPLIANCES[:2]]
     try:
         at = forward.evaluate(np.zeros(len(forward.members)), study.frames)

@@ -35,8 +35,8 @@ LARGEST_ROTATION = 0.5
 class DeflectionData(PoseData):
     """g readings of a robot with k markers and l points of load.
 
-    As poses have them, with these meanings: ``position`` is the displacement, loaded minus unloaded, ``orientation``
-    the rotation from unloaded to loaded, both in the tracker's axes; ``wrench`` is zero.
+    As poses have them, with these meanings: ``position`` is the displacement, loaded minus unloaded,
+    ``orientation`` the rotation from unloaded to loaded, both in the tracker's axes; ``wrench`` is zero.
 
     Attributes:
         loads: names of the points.
@@ -52,6 +52,11 @@ class DeflectionData(PoseData):
         """The readings of a mask or of indices."""
         kept = super().only(keep)
         return replace(self, **vars(kept) | {"load": self.load[keep], "sigma_turn": self.sigma_turn[keep]})
+
+    def blanked(self, readings: np.ndarray) -> DeflectionData:
+        """Without the displacements of a mask ``(g, k)``; rows of which nothing is left are left out."""
+        position = np.where(readings[:, :, None], np.nan, self.position)
+        return replace(self, position=position).only(np.asarray(np.isfinite(position).any(axis=(1, 2))))
 
 
 def read_deflections(
@@ -81,7 +86,7 @@ def read_loads(
     path: Path, sheet: DeflectionSheet, joints: tuple[str, ...], slides: tuple[bool, ...],
     postures: Mapping[str, Array],
 ) -> tuple[Array, Array | None]:  # fmt: skip
-    """Postures ``(c, n)`` that could be measured, and the wrenches ``(c, l, 6)`` there; None where the file has none.
+    """Postures ``(c, n)`` that could be measured, and wrenches ``(c, l, 6)`` there; None where the file has none.
 
     Raises:
         DataError: it cannot be used; one line.
@@ -195,7 +200,9 @@ def _rotations(by_name: Mapping[str, Array], markers: tuple[str, ...], g: int) -
     return result
 
 
-def _sigmas(by_name: Mapping[str, Array], sheet: DeflectionSheet, load: Array, rows: np.ndarray) -> tuple[Array, Array]:
+def _sigmas(
+    by_name: Mapping[str, Array], sheet: DeflectionSheet, load: Array, rows: np.ndarray
+) -> tuple[Array, Array]:
     """Standard deviations of displacements ``(g, k, 3)`` mm and of rotations ``(g, k)`` rad."""
     for column, values in by_name.items():
         if column.partition(".")[2] in NOISE and (values < 0.0).any():

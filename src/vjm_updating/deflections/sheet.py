@@ -10,7 +10,15 @@ from pydantic import Field, model_validator
 from vjm.io.fields import Turns
 from vjm.io.schema import Label
 from vjm.io.sections import Table
-from vjm_updating.poses.sheet import MarkerTable, Rider, RobotSheet, RobotTest, Sigma, check_gravity, read_robot_sheet
+from vjm_updating.poses.sheet import (
+    MarkerTable,
+    Rider,
+    RobotSheet,
+    RobotTest,
+    Sigma,
+    check_gravity,
+    read_robot_sheet,
+)
 
 PerLoad = Annotated[float, Field(ge=0.0, le=1e3)]
 
@@ -18,7 +26,9 @@ PerLoad = Annotated[float, Field(ge=0.0, le=1e3)]
 class LoadTable(Rider):
     """Where a known wrench acts."""
 
-    axes: Literal["base", "tool"] = Field("base", description="whose axes the columns are in: base's, or the part's")
+    axes: Literal["base", "tool"] = Field(
+        "base", description="whose axes the columns are in: base's, or the part's"
+    )
     turns: Turns = Field([], description="of a force sensor's axes in those of the part; for axes = 'tool'")
 
     @model_validator(mode="after")
@@ -43,7 +53,9 @@ class DeflectionTracker(Table):
     noise_rad: Sigma = Field(1e-4, description="1 sigma about an axis of a rotation without load")
     noise_rad_per_N: PerLoad = Field(0.0, description="1 sigma more for each N of force")  # noqa: N815
     noise_rad_per_Nmm: PerLoad = Field(0.0, description="1 sigma more for each N mm of moment")  # noqa: N815
-    axes: Literal["base", "own"] = Field("base", description="whose axes displacements are in; 'own' ones are found")
+    axes: Literal["base", "own"] = Field(
+        "base", description="whose axes displacements are in; 'own' ones are found"
+    )
     sigma_rad: Sigma = Field(0.01, description="how well axes = 'base' are those of the base")
     source: str = ""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import nnls
@@ -16,9 +16,8 @@ from vjm_updating.deflections.families import COMPLIANCES, NOT_SHOWN, members_of
 from vjm_updating.deflections.forward import DeflectionForward
 from vjm_updating.deflections.readings import DeflectionData
 from vjm_updating.deflections.sheet import DeflectionSheet
-from vjm_updating.poses.alignment import kabsch
-from vjm_updating.poses.forward import Forward, Frames, Linearised
 from vjm_updating.poses.families import Member
+from vjm_updating.poses.forward import Forward, Frames, Linearised
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import ends_of
 from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Candidates, Hypothesis, Outlier, State, Study
@@ -26,8 +25,8 @@ from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Candidates, Hypothesis, Ou
 ANY_AXES = 10.0
 """rad: of axes that are found."""
 OUTLYING, MOST_OUTLIERS = 10.0, 0.05
-"""Median residuals, over the readings' standard deviations, beyond which a reading is left out, and the share of all
-beyond which it is the median that means nothing."""
+"""Median residuals, over the readings' standard deviations, beyond which a reading is left out, and the share of
+all beyond which it is the median that means nothing."""
 
 
 class DeflectionStudy(Study):
@@ -36,8 +35,8 @@ class DeflectionStudy(Study):
     baseline: ClassVar[str] = "as modelled"
     against: ClassVar[tuple[str, str]] = (
         "[loads]",
-        "the joints give way against the load: are the displacements unloaded minus loaded, or is the force that of "
-        "the robot on what loads it? Reverse the sign of one of them",
+        "the joints give way against the load: are the displacements unloaded minus loaded, or is the force that "
+        "of the robot on what loads it? Reverse the sign of one of them",
     )
     sheet: DeflectionSheet
     data: DeflectionData
@@ -53,7 +52,8 @@ class DeflectionStudy(Study):
 
     def members_for(self, forward: Forward) -> list[Member]:
         """All members that a difference of two equilibria shows."""
-        return members_of_loads(self.machine, self.data, self.forward_of(self.machine))
+        plain = self.forward_of(self.machine)
+        return members_of_loads(self.machine, self.data, plain, plain.torques())
 
     def nuisance_prior(self) -> Array:
         """Standard deviations ``(n_f,)`` of the axes and of the markers' places."""
@@ -111,9 +111,9 @@ class DeflectionStudy(Study):
                 said[..., half] *= max(MEDIAN_TO_SIGMA * float(np.nanmedian(over)), 1.0)
         return said
 
-    def without_outliers(self) -> Self:
+    def without_outliers(self) -> DeflectionStudy:
         """The same test without displacements that lie far beyond the others once all compliances are fitted."""
-        study = self
+        study: DeflectionStudy = self
         while True:
             try:
                 state = study.settle(Hypothesis(tuple(f for f in COMPLIANCES if f in study.families)))
@@ -130,7 +130,7 @@ class DeflectionStudy(Study):
                 Outlier(int(study.data.row[i]), study.data.markers[j], float(distance[i, j]))
                 for i, j in np.argwhere(far)
             )
-            study = type(self)(self.sheet, self.machine, study.data.blanked(far), study.outliers + found)
+            study = DeflectionStudy(self.sheet, self.machine, study.data.blanked(far), study.outliers + found)
 
     @property
     def points(self) -> tuple[str, ...]:
@@ -156,14 +156,18 @@ class DeflectionStudy(Study):
         g = len(candidates)
         blank = self.data.only(np.zeros(g, dtype=int))
         data = replace(blank, q=candidates.q, load=candidates.load, row=np.arange(g))
-        machine = self.forward(state.hypothesis.bent).machine
+        machine = self.machine_of(state.hypothesis.bent)
         forward = DeflectionForward(machine, data, self.sheet.test.gravity, tuple(self.sheet.loads.values()))
-        there = {m.name: m for m in members_of_loads(machine, data, forward)}
-        forward.members = [replace(there[m.name], unit=m.unit) for m in self.members]
+        there = {m.name: m for m in members_of_loads(machine, data, forward, self.forward_of(machine).torques())}
+        still = np.zeros(g)
+        forward.members = [
+            m if m.basis is None else replace(m, basis=there[m.name].basis if m.name in there else still)
+            for m in self.members
+        ]
         return forward.evaluate(state.z, state.frames)
 
     def drawn(self, rng: np.random.Generator, count: int) -> Candidates:
-        """Postures drawn within the joints' limits and what was measured, under the largest loads along each axis."""
+        """Postures drawn within the joints' limits and what was measured, each under one of the largest loads."""
         return with_loads(self.postures(rng, count), self.data)
 
 

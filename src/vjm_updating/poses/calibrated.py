@@ -13,7 +13,7 @@ from vjm.model.joints import HeldJoint, joint_axes
 from vjm.rotations import Array
 from vjm_updating.poses.families import COMPLIANCE, MASS, VALUE
 from vjm_updating.poses.machine import RIGID
-from vjm_updating.poses.measurement import PoseMeasurement
+from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.study import State, Study
 
 SMALLEST = 10.0 * RIGID
@@ -21,7 +21,7 @@ SMALLEST = 10.0 * RIGID
 
 
 def calibrated_document(
-    measurement: PoseMeasurement, study: Study, state: State
+    measurement: RobotMeasurement, study: Study, state: State
 ) -> tuple[dict[str, Any], list[str]]:
     """The model document, and what was found that a model file cannot hold."""
     document = copy.deepcopy(measurement.document)

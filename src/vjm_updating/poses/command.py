@@ -22,9 +22,9 @@ from vjm_updating.poses.calibrated import calibrated_document, calibrated_text
 from vjm_updating.poses.contrasts import contrasts, correlations
 from vjm_updating.poses.families import TITLES
 from vjm_updating.poses.identifiability import estimates
-from vjm_updating.poses.ladder import Step, climb
 from vjm_updating.poses.kinds import read_test
-from vjm_updating.poses.measurement import PoseMeasurement
+from vjm_updating.poses.ladder import Step, climb
+from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.next_postures import next_postures
 from vjm_updating.poses.plausibility import mistaken
 from vjm_updating.poses.sheet import RobotSheet
@@ -48,7 +48,7 @@ USUAL = ("frame_error", "joint_compliance")
 SHOWN = 12
 
 
-def prepared(data: Path, sheet: Path) -> tuple[PoseMeasurement, Study]:
+def prepared(data: Path, sheet: Path) -> tuple[RobotMeasurement, Study]:
     """A test that was read, checked and aligned.
 
     Raises:
@@ -150,7 +150,8 @@ def calibrate_poses(
         sheet: TOML.
         out: folder; all files are written at the end or none.
         families: names; none: `USUAL`.
-        candidates: CSV of postures, and loads, that could be measured next, columns as in the data; None: drawn within limits.
+        candidates: CSV of postures, and loads, that could be measured next, columns as in the data; None: drawn
+            within limits.
         strict: whether what is doubtful is refused.
         warn: told what is implausible.
         progress: told what is being done.
@@ -205,7 +206,7 @@ def _write(
 
 
 def _common(
-    measurement: PoseMeasurement,
+    measurement: RobotMeasurement,
     study: Study,
     first: State,
     last: State,
@@ -263,7 +264,8 @@ def _common(
                 joints=list(data.joints),
                 q=one.q.tolist(),
                 loads=[
-                    {point: row.tolist() for point, row in zip(study.points, load, strict=True)} for load in one.load
+                    {point: row.tolist() for point, row in zip(study.points, load, strict=True)}
+                    for load in one.load
                 ],
                 members=one.members,
                 prediction=one.prediction,

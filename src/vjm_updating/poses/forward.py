@@ -106,9 +106,7 @@ class PoseForward:
         q = machine.rows(data.q)
         self._values, self._natural = tree.values(q), tree.naturals(q)
         self._arrays = tree.arrays(self.gravity)
-        self._wrench = (
-            np.ascontiguousarray(data.wrench) if data.wrench.any() else np.zeros((1, len(tree.ends), 6))
-        )
+        self.wrench = np.ascontiguousarray(data.wrench) if data.wrench.any() else np.zeros((1, len(tree.ends), 6))
         self._start = np.zeros((len(data), tree.size))
         self._stiffness = np.ones(tree.size)
         self._block = {int(f): b for b, f in enumerate(self._arrays.first[:-1])}
@@ -161,6 +159,15 @@ class PoseForward:
         R, p, columns, forces = self.end_frames(z)
         return self._seen(z, frames, R, p, columns, forces)
 
+    def placed(self, z: Array) -> tuple[Array, Array]:
+        """End frames in the base, ``(g, e, 3, 3)`` and ``(g, e, 3)`` mm, at members ``z`` (P,).
+
+        Raises:
+            NoConvergenceError: a posture has no equilibrium.
+        """
+        _, _, R, p = self._solve(*self._changed(z))
+        return R, p
+
     def end_frames(self, z: Array) -> tuple[Array, Array, Array, Array]:
         """End frames in the base and how they move, at members ``z`` (P,).
 
@@ -173,7 +180,7 @@ class PoseForward:
         """
         arrays, values = self._changed(z)
         x, forces, R, p = self._solve(arrays, values)
-        d = frame_derivatives(arrays, values, self._natural, self._wrench, x)
+        d = frame_derivatives(arrays, values, self._natural, self.wrench, x)
         return R, p, self._columns(z, arrays, x, forces, d), forces
 
     def unloaded(self) -> tuple[Array, Array]:
@@ -222,7 +229,7 @@ class PoseForward:
         k, x = len(self.machine.tree.ends), self._start.copy()
         verdict, forces = np.zeros(g, dtype=np.int64), np.zeros((g, len(arrays.parent)))
         R, p, moved, none = np.zeros((g, k, 3, 3)), np.zeros((g, k, 3)), np.zeros((g, k, 6)), np.zeros((0, k, 6, 6))
-        equilibria_of(arrays, values, self._natural, self._wrench, x, verdict, forces, R, p, moved, none, none)
+        equilibria_of(arrays, values, self._natural, self.wrench, x, verdict, forces, R, p, moved, none, none)
         if np.any(verdict == LOST):
             row = int(self.data.row[int(np.argmax(verdict == LOST))])
             raise NoConvergenceError(f"{self.data.file}: row {row}: the model has no equilibrium in that posture")

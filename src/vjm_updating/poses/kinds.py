@@ -13,7 +13,7 @@ from vjm_updating.deflections import plausibility as of_deflections
 from vjm_updating.deflections.measurement import read_deflection_candidates, read_deflection_measurement
 from vjm_updating.deflections.study import DeflectionStudy
 from vjm_updating.poses import plausibility as of_poses
-from vjm_updating.poses.measurement import PoseMeasurement, read_pose_measurement
+from vjm_updating.poses.measurement import RobotMeasurement, read_pose_measurement
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import read_candidates
 from vjm_updating.poses.sheet import kind_of_sheet
@@ -35,7 +35,7 @@ class RobotTest:
         candidates: of a file, the readings that could be taken next.
     """
 
-    measurement: PoseMeasurement
+    measurement: RobotMeasurement
     study: Study
     considered: Callable[[bool], list[Finding]]
     candidates: Callable[[Path], Candidates]

@@ -17,12 +17,12 @@ from vjm.rotations import Array
 from vjm_updating.experiment.sheet import SheetError
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.readings import PoseData, read_poses
-from vjm_updating.poses.sheet import Rider, RobotSheet, read_pose_sheet
+from vjm_updating.poses.sheet import PoseSheet, Rider, RobotSheet, read_pose_sheet
 
 
 @dataclass(frozen=True)
-class PoseMeasurement:
-    """What was measured and on what; of any kind of test.
+class RobotMeasurement:
+    """What was measured and on what, of any kind of test.
 
     Attributes:
         sheet: the sheet.
@@ -40,7 +40,14 @@ class PoseMeasurement:
     chain: Chain
     machine: PoseMachine
     model_sha256: str
-    kind: Literal["poses", "deflections"] = "poses"
+    kind: Literal["poses", "deflections"]
+
+
+@dataclass(frozen=True)
+class PoseMeasurement(RobotMeasurement):
+    """A test of poses."""
+
+    sheet: PoseSheet
 
 
 def read_pose_measurement(data: Path, sheet: Path) -> PoseMeasurement:
@@ -52,7 +59,7 @@ def read_pose_measurement(data: Path, sheet: Path) -> PoseMeasurement:
     page = read_pose_sheet(sheet)
     document, chain, machine, sha256 = machine_of(page, sheet, ends_of(page.markers))
     readings = read_poses(data, page, machine.joints, machine.slides)
-    return PoseMeasurement(page, readings, document, chain, machine, sha256)
+    return PoseMeasurement(page, readings, document, chain, machine, sha256, "poses")
 
 
 def ends_of(tables: Mapping[str, Rider]) -> dict[str, tuple[str, Array]]:

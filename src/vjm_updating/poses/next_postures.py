@@ -96,7 +96,8 @@ def _chosen(criterion: str, state: State, rows: Array, view: Array, possible: Ca
     ratio = np.sqrt(np.maximum(np.diag(C)[members], 1e-300) / np.diag(before)[members])
     seen_before = np.einsum("ri,ij,rj->r", view, before, view)
     seen_after = np.einsum("ri,ij,rj->r", view, C, view)
+    promised = float(np.exp(np.mean(np.log(ratio)))) if len(ratio) else 1.0
     return NextPostures(
-        criterion, possible.q[taken], possible.load[taken], float(np.exp(np.mean(np.log(ratio)))) if len(ratio) else 1.0,
+        criterion, possible.q[taken], possible.load[taken], promised,
         float(np.sqrt(seen_after.sum() / max(seen_before.sum(), 1e-300))),
     )  # fmt: skip

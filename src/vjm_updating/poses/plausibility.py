@@ -16,9 +16,9 @@ from vjm_updating.experiment.implausible_rows import no_room
 from vjm_updating.poses.alignment import align
 from vjm_updating.poses.families import SECOND
 from vjm_updating.poses.fit import solve
-from vjm_updating.poses.measurement import PoseMeasurement
-from vjm_updating.poses.readings import TEMPERATURE, PoseData
+from vjm_updating.poses.measurement import PoseMeasurement, RobotMeasurement
 from vjm_updating.poses.pose_study import PoseStudy
+from vjm_updating.poses.readings import TEMPERATURE, PoseData
 from vjm_updating.poses.study import State, Study
 
 LARGEST_TURN = 4.0 * np.pi
@@ -72,7 +72,7 @@ def considered(measurement: PoseMeasurement, study: PoseStudy, *, strict: bool =
     return judged(measurement, found, strict=strict)
 
 
-def judged(measurement: PoseMeasurement, found: Iterable[Finding], *, strict: bool) -> list[Finding]:
+def judged(measurement: RobotMeasurement, found: Iterable[Finding], *, strict: bool) -> list[Finding]:
     """Findings with those of the model file, refusals first, unless the test is refused for one.
 
     Raises:
@@ -122,7 +122,7 @@ def units(measurement: PoseMeasurement) -> Iterator[Finding]:
         )
 
 
-def coordinates(measurement: PoseMeasurement) -> Iterator[Finding]:
+def coordinates(measurement: RobotMeasurement) -> Iterator[Finding]:
     """Joints' angles in degrees, and beams that would be out by more than they have."""
     data, machine = measurement.data, measurement.machine
     for i, (name, slides) in enumerate(zip(data.joints, machine.slides, strict=True)):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Self
 
 import numpy as np
 
@@ -76,13 +75,13 @@ class PoseStudy(Study):
                 said[..., half] = np.sqrt(said[..., half] ** 2 + extra)
         return said
 
-    def without_outliers(self) -> Self:
+    def without_outliers(self) -> PoseStudy:
         """The same test without positions that lie far beyond what errors of a robot spread to.
 
         A robot's errors are functions of its posture, seen in many of them; what one reading has many times over
         is of that reading. It would weigh on every mean distance.
         """
-        study = self
+        study: PoseStudy = self
         while True:
             far = study.aligned > OUTLYING * np.nanmedian(study.aligned)
             if not far.any() or len(study.outliers) + far.sum() > MOST_OUTLIERS * self.data.position.shape[0]:
@@ -91,7 +90,7 @@ class PoseStudy(Study):
                 Outlier(int(study.data.row[i]), study.data.markers[j], float(study.aligned[i, j]))
                 for i, j in np.argwhere(far)
             )
-            study = type(self)(self.sheet, self.machine, study.data.blanked(far), study.outliers + found)
+            study = PoseStudy(self.sheet, self.machine, study.data.blanked(far), study.outliers + found)
 
     def ends(self) -> dict[str, tuple[str, Array]]:
         """The markers' parts and places."""
@@ -108,7 +107,7 @@ class PoseStudy(Study):
         data = replace(
             blank, q=candidates.q, wrench=np.zeros_like(blank.wrench), time=None, temperature=None, row=np.arange(g)
         )
-        machine = self.forward(state.hypothesis.bent).machine
+        machine = self.machine_of(state.hypothesis.bent)
         forward = PoseForward(machine, data, self.sheet.test.gravity)
         there = {m.name: m for m in members_of(machine, data, np.ones(machine.tree.size), ordered=False)}
         forward.members = [

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
@@ -199,7 +199,7 @@ class Study(ABC):
         """Standard deviations ``(g, k, 6)`` of the readings, raised to what the residuals' bulk shows."""
 
     @abstractmethod
-    def without_outliers(self) -> Self:
+    def without_outliers(self) -> Study:
         """The same test without readings that lie far beyond what errors of a robot spread to."""
 
     @abstractmethod
@@ -215,7 +215,7 @@ class Study(ABC):
         """Readings that could be taken, drawn within the joints' limits and what was measured."""
 
     def postures(self, rng: np.random.Generator, count: int) -> Array:
-        """Postures ``(count, n)`` drawn within the joints' limits, and no further than what was measured reaches."""
+        """Postures ``(count, n)`` drawn within the joints' limits, no further than what was measured reaches."""
         low, high = self.data.q.min(axis=0), self.data.q.max(axis=0)
         for i, limits in enumerate(self.machine.limits):
             if limits is not None:
@@ -246,12 +246,17 @@ class Study(ABC):
         """The model with some couplings the other way than the model file has them."""
         key = tuple(sorted(bent))
         if key not in self._forward:
-            chain = self.machine.chain
-            for joint in key:
-                chain = with_coupling(chain, joint, as_bent=not self.machine.coupled[joint])
-            machine = PoseMachine(chain, self.ends(), rigid=self.sheet.test.rigid, at_output=self.sheet.at_output)
-            self._forward[key] = self._forward[()].with_machine(machine)
+            self._forward[key] = self._forward[()].with_machine(self.machine_of(key))
         return self._forward[key]
+
+    def machine_of(self, bent: Sequence[str]) -> PoseMachine:
+        """The machine, extended, with some couplings the other way than the model file has them."""
+        if not bent:
+            return self.machine
+        chain = self.machine.chain
+        for joint in bent:
+            chain = with_coupling(chain, joint, as_bent=not self.machine.coupled[joint])
+        return PoseMachine(chain, self.ends(), rigid=self.sheet.test.rigid, at_output=self.sheet.at_output)
 
     def number(self, family: str) -> int:
         """Of a family."""

@@ -32,8 +32,8 @@ def calibrate_(
         Parameter(
             consume_multiple=True,
             help="What to look for: part.factor, part.section, part.EIz, part.diagonal, part.C11, part.matrix, "
-            "actuator.compliance; by default one factor for every elastic part. Of tests of poses or deflections: families, see "
-            "docs/poses.md.",
+            "actuator.compliance; by default one factor for every elastic part. Of tests of poses "
+            "or deflections: families, see docs/poses.md.",
         ),
     ] = (),
     next_: Annotated[
@@ -58,9 +58,7 @@ def calibrate_(
     """Fit spring compliances to measured force-displacement readings, with their uncertainty."""
     if kind := KINDS.get(kind_of_sheet(sheet)):
         if force:
-            raise ValueError(
-                f"--force: {sheet.name} is {kind}, whose model is always written: leave it out"
-            )
+            raise ValueError(f"--force: {sheet.name} is {kind}, whose model is always written: leave it out")
         return _by_poses(kind, data, sheet, out, fit, next_, figure, json=json, strict=strict)
     task = prepare(data, sheet, fit, next_, strict=strict)
     warn(task.findings)
