@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from vjm.io.fields import rotation
-from vjm.rotations import Array, rotation_from_vector
+from vjm.rotations import Array, rotation_from_vector, rotation_vector
 from vjm_updating.deflections.readings import DeflectionData
-from vjm_updating.deflections.sheet import LoadTable
+from vjm_updating.deflections.sheet import DeflectionSheet, LoadTable
 from vjm_updating.poses.families import Member
 from vjm_updating.poses.forward import LARGEST_TURN, Frames, Linearised, PoseForward, turn_between
 from vjm_updating.poses.machine import PoseMachine
@@ -35,24 +35,22 @@ class DeflectionForward:
         unloaded: the same under its weight.
     """
 
-    def __init__(
-        self, machine: PoseMachine, data: DeflectionData, gravity: Sequence[float], loads: Sequence[LoadTable]
-    ) -> None:
+    def __init__(self, machine: PoseMachine, data: DeflectionData, sheet: DeflectionSheet) -> None:
         """Take a test.
 
         Args:
             machine: its first end frames are the markers', then come the points of load.
             data: the readings.
-            gravity: ``(3,)`` m/s².
-            loads: tables of the points of load.
+            sheet: of the test.
         """
-        self.data, self._gravity, self._loads = data, gravity, loads
+        self.data, self._sheet = data, sheet
+        self._loads, self._tracker, gravity = tuple(sheet.loads.values()), sheet.tracker, sheet.test.gravity
         k = len(data.markers)
-        none = replace(data, wrench=np.zeros((len(data), k + len(loads), 6)))
+        none = replace(data, wrench=np.zeros((len(data), k + len(self._loads), 6)))
         self.unloaded = PoseForward(machine, none, gravity)
         R, _ = self.unloaded.unloaded()
         wrench = none.wrench.copy()
-        wrench[:, k:] = in_base(data.load, R[:, k:], loads)
+        wrench[:, k:] = in_base(data.load, R[:, k:], self._loads)
         self._wrench, self._points = wrench, R[:, k:]
         self.loaded = PoseForward(machine, replace(none, wrench=wrench), gravity)
 
@@ -125,7 +123,9 @@ class DeflectionForward:
         for j in range(k):
             F[:, j, :3, 3 + 3 * j : 6 + 3 * j] = Q @ (R[:, j] - R0[:, j])
         torque = self.machine.tree.torques(forces - forces0)[:, self.loaded.given]
-        return Linearised(residual, F, J, torque, tilt)
+        turn = rotation_vector(Q) if self._tracker.axes == "base" else np.zeros(3)
+        off = np.concatenate([turn, frames.m.reshape(-1)])
+        return Linearised(residual, F, J, torque, off, tilt)
 
     def _under(self, z: Array) -> Array:
         """Wrenches ``(g, e, 6)`` with the zeros that members ``z`` take from those that were read."""
@@ -169,7 +169,7 @@ class DeflectionForward:
 
     def with_machine(self, machine: PoseMachine) -> DeflectionForward:
         """The same test of another machine with the same members."""
-        other = DeflectionForward(machine, self.data, self._gravity, self._loads)
+        other = DeflectionForward(machine, self.data, self._sheet)
         other.members = self.loaded.with_machine(machine).members
         return other
 

@@ -224,7 +224,7 @@ def _of_joints(study: DeflectionStudy, data: DeflectionData) -> Iterator[Change]
 
 def _left(study: DeflectionStudy, data: DeflectionData) -> float:
     """Root of the squared displacements in mm that springs, none negative, leave; infinite where they are lost."""
-    forward = DeflectionForward(study.machine, data, study.sheet.test.gravity, tuple(study.sheet.loads.values()))
+    forward = DeflectionForward(study.machine, data, study.sheet)
     forward.members = [member for member in study.members if member.family in COMPLIANCES[:2]]
     try:
         at = forward.evaluate(np.zeros(len(forward.members)), study.frames)

@@ -48,7 +48,7 @@ class DeflectionStudy(Study):
 
     def forward_of(self, machine: PoseMachine) -> DeflectionForward:
         """The model of the test, without members."""
-        return DeflectionForward(machine, self.data, self.sheet.test.gravity, tuple(self.sheet.loads.values()))
+        return DeflectionForward(machine, self.data, self.sheet)
 
     def members_for(self, forward: Forward) -> list[Member]:
         """All members that a difference of two equilibria shows."""
@@ -157,7 +157,7 @@ class DeflectionStudy(Study):
         blank = self.data.only(np.zeros(g, dtype=int))
         data = replace(blank, q=candidates.q, load=candidates.load, row=np.arange(g))
         machine = self.machine_of(state.hypothesis.bent)
-        forward = DeflectionForward(machine, data, self.sheet.test.gravity, tuple(self.sheet.loads.values()))
+        forward = DeflectionForward(machine, data, self.sheet)
         there = {m.name: m for m in members_of_loads(machine, data, forward, self.forward_of(machine).torques())}
         still = np.zeros(g)
         forward.members = [

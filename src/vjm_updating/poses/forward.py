@@ -52,6 +52,7 @@ class Linearised:
         nuisance: ``(g, k, 6, n_f)`` derivatives of the prediction by the nuisances.
         member: ``(g, k, 6, P)`` by the members, per unit of each.
         torque: ``(g, n_joints)`` what bears on each of the data's joints, N mm or N.
+        off: ``(n_f,)`` what the nuisances are off the guesses of their priors; zero where these are wide.
         tilt: ``(g, k, 6, 3)`` by a turn of the body that all markers share, about the base's axes.
     """
 
@@ -59,6 +60,7 @@ class Linearised:
     nuisance: Array
     member: Array
     torque: Array
+    off: Array
     tilt: Array
 
 
@@ -309,7 +311,9 @@ class PoseForward:
         for a in range(3):
             tilt[:, :, :3, a] = np.cross(np.eye(3)[a], place) @ frames.R.T
             tilt[:, :, 3:, a] = frames.R[:, a]
-        return Linearised(residual, F, J, self.machine.tree.torques(forces)[:, self.given], tilt)
+        off = np.zeros(self.nuisances)
+        off[6 : 6 + 3 * k] = frames.m.reshape(-1)
+        return Linearised(residual, F, J, self.machine.tree.torques(forces)[:, self.given], off, tilt)
 
     def _tilts(self, frames: Frames, R: Array, columns: Array, residual: Array, J: Array, F: Array) -> None:
         """Readings of inclinometers in place of turns: ``asin(u · a)`` of their axes a, u against the weight."""

@@ -295,7 +295,7 @@ class Study(ABC):
             if stuck or round_ == rounds or (round_ > 1 and abs(mean - last) < SETTLED * mean):
                 break
             last, cut, origin, before = mean, 1.0, frames, z
-            step, turn = solution.z[blocks.nuisances :] - z, solution.z[: blocks.nuisances]
+            step, turn = solution.z[blocks.nuisances :] - z, solution.z[: blocks.nuisances] - at.off
             z, frames = z + step, forward.moved(frames, turn)
         return State(
             hypothesis, z, frames, at, blocks, solution, self.errors(blocks, solution, sigma), sigma, weight
@@ -329,7 +329,7 @@ class Study(ABC):
         lower = np.concatenate([np.full(n, -np.inf), [member.lower / member.unit for member in self.members]])
         largest = {self.number(name): size for name, size in LARGEST.items() if name in self.families}
         return blocks_of(
-            at.residual + at.member @ z,
+            at.residual + at.nuisance @ at.off + at.member @ z,
             J,
             sigma,
             self.folds.parts,
