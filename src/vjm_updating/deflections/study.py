@@ -20,6 +20,7 @@ from vjm_updating.poses.families import Member
 from vjm_updating.poses.forward import Forward, Frames, Linearised
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import ends_of
+from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Candidates, Hypothesis, Outlier, State, Study
 
 ANY_AXES = 10.0
@@ -46,13 +47,14 @@ class DeflectionStudy(Study):
     ) -> None:
         super().__init__(sheet, machine, data, outliers)
 
-    def forward_of(self, machine: PoseMachine) -> DeflectionForward:
-        """The model of the test, without members."""
-        return DeflectionForward(machine, self.data, self.sheet)
+    def forward_of(self, machine: PoseMachine, data: PoseData) -> DeflectionForward:
+        """The model of readings of the test, by a machine and without members."""
+        assert isinstance(data, DeflectionData)
+        return DeflectionForward(machine, data, self.sheet)
 
     def members_for(self, forward: Forward) -> list[Member]:
         """All members that a difference of two equilibria shows."""
-        plain = self.forward_of(self.machine)
+        plain = self.forward_of(self.machine, self.data)
         return members_of_loads(self.machine, self.data, plain, plain.torques())
 
     def nuisance_prior(self) -> Array:
@@ -65,7 +67,7 @@ class DeflectionStudy(Study):
         """The axes of the base, or those in which the joints give way best; what the nominal machine misses."""
         k = len(self.data.markers)
         frames = Frames(np.eye(3), np.zeros(3), np.zeros((k, 3)), np.tile(np.eye(3), (k, 1, 1)))
-        forward = self.forward_of(self.machine)
+        forward = self.forward_of(self.machine, self.data)
         forward.members = self.members
         z = np.zeros(len(self.members))
         if self.sheet.tracker.axes == "own":
@@ -158,7 +160,10 @@ class DeflectionStudy(Study):
         data = replace(blank, q=candidates.q, load=candidates.load, row=np.arange(g))
         machine = self.machine_of(state.hypothesis.bent)
         forward = DeflectionForward(machine, data, self.sheet)
-        there = {m.name: m for m in members_of_loads(machine, data, forward, self.forward_of(machine).torques())}
+        there = {
+            m.name: m
+            for m in members_of_loads(machine, data, forward, self.forward_of(machine, self.data).torques())
+        }
         still = np.zeros(g)
         forward.members = [
             m if m.basis is None else replace(m, basis=there[m.name].basis if m.name in there else still)

@@ -13,6 +13,7 @@ from vjm.io.errors import did_you_mean
 from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
 from vjm.io.model_file import build_chain
+from vjm.io.toml_parsing import parse_toml
 from vjm.io.urdf_text import urdf_text
 from vjm.rotations import rotation_vector
 from vjm_output.documents import as_json, doubt_rows
@@ -39,6 +40,7 @@ from vjm_updating.poses.study import (
     couplings,
 )
 from vjm_updating.poses.verdict import judge
+from vjm_updating.poses.written import written_distances
 
 DIAGNOSIS, DIAGNOSIS_PAGE, EXTENDED = "diagnosis.json", "diagnosis.html", "extended-model.toml"
 CALIBRATION, CALIBRATION_PAGE, CALIBRATED = "calibration.json", "calibration.html", "calibrated-model.toml"
@@ -216,7 +218,8 @@ def _common(
     """What a calibration and a diagnosis say alike, the model file and the URDF."""
     data, frames = study.data, last.frames
     content, left_out = calibrated_document(measurement, study, last)
-    chain = build_chain(content, "the calibrated model")
+    # as a user reads it: numbers as they stand in the file
+    chain = build_chain(parse_toml(calibrated_text(content)), "the calibrated model")
     bent = [f"{COUPLING}.{joint}" for joint in last.hypothesis.bent]
     member_rows = [
         rows.MemberRow(
@@ -277,6 +280,7 @@ def _common(
         "not_asked": list(study.not_asked),
         "not_asked_for": study.not_asked_for,
         "not_in_model": left_out,
+        "written_mm": float(np.nanmean(written_distances(study, chain, last.frames))),
         "version": rows.PoseVersionRow(
             package=__version__, model_sha256=measurement.model_sha256, data_sha256=data.sha256
         ),

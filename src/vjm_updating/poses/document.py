@@ -122,6 +122,9 @@ class PoseCalibration(Row):
     not_asked: list[str] = Field(description="families that such readings cannot show")
     not_asked_for: str = Field(description="why they cannot")
     not_in_model: list[str] = Field(description="what the calibrated model file cannot hold")
+    written_mm: float = Field(
+        description="mean distance of the readings from what the model file says, read back, frames refitted"
+    )
     version: PoseVersionRow
     seconds: float
 

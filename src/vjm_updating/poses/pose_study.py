@@ -31,9 +31,9 @@ class PoseStudy(Study):
     ) -> None:
         super().__init__(sheet, machine, data, outliers)
 
-    def forward_of(self, machine: PoseMachine) -> PoseForward:
-        """The model of the test, without members."""
-        return PoseForward(machine, self.data, self.sheet.test.gravity)
+    def forward_of(self, machine: PoseMachine, data: PoseData) -> PoseForward:
+        """The model of readings of the test, by a machine and without members."""
+        return PoseForward(machine, data, self.sheet.test.gravity)
 
     def members_for(self, forward: Forward) -> list[Member]:
         """All members that the data can show."""
@@ -44,7 +44,7 @@ class PoseStudy(Study):
         """Standard deviations ``(n_f,)`` of the frames of tracker and markers."""
         guess = self.sheet.base
         wide = (1e5, 10.0) if guess is None else (guess.sigma_mm, guess.sigma_rad)
-        tracked = self.forward_of(self.machine).tracked
+        tracked = self.forward_of(self.machine, self.data).tracked
         return np.concatenate(
             [
                 np.full(3, wide[1]),
@@ -56,7 +56,7 @@ class PoseStudy(Study):
 
     def first_frames(self) -> tuple[Frames, Array]:
         """Frames that bring a rigid robot to the positions, and the distances ``(g, k)`` mm left."""
-        forward = self.forward_of(self.machine)
+        forward = self.forward_of(self.machine, self.data)
         R, p = forward.unloaded()
         sigma = np.array([table.sigma_mm for table in self.sheet.markers.values()])
         frames, aligned = align(R, p, self.data.position, self.data.orientation, sigma, self.sheet.base)
@@ -98,7 +98,7 @@ class PoseStudy(Study):
 
     def holding_torques(self) -> Array:
         """What holds each joint ``(g, n)`` by the model, N mm or N."""
-        return self.forward_of(self.machine).holding()
+        return self.forward_of(self.machine, self.data).holding()
 
     def at_candidates(self, state: State, candidates: Candidates) -> Linearised:
         """The model at a state in other postures, without wrenches."""

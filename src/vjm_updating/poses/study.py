@@ -152,6 +152,7 @@ class Study(ABC):
         outliers: readings that were left out.
         members: all numbers that a hypothesis may change, and
         families: their families.
+        prior: standard deviations ``(n_f,)`` of the nuisances.
         folds: ways of holding out.
         frames: first guess of the nuisances, and
         aligned: ``(g, k)`` mm, what the rigid robot misses with them.
@@ -169,18 +170,18 @@ class Study(ABC):
         self, sheet: RobotSheet, machine: PoseMachine, data: PoseData, outliers: tuple[Outlier, ...] = ()
     ) -> None:
         self.sheet, self.data, self.machine, self.outliers = sheet, data, machine, outliers
-        forward = self.forward_of(machine)
+        forward = self.forward_of(machine, data)
         self._forward: dict[tuple[str, ...], Forward] = {(): forward}
         self.members = self.members_for(forward)
         forward.members = self.members
         self.families = tuple(dict.fromkeys(member.family for member in self.members))
         self.folds: Folds = folds_of(data.q)
-        self._prior = self.nuisance_prior()
+        self.prior = self.nuisance_prior()
         self.frames, self.aligned = self.first_frames()
 
     @abstractmethod
-    def forward_of(self, machine: PoseMachine) -> Forward:
-        """The model of the test, without members."""
+    def forward_of(self, machine: PoseMachine, data: PoseData) -> Forward:
+        """The model of readings of the test, by a machine and without members."""
 
     @abstractmethod
     def members_for(self, forward: Forward) -> list[Member]:
@@ -334,7 +335,7 @@ class Study(ABC):
             sigma,
             self.folds.parts,
             n,
-            self._prior,
+            self.prior,
             family.astype(int),
             lower,
             largest,
@@ -345,9 +346,9 @@ class Study(ABC):
         active = solution.active
         fitted = blocks.y - blocks.J[:, active] @ solution.z[active]
         found = [fitted, held_out(blocks, solution, RANDOM), held_out(blocks, solution, REGION)]
-        return Errors(*(self.distance(self._rows(r, sigma)) for r in found))
+        return Errors(*(self.distance(self.unwhitened(r, sigma)) for r in found))
 
-    def _rows(self, whitened: Array, sigma: Array) -> Array:
+    def unwhitened(self, whitened: Array, sigma: Array) -> Array:
         """Residuals ``(g, k, 6)`` from whitened rows."""
         result = np.full(sigma.shape, np.nan)
         present = self.present

@@ -35,6 +35,8 @@ def lines(found: PoseCalibration) -> list[str]:
     blind = [m.name for family in found.families for m in family.members if not m.identifiable]
     if blind:
         result.append(f"not identifiable: {', '.join(blind[:SHOWN])}{' and more' if len(blind) > SHOWN else ''}")
+    lacks = f"; it has no word for {', '.join(found.not_in_model)}" if found.not_in_model else ""
+    result.append(f"the model file as written, read back: {found.written_mm:.4g} mm{lacks}")
     for one in found.next_postures:
         result.append(
             f"next, {one.criterion}-optimal: {len(one.q)} postures make the members' standard deviations "
