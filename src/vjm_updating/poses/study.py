@@ -16,7 +16,7 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
 from vjm_updating.poses.families import LARGEST, Member
-from vjm_updating.poses.fit import Blocks, Solution, blocks_of, held_out, solve
+from vjm_updating.poses.fit import SMALLEST_SIZE, Blocks, Solution, blocks_of, held_out, solve
 from vjm_updating.poses.folds import Folds, folds_of
 from vjm_updating.poses.forward import Forward, Frames, Linearised
 from vjm_updating.poses.machine import PoseMachine, with_coupling
@@ -292,7 +292,8 @@ class Study(ABC):
             sigma, weight = self.noise(at)
             blocks = self.blocks(at, z, sigma)
             solution = solve(blocks, self.numbers(hypothesis), sizes)
-            sizes = solution.sizes
+            # a family without effect on a rigid machine may have one at the next linearisation
+            sizes = {f: size for f, size in solution.sizes.items() if size > SMALLEST_SIZE}
             if stuck or round_ == rounds or (round_ > 1 and abs(mean - last) < SETTLED * mean):
                 break
             last, cut, origin, before = mean, 1.0, frames, z
