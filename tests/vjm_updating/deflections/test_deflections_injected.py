@@ -23,7 +23,9 @@ from hidden_effects.poses.robots import UR10, document
 from vjm.io.model_file import load_chain
 from vjm.io.toml_text import toml_text
 from vjm_updating.poses.command import calibrate_poses, diagnose_poses
+from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.kinds import read_test
+from vjm_updating.poses.study import Hypothesis
 from vjm_validation.schemas import schemas
 
 RNG = np.random.default_rng(3)
@@ -158,13 +160,9 @@ def test_intervals_cover_the_truth(tmp_path):
         hidden = Hidden.nothing(6)
         hidden.own = np.random.default_rng(seed).uniform(0.5, 3.0, 6) * 1e-8
         d = noisy(displacement(hidden, q, force), seed)
-        folder = tmp_path / str(seed)
-        names = files(folder, columns_of(q, force, d))
-        found = calibrate_poses(*names, folder / "out", families=("joint_compliance",))
-        rows = found.families[0].members
-        inside += [
-            row.interval95[0] <= truth <= row.interval95[1] for row, truth in zip(rows, hidden.own, strict=True)
-        ]
+        study = read_test(*files(tmp_path, columns_of(q, force, d))).study
+        rows = estimates(study, study.settle(Hypothesis(("joint_compliance",))))
+        inside += [row.low <= truth <= row.high for row, truth in zip(rows, hidden.own, strict=True)]
     # 180 intervals of 95 %: the share has a standard deviation of 1.6 %; three of them
     assert 0.90 <= np.mean(inside) <= 0.999
 
