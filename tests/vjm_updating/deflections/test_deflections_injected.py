@@ -1,6 +1,7 @@
 """Deflections of a robot that rests where its energy is smallest: sizes, causes, intervals, next loads."""
 
 import csv
+from dataclasses import replace
 
 import jsonschema
 import numpy as np
@@ -17,7 +18,7 @@ from helpers.deflections import (
     moved,
     sheet_text,
 )
-from hidden_effects.poses.injector import Hidden
+from hidden_effects.poses.injector import Hidden, frames
 from hidden_effects.poses.robots import UR10, document
 
 from vjm.io.model_file import load_chain
@@ -230,3 +231,37 @@ def test_listed_postures_and_loads_are_chosen_from(plain, tmp_path):
 def test_marker_and_load_lie_apart():
     # lever arms matter: the tests above would not see them otherwise
     assert np.linalg.norm(POINT - MARKER) > 100.0
+
+
+def test_a_moment_on_a_link_and_two_markers(tmp_path):
+    """Closed form: a moment M turns joint i by c (w·M), and a point behind it moves by that times w × r."""
+    q = np.random.default_rng(31).uniform(-2.0, 2.0, (9, 6))
+    moment = np.random.default_rng(32).uniform(-4e4, 4e4, (9, 3))
+    c, step = compliant().own, 1e-5
+    on_tool, on_elbow = np.zeros((9, 3)), np.zeros((9, 3))
+    for i in range(6):
+        plus, minus = np.zeros((9, 21)), np.zeros((9, 21))
+        plus[:, 5 + 3 * i], minus[:, 5 + 3 * i] = step, -step
+        # the moment acts on link 3: joints behind it bear nothing, and the marker on it does not see them
+        ends = [frames(UR10, Hidden.nothing(6), q, theta)[0] for theta in (plus, minus)]
+        W = (ends[0] - ends[1])[:, :3, :3] @ np.swapaxes((ends[0] + ends[1])[:, :3, :3], 1, 2) / (4.0 * step)
+        w = np.stack([W[:, 2, 1], W[:, 0, 2], W[:, 1, 0]], axis=1)
+        turn = c[i] * np.einsum("ga,ga->g", w, moment) if i < 3 else np.zeros(9)
+        point = [T @ np.array([*MARKER, 1.0]) for T in ends]
+        on_tool += turn[:, None] * (point[0] - point[1])[:, :3] / (2.0 * step)
+        short = replace(UR10, rows=UR10.rows[:3], masses=UR10.masses[:3], centres=UR10.centres[:3])
+        if i < 3:
+            elbow = [frames(short, Hidden.nothing(3), q[:, :3], theta[:, :12])[0] for theta in (plus, minus)]
+            on_elbow += turn[:, None] * (elbow[0] - elbow[1])[:, :3, 3] / (2.0 * step)
+    columns = {f"joint-{i + 1}.q_rad": q[:, i] for i in range(6)}
+    columns |= {f"hook.m{axis}_Nmm": moment[:, k] for k, axis in enumerate("xyz")}
+    columns |= {f"target.d{axis}_mm": on_tool[:, k] for k, axis in enumerate("xyz")}
+    columns |= {f"elbow.d{axis}_mm": on_elbow[:, k] for k, axis in enumerate("xyz")}
+    sheet = sheet_text(loads='on = "link-3"', test="gravity = [0.0, 0.0, 0.0]") + '[markers.elbow]\non = "link-3"\n'
+    study = read_test(*files(tmp_path, columns, sheet)).study
+    values = {f"joint_compliance.joint-{i + 1}": value for i, value in enumerate(c)}
+    z = np.array([values.get(m.name, 0.0) / m.unit for m in study.members])
+    left = study.forward().evaluate(z, study.frames).residual[..., :3]
+    # turns of 1e-3 rad move the lever arms by a thousandth of the displacements; springs thought rigid by 1e-4 mm
+    assert np.abs(left).max() < 3e-3 * np.abs(on_tool).max()
+    assert np.abs(on_elbow).max() > 0.1
