@@ -34,7 +34,7 @@ class PoseData:
     Attributes:
         file: name for messages.
         sha256: of the file.
-        row: ``(g,)`` line of the file, the header being line 1.
+        row: ``(g,)`` line of the file, the first being line 1.
         joints: names of the n joints, the model's.
         q: ``(g, n)`` their coordinates, mm and rad.
         markers: names of the k markers.
@@ -113,14 +113,16 @@ def table_in(path: Path) -> tuple[str, list[str], list[tuple[int, list[str]]]]:
     try:
         raw = path.read_bytes()
         text = raw.decode("utf-8-sig")
-        header, rows = table_of(list(csv.reader(line for line in text.splitlines() if not line.startswith("#"))))
+        lines = ["" if line.startswith("#") else line for line in text.splitlines()]
+        head = next((i for i, line in enumerate(lines) if line.strip()), 0)
+        header, table = table_of(list(csv.reader(lines[head:])))
     except OSError as error:
         raise DataError(f"{path}: cannot be read: {error.strerror}") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataError(f"{path.name}: no CSV text in UTF-8: {error}") from error
     except ValueError as error:
         raise DataError(f"{path.name}: {error}") from error
-    return hashlib.sha256(raw).hexdigest(), header, rows
+    return hashlib.sha256(raw).hexdigest(), header, [(number + head, cells) for number, cells in table]
 
 
 def read_candidates(path: Path, sheet: RobotSheet, joints: tuple[str, ...], slides: tuple[bool, ...]) -> Array:

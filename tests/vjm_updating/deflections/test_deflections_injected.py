@@ -6,18 +6,8 @@ from dataclasses import replace
 import jsonschema
 import numpy as np
 import pytest
-from helpers.deflections import (
-    MARKER,
-    NOISE,
-    POINT,
-    columns_of,
-    compliant,
-    displacement,
-    drawn,
-    files,
-    moved,
-    sheet_text,
-)
+from helpers.deflections import compliant, displacement, drawn, moved
+from hidden_effects.poses.deflections import MARKER, NOISE, POINT, columns_of, files, sheet_text
 from hidden_effects.poses.injector import Hidden, frames
 from hidden_effects.poses.robots import UR10, document
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.deflections import columns_of, compliant, displacement, drawn, files, moved, sheet_text
+from helpers.deflections import compliant, displacement, drawn, moved
+from hidden_effects.poses.deflections import columns_of, files, sheet_text
 
 from vjm.io.findings import ImplausibleError
 from vjm_updating.poses.command import calibrate_poses, diagnose_poses
