@@ -40,6 +40,8 @@ def with_tilts(frames: Frames, R: Array, tilt: Array, gravity: Sequence[float]) 
         tilt: ``(g, k, 2)`` rad, nan where not read.
         gravity: ``(3,)``.
     """
+    if not np.isfinite(tilt).any():
+        return frames
     u = -np.array(gravity) / np.linalg.norm(gravity)
     M = frames.M.copy()
     for j in np.flatnonzero(np.isfinite(tilt).any(axis=(0, 2))):

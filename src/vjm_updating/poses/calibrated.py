@@ -4,44 +4,56 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from vjm.io.toml_text import toml_text
 from vjm.model.joints import HeldJoint, joint_axes
 from vjm.rotations import Array
-from vjm_updating.poses.families import COMPLIANCE, MASS, VALUE
+from vjm_updating.poses.families import MASS, SECOND, VALUE
+from vjm_updating.poses.identifiability import MemberEstimate
 from vjm_updating.poses.machine import RIGID
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.study import State, Study
 
 SMALLEST = 10.0 * RIGID
 """rad/(N mm): a smaller compliance is written as none."""
+FRAME_PIECE = "-frame"
+"""Behind a joint's name, that of the piece with the errors of its frame."""
+NO_WORD = (*SECOND, "link_compliance")
+"""Families for which a model file has no word."""
 
 
 def calibrated_document(
-    measurement: RobotMeasurement, study: Study, state: State
+    measurement: RobotMeasurement, study: Study, state: State, members: Sequence[MemberEstimate]
 ) -> tuple[dict[str, Any], list[str]]:
-    """The model document, and what was found that a model file cannot hold."""
+    """The model document, and what was found that a model file cannot hold.
+
+    Args:
+        measurement: the test.
+        study: the same, aligned.
+        state: the fit.
+        members: its estimates.
+    """
     document = copy.deepcopy(measurement.document)
-    found = {
-        member.name: float(z) * member.unit
-        for member, z in zip(study.members, state.z, strict=True)
-        if member.family in state.hypothesis.families
-    }
     acts = {member.name: member for member in study.members}
+    # what the data do not learn keeps the model's own value; errors of frames and zeros have none
+    found = {
+        row.name: row.value - acts[row.name].nominal
+        for row in members
+        if acts[row.name].family not in NO_WORD and (row.identifiable or acts[row.name].acts == VALUE)
+    }
     pushing = measurement.chain.pushing
     tables = {table["name"]: table for table in document["parts"]}
     left_out = sorted(
-        {
-            acts[name].family
-            for name in found
-            if acts[name].acts not in (VALUE, COMPLIANCE, MASS) or acts[name].basis is not None
-        }
+        {name for name in state.hypothesis.families if name in NO_WORD}
         | {"joint_offset" for joint in pushing if f"joint_offset.{joint}" in found}
-        | ({"link_compliance"} if any(n.startswith("link_compliance") for n in found) else set())
     )
+    # compliances of members that were asked are as judged, also where their family was not added
+    judged = {m.name for m in study.members if m.acts not in (VALUE, MASS)}
+    kept = {row.name for row in members if not row.identifiable}
+    judged -= kept
     joints = {part.name: part for part in measurement.chain.parts if isinstance(part, HeldJoint)}
     parts: list[dict[str, Any]] = [_base(axis, value) for axis, value in _of_base(found)]
     for axis, _ in _of_base(found):
@@ -64,7 +76,7 @@ def calibrated_document(
                 if "after" in table:
                     link["after"] = table.pop("after")
                 parts.append(link)
-            _compliances(table, joints[name], found, rigid=measurement.sheet.test.rigid)
+            _compliances(table, joints[name], found, judged, rigid=measurement.sheet.test.rigid)
             if name in state.hypothesis.bent:
                 as_bent = study.machine.coupled[name]
                 table["coupling"] = "as commanded" if as_bent else "as bent"
@@ -83,11 +95,6 @@ def calibrated_document(
         ):
             table.update({k: v for k, v in original.items() if "compliance" in k or "lateral" in k})
     return document, left_out
-
-
-def calibrated_text(document: dict[str, Any]) -> str:
-    """As a model file."""
-    return toml_text(document)
 
 
 def _elastic(table: dict[str, Any]) -> bool:
@@ -134,27 +141,37 @@ def _frame_link(name: str, axis: Array, found: dict[str, float], *, slides: bool
     if not shift.any() and not turns:
         return None
     return {
-        "kind": "link", "name": f"{name}-frame", "translation_mm": [float(v) for v in shift], "turns": turns,
+        "kind": "link", "name": f"{name}{FRAME_PIECE}", "translation_mm": [float(v) for v in shift], "turns": turns,
         "source": "calibrated: errors of the joint's frame and zero",
     }  # fmt: skip
 
 
-def _compliances(table: dict[str, Any], joint: HeldJoint, found: dict[str, float], *, rigid: bool) -> None:
-    own = "compliance_mm_per_N" if joint.slides else "compliance_rad_per_Nmm"
-    if table["kind"] not in ("actuated", "coupled") or ("compliance" in table and not rigid):
+def _compliances(
+    table: dict[str, Any], joint: HeldJoint, found: dict[str, float], judged: set[str], *, rigid: bool
+) -> None:
+    """Write a joint's compliances as judged; those that were not keep the values of the model."""
+    own_key = "compliance_mm_per_N" if joint.slides else "compliance_rad_per_Nmm"
+    own_name = f"joint_compliance.{joint.name}"
+    names = [f"lateral_compliance.{joint.name}.{label}" for label in ("first", "second")]
+    if table["kind"] not in ("actuated", "coupled") or not judged.intersection((own_name, *names)):
         return
-    if rigid:
-        for key in (own, "lateral_rad_per_Nmm", "compliance"):
-            table.pop(key, None)
-    value = table.get(own, 0.0) + found.get(f"joint_compliance.{joint.name}", 0.0)
-    if value > SMALLEST:
-        table[own] = value
-    else:
-        table.pop(own, None)
-    lateral = table.get("lateral_rad_per_Nmm", [0.0, 0.0])
+    if "compliance" in table:
+        if not rigid:
+            return
+        table.pop("compliance")
+    table["source"] = "compliances calibrated where the data know them" + (
+        f"; before: {table['source']}" if table.get("source") else ""
+    )
+    if own_name in judged:
+        value = (0.0 if rigid else table.get(own_key, 0.0)) + found.get(own_name, 0.0)
+        if value > SMALLEST:
+            table[own_key] = value
+        else:
+            table.pop(own_key, None)
+    own = table.pop("lateral_rad_per_Nmm", [0.0, 0.0])
     both = [
-        lateral[k] + found.get(f"lateral_compliance.{joint.name}.{label}", 0.0)
-        for k, label in enumerate(("first", "second"))
+        (0.0 if rigid else own[k]) + found.get(name, 0.0) if name in judged else own[k]
+        for k, name in enumerate(names)
     ]
     if max(both) > SMALLEST:
         table["lateral_rad_per_Nmm"] = [v if v > SMALLEST else 0.0 for v in both]

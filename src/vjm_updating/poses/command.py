@@ -12,19 +12,16 @@ from vjm import __version__
 from vjm.io.errors import did_you_mean
 from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
-from vjm.io.model_file import build_chain
-from vjm.io.toml_parsing import parse_toml
-from vjm.io.urdf_text import urdf_text
 from vjm.rotations import rotation_vector
 from vjm_output.documents import as_json, doubt_rows
 from vjm_output.optional_page import page_of
 from vjm_updating.poses import document as rows
-from vjm_updating.poses.calibrated import calibrated_document, calibrated_text
 from vjm_updating.poses.contrasts import contrasts, correlations
 from vjm_updating.poses.families import TITLES
-from vjm_updating.poses.identifiability import estimates
+from vjm_updating.poses.halves import Halves, halves
+from vjm_updating.poses.identifiability import MemberEstimate, estimates
 from vjm_updating.poses.kinds import read_test
-from vjm_updating.poses.ladder import Step, climb
+from vjm_updating.poses.ladder import Step, climb, rung
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.next_postures import next_postures
 from vjm_updating.poses.plausibility import mistaken
@@ -39,8 +36,9 @@ from vjm_updating.poses.study import (
     Study,
     couplings,
 )
-from vjm_updating.poses.verdict import judge
-from vjm_updating.poses.written import written_distances
+from vjm_updating.poses.transfer import Series
+from vjm_updating.poses.verdict import at_bounds, drifted, judge
+from vjm_updating.poses.written import Written, written
 
 DIAGNOSIS, DIAGNOSIS_PAGE, EXTENDED = "diagnosis.json", "diagnosis.html", "extended-model.toml"
 CALIBRATION, CALIBRATION_PAGE, CALIBRATED = "calibration.json", "calibration.html", "calibrated-model.toml"
@@ -68,6 +66,9 @@ def _chosen(study: Study, only: Sequence[str], without: Sequence[str]) -> list[s
     """
     known = [*study.families, *couplings(study)]
     for name in (*only, *without):
+        reasons = [one.reason for one in study.unasked if one.name.partition(".")[0] == name]
+        if name not in known and reasons:
+            raise ValueError(f"these postures cannot know '{name}': {reasons[0]}; leave it out")
         if name in BEHIND_ENCODERS and study.sheet.at_output:
             raise ValueError(
                 f"'{name}' is not seen in these data: joints measured at the output (encoders = 'output') have "
@@ -86,7 +87,8 @@ def _chosen(study: Study, only: Sequence[str], without: Sequence[str]) -> list[s
 
 def diagnose_poses(
     data: Path, sheet: Path, out: Path, *, only: Sequence[str] = (), without: Sequence[str] = (),
-    strict: bool = False, warn: Callable[[Iterable[Finding]], None] = lambda _: None,
+    beside: Sequence[tuple[Path, Path]] = (), strict: bool = False,
+    warn: Callable[[Iterable[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> rows.PoseDiagnosis:  # fmt: skip
     """Diagnose a test of poses or deflections and write what was found.
@@ -97,6 +99,7 @@ def diagnose_poses(
         out: folder; all files are written at the end or none.
         only: families that are thought possible; all where none is given.
         without: families that are not.
+        beside: readings and sheet of other series of the same machine, by which the findings are judged.
         strict: whether what is doubtful is refused.
         warn: told what is implausible.
         progress: told what is being done.
@@ -111,20 +114,26 @@ def diagnose_poses(
     measurement, study = test.measurement, test.study
     names = _chosen(study, only, without)
     findings = test.considered(strict)
+    series = [Series(read_test(*files).study, study) for files in beside]
     check_writable(out)
     warn(findings)
     # what is fitted to columns that are not what they say means nothing
-    steps = climb(study, [] if mistaken(findings) else names, progress)
+    steps = climb(study, [] if mistaken(findings) else names, progress, series)
     progress("verdict")
-    verdict = judge(study, steps, findings)
+    verdict = judge(study, steps, findings, series)
     first, last = steps[0].state, steps[-1].state
-    common, model, urdf = _common(measurement, study, first, last, begun)
+    common, model = _common(measurement, study, steps, verdict.members, begun)
     found = rows.PoseDiagnosis(
         **common
-        | {"doubts": doubt_rows(verdict.findings)},
+        | {
+            "beside": [one.name for one in series],
+            "doubts": doubt_rows([*verdict.findings, *model.refusals]),
+            "halves": None if verdict.halves is None else _halves(verdict.halves),
+        },
         verdict=verdict.kind,
         causes=list(verdict.causes),
         alternatives=[list(names) for names in verdict.alternatives],
+        rivals=list(verdict.rivals),
         explained=verdict.explained,
         ladder=[_rung(step) for step in steps],
         contrasts_before=_contrasts(study, first),
@@ -135,8 +144,9 @@ def diagnose_poses(
         next=verdict.next,
     )  # fmt: skip
     progress("report")
-    files = {DIAGNOSIS: as_json(found), EXTENDED: model, URDF: urdf}
-    _write(out, files, DIAGNOSIS_PAGE, measurement.sheet, study, steps, found)
+    _write(
+        out, {DIAGNOSIS: as_json(found)}, (EXTENDED, model), DIAGNOSIS_PAGE, measurement.sheet, study, steps, found
+    )
     return found
 
 
@@ -178,25 +188,31 @@ def calibrate_poses(
     progress("fit")
     last = study.settle(hypothesis, first)
     listed = None if candidates is None else test.candidates(candidates)
-    common, model, urdf = _common(measurement, study, first, last, begun, listed)
-    found = rows.PoseCalibration(**common | {"doubts": doubt_rows(findings)})
-    steps = [Step("", first, ()), Step(", ".join(hypothesis.names), last, ())]
+    steps = [rung(study, "", first, (), ()), rung(study, ", ".join(hypothesis.names), last, (), ())]
+    members = estimates(study, last)
+    common, model = _common(measurement, study, steps, members, begun, listed)
+    compared = halves(study, last, members)
+    said = [*findings, *drifted(study, compared), *at_bounds(study, members), *model.refusals]
+    found = rows.PoseCalibration(
+        **common | {"doubts": doubt_rows(said), "halves": None if compared is None else _halves(compared)}
+    )
     progress("report")
-    files = {CALIBRATION: as_json(found), CALIBRATED: model, URDF: urdf}
-    _write(out, files, CALIBRATION_PAGE, measurement.sheet, study, steps, found)
+    files = {CALIBRATION: as_json(found)}
+    _write(out, files, (CALIBRATED, model), CALIBRATION_PAGE, measurement.sheet, study, steps, found)
     return found
 
 
 def _write(
     out: Path,
     files: Mapping[str, str],
+    model: tuple[str, Written],
     name: str,
     sheet: RobotSheet,
     study: Study,
     steps: Sequence[Step],
     found: rows.PoseCalibration,
 ) -> None:
-    """The files by name, and the page where it can be drawn."""
+    """The files by name, the model where it is for use, and the page where it can be drawn."""
 
     def made() -> str:
         # matplotlib takes a second to import, and is an extra
@@ -204,22 +220,31 @@ def _write(
 
         return page(sheet, study, steps, found)
 
-    write_together({out / file: content for file, content in files.items()} | page_of(out / name, made))
+    file, of = model
+    models = {} if of.refusals else {file: of.text, URDF: of.urdf}
+    contents = {out / key: content for key, content in {**files, **models}.items()}
+    write_together(contents | page_of(out / name, made))
+    if of.refusals:
+        for stale in (file, URDF):
+            (out / stale).unlink(missing_ok=True)
+
+
+def _halves(found: Halves) -> rows.HalvesRow:
+    return rows.HalvesRow(random=found.random, file=found.file, differ=found.differ)
 
 
 def _common(
     measurement: RobotMeasurement,
     study: Study,
-    first: State,
-    last: State,
+    steps: Sequence[Step],
+    members: Sequence[MemberEstimate],
     begun: float,
     candidates: Candidates | None = None,
-) -> tuple[dict[str, object], str, str]:
-    """What a calibration and a diagnosis say alike, the model file and the URDF."""
+) -> tuple[dict[str, object], Written]:
+    """What a calibration and a diagnosis say alike, and the model file."""
+    last = steps[-1].state
     data, frames = study.data, last.frames
-    content, left_out = calibrated_document(measurement, study, last)
-    # as a user reads it: numbers as they stand in the file
-    chain = build_chain(parse_toml(calibrated_text(content)), "the calibrated model")
+    model = written(measurement, study, last, members)
     bent = [f"{COUPLING}.{joint}" for joint in last.hypothesis.bent]
     member_rows = [
         rows.MemberRow(
@@ -232,8 +257,9 @@ def _common(
             identifiable=e.identifiable,
             one_with=list(e.one_with),
             at_bound=e.at_bound,
+            beyond_bound=e.pull,
         )
-        for e in estimates(study, last)
+        for e in members
     ]
     families = [
         rows.FamilyRow(
@@ -257,8 +283,8 @@ def _common(
         "markers": list(data.markers),
         "left_out": data.left_out,
         "outliers": int(np.sum(last.weight < OUTLIER)),
-        "before": _rung(Step("", first, ())),
-        "after": _rung(Step("", last, ())),
+        "before": _rung(steps[0]),
+        "after": _rung(steps[-1]).model_copy(update={"added": "", "tried": []}),
         "families": families,
         "frames": {"base": [*map(float, frames.t), *map(float, _vector(frames.R))], **places},
         "next_postures": [
@@ -279,14 +305,23 @@ def _common(
         "joints": measurement.sheet.meaning,
         "not_asked": list(study.not_asked),
         "not_asked_for": study.not_asked_for,
-        "not_in_model": left_out,
-        "written_mm": float(np.nanmean(written_distances(study, chain, last.frames))),
+        "not_known": [rows.NotKnownRow(name=one.name, reason=one.reason) for one in study.unasked],
+        "beside": [],
+        "halves": None,
+        "written": rows.WrittenRow(
+            judged_mm=last.errors.means[0],
+            without=list(model.without),
+            refitted_mm=model.state.errors.means[0],
+            file_mm=model.error,
+            refused=[str(one) for one in model.refusals],
+        ),
+        "not_in_model": model.left_out,
         "version": rows.PoseVersionRow(
             package=__version__, model_sha256=measurement.model_sha256, data_sha256=data.sha256
         ),
         "seconds": time.perf_counter() - begun,
     }
-    return common, calibrated_text(content), urdf_text(chain)
+    return common, model
 
 
 def _vector(R: np.ndarray) -> np.ndarray:
@@ -304,11 +339,13 @@ def _rung(step: Step) -> rows.RungRow:
     fitted, random, region = state.errors.means
     return rows.RungRow(
         added=step.added, fitted_mm=fitted, random_mm=random, region_mm=region,
+        ends_mm=float(np.nanmean(step.ends)), beside_mm=[float(np.nanmean(one)) for one in step.beside],
         parameters=state.blocks.nuisances + sum(state.solution.effective.values()),
         tried=[
             rows.TrialRow(
                 name=t.name, gain_random=t.gain_random, sure=float(min(t.sure, 1e3)), gain_region=t.gain_region,
-                log_evidence=t.evidence, pays=t.pays,
+                log_evidence=t.evidence, gain_ends=t.gain_ends, gain_beside=t.gain_beside, pays=t.pays,
+                rival=t.rivals,
             )
             for t in step.trials
         ],

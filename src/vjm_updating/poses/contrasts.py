@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 
 from vjm.rotations import Array
 from vjm_updating.observation.distributions import f_logsf, normal_isf
@@ -26,6 +27,8 @@ MEDIAN = 1.4826
 """From the median of absolute values to a standard deviation."""
 MOSTLY = 0.9
 """Share of postures in which a torque was measured, from which on it is asked about."""
+SMOOTH = 4
+"""Degree of the polynomials of a joint's angle that residuals may follow: as many as a gear's waves."""
 LEAST_SHARED = 0.15
 """Share of the variance, beyond what chance gives, from which on markers move together."""
 
@@ -67,9 +70,11 @@ def contrasts(study: Study, state: State) -> list[Contrast]:
     result: list[Contrast] = []
     columns: dict[tuple[str, str], list[int]] = {}
     for i, member in enumerate(study.members):
-        if member.family in ("gear_error", "joint_offset", "encoder_scale"):
+        if member.family == "joint_offset" and member.part in study.data.joints:
             what = "angle" if member.part in study.machine.turning else "coordinate"
-            columns.setdefault((f"{what} of {member.part}", "angle"), []).append(n + i)
+            q = study.data.q[:, study.data.joints.index(member.part)]
+            smooth = _smooth(q)[blocks.posture] * blocks.J[:, [n + i]]
+            result.append(_share(f"{what} of {member.part}", "angle", left, Q, smooth))
         elif member.family == "joint_compliance":
             columns.setdefault((f"torque of {member.part}", "torque"), []).append(n + i)
         elif member.family == "approach":
@@ -98,6 +103,13 @@ def contrasts(study: Study, state: State) -> list[Contrast]:
     if len(study.data.markers) > 1:
         result.append(shared(study, state))
     return sorted(result, key=lambda one: -one.share)
+
+
+def _smooth(q: Array) -> Array:
+    """Legendre's polynomials ``(g, 5)`` of a coordinate, those of the degrees 0 to 4."""
+    middle, half = 0.5 * (q.max() + q.min()), max(0.5 * float(np.ptp(q)), 1e-12)
+    result: Array = legvander((q - middle) / half, SMOOTH)
+    return result
 
 
 def _share(name: str, kind: str, left: Array, Q: Array, columns: Array) -> Contrast:

@@ -27,6 +27,7 @@ class MemberRow(Row):
     identifiable: bool
     one_with: list[str] = Field(description="members and frames that can make up its effect wholly")
     at_bound: bool
+    beyond_bound: float = Field(description="standard deviations by which the data want it beyond its bound")
 
 
 class FamilyRow(Row):
@@ -47,7 +48,12 @@ class TrialRow(Row):
     sure: float = Field(description="that over its standard error")
     gain_region: float = Field(description="the same, regions held out")
     log_evidence: float
+    gain_ends: float | None = Field(
+        description="the same at the ends of what was measured, of functions of the posture or the clock"
+    )
+    gain_beside: float | None = Field(description="the same of other series of the machine, where it was asked")
     pays: bool
+    rival: bool = Field(description="whether it misses what it has to save by no more than its noise")
 
 
 class RungRow(Row):
@@ -57,6 +63,10 @@ class RungRow(Row):
     fitted_mm: float
     random_mm: float
     region_mm: float
+    ends_mm: float = Field(description="the ends of the joints' ranges and of the clock held out, one at a time")
+    beside_mm: list[float] = Field(
+        description="of each other series, nothing refitted but frames and zeros, as they stand in 'beside'"
+    )
     parameters: float = Field(description="effective number of parameters, frames included")
     tried: list[TrialRow]
 
@@ -77,6 +87,7 @@ class RemainderRow(Row):
     significant: bool
     kind: str
     words: str
+    share: float = Field(description="of what is left, that a contrast of this kind explains")
 
 
 class NextRow(Row):
@@ -90,6 +101,31 @@ class NextRow(Row):
     )
     members: float = Field(description="factor on the members' standard deviations that they promise")
     prediction: float = Field(description="factor on the standard deviation of predictions")
+
+
+class NotKnownRow(Row):
+    """A member, or all of a part, that these data cannot know."""
+
+    name: str
+    reason: str
+
+
+class WrittenRow(Row):
+    """The model file, read back and evaluated on the readings: mean distances in mm."""
+
+    judged_mm: float = Field(description="of the hypothesis that was judged, fitted")
+    without: list[str] = Field(description="its families for which a model file has no word")
+    refitted_mm: float = Field(description="of the hypothesis without them, fitted anew")
+    file_mm: float = Field(description="by the file itself, only the frames fitted")
+    refused: list[str] = Field(description="what no machine is, for which the file was not written")
+
+
+class HalvesRow(Row):
+    """Share of members whose differences between halves of the test are within their 95 % intervals."""
+
+    random: float
+    file: float | None = Field(description="first against second half of the file, where the order is known")
+    differ: bool = Field(description="whether these differ by more than random ones: a drift")
 
 
 class PoseVersionRow(Row):
@@ -121,10 +157,11 @@ class PoseCalibration(Row):
     joints: str = Field(description="what the joints' columns are")
     not_asked: list[str] = Field(description="families that such readings cannot show")
     not_asked_for: str = Field(description="why they cannot")
+    not_known: list[NotKnownRow] = Field(description="members that these postures cannot know, with the reason")
+    beside: list[str] = Field(description="other series by which the findings were judged")
+    written: WrittenRow
+    halves: HalvesRow | None = Field(description="whether halves of the test give the same members")
     not_in_model: list[str] = Field(description="what the calibrated model file cannot hold")
-    written_mm: float = Field(
-        description="mean distance of the readings from what the model file says, read back, frames refitted"
-    )
     version: PoseVersionRow
     seconds: float
 
@@ -135,7 +172,8 @@ class PoseDiagnosis(PoseCalibration):
     verdict: Literal["none", "named", "class", "partly", "unknown"]
     causes: list[str]
     alternatives: list[list[str]]
-    explained: float = Field(description="share of the error held out beyond the noise that the causes save")
+    rivals: list[str] = Field(description="families that miss what they have to save by no more than its noise")
+    explained: float = Field(description="share of the mean distance held out that the causes save")
     ladder: list[RungRow]
     contrasts_before: list[ContrastRow]
     contrasts_after: list[ContrastRow]

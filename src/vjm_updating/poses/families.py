@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.poses.machine import ACROSS, OWN, RIGID, PoseMachine
+from vjm_updating.poses.machine import ACROSS, OWN, RIGID, PoseMachine, Spring
 from vjm_updating.poses.readings import PoseData
 
 VALUE, COMPLIANCE, FACTOR, MASS, DRIFT, STRETCH = "value", "compliance", "factor", "mass", "drift", "stretch"
@@ -22,7 +22,7 @@ MILLIMETRE, MILLIRADIAN = 1.0, 1e-3
 LINEAR_ZERO = 0.1
 """mm: zeros of sliding joints are known to some millimetres, which `LARGEST` makes of it."""
 LEAST_TORQUE = 0.05
-"""Of the largest torque: springs that bear less get the unit of one that bears this."""
+"""Of the largest change of a torque: springs that bear less get the unit of one that bears this."""
 FEWEST_WAYS = 0.9
 """Share of readings at which a joint moved, from which on the way of approach is a cause."""
 
@@ -41,7 +41,8 @@ class Member:
         basis: ``(g,)`` function of the posture that it multiplies; None: one.
         nominal: value that the model gives it.
         part: of the model file that it belongs to.
-        lower: smallest value.
+        lower: smallest and
+        upper: largest value.
     """
 
     family: str
@@ -54,6 +55,20 @@ class Member:
     nominal: float = 0.0
     part: str = ""
     lower: float = -np.inf
+    upper: float = np.inf
+
+
+SOFTEST = {
+    "drive": (1e-5, "rad/(N mm)", "100 N m/rad: the smallest strain-wave gears that are sold have 90"),
+    "linear drive": (0.1, "mm/N", "10 N/mm: a belt of a metre has some 50"),
+    "bearing": (
+        5e-6,
+        "rad/(N mm)",
+        "200 N m/rad: bearings, feet and links of the smallest arms that are sold have a thousand and more",
+    ),
+}
+"""Compliances beyond which nothing of the kind is built: value, unit, reason. A fit that wants more has found
+something else."""
 
 
 TITLES = {
@@ -83,7 +98,11 @@ SECOND = (
     "joint_nonlinearity", "load_zero",
 )  # fmt: skip
 """Families that are looked at where none of the others pays any more: functions of the posture or the clock that
-can imitate what weight and geometry do, not the other way round."""
+can imitate what weight and geometry do, not the other way round. They are added only where they hold at the ends of
+the joints' ranges, and of the clock, too."""
+
+CLOCK = ("tracker_drift", "temperature")
+"""Of those, what follows the clock or the temperature."""
 
 
 def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: bool) -> list[Member]:
@@ -92,7 +111,7 @@ def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: 
     Args:
         machine: the robot.
         data: its postures.
-        torque: ``(n_tree,)`` root mean square of what each coordinate bears, N mm or N.
+        torque: ``(n_tree,)`` standard deviation over the postures of what each coordinate bears, N mm or N.
         ordered: whether the postures stand in the order in which they were taken.
     """
     result = _values(machine, data)
@@ -171,9 +190,17 @@ def _compliances(machine: PoseMachine, torque: Array) -> list[Member]:
             member = Member(
                 family[spring.kind], name, COMPLIANCE, spring.span[0], size / bears, of,
                 nominal=spring.nominal, part=spring.part, lower=min(0.0, RIGID - spring.nominal),
+                upper=max(_softest(spring) - spring.nominal, spring.nominal),
             )  # fmt: skip
         result.append(member)
     return result
+
+
+def _softest(spring: Spring) -> float:
+    """Compliance beyond which nothing of a spring's kind is built."""
+    if spring.kind != OWN:
+        return SOFTEST["bearing"][0]
+    return SOFTEST["linear drive" if spring.slides else "drive"][0]
 
 
 def _approaches(machine: PoseMachine, data: PoseData) -> list[Member]:

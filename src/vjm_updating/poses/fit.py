@@ -4,7 +4,8 @@ In units of the members the readings less the prediction are ``y = J z + F f + n
 from one normal distribution about zero whose standard deviation s, the family's *size*, maximises the evidence
 (MacKay, Neural Computation 4, 415, 1992): ``s² = |z|² / γ`` with the effective number of members
 ``γ = n − tr Σ / s²``. So a family costs what it says, not its length. What bounds forbid, such as negative
-compliances, is held at the bound.
+compliances, is held at the bound. The evidence is taken at one point, the last sizes with the best members there;
+bounded members count by the share of their own normal distribution that lies within the bounds.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+from scipy.special import log_ndtr
 
 from vjm.rotations import Array
 
@@ -43,7 +45,8 @@ class Blocks:
         nuisances: n_f.
         prior: ``(n_f,)`` standard deviations of the nuisances.
         family: ``(P,)`` number of each unknown's family, −1 for nuisances.
-        lower: ``(P,)`` bounds.
+        lower: ``(P,)`` and
+        upper: ``(P,)`` bounds.
         largest: sizes of families beyond which they are not physical, by number.
         parts: for both ways of holding out, normal equations of each part.
         fold: both ways' numbers of the part ``(g,)``.
@@ -60,6 +63,7 @@ class Blocks:
     prior: Array
     family: np.ndarray
     lower: Array
+    upper: Array
     largest: dict[int, float]
     parts: tuple[list[tuple[Array, Array]], ...]
     fold: tuple[np.ndarray, ...]
@@ -72,7 +76,7 @@ class Solution:
     Attributes:
         z: ``(P,)`` all unknowns, zero for what is not in the hypothesis.
         sizes: of the families by number.
-        log_evidence: up to a constant of the data.
+        log_evidence: up to a constant of the data, at the sizes and the noise below.
         covariance: ``(p, p)`` of
         active: the unknowns in the hypothesis, nuisances first.
         at_bound: unknowns that stand at a bound.
@@ -92,7 +96,7 @@ class Solution:
 
 def blocks_of(
     residual: Array, J: Array, sigma: Array, folds: Sequence[np.ndarray], nuisances: int, prior: Array,
-    family: np.ndarray, lower: Array, largest: dict[int, float],
+    family: np.ndarray, lower: Array, largest: dict[int, float], upper: Array | None = None,
 ) -> Blocks:  # fmt: skip
     """Normal equations of readings.
 
@@ -106,6 +110,7 @@ def blocks_of(
         family: ``(P,)``.
         lower: ``(P,)``.
         largest: by number of the family.
+        upper: ``(P,)``; None: there are none.
     """
     present = np.isfinite(residual)
     y = residual[present] / sigma[present]
@@ -123,9 +128,11 @@ def blocks_of(
     )
     N: Array = np.sum([part[0] for part in parts[0]], axis=0)
     b: Array = np.sum([part[1] for part in parts[0]], axis=0)
+    above = np.full(len(lower), np.inf) if upper is None else upper
     return Blocks(
-        N, b, float(y @ y), len(y), rows, y, posture, nuisances, prior, family, lower, largest, parts, tuple(folds)
-    )
+        N, b, float(y @ y), len(y), rows, y, posture, nuisances, prior, family, lower, above, largest, parts,
+        tuple(folds),
+    )  # fmt: skip
 
 
 def solve(blocks: Blocks, families: Sequence[int], start: dict[int, float] | None = None) -> Solution:
@@ -138,15 +145,11 @@ def solve(blocks: Blocks, families: Sequence[int], start: dict[int, float] | Non
     """
     active = np.flatnonzero((blocks.family < 0) | np.isin(blocks.family, list(families)))
     N, b, family = blocks.N[np.ix_(active, active)], blocks.b[active], blocks.family[active]
-    lower = blocks.lower[active]
+    bounds = blocks.lower[active], blocks.upper[active]
     sizes = {f: (start or {}).get(f, 1.0) for f in families}
     noise2, gamma = 1.0, dict.fromkeys(families, 0.0)
-    z = np.zeros(len(active))
-    free = np.ones(len(active), dtype=bool)
-    covariance, log_det = np.zeros_like(N), 0.0
     for _ in range(ROUNDS):
-        precision = _precision(blocks, family, sizes)
-        z, free, covariance, log_det = _bounded(N / noise2, b / noise2, precision, lower)
+        z, free, covariance, _ = _bounded(N / noise2, b / noise2, precision_of(blocks, family, sizes), *bounds)
         before = dict(sizes)
         used = float(blocks.nuisances)
         for f in families:
@@ -162,16 +165,53 @@ def solve(blocks: Blocks, families: Sequence[int], start: dict[int, float] | Non
         noise2 = chi2 / max(blocks.count - used, 0.1 * blocks.count, 1.0)
         if all(abs(sizes[f] - before[f]) <= SETTLED * before[f] or sizes[f] <= SMALLEST_SIZE for f in families):
             break
-    precision = _precision(blocks, family, sizes)
+    precision = precision_of(blocks, family, sizes)
+    z, free, covariance, log_det = _bounded(N / noise2, b / noise2, precision, *bounds)
+    chi2 = max(blocks.c - 2.0 * float(z @ b) + float(z @ N @ z), 1e-12)
     penalty = float(z**2 @ precision)
     log_prior = float(np.sum(np.log(precision[free])))
     evidence = -0.5 * (blocks.count * np.log(noise2) + chi2 / noise2 + penalty + log_det - log_prior)
+    evidence += _within(z, N / noise2 + np.diag(precision), b / noise2, precision, free, covariance, *bounds)
     whole = np.zeros(len(blocks.b))
     whole[active] = z
     return Solution(whole, sizes, float(evidence), covariance, active, active[~free], gamma, float(np.sqrt(noise2)))
 
 
-def _precision(blocks: Blocks, family: np.ndarray, sizes: dict[int, float]) -> Array:
+def _within(
+    z: Array, A: Array, b: Array, precision: Array, free: np.ndarray, covariance: Array, lower: Array, upper: Array
+) -> float:
+    """Logarithm of what bounds take from the integral of the posterior over that of the prior, member by member.
+
+    A free one: the share of its normal distribution within the bounds, prior and posterior. One at a bound, with
+    the slope g into the bound and the curvature a, adds ``∫ exp(−g t − a t²/2) dt`` from there on inwards.
+    """
+    bounded = np.isfinite(lower) | np.isfinite(upper)
+    if not bounded.any():
+        return 0.0
+    root = np.sqrt(precision)
+    total = -float(np.sum(_log_share(lower * root, upper * root)[bounded]))
+    inside = bounded & free
+    sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    total += float(np.sum(_log_share((lower - z) / sd, (upper - z) / sd)[inside]))
+    held = np.flatnonzero(~free)
+    slope = np.abs(b - A @ z)[held]
+    curve = np.diag(A)[held]
+    mills = 0.5 * slope**2 / curve + log_ndtr(-slope / np.sqrt(curve))
+    return total + float(np.sum(0.5 * np.log(precision[held] / curve) + mills))
+
+
+def _log_share(low: Array, high: Array) -> Array:
+    """Logarithm of the normal distribution's share between two ends in standard deviations."""
+    # of the two tails the smaller keeps its digits
+    flip = low > 0.0
+    a, b = np.where(flip, -high, low), np.where(flip, -low, high)
+    upper, lower = log_ndtr(b), log_ndtr(a)
+    result: Array = upper + np.log1p(-np.exp(np.minimum(lower - upper, -1e-16)))
+    return result
+
+
+def precision_of(blocks: Blocks, family: np.ndarray, sizes: dict[int, float]) -> Array:
+    """Prior precision of unknowns whose families are given, ``(p,)``, nuisances first."""
     result = np.empty(len(family))
     result[: blocks.nuisances] = 1.0 / blocks.prior**2
     for f, size in sizes.items():
@@ -179,35 +219,67 @@ def _precision(blocks: Blocks, family: np.ndarray, sizes: dict[int, float]) -> A
     return result
 
 
-def _bounded(N: Array, b: Array, precision: Array, lower: Array) -> tuple[Array, np.ndarray, Array, float]:
-    """Minimum of ``½ zᵀ(N + D)z − bᵀz`` at ``z ≥ lower``: it, what is free, covariance, log determinant."""
+def _bounded(
+    N: Array, b: Array, precision: Array, lower: Array, upper: Array
+) -> tuple[Array, np.ndarray, Array, float]:
+    """Minimum of ``½ zᵀ(N + D)z − bᵀz`` within bounds: it, what is free, covariance, log determinant."""
     A = N + np.diag(precision)
     scale = 1.0 / np.sqrt(np.diag(A))
-    A = A * np.outer(scale, scale)
-    right, bound = b * scale, lower / scale
-    free = np.ones(len(b), dtype=bool)
-    z = np.zeros(len(b))
-    for _ in range(ATTEMPTS):
-        index = np.flatnonzero(free)
-        fixed = np.flatnonzero(~free)
-        z[fixed] = bound[fixed]
-        known = right[index] - A[np.ix_(index, fixed)] @ z[fixed]
-        factor = cho_factor(A[np.ix_(index, index)], lower=True)
-        z[index] = cho_solve(factor, known)
-        below = free & (z < bound)
-        slope = right - A @ z
-        released = ~free & (slope > 1e-9 * np.abs(right).max(initial=1e-300))
-        if not below.any() and not released.any():
-            break
-        free = (free & ~below) | (released if not below.any() else np.zeros_like(free))
+    A *= np.outer(scale, scale)
+    z, free = _within_bounds(A, b * scale, lower / scale, upper / scale)
     index = np.flatnonzero(free)
     factor = cho_factor(A[np.ix_(index, index)], lower=True)
-    z = np.maximum(z, bound) * scale
     covariance = np.zeros_like(A)
     covariance[np.ix_(index, index)] = cho_solve(factor, np.eye(len(index)))
     covariance *= np.outer(scale, scale)
     log_det = 2.0 * float(np.sum(np.log(np.diag(factor[0])))) - 2.0 * float(np.sum(np.log(scale[index])))
-    return z, free, covariance, log_det
+    return z * scale, free, covariance, log_det
+
+
+def _within_bounds(A: Array, b: Array, low: Array, high: Array) -> tuple[Array, np.ndarray]:
+    """Minimum of ``½ zᵀAz − bᵀz`` within bounds, and what is free: active sets, which end in a few rounds."""
+    side = np.zeros(len(b), dtype=int)
+    z = np.zeros(len(b))
+    tiny = 1e-9 * np.abs(b).max(initial=1e-300)
+    for _ in range(ATTEMPTS):
+        index, fixed = np.flatnonzero(side == 0), np.flatnonzero(side)
+        z[fixed] = np.where(side[fixed] < 0, low[fixed], high[fixed])
+        known = b[index] - A[np.ix_(index, fixed)] @ z[fixed]
+        z[index] = cho_solve(cho_factor(A[np.ix_(index, index)], lower=True), known)
+        outside = np.where(side == 0, np.where(z < low, -1, 0) + np.where(z > high, 1, 0), 0)
+        released = (side != 0) & (side * (b - A @ z) < -tiny)
+        if outside.any():
+            side += outside
+        elif released.any():
+            side[released] = 0
+        else:
+            break
+    return np.clip(z, low, high), side == 0
+
+
+def best_of(blocks: Blocks, solution: Solution, N: Array, b: Array) -> Array:
+    """Active unknowns ``(p,)`` that fit normal equations of a part, under the sizes and the noise of a solution."""
+    active = solution.active
+    A = N / solution.noise**2 + np.diag(precision_of(blocks, blocks.family[active], solution.sizes))
+    scale = 1.0 / np.sqrt(np.diag(A))
+    A *= np.outer(scale, scale)
+    low, high = blocks.lower[active] / scale, blocks.upper[active] / scale
+    return _within_bounds(A, b / solution.noise**2 * scale, low, high)[0] * scale
+
+
+def without(blocks: Blocks, solution: Solution, rows: np.ndarray) -> Array:
+    """Members and nuisances ``(p,)`` of the active unknowns fitted without some of the readings.
+
+    The sizes are those of all readings.
+
+    Args:
+        blocks: of all readings.
+        solution: the fit of all.
+        rows: ``(rows,)`` what is left out.
+    """
+    active = solution.active
+    J, y = blocks.J[rows][:, active], blocks.y[rows]
+    return best_of(blocks, solution, blocks.N[np.ix_(active, active)] - J.T @ J, blocks.b[active] - J.T @ y)
 
 
 def held_out(blocks: Blocks, solution: Solution, way: int) -> Array:
@@ -216,13 +288,9 @@ def held_out(blocks: Blocks, solution: Solution, way: int) -> Array:
     The sizes are those of all readings.
     """
     active, fold = solution.active, blocks.fold[way]
-    families = blocks.family[active]
-    precision = _precision(blocks, families, solution.sizes)
     result = np.empty(len(blocks.y))
-    noise2 = solution.noise**2
     for k, (N, b) in enumerate(blocks.parts[way]):
-        rest = (blocks.N - N)[np.ix_(active, active)] / noise2
-        z = _bounded(rest, (blocks.b - b)[active] / noise2, precision, blocks.lower[active])[0]
+        z = best_of(blocks, solution, (blocks.N - N)[np.ix_(active, active)], (blocks.b - b)[active])
         rows = fold[blocks.posture] == k
-        result[rows] = blocks.y[rows] - blocks.J[np.ix_(rows, active)] @ z
+        result[rows] = blocks.y[rows] - blocks.J[rows][:, active] @ z
     return result

@@ -81,11 +81,7 @@ class Forward(Protocol):
         """What each is, for people."""
 
     def evaluate(self, z: Array, frames: Frames) -> Linearised:
-        """Residuals and derivatives at members ``z`` (P,), in units, and nuisances.
-
-        Raises:
-            NoConvergenceError: a posture has no equilibrium.
-        """
+        """Residuals and derivatives at members ``z`` (P,), in units, and nuisances; see `PoseForward.evaluate`."""
 
     def moved(self, frames: Frames, step: Array) -> Frames:
         """Nuisances after a step ``(n_f,)`` in the coordinates of `Linearised.nuisance`."""
@@ -143,8 +139,11 @@ class PoseForward:
         return result
 
     def torques(self) -> Array:
-        """Root mean square ``(n_tree,)`` of what each coordinate bears in the machine as the model file has it."""
-        result: Array = np.sqrt(np.mean(self.bearing() ** 2, axis=0))
+        """Standard deviation ``(n_tree,)`` over the postures of what each coordinate bears.
+
+        A torque that is the same in all postures turns a joint by a constant, which is an offset.
+        """
+        result: Array = np.std(self.bearing(), axis=0)
         return result
 
     def holding(self) -> Array:
@@ -182,7 +181,7 @@ class PoseForward:
         """
         arrays, values = self._changed(z)
         x, forces, R, p = self._solve(arrays, values)
-        d = frame_derivatives(arrays, values, self._natural, self.wrench, x)
+        d = frame_derivatives(_unsprung(arrays), values, self._natural, self.wrench, x)
         return R, p, self._columns(z, arrays, x, forces, d), forces
 
     def unloaded(self) -> tuple[Array, Array]:
@@ -317,10 +316,9 @@ class PoseForward:
 
     def _tilts(self, frames: Frames, R: Array, columns: Array, residual: Array, J: Array, F: Array) -> None:
         """Readings of inclinometers in place of turns: ``asin(u · a)`` of their axes a, u against the weight."""
-        u = -np.array(self.gravity) / np.linalg.norm(self.gravity)
-        for place_of, j in enumerate(self.tracked):
-            if not np.isfinite(self.data.tilt[:, j]).any():
-                continue
+        tilted = [(k, j) for k, j in enumerate(self.tracked) if np.isfinite(self.data.tilt[:, j]).any()]
+        u = -np.array(self.gravity) / (np.linalg.norm(self.gravity) if tilted else 1.0)
+        for place_of, j in tilted:
             axes = R[:, j] @ frames.M[j]
             own = 6 + 3 * len(self.data.markers) + 3 * place_of
             J[:, j, 3:], F[:, j, 3:], residual[:, j, 5] = 0.0, 0.0, np.nan
@@ -373,6 +371,18 @@ class PoseForward:
             for member in self.members
         ]
         return other
+
+
+def _unsprung(arrays: TreeArrays) -> TreeArrays:
+    """A machine without its springs between points, whose derivatives are near enough.
+
+    The equilibria have the springs. What a compensator adds to the stiffness of a joint is a hundredth of its
+    drive's, so that a step of the fit errs by a hundredth, and its end by nothing.
+    """
+    none = slice(0, 0)
+    return arrays._replace(
+        spring_joint=arrays.spring_joint[none], spring_point=arrays.spring_point[none], spring=arrays.spring[none]
+    )
 
 
 def turn_between(R: Array, other: Array) -> Array:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm_updating.observation.significance import NORMAL_95
 from vjm_updating.poses.study import State, Study
+from vjm_updating.poses.truncated import marginals
 
 LEARNT = 0.9
 """Posterior over prior standard deviation above which the data say nothing of a member."""
@@ -16,6 +16,8 @@ ONE = 1.0 - 1e-5
 TAKES_PART = 0.2
 """Part in the combination, over the largest, from which on another member is named."""
 MOST_NAMED = 4
+HALF_NORMAL = float(np.sqrt(1.0 - 2.0 / np.pi))
+"""Standard deviation of a normal distribution about a bound over that of the whole one."""
 
 
 @dataclass(frozen=True)
@@ -27,12 +29,13 @@ class MemberEstimate:
         value: in ``unit``, the model's own included.
         std: standard deviation.
         low: and
-        high: ends of the 95 % interval, within the bounds.
+        high: ends of the 95 % interval of its marginal distribution, within the bounds.
         unit: for people.
         learnt: share of its prior variance that the data took away.
         identifiable: whether they say anything of it.
         one_with: members and frames with which it is one.
         at_bound: whether it stands at its physical bound.
+        pull: standard deviations by which its best value without bounds lies beyond the bound.
     """
 
     name: str
@@ -45,12 +48,13 @@ class MemberEstimate:
     identifiable: bool
     one_with: tuple[str, ...]
     at_bound: bool
+    pull: float
 
 
 def estimates(study: Study, state: State) -> list[MemberEstimate]:
     """Every member of a state's hypothesis, in the order of the members."""
     solution, n = state.solution, state.blocks.nuisances
-    std = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
+    marginal = marginals(state.blocks, solution)
     result = []
     together = combinations(study, state)
     bound = set(solution.at_bound.tolist())
@@ -59,33 +63,29 @@ def estimates(study: Study, state: State) -> list[MemberEstimate]:
             continue
         member = study.members[unknown - n]
         size = solution.sizes[study.number(member.family)]
-        value = member.nominal + float(solution.z[unknown]) * member.unit
-        held = int(unknown) in bound
-        # at a bound the other side is what the prior and the data leave
-        sd = (min(size, _one_sided(state, int(unknown), size)) if held else float(std[place])) * member.unit
-        learnt = 1.0 - (sd / (size * member.unit)) ** 2
-        low = max(value - NORMAL_95 * sd, member.nominal + member.lower)
+        # a compliance of zero halves its prior
+        prior = size * (HALF_NORMAL if state.blocks.lower[unknown] > -size else 1.0)
+        sd = float(marginal.std[place])
+        value, low, high = (
+            member.nominal + float(v) * member.unit
+            for v in (solution.z[unknown], marginal.low[place], marginal.high[place])
+        )
         result.append(
             MemberEstimate(
-                member.name,
-                value,
-                sd,
-                low,
-                value + NORMAL_95 * sd,
-                member.of,
-                max(learnt, 0.0),
-                sd < LEARNT * size * member.unit,
-                together.get(member.name, ()),
-                held,
+                name=member.name,
+                value=value,
+                std=sd * member.unit,
+                low=low,
+                high=high,
+                unit=member.of,
+                learnt=max(1.0 - (sd / prior) ** 2, 0.0),
+                identifiable=sd < LEARNT * prior,
+                one_with=together.get(member.name, ()),
+                at_bound=int(unknown) in bound,
+                pull=float(marginal.pull[place]),
             )
         )
     return result
-
-
-def _one_sided(state: State, unknown: int, size: float) -> float:
-    """Standard deviation of a member that stands at its bound, the others at their best, in its unit."""
-    own = float(state.blocks.N[unknown, unknown]) / state.solution.noise**2
-    return float(1.0 / np.sqrt(own + 1.0 / size**2))
 
 
 def combinations(study: Study, state: State) -> dict[str, tuple[str, ...]]:

@@ -2,21 +2,25 @@
 
 A family is added where postures held out, at random and by region, are predicted better by it: the mean distance
 of both by a share of `LEAST_GAIN`, that of the first by `SURE` standard errors of the paired differences, that of
-the second not worse, and the evidence larger. At the end each family that does not pay any more beside the others
-is taken out.
+the second not worse, and the evidence larger. Functions of the posture or the clock (`SECOND`) must save as much at
+the ends of what was measured. With other series of the machine beside, a family by which they are predicted worse
+is not added. At the end each family that does not pay any more beside the others is taken out; one of the first
+order is never judged beside functions of the posture.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.poses.families import SECOND, TITLES
+from vjm_updating.poses.ends import errors_at_ends
+from vjm_updating.poses.families import CLOCK, SECOND, TITLES
 from vjm_updating.poses.fit import Solution
 from vjm_updating.poses.study import Errors, Hypothesis, State, Study, couplings
+from vjm_updating.poses.transfer import Series
 
 LEAST_GAIN = 0.01
 SURE = 3.5
@@ -28,6 +32,8 @@ ALIKE = 0.85
 """Share of the best family's saving from which on another saves about the same."""
 LOST = 0.003
 """Share of the error held out that a family must save at the end to be kept."""
+NEAR = 1.0
+"""Standard errors by which a family may miss what it has to save and still be shown as a rival."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,8 @@ class Trial:
         sure: over the standard error of the paired differences.
         gain_region: of regions.
         evidence: natural logarithm of the ratio of evidences.
+        gain_ends: of the ends of what was measured; None where it was not asked.
+        gain_beside: of other series; None where there is none, or it was not asked.
     """
 
     name: str
@@ -51,12 +59,32 @@ class Trial:
     sure: float
     gain_region: float
     evidence: float
+    gain_ends: float | None = None
+    gain_beside: float | None = None
 
     @property
     def pays(self) -> bool:
         """Whether it is to be added."""
-        enough = self.gain >= LEAST_GAIN and self.sure >= SURE and self.gain_region >= 0.0
-        return enough and self.evidence >= LEAST_EVIDENCE
+        return self._pays(0.0) and self.holds
+
+    @property
+    def holds(self) -> bool:
+        """Whether it holds at the ends and beside, where that was asked."""
+        ends = self.gain_ends is None or self.gain_ends >= LEAST_GAIN
+        return ends and (self.gain_beside is None or self.gain_beside >= 0.0)
+
+    @property
+    def rivals(self) -> bool:
+        """Whether it misses a threshold by no more than its noise."""
+        return not self.pays and self.holds and self._pays(NEAR)
+
+    def _pays(self, by: float) -> bool:
+        """Whether it would be added with its savings ``by`` standard errors larger."""
+        noise = by * (self.gain_random / self.sure if np.isfinite(self.sure) and self.sure > 0.0 else 0.0)
+        enough = self.gain + noise >= LEAST_GAIN and self.sure + by >= SURE
+        # evidence is half a square of standard deviations, as is the likelihood ratio of one number
+        root = np.sqrt(2.0 * max(self.evidence, 0.0)) + by
+        return enough and self.gain_region + noise >= 0.0 and 0.5 * root**2 >= LEAST_EVIDENCE
 
     @property
     def gain(self) -> float:
@@ -68,14 +96,41 @@ class Trial:
         """Of the name, without the joint that a coupling is of."""
         return self.name.partition(".")[0]
 
+    @property
+    def second(self) -> bool:
+        """Whether it is a function of the posture or the clock."""
+        return self.family in SECOND
+
 
 @dataclass(frozen=True)
 class Step:
-    """A rung: what was added, the state then, and all that was tried."""
+    """A rung.
+
+    Attributes:
+        added: what was.
+        state: then.
+        trials: all that was tried on top of it.
+        ends: ``(g, k)`` distances at the ends of what was measured, held out.
+        beside: ``(g, k)`` distances of each other series, nothing refitted but frames and zeros.
+    """
 
     added: str
     state: State
     trials: tuple[Trial, ...]
+    ends: Array
+    beside: tuple[Array, ...] = ()
+
+
+def rung(study: Study, added: str, state: State, trials: Sequence[Trial], series: Sequence[Series]) -> Step:
+    """A rung with its errors at ends and beside."""
+    ends = errors_at_ends(study, state.blocks, state.solution, state.sigma)
+    return Step(added, state, tuple(trials), ends, tuple(one.distances(study, state) for one in series))
+
+
+def saved(before: Array, after: Array) -> float:
+    """Share saved of mean distances ``(g, k)`` mm."""
+    mean = float(np.nanmean(before))
+    return 1.0 - float(np.nanmean(after)) / mean if mean > 0.0 else 0.0
 
 
 def paired(before: Array, after: Array, sigma: Array) -> tuple[float, float]:
@@ -84,27 +139,38 @@ def paired(before: Array, after: Array, sigma: Array) -> tuple[float, float]:
     The second is of distances over the readings' standard deviations ``sigma`` (g, k, 6): a reading that scatters
     more, by its load or as an outlier, says less.
     """
-    mean = float(np.nanmean(before))
-    difference = np.nanmean((before - after) / np.sqrt(np.mean(sigma[..., :3] ** 2, axis=2)), axis=1)
-    difference = difference[np.isfinite(difference)]
-    if mean <= 0.0 or len(difference) < 2:
+    difference = (before - after) / np.sqrt(np.mean(sigma[..., :3] ** 2, axis=2))
+    difference = np.nanmean(difference[np.isfinite(difference).any(axis=1)], axis=1)
+    if len(difference) < 2:
         return 0.0, 0.0
-    share = 1.0 - float(np.nanmean(after)) / mean
     spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
-    saved = float(difference.mean())
-    return share, saved / spread if spread > 0.0 else (np.inf if saved > 0.0 else 0.0)
+    less = float(difference.mean())
+    return saved(before, after), less / spread if spread > 0.0 else (np.inf if less > 0.0 else 0.0)
 
 
-def trial(study: Study, state: State, name: str) -> Trial:
-    """What a family would bring."""
+def trial(study: Study, step: Step, name: str) -> Trial:
+    """What a family would bring on top of a rung."""
+    state = step.state
     solution, errors = study.tried(state, state.hypothesis.plus(name))
     gain, sure = paired(state.errors.random, errors.random, state.sigma)
     region, _ = paired(state.errors.region, errors.region, state.sigma)
-    return Trial(name, solution, errors, gain, sure, region, solution.log_evidence - state.solution.log_evidence)
+    found = Trial(name, solution, errors, gain, sure, region, solution.log_evidence - state.solution.log_evidence)
+    if not found.second or not (found.pays or found.rivals):
+        return found
+    # what follows the clock has to hold at the clock's ends: the joints' ends lie in the midst of its course
+    clock_only = found.family in CLOCK
+    ends = errors_at_ends(study, state.blocks, solution, state.sigma, clock_only=clock_only)
+    before = step.ends
+    if clock_only:
+        before = errors_at_ends(study, state.blocks, state.solution, state.sigma, clock_only=True)
+    return replace(found, gain_ends=saved(before, ends))
 
 
 def climb(
-    study: Study, names: Sequence[str] | None = None, told: Callable[[str], None] = lambda _: None
+    study: Study,
+    names: Sequence[str] | None = None,
+    told: Callable[[str], None] = lambda _: None,
+    series: Sequence[Series] = (),
 ) -> list[Step]:
     """The ladder of a test.
 
@@ -112,28 +178,29 @@ def climb(
         study: the test.
         names: families and couplings that are thought possible; None: all.
         told: told what is being done.
+        series: other series of the same machine.
     """
     possible = [*study.families, *couplings(study)] if names is None else list(names)
     told("base frame and markers")
-    state = study.settle(Hypothesis())
-    steps: list[Step] = []
-    added = ""
+    steps = [rung(study, "", study.settle(Hypothesis()), (), series)]
     for _ in range(MOST_STEPS):
-        left = [name for name in possible if name not in state.hypothesis.names]
-        trials = tuple(sorted((trial(study, state, name) for name in left), key=_rank))
-        steps.append(Step(added, state, trials))
-        best = chosen(trials)
-        if best is None:
+        step = steps[-1]
+        left = [name for name in possible if name not in step.state.hypothesis.names]
+        trials = sorted((trial(study, step, name) for name in left), key=lambda one: -one.gain)
+        above = None
+        while above is None and (best := chosen(trials)) is not None:
+            told(best.name)
+            state = study.settle(step.state.hypothesis.plus(best.name), step.state)
+            above = rung(study, best.name, state, (), series)
+            if series:
+                gain = float(np.mean([saved(*pair) for pair in zip(step.beside, above.beside, strict=True)]))
+                trials[trials.index(best)] = replace(best, gain_beside=gain)
+                above = above if gain >= 0.0 else None
+        steps[-1] = replace(step, trials=tuple(trials))
+        if above is None:
             break
-        told(best.name)
-        added = best.name
-        state = study.settle(state.hypothesis.plus(added), state)
-    return _thinned(study, steps)
-
-
-def _rank(one: Trial) -> float:
-    """The largest saving first."""
-    return -one.gain
+        steps.append(above)
+    return _thinned(study, steps, series)
 
 
 def chosen(trials: Sequence[Trial]) -> Trial | None:
@@ -143,25 +210,44 @@ def chosen(trials: Sequence[Trial]) -> Trial | None:
     second order where none of the first pays.
     """
     for second in (False, True):
-        paying = [one for one in trials if one.pays and (one.family in SECOND) == second]
+        paying = [one for one in trials if one.pays and one.second == second]
         if paying:
             near = [one for one in paying if one.gain >= ALIKE * max(o.gain for o in paying)]
             return min(near, key=lambda one: list(TITLES).index(one.family))
     return None
 
 
-def _thinned(study: Study, steps: list[Step]) -> list[Step]:
+def superfluous(study: Study, state: State, name: str) -> bool:
+    """Whether a hypothesis without one of its families predicts what is held out as well."""
+    _, errors = study.tried(state, state.hypothesis.minus(name))
+    lost, sure = paired(errors.random, state.errors.random, state.sigma)
+    worse, _ = paired(errors.region, state.errors.region, state.sigma)
+    return (lost < LOST or sure < 2.0) and worse < LOST
+
+
+def first_order(hypothesis: Hypothesis) -> Hypothesis:
+    """A hypothesis without functions of the posture and the clock."""
+    return replace(hypothesis, families=tuple(name for name in hypothesis.families if name not in SECOND))
+
+
+def _thinned(study: Study, steps: list[Step], series: Sequence[Series]) -> list[Step]:
     """The ladder with a last rung without the families that pay no more beside those that came later."""
     state, dropped = steps[-1].state, []
-    for name in state.hypothesis.names[:-1]:
-        _, errors = study.tried(state, state.hypothesis.minus(name))
-        lost, sure = paired(errors.random, state.errors.random, state.sigma)
-        worse, _ = paired(errors.region, state.errors.region, state.sigma)
-        if (lost < LOST or sure < 2.0) and worse < LOST:
+    bare = first_order(state.hypothesis)
+    # beside functions of the posture, which imitate them, those of the first order would not show
+    judged = state if bare == state.hypothesis else study.settle(bare, state)
+    for name in bare.names[:-1]:
+        if superfluous(study, judged, name):
+            judged = study.settle(judged.hypothesis.minus(name), judged)
+            state = study.settle(state.hypothesis.minus(name), state)
+            dropped.append(name)
+    for name in [name for name in state.hypothesis.families[:-1] if name in SECOND]:
+        if superfluous(study, state, name):
             state = study.settle(state.hypothesis.minus(name), state)
             dropped.append(name)
     if not dropped:
         return steps
-    left = [name for name in study.families if name not in state.hypothesis.names]
-    trials = tuple(sorted((trial(study, state, name) for name in left if name not in dropped), key=_rank))
-    return [*steps, Step("without " + ", ".join(dropped), state, trials)]
+    last = rung(study, "without " + ", ".join(dropped), state, (), series)
+    left = [name for name in study.families if name not in state.hypothesis.names and name not in dropped]
+    trials = sorted((trial(study, last, name) for name in left), key=lambda one: -one.gain)
+    return [*steps, replace(last, trials=tuple(trials))]

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint, joint_axes
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring, SprungJoint, joint_axes
 from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
 from vjm.rotations import AXES, Array, frame
 from vjm.tree.model import TreeModel
@@ -111,8 +111,9 @@ class PoseMachine:
             self._append(RigidOffset(f"{marker}~marker", frame(p=place)), self._ends_at.get(on, on))
             named[marker] = f"{marker}~marker"
         extended = replace(
-            chain, parts=tuple(self._parts), after=self._after, ends=named, postures={}, held={}, point_springs=()
-        )
+            chain, parts=tuple(self._parts), after=self._after, ends=named, postures={}, held={},
+            point_springs=self._springs_between(chain),
+        )  # fmt: skip
         self.tree = TreeModel(extended)
         own = {part.name: part for part in chain.parts if isinstance(part, HeldJoint)}
         self.joints = tuple(name for name, part in own.items() if not isinstance(part, CoupledJoint))
@@ -136,6 +137,18 @@ class PoseMachine:
             for part, kind, label, where, at, c, slides in self._springs
         )
         self.masses = self.tree.weighed()
+
+    def _springs_between(self, chain: Chain) -> tuple[PointSpring, ...]:
+        """The model's springs between points; a link that deflects at its middle begins with its root."""
+        names = {part.name for part in self._parts}
+
+        def begins(part: str) -> str:
+            return f"{part}~root" if f"{part}~root" in names else part
+
+        return tuple(
+            replace(spring, parts=(begins(spring.parts[0]), begins(spring.parts[1])))
+            for spring in chain.point_springs
+        )
 
     def _append(self, part: Part, behind: str) -> None:
         self._parts.append(part)
@@ -242,8 +255,6 @@ def _one(span: range, at: int) -> range:
 
 
 def _refuse(chain: Chain) -> None:
-    if chain.point_springs:
-        raise ValueError(f"{chain.name}: springs between points are not known to tests of poses: leave them out")
     if not chain.held_joints:
         raise ValueError(
             f"{chain.name}: no joint is driven: a test of poses needs parts of kind = 'actuated' whose coordinates "

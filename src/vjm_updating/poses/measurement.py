@@ -58,7 +58,8 @@ def read_pose_measurement(data: Path, sheet: Path) -> PoseMeasurement:
     """
     page = read_pose_sheet(sheet)
     document, chain, machine, sha256 = machine_of(page, sheet, ends_of(page.markers))
-    readings = read_poses(data, page, machine.joints, machine.slides)
+    followers = [part for part in chain.parts if isinstance(part, CoupledJoint)]
+    readings = read_poses(data, page, machine.joints, machine.slides, followers)
     return PoseMeasurement(page, readings, document, chain, machine, sha256, "poses")
 
 

@@ -19,7 +19,7 @@ HEADLINES = {
     "named": "What the model gets wrong is named.",
     "class": "Several causes explain the readings alike; these readings cannot tell them apart.",
     "partly": "Most of what the model gets wrong is named; what remains is more than noise.",
-    "unknown": "The model is wrong, and what is known explains too little of it.",
+    "unknown": "The model is wrong, and what is known does not say why.",
 }
 TONES = {"none": "agrees", "named": "cause", "class": "differs", "partly": "differs", "unknown": "failed"}
 

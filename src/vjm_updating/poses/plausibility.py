@@ -40,6 +40,10 @@ EARTH = (9.5, 10.5)
 SPRINGS = "joint_compliance"
 REVERSED = 8.0
 """Standard deviations by which springs must give way against the weight before gravity is doubted."""
+MORE_THAN_NOISE = 1.3
+"""Scatter of what is left over the noise that the sheet says, from which on something remains."""
+NOISE_DISTANCE = float(np.sqrt(8.0 / np.pi))
+"""Mean distance over the standard deviation of a coordinate, of three normal errors."""
 FEWEST = 8
 FEWEST_TORQUES = 12
 LEAST_FOLLOWED = 0.5
@@ -300,6 +304,9 @@ def joints_and_markers(study: PoseStudy) -> Iterator[Finding]:
         return
     error, name, remedy = best
     words = f"{name}: the rigid robot misses the markers by {base:.4g} mm; {remedy} and it is {error:.4g} mm"
+    times = error / (NOISE_DISTANCE * float(np.median(study.data.sigma[np.isfinite(study.data.position)])))
+    if times > MORE_THAN_NOISE:
+        words += f", still {times:.1f} times what the noise makes: that is not all that is wrong"
     yield ColumnsMistaken(Grade.DOUBTFUL, study.data.file, words)
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import csv
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from vjm.io.errors import did_you_mean
+from vjm.model.joints import CoupledJoint
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.experiment.readings import DataError, numbers_of, table_of
 from vjm_updating.poses.sheet import PoseSheet, RobotSheet
@@ -23,6 +24,8 @@ TILT, TILT_DEG = ("tilt_x_rad", "tilt_y_rad"), ("tilt_x_deg", "tilt_y_deg")
 WRENCH = ("fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm")
 COORDINATE = {"q_rad": False, "q_mm": True}
 TORQUE = ("tau_Nmm", "tau_N")
+FOLLOWS_RAD, FOLLOWS_MM = 0.02, 1.0
+"""By how much a coupled joint's own column may be off what its masters make: what logs round, and play."""
 READING, TIME, TEMPERATURE = "reading", "time_s", "temperature_C"
 OF_MARKERS = (*POSITION, *NOISE, *ANGLES, *ANGLES_DEG, *QUATERNION, *TILT, *TILT_DEG, *WRENCH)
 
@@ -85,7 +88,10 @@ class PoseData:
         return replace(self, position=position).only(read)
 
 
-def read_poses(path: Path, sheet: PoseSheet, joints: tuple[str, ...], slides: tuple[bool, ...]) -> PoseData:
+def read_poses(
+    path: Path, sheet: PoseSheet, joints: tuple[str, ...], slides: tuple[bool, ...],
+    followers: Sequence[CoupledJoint] = (),
+) -> PoseData:  # fmt: skip
     """The readings of a data file, which fit their sheet.
 
     Args:
@@ -93,13 +99,14 @@ def read_poses(path: Path, sheet: PoseSheet, joints: tuple[str, ...], slides: tu
         sheet: its sheet.
         joints: names of the model's joints whose coordinates the data have to give.
         slides: whether each slides.
+        followers: coupled joints, whose own columns may stand beside their masters'.
 
     Raises:
         DataError: they do not; one line.
     """
     sha256, header, rows = table_in(path)
     try:
-        return _read(path.name, sha256, header, rows, sheet, joints, slides)
+        return _read(path.name, sha256, header, rows, sheet, joints, slides, followers)
     except ValueError as error:
         raise DataError(f"{path.name}: {error}") from error
 
@@ -188,15 +195,18 @@ def coordinates(by_name: Mapping[str, Array], joints: tuple[str, ...], slides: t
 
 def _read(
     file: str, sha256: str, header: list[str], table: list[tuple[int, list[str]]], sheet: PoseSheet,
-    joints: tuple[str, ...], slides: tuple[bool, ...],
+    joints: tuple[str, ...], slides: tuple[bool, ...], followers: Sequence[CoupledJoint],
 ) -> PoseData:  # fmt: skip
     rows = np.array([number for number, _ in table])
     names = {column: sheet.joints.get(column.partition(".")[0], column.partition(".")[0]) for column in header}
     for column in header:
-        _check_column(column, names[column], sheet, joints)
+        if not any(column in (f"{one.name}.q_mm", f"{one.name}.q_rad") for one in followers):
+            _check_column(column, names[column], sheet, joints)
     by_name = numbers_by_name(header, table, sheet, skip=lambda key: key == READING)
     g, nothing = len(rows), np.full(len(rows), np.nan)
     q = coordinates(by_name, joints, slides)
+    for one in followers:
+        _check_follower(one, by_name, dict(zip(joints, q.T, strict=True)), rows)
     torque = np.column_stack(
         [by_name.get(f"{j}.tau_{'N' if s else 'Nmm'}", nothing) for j, s in zip(joints, slides, strict=True)]
     )
@@ -261,6 +271,25 @@ def _check_column(column: str, name: str, sheet: PoseSheet, joints: tuple[str, .
         f"column '{column}' is not known: a joint's is JOINT.q_rad, a marker's MARKER.x_mm: "
         f"rename or delete it{did_you_mean(column, [READING, TIME, TEMPERATURE])}"
     )
+
+
+def _check_follower(joint: CoupledJoint, by_name: dict[str, Array], q: dict[str, Array], rows: np.ndarray) -> None:
+    """A coupled joint's own column, as logs have it beside its masters', must be what these make."""
+    column = f"{joint.name}.q_mm" if joint.slides else f"{joint.name}.q_rad"
+    if column not in by_name:
+        return
+    unknown = [name for name, _ in joint.ratios if name not in q]
+    if unknown:
+        return  # it follows another coupled joint, whose own column is held against its masters
+    made = joint.offset + sum((ratio * q[name] for name, ratio in joint.ratios), np.zeros(len(rows)))
+    off = np.abs(by_name[column] - made)
+    worst = int(np.nanargmax(off)) if np.isfinite(off).any() else 0
+    if off[worst] > (FOLLOWS_MM if joint.slides else FOLLOWS_RAD):
+        masters = ", ".join(name for name, _ in joint.ratios)
+        raise ValueError(
+            f"row {rows[worst]}, column '{column}': {by_name[column][worst]:.4g} where the model makes "
+            f"{made[worst]:.4g} of {masters}: correct the model's coupling, or delete the column"
+        )
 
 
 def _orientation(marker: str, sheet: PoseSheet, columns: dict[str, Array], g: int) -> Array:

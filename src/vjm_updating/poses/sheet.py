@@ -159,6 +159,9 @@ class PoseSheet(RobotSheet):
     @model_validator(mode="after")
     def _gravity(self) -> PoseSheet:
         check_gravity(self.test.gravity)
+        tilted = next((name for name, table in self.markers.items() if table.orientation == "tilt"), None)
+        if not any(self.test.gravity) and tilted is not None:
+            raise ValueError(f"[markers.{tilted}] orientation = 'tilt' is against gravity, and [test] has none")
         return self
 
 

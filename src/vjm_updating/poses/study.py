@@ -19,6 +19,7 @@ from vjm_updating.poses.families import LARGEST, Member
 from vjm_updating.poses.fit import SMALLEST_SIZE, Blocks, Solution, blocks_of, held_out, solve
 from vjm_updating.poses.folds import Folds, folds_of
 from vjm_updating.poses.forward import Forward, Frames, Linearised
+from vjm_updating.poses.knowable import knowable
 from vjm_updating.poses.machine import PoseMachine, with_coupling
 from vjm_updating.poses.readings import PoseData
 from vjm_updating.poses.sheet import RobotSheet
@@ -150,8 +151,10 @@ class Study(ABC):
         data: its readings.
         machine: extended.
         outliers: readings that were left out.
-        members: all numbers that a hypothesis may change, and
+        all_members: all numbers that the kind of test can show.
+        members: those that the data can know, which a hypothesis may change, and
         families: their families.
+        unasked: the others, with the reason.
         prior: standard deviations ``(n_f,)`` of the nuisances.
         folds: ways of holding out.
         frames: first guess of the nuisances, and
@@ -172,7 +175,8 @@ class Study(ABC):
         self.sheet, self.data, self.machine, self.outliers = sheet, data, machine, outliers
         forward = self.forward_of(machine, data)
         self._forward: dict[tuple[str, ...], Forward] = {(): forward}
-        self.members = self.members_for(forward)
+        self.all_members = self.members_for(forward)
+        self.members, self.unasked = knowable(self.all_members, machine, data, forward.torques())
         forward.members = self.members
         self.families = tuple(dict.fromkeys(member.family for member in self.members))
         self.folds: Folds = folds_of(data.q)
@@ -329,6 +333,7 @@ class Study(ABC):
         n = at.nuisance.shape[3]
         family = np.concatenate([np.full(n, -1), [self.number(member.family) for member in self.members]])
         lower = np.concatenate([np.full(n, -np.inf), [member.lower / member.unit for member in self.members]])
+        upper = np.concatenate([np.full(n, np.inf), [member.upper / member.unit for member in self.members]])
         largest = {self.number(name): size for name, size in LARGEST.items() if name in self.families}
         return blocks_of(
             at.residual + at.nuisance @ at.off + at.member @ z,
@@ -340,6 +345,7 @@ class Study(ABC):
             family.astype(int),
             lower,
             largest,
+            upper,
         )
 
     def errors(self, blocks: Blocks, solution: Solution, sigma: Array) -> Errors:

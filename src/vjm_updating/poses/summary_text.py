@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vjm.io.findings import Grade
-from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
+from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis, WrittenRow
 
 SHOWN = 30
 """Members that are printed."""
@@ -11,32 +11,20 @@ SHOWN = 30
 
 def lines(found: PoseCalibration) -> list[str]:
     """Lines for the terminal."""
-    result = []
-    if isinstance(found, PoseDiagnosis):
-        named = f": {', '.join(found.causes)}" if found.causes else ""
-        result.append(f"verdict: {found.verdict}{named}")
-        result += [f"  as good: {', '.join(row)}" for row in found.alternatives]
-        result.append("mean distance in mm: fitted, held out at random, held out by region")
-        for row in found.ladder:
-            name = row.added or found.baseline
-            result.append(f"  {name:24s} {row.fitted_mm:9.4g} {row.random_mm:9.4g} {row.region_mm:9.4g}")
-        result.append(found.remainder.words)
-    else:
-        for name, row in (("before", found.before), ("after", found.after)):
-            result.append(
-                f"{name}: {row.fitted_mm:.4g} mm fitted, {row.random_mm:.4g} held out at random, "
-                f"{row.region_mm:.4g} held out by region"
-            )
-    result += [f"data: {row.where}: {row.found}" for row in found.doubts if row.grade == Grade.DOUBTFUL]
+    result = _diagnosis(found) if isinstance(found, PoseDiagnosis) else _errors(found)
+    result += [f"data: {row.where}: {row.found}" for row in found.doubts if row.grade != Grade.NOTED]
     if found.not_asked:
         result.append(f"not asked, for {found.not_asked_for}: {', '.join(found.not_asked)}")
+    result += _not_known(found)
     members = [m for family in found.families for m in family.members if m.identifiable and "compliance" in m.name]
-    result += [f"  {m.name} = {m.value:.4g} ± {m.std:.2g} {m.unit}" for m in members[:SHOWN]]
+    result += [
+        f"  {m.name} = {m.value:.4g} ({m.interval95[0]:.3g} to {m.interval95[1]:.3g}) {m.unit}"
+        for m in members[:SHOWN]
+    ]
     blind = [m.name for family in found.families for m in family.members if not m.identifiable]
     if blind:
         result.append(f"not identifiable: {', '.join(blind[:SHOWN])}{' and more' if len(blind) > SHOWN else ''}")
-    lacks = f"; it has no word for {', '.join(found.not_in_model)}" if found.not_in_model else ""
-    result.append(f"the model file as written, read back: {found.written_mm:.4g} mm{lacks}")
+    result += _written(found.written)
     for one in found.next_postures:
         result.append(
             f"next, {one.criterion}-optimal: {len(one.q)} postures make the members' standard deviations "
@@ -45,3 +33,49 @@ def lines(found: PoseCalibration) -> list[str]:
     if isinstance(found, PoseDiagnosis):
         result.append(f"next: {found.next}")
     return result
+
+
+def _errors(found: PoseCalibration) -> list[str]:
+    return [
+        f"{name}: {row.fitted_mm:.4g} mm fitted, {row.random_mm:.4g} held out at random, "
+        f"{row.region_mm:.4g} held out by region, {row.ends_mm:.4g} at the ends"
+        for name, row in (("before", found.before), ("after", found.after))
+    ]
+
+
+def _diagnosis(found: PoseDiagnosis) -> list[str]:
+    named = f": {', '.join(found.causes)}" if found.causes else ""
+    result = [f"verdict: {found.verdict}{named}"]
+    result += [f"  as good: {', '.join(row)}" for row in found.alternatives]
+    if found.rivals:
+        result.append(f"  within the noise of being added: {', '.join(found.rivals)}")
+    beside = "".join(f", on {name}" for name in found.beside)
+    result.append(f"mean distance in mm: fitted, held out at random, by region, at the ends{beside}")
+    for row in found.ladder:
+        numbers = (row.fitted_mm, row.random_mm, row.region_mm, row.ends_mm, *row.beside_mm)
+        result.append(f"  {row.added or found.baseline:24s}" + "".join(f" {v:9.4g}" for v in numbers))
+    refused = [t for row in found.ladder for t in row.tried if t.gain_beside is not None and t.gain_beside < 0.0]
+    result += [
+        f"  not added: {t.name}, by which the other series are predicted worse by {-t.gain_beside:.0%}"
+        for t in refused
+        if t.gain_beside is not None
+    ]
+    result.append(f"explained: {found.explained:.0%} of the error held out; {found.remainder.words}")
+    return result
+
+
+def _not_known(found: PoseCalibration) -> list[str]:
+    """What the postures cannot know: names by reason, shortly."""
+    families: dict[str, list[str]] = {}
+    for row in found.not_known:
+        family, _, part = row.name.partition(".")
+        families.setdefault(family, []).append(part)
+    return [f"these postures cannot know {family} of {', '.join(parts)}" for family, parts in families.items()]
+
+
+def _written(row: WrittenRow) -> list[str]:
+    if row.refused:
+        return [f"no model file was written: {row.refused[0]}"]
+    judged = f"{row.judged_mm:.4g} mm with all that was judged; " if row.without else ""
+    without = f" (a model file has no word for {', '.join(row.without)})" if row.without else ""
+    return [f"the model file, read back: {judged}{row.file_mm:.4g} mm by the file{without}"]

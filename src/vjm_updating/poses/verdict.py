@@ -1,32 +1,43 @@
 """What a test says: which families are named, what remains, of which kind, and what to do next.
 
 ``none``: the rigid model of the sheet explains the readings, nothing pays. ``named``: what was added explains
-them to their noise. ``class``: it does, but other families in its place save as much. ``partly``: it saves at
-least seven tenths of the error held out, and what remains is more than noise. ``unknown``: it saves less, or the
-data are not what they seem.
+them to their noise. ``class``: it does, but other families in its place save as much. ``partly``: it holds
+wherever it was held out, and what remains is more than noise and follows no law of a cause. ``unknown``: nothing
+holds, what remains contradicts what was named, or the data are not what they seem.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
 from vjm_updating.poses.contrasts import LEAST_SHARED, NOTED, Contrast, abrupt, contrasts, jump, jump_size
-from vjm_updating.poses.ladder import ALIKE, Step
-from vjm_updating.poses.plausibility import missed, mistaken, weight_reversed
-from vjm_updating.poses.study import MEDIAN_TO_SIGMA, State, Study
+from vjm_updating.poses.families import SECOND
+from vjm_updating.poses.fit import solve
+from vjm_updating.poses.halves import Halves, halves
+from vjm_updating.poses.identifiability import MemberEstimate, estimates
+from vjm_updating.poses.ladder import ALIKE, LEAST_EVIDENCE, Step
+from vjm_updating.poses.plausibility import MORE_THAN_NOISE, missed, mistaken, weight_reversed
+from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Hypothesis, State, Study
+from vjm_updating.poses.transfer import Series
 
-MORE_THAN_NOISE = 1.3
-"""Scatter of what is left over the noise that the sheet says, from which on something remains."""
+CONTRADICTS = ("one side", "torque")
+"""Kinds of what is left that contradict a spring's law, and with it what was named."""
+FOLLOWS = 0.15
+"""Share of what is left that one contrast explains from which on a law is lacking, and not scatter: a robot whose
+causes are known leaves less than a tenth, whatever the series; one with another cause leaves a quarter and more."""
+EXPLAINS = 1.0 / 3.0
+"""Share of the mean distance held out that must be saved for a part of it to be called explained."""
 AS_GOOD = 1.005
 """Error held out of another set over that of the set named up to which it explains the data alike: the paired
 differences of a hundred postures have standard errors of half a percent."""
-EXPLAINS = 0.7
-"""Share of the error held out beyond the noise that named families save at least."""
+GEARS, SPRING = "gear_error", "point_spring"
+NO_FAMILY = 1_000_000
+"""Number of members that are left out of a fit."""
 JUMP = "tracker_jump"
 JUMPS = 8.0
 """Significance of a jump of the tracker's frame: the largest of a thousand places stays below 5 without one."""
@@ -39,6 +50,8 @@ LEAST_SHARE = 0.03
 
 NEXT = {
     "none": "Nothing calls for another test.",
+    "class": "These postures cannot tell the families apart that are as good: measure the postures below, with "
+    "another load on the hand; a gear's error stays, what bends does not.",
     "shared": "What is left moves all markers together: friction or play in what carries them, or "
     "the tracker. Approach "
     "the same postures from both sides, log measured joints, keep the order in which they were taken.",
@@ -46,7 +59,8 @@ NEXT = {
     "jump": "Measure a marker on the base before and after; cut the test at the jump and give each "
     "part its own file.",
     "angle": "What is left follows a joint's angle: turn that joint alone through its range in "
-    "steps, the others held.",
+    "steps, the others held. A gear errs so, or a spring between points that the model lacks, such as a gravity "
+    "compensator.",
     "torque": "What is left follows a joint's torque beyond a spring's law: put a known mass on the "
     "hand, in a few "
     "postures, and take it off.",
@@ -73,12 +87,14 @@ class Remainder:
         significant: whether it is more than that.
         kind: a key of `NEXT`.
         words: one sentence.
+        share: of what is left, that the contrast of this kind explains.
     """
 
     over_noise: float
     significant: bool
     kind: str
     words: str
+    share: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -89,8 +105,11 @@ class PoseVerdict:
         kind: see the module.
         causes: families and couplings named.
         alternatives: for a class, sets that save about as much.
-        explained: share of the error held out beyond the noise that they save.
+        rivals: families that miss what they have to save by no more than its noise.
+        explained: share of the mean distance held out that the causes save.
         remainder: what is left.
+        halves: whether halves of the test agree.
+        members: of the families named.
         findings: what is implausible about the data, a jump of the tracker's frame among it.
         next: what to do.
     """
@@ -98,14 +117,26 @@ class PoseVerdict:
     kind: str
     causes: tuple[str, ...]
     alternatives: tuple[tuple[str, ...], ...]
+    rivals: tuple[str, ...]
     explained: float
     remainder: Remainder
+    halves: Halves | None
+    members: list[MemberEstimate]
     findings: tuple[Finding, ...]
     next: str
 
 
-def judge(study: Study, steps: Sequence[Step], findings: Sequence[Finding]) -> PoseVerdict:
-    """The verdict of a ladder, the data being what their findings say."""
+def judge(
+    study: Study, steps: Sequence[Step], findings: Sequence[Finding], series: Sequence[Series] = ()
+) -> PoseVerdict:
+    """The verdict of a ladder.
+
+    Args:
+        study: the test.
+        steps: the ladder.
+        findings: what the data are.
+        series: other series of the machine, which alternatives must predict as well, too.
+    """
     first, last = steps[0].state, steps[-1].state
     doubtful = mistaken(findings)
     jumped = None
@@ -126,40 +157,64 @@ def judge(study: Study, steps: Sequence[Step], findings: Sequence[Finding]) -> P
             f"{JUMP}: from here on all markers stand ({text}) mm off: the tracker's frame jumped",
         )
     rest = _remainder(study, last, contrasts(study, last), jumped)
-    floor = noise_distance(study)
-    before, after = (float(np.hypot(*state.errors.means[1:]) / np.sqrt(2.0)) for state in (first, last))
-    explained = 1.0 - max(after - floor, 0.0) / max(before - floor, 1e-12) if before > floor else 1.0
+    before, after = (float(np.hypot(*state.errors.means[1:])) for state in (first, last))
+    explained = 1.0 - after / before if before > 0.0 else 0.0
     causes = last.hypothesis.names
-    alternatives = _alternatives(study, steps, causes)
+    alternatives = _alternatives(study, steps, causes, series)
+    members = estimates(study, last)
+    compared = None if doubtful else halves(study, last, members)
     if doubtful or jumped is not None or (rest.significant and missed(findings)):
         kind = "unknown"
     elif not causes:
         kind = "unknown" if rest.significant else "none"
     elif rest.significant:
-        kind = "partly" if explained >= EXPLAINS and rest.kind != "one side" else "unknown"
+        lacking = rest.kind in CONTRADICTS or rest.share > FOLLOWS
+        kind = "unknown" if lacking or explained < EXPLAINS else "partly"
     else:
         kind = "class" if alternatives else "named"
-    doing = NEXT["data"] if doubtful else NEXT[rest.kind]
+    doing = NEXT["data"] if doubtful else NEXT["class" if kind == "class" else rest.kind]
     said = [*findings]
     if jumped is not None:
         said.append(jumped)
     elif not doubtful:
-        said += weight_reversed(study, last)
-    return PoseVerdict(kind, causes, alternatives, explained, rest, tuple(said), doing)
+        reversed_ = list(weight_reversed(study, last))
+        said += [*reversed_, *drifted(study, compared), *(at_bounds(study, members) if not reversed_ else ())]
+    rivals = tuple(one.name for one in steps[-1].trials if one.rivals)
+    return PoseVerdict(kind, causes, alternatives, rivals, explained, rest, compared, members, tuple(said), doing)
+
+
+def drifted(study: Study, compared: Halves | None) -> Iterator[Finding]:
+    """Halves of the file that differ by more than random ones."""
+    if compared is None or not compared.differ:
+        return
+    names = ", ".join(f"{name} by {by:+.1f} standard deviations" for name, by in compared.members)
+    yield Finding(
+        Grade.DOUBTFUL,
+        study.data.file,
+        f"drift: the first half of the file and the second differ by more than halves drawn at random ({names}): "
+        "the machine or the tracker changed, or the halves have other postures",
+    )
+
+
+def at_bounds(study: Study, members: Sequence[MemberEstimate]) -> Iterator[Finding]:
+    """Members that the data want beyond their bounds by more evidence than a cause must have."""
+    for row in members:
+        if 0.5 * row.pull**2 <= LEAST_EVIDENCE or not row.identifiable:
+            continue
+        low = row.value - row.low <= row.high - row.value
+        what = "stiffer than rigid" if low else "softer than anything of its kind"
+        if "compliance" not in row.name:
+            what = "beyond what is possible"
+        yield Finding(
+            Grade.DOUBTFUL,
+            f"{study.data.file}, {row.name}",
+            f"wants to be {what} (by {row.pull:.1f} standard deviations): something else acts",
+        )
 
 
 def scatter(state: State) -> float:
     """Robust standard deviation of a coordinate of the markers' residuals, mm."""
     return MEDIAN_TO_SIGMA * float(np.nanmedian(np.abs(state.at.residual[..., :3])))
-
-
-def noise_distance(study: Study) -> float:
-    """Mean distance in mm that the sheet's noise alone makes."""
-    seen = np.isfinite(study.data.position)
-    square = np.where(seen, study.data.sigma**2, 0.0).sum(axis=2)
-    return (
-        float(np.mean(np.sqrt(square[seen.any(axis=2)]))) * 0.92
-    )  # of a normal vector the mean over the root square
 
 
 def _remainder(study: Study, state: State, asked: Sequence[Contrast], jumped: Finding | None) -> Remainder:
@@ -189,24 +244,66 @@ def _remainder(study: Study, state: State, asked: Sequence[Contrast], jumped: Fi
     return Remainder(
         over, True, "scatter" if best is None else best.kind,
         f"what is left scatters by {over:.1f} times the noise that the sheet says; {what}",
+        0.0 if best is None else best.share,
     )  # fmt: skip
 
 
-def _alternatives(study: Study, steps: Sequence[Step], causes: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+def _alternatives(
+    study: Study, steps: Sequence[Step], causes: tuple[str, ...], series: Sequence[Series]
+) -> tuple[tuple[str, ...], ...]:
     """Sets in which one of the families named is another, and postures held out are predicted as well.
 
     Others are tried where they would have saved about as much when the family was added.
     """
     state, result = steps[-1].state, []
+
+    def as_good(other: Hypothesis) -> bool:
+        _, errors = study.tried(state, other)
+        pairs = zip(errors.means[1:], state.errors.means[1:], strict=True)
+        if not all(one <= AS_GOOD * named for one, named in pairs):
+            return False
+        settled = study.settle(other, state) if series else state
+        beside = [float(np.nanmean(one.distances(study, settled))) for one in series]
+        return all(
+            one <= AS_GOOD * float(np.nanmean(named)) for one, named in zip(beside, steps[-1].beside, strict=True)
+        )
+
     for below, above in itertools.pairwise(steps):
         own = next((one for one in below.trials if one.name == above.added), None)
         if own is None or own.name not in causes:
             continue
         for one in below.trials:
-            if one.name in causes or not one.pays or one.gain < ALIKE * own.gain:
+            if one.name in causes or not (one.pays or one.rivals) or one.gain < ALIKE * own.gain:
                 continue
-            _, errors = study.tried(state, state.hypothesis.minus(own.name).plus(one.name))
-            pairs = zip(errors.means[1:], state.errors.means[1:], strict=True)
-            if all(other <= AS_GOOD * named for other, named in pairs):
+            if as_good(state.hypothesis.minus(own.name).plus(one.name)):
                 result.append(tuple(one.name if name == own.name else name for name in causes))
-    return tuple(result)
+    result += _compensators(study, state, causes)
+    # functions of the posture that make a family of the first order superfluous
+    if any(name in SECOND for name in causes):
+        for name in causes:
+            if name not in SECOND and as_good(state.hypothesis.minus(name)):
+                result.append(tuple(other for other in causes if other != name))
+    return tuple(dict.fromkeys(result))
+
+
+def _compensators(study: Study, state: State, causes: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """A spring between points in place of errors of the gears: the waves of one joint that bears weight alone.
+
+    A gravity compensator that the model lacks turns the joint's drive by a function of the joint's angle.
+    """
+    if GEARS not in causes:
+        return []
+    loaded = {member.part for member in study.members if member.family == "joint_compliance"}
+    own = {member.part for member in study.members if member.family == GEARS}
+    blocks, n, result = state.blocks, state.blocks.nuisances, []
+    for joint in sorted(own & loaded):
+        others = [n + i for i, m in enumerate(study.members) if m.family == GEARS and m.part != joint]
+        family = blocks.family.copy()
+        family[others] = NO_FAMILY
+        alone = replace(blocks, family=family)
+        solution = solve(alone, study.numbers(state.hypothesis), state.solution.sizes)
+        errors = study.errors(alone, solution, state.sigma)
+        pairs = zip(errors.means[1:], state.errors.means[1:], strict=True)
+        if all(one <= AS_GOOD * named for one, named in pairs):
+            result.append(tuple(f"{SPRING}.{joint}" if name == GEARS else name for name in causes))
+    return result

@@ -1,36 +1,96 @@
-"""What the written model file is worth: read back and compared with the readings."""
+"""The model file as judged: written, read back, evaluated on the readings, and held against what no machine is."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vjm.io.findings import Finding, Grade
+from vjm.io.model_file import build_chain
+from vjm.io.model_plausibility import model_findings
+from vjm.io.toml_parsing import parse_toml
+from vjm.io.toml_text import toml_text
+from vjm.io.urdf_text import urdf_text
 from vjm.model.chain import Chain
-from vjm.rotations import Array
-from vjm_updating.poses.forward import Frames
+from vjm_updating.poses.calibrated import FRAME_PIECE, NO_WORD, calibrated_document
+from vjm_updating.poses.identifiability import MemberEstimate, estimates
 from vjm_updating.poses.machine import PoseMachine
-from vjm_updating.poses.study import ROUNDS, Study
+from vjm_updating.poses.measurement import RobotMeasurement
+from vjm_updating.poses.study import State, Study
+from vjm_updating.poses.transfer import refitted
+
+FRAME = f"{FRAME_PIECE}', translation_mm"
+"""Of a piece that a calibration adds: an error of a frame is short, and known to be in mm."""
 
 
-def written_distances(study: Study, chain: Chain, frames: Frames) -> Array:
-    """Distances ``(g, k)`` mm of the readings from what a model file says, the frames fitted from a guess.
+@dataclass(frozen=True)
+class Written:
+    """What a model file says of a test.
 
-    Joints that the file has beside those of the readings, such as a base that deflects, stand at zero.
+    Attributes:
+        text: of the file, TOML.
+        urdf: the same as a URDF.
+        state: the fit without what the file has no word for.
+        without: families for which it has none.
+        left_out: what else it cannot hold, for people.
+        error: mean distance in mm of the markers from the predictions of the file as read back.
+        refusals: what no machine is, in the file and not in the model that the sheet names; then it is not for use.
     """
+
+    text: str
+    urdf: str
+    state: State
+    without: tuple[str, ...]
+    left_out: list[str]
+    error: float
+    refusals: tuple[Finding, ...]
+
+
+def written(
+    measurement: RobotMeasurement, study: Study, state: State, members: Sequence[MemberEstimate]
+) -> Written:
+    """The model file of a hypothesis.
+
+    Args:
+        measurement: the test.
+        study: the same, aligned.
+        state: the fit, and
+        members: its estimates.
+
+    Raises:
+        vjm.errors.NoConvergenceError: the file's model has no equilibrium in a posture.
+    """
+    without = tuple(name for name in state.hypothesis.families if name in NO_WORD)
+    if without:
+        families = tuple(name for name in state.hypothesis.families if name not in NO_WORD)
+        state = study.settle(replace(state.hypothesis, families=families), state)
+        members = estimates(study, state)
+    document, left_out = calibrated_document(measurement, study, state, members)
+    text = toml_text(document)
+    content = parse_toml(text)
+    chain = build_chain(content, "the calibrated model")
+    known = {_said(one) for one in model_findings(measurement.document, "model")}
+    new = [one for one in model_findings(content, "the calibrated model") if _said(one) not in known]
+    refusals = tuple(one for one in new if one.grade is not Grade.NOTED and FRAME not in one.where)
+    error = _error(study, chain)
+    return Written(text, urdf_text(chain), state, without, left_out, error, refusals)
+
+
+def _said(finding: Finding) -> tuple[str, str]:
+    """Where in a file, and what."""
+    return finding.where.partition(": ")[2], finding.found
+
+
+def _error(study: Study, chain: Chain) -> float:
+    """Mean distance in mm of a test's markers by a model as it stands, only the frames fitted."""
+    data = study.data
     machine = PoseMachine(chain, study.ends(), at_output=study.sheet.at_output)
-    place = {name: i for i, name in enumerate(study.data.joints)}
-    q, torque = (np.zeros((len(study.data), len(machine.joints))) for _ in range(2))
+    # joints that the file has more are of the base, whose coordinates are zero
+    q = np.zeros((len(data), len(machine.joints)))
     for i, name in enumerate(machine.joints):
-        if name in place:
-            q[:, i], torque[:, i] = study.data.q[:, place[name]], study.data.torque[:, place[name]]
-    forward = study.forward_of(machine, replace(study.data, joints=machine.joints, q=q, torque=torque))
-    none, root = np.zeros(0), np.diag(1.0 / study.prior)
-    for _ in range(ROUNDS):
-        at = forward.evaluate(none, frames)
-        sigma, _ = study.noise(at)
-        seen = np.isfinite(at.residual)
-        J, y = at.nuisance[seen] / sigma[seen][:, None], at.residual[seen] / sigma[seen]
-        step = np.linalg.lstsq(np.vstack([J, root]), np.concatenate([y, -root @ at.off]), rcond=None)[0]
-        frames = forward.moved(frames, step)
-    return study.distance(forward.evaluate(none, frames).residual)
+        if name in data.joints:
+            q[:, i] = data.q[:, data.joints.index(name)]
+    there = replace(data, joints=machine.joints, q=q, torque=np.full(q.shape, np.nan))
+    return float(np.nanmean(refitted(study, study.forward_of(machine, there), np.zeros(0), [])))

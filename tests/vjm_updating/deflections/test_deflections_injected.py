@@ -89,7 +89,7 @@ def test_the_written_model_predicts_as_said(diagnosed, plain):
     assert "Verdict <b>named</b>" in (out / "diagnosis.html").read_text()
     assert found.not_in_model == []
     # digits of the file, and frames fitted once more
-    assert found.written_mm == pytest.approx(found.after.fitted_mm, rel=0.02)
+    assert found.written.file_mm == pytest.approx(found.after.fitted_mm, rel=0.02)
     written = {joint.name: joint.compliance for joint in load_chain(out / "extended-model.toml").held_joints}
     for name, truth in zip(sorted(written), compliant().own, strict=True):
         assert written[name] == pytest.approx(truth, rel=0.2)
@@ -140,7 +140,7 @@ def test_a_force_sensors_zero_is_found(plain, tmp_path):
         row = rows[f"load_zero.hook.f{axis}"]
         assert abs(row.value - truth) < 4.0 * row.std
         assert row.std < 1.0
-    assert "load_zero" in found.not_in_model
+    assert found.written.without == ["load_zero"]
 
 
 @pytest.mark.slow

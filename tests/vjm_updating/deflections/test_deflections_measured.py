@@ -89,7 +89,7 @@ def test_the_ladder_of_the_shipped_fanuc(diagnosed):
     assert diagnosed.verdict == "partly"
     # three neighbours, rows 15 to 17, are 0.4 to 0.7 mm off; neither torques, sides, loads nor regions explain them
     assert diagnosed.remainder.kind == "scatter"
-    assert diagnosed.written_mm == pytest.approx(diagnosed.after.fitted_mm, rel=0.02)
+    assert diagnosed.written.file_mm == pytest.approx(diagnosed.after.fitted_mm, rel=0.02)
 
 
 def test_stiffnesses_beside_plain_least_squares_and_the_authors(tmp_path):
@@ -106,6 +106,6 @@ def test_the_command_of_the_page(tmp_path, capsys):
     assert end.value.code == 0
     out = capsys.readouterr().out
     assert "joint_compliance.joint-1" in out
-    assert "the model file as written" in out
+    assert "the model file, read back" in out
     names = {"calibration.json", "calibration.html", "calibrated-model.toml", "calibrated.urdf"}
     assert {path.name for path in tmp_path.iterdir()} == names

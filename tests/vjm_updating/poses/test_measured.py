@@ -7,9 +7,15 @@ import pytest
 from helpers.justin import SHEET, document
 from helpers.measured import needed
 
+from vjm.io.model_file import load_chain
 from vjm.io.toml_text import toml_text
+from vjm.tree.equilibria import equilibria
+from vjm.tree.model import TreeModel
+from vjm_updating.poses.alignment import kabsch
 from vjm_updating.poses.command import diagnose_poses, prepared
 from vjm_updating.poses.ladder import climb
+from vjm_updating.poses.pose_study import PoseStudy
+from vjm_updating.poses.verdict import judge
 from vjm_validation.cli.main import main
 
 ROOT = Path(__file__).parents[3]
@@ -19,27 +25,85 @@ EXAMPLE = ROOT / "validation/vjm_validation/examples/ur10-poses"
 @pytest.fixture(scope="module")
 def ur10(tmp_path_factory):
     out = tmp_path_factory.mktemp("ur10")
-    return diagnose_poses(EXAMPLE / "readings.csv", EXAMPLE / "sheet.toml", out)
+    return diagnose_poses(EXAMPLE / "readings.csv", EXAMPLE / "sheet.toml", out), out
 
 
 def test_the_shipped_ur10(ur10):
     # the noise of the tracker is a tenth of what is left: said, not explained
-    assert ur10.verdict == "partly"
-    assert ur10.causes[:2] == ["frame_error", "joint_compliance"]
-    assert ur10.after.region_mm < 0.40
-    assert ur10.before.region_mm > 1.2
+    found, _ = ur10
+    assert found.verdict == "partly"
+    # waves of angles that cover a third of a turn hold nowhere else: they are not asked, and not named
+    assert found.causes == ["frame_error", "joint_compliance"]
+    asked = {t.name for row in found.ladder for t in row.tried}
+    assert "gear_error" in asked  # of the elbow, which covers the turn
+    unknown = {row.name for row in found.not_known}
+    assert {"gear_error.shoulder-pan", "gear_error.shoulder-lift", "joint_compliance.wrist-1"} <= unknown
+    assert found.after.region_mm < 0.40
+    assert found.after.ends_mm < 0.40
+    assert found.before.region_mm > 1.2
 
 
 def test_the_ur10s_compliance_and_what_its_weight_does_not_show(ur10):
-    rows = {row.name: row for family in ur10.families for row in family.members}
-    for joint in ("shoulder-lift", "elbow"):
-        row = rows[f"joint_compliance.{joint}"]
-        assert row.identifiable
-        # 1.1e-5 rad/(N m), by our own quick fits of another series
-        assert row.interval95[0] < 1.1e-8 < row.interval95[1]
-    assert not rows["joint_compliance.wrist-3"].identifiable
-    assert not rows["joint_compliance.shoulder-pan"].identifiable
-    assert min(row.value for name, row in rows.items() if name.startswith("joint_compliance")) >= 0.0
+    found, out = ur10
+    rows = {row.name: row for family in found.families for row in family.members}
+    compliances = {name for name in rows if name.startswith("joint_compliance")}
+    assert compliances == {"joint_compliance.shoulder-lift", "joint_compliance.elbow"}
+    for name in compliances:
+        assert rows[name].identifiable
+        # 1.1e-5 rad/(N m), by our own quick fits of another series; series differ by a quarter
+        assert rows[name].interval95[0] < 1.25e-8 < rows[name].interval95[1] * 1.02
+    # what these postures cannot know keeps the value of the library
+    file, library = (
+        {part.name: part.compliance for part in load_chain(model).held_joints}
+        for model in (out / "extended-model.toml", "ur10")
+    )
+    kept = ("shoulder-pan", "wrist-1", "wrist-2", "wrist-3")
+    assert [file[name] for name in kept] == [library[name] for name in kept]
+    assert found.written.file_mm == pytest.approx(found.written.refitted_mm, rel=0.01)  # weights of outliers
+
+
+def series(name):
+    """A series of the UR10 with the example's sheet."""
+    return needed(name), EXAMPLE / "sheet.toml"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("on", "beside"), [("ur10_ipa.csv", "ur10_ipa_d.csv"), ("ur10_ipa_d.csv", "ur10_ipa.csv")])
+def test_what_is_found_on_one_series_of_the_ur10_holds_on_the_other(on, beside, tmp_path):
+    found = diagnose_poses(*series(on), tmp_path, beside=[series(beside)])
+    assert found.verdict == "partly"
+    assert found.causes[:2] == ["frame_error", "joint_compliance"]
+    assert "gear_error" not in found.causes
+    errors = [row.beside_mm[0] for row in found.ladder]
+    # each rung is better on the other series, and all are far better than none
+    assert errors == sorted(errors, reverse=True)
+    # 0.45 and 0.49 mm were reached by frame errors with joint compliances on other series of the same robot
+    assert errors[-1] < 0.42
+    _, other = prepared(*series(beside))
+    chain = load_chain(tmp_path / "extended-model.toml")
+    assert by_the_file(chain, other) < 0.45  # only the frames fitted: 0.437 and 0.444
+
+
+def by_the_file(chain, study):
+    """Mean distance of a series by a model file, only tracker and target fitted, by Kabsch's method."""
+    ends = equilibria(TreeModel(chain), study.data.q, gravity=(0.0, 0.0, -9.81), compliance=False)
+    p, R, y, m = ends.position[:, 0], ends.rotation[:, 0], study.data.position[:, 0], np.zeros(3)
+    seen = np.isfinite(y).all(axis=1)
+    p, R, y = p[seen], R[seen], y[seen]
+    for _ in range(300):
+        Q, t = kabsch(p + R @ m, y)
+        m = np.einsum("gba,gb->a", R, (y - t) @ Q - p) / len(p)
+    return float(np.linalg.norm(y - (p + R @ m) @ Q.T - t, axis=1).mean())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("half", [0, 1])
+def test_the_verdict_does_not_depend_on_the_part_of_the_series(half):
+    whole = prepared(*series("ur10_ipa_d.csv"))[1]
+    count = len(whole.data)
+    part = PoseStudy(whole.sheet, whole.machine, whole.data.only((np.arange(count) < count // 2) == (half == 0)))
+    verdict = judge(part, climb(part), [])
+    assert (verdict.kind, verdict.causes[:2]) == ("partly", ("frame_error", "joint_compliance"))
 
 
 def status(*arguments):

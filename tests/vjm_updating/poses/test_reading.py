@@ -8,6 +8,7 @@ from hidden_effects.poses.robots import PLANAR, SEVEN, document, sheet_text
 from vjm.io.toml_text import toml_text
 from vjm.rotations import rotation_from_vector, rotation_vector
 from vjm_updating.poses.command import prepared
+from vjm_updating.poses.measurement import read_pose_measurement
 from vjm_updating.poses.readings import rotation_by
 from vjm_updating.poses.study import Hypothesis
 
@@ -94,3 +95,32 @@ def test_what_cannot_be_used_is_said_in_one_line(csv, change, said, tmp_path):
         prepared(tmp_path / "readings.csv", tmp_path / "sheet.toml")
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+URDF = """<robot name="gripper"><link name="base"/><link name="upper"/><link name="lower"/><link name="hand"/>
+<joint name="lift" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+<joint name="level" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0.4 0 0"/>
+<axis xyz="0 1 0"/><mimic joint="lift" multiplier="-1" offset="0.1"/>
+<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+<joint name="end" type="fixed"><parent link="lower"/><child link="hand"/><origin xyz="0.3 0 0"/></joint>
+</robot>"""
+
+
+def test_a_mimic_stands_beside_its_master_as_logs_have_it(tmp_path):
+    (tmp_path / "robot.urdf").write_text(URDF)
+    sheet = tmp_path / "sheet.toml"
+    sheet.write_text(
+        'kind = "poses"\n[test]\nmodel = "robot.urdf"\nrigid = true\n[markers.target]\n[tracker]\nnoise_mm = 0.1\n'
+    )
+    q = np.linspace(-1.0, 1.0, 12)
+    rows = [f"{a:.6f},{0.1 - a:.6f},{300 * np.cos(a):.6f},{20 * a:.6f},{-300 * np.sin(a):.6f}" for a in q]
+    header = "lift.q_rad,level.q_rad,target.x_mm,target.y_mm,target.z_mm\n"
+    (tmp_path / "readings.csv").write_text(header + "\n".join(rows) + "\n")
+    measurement = read_pose_measurement(tmp_path / "readings.csv", sheet)
+    assert measurement.data.joints == ("lift",)
+    assert measurement.data.q[:, 0] == pytest.approx(q, abs=1e-6)  # six digits were written
+    rows[4] = rows[4].replace(f"{0.1 - q[4]:.6f}", f"{0.3 - q[4]:.6f}")
+    (tmp_path / "readings.csv").write_text(header + "\n".join(rows) + "\n")
+    with pytest.raises(ValueError, match=r"readings\.csv: row 6, column 'level\.q_rad': .* of lift: correct"):
+        read_pose_measurement(tmp_path / "readings.csv", sheet)

@@ -110,11 +110,12 @@ def _by_poses(
         document = calibrate_poses(
             data, sheet, out, families=fit, candidates=candidates, strict=strict, warn=warn, progress=tell
         )
+    status = NOT_ACCEPTED if document.written.refused else OK
     if json:
         sys.stdout.write(as_json(document))
-        return 0
+        return status
     console = terminal.console()
     for line in lines_of_poses(document):
         console.print(line, soft_wrap=True)
     console.print(page_line(out / PAGE), soft_wrap=True)
-    return 0
+    return status

@@ -38,9 +38,12 @@ def diagnose_(
         tuple[str, ...], Parameter(consume_multiple=True, help="Causes that are ruled out beforehand.")
     ] = (),
     beside: Annotated[
-        tuple[Path, Path] | None,
-        Parameter(help="DATA SHEET of another specimen: what the findings are worth there, nothing fitted anew."),
-    ] = None,
+        tuple[tuple[Path, Path], ...],
+        Parameter(
+            help="DATA SHEET of another specimen: what the findings are worth there, nothing fitted anew. Of tests "
+            "of poses: of another series of the machine, only frames and zeros refitted; more than once."
+        ),
+    ] = (),
     json: Annotated[bool, Parameter(negative="", help="Print diagnosis.json and nothing else.")] = False,
     strict: Strict = False,
 ) -> int:
@@ -58,12 +61,14 @@ def diagnose_(
             display("diagnosis", done, 0)
 
         if kind := KINDS.get(kind_of_sheet(sheet)):
-            if effects or beside:
-                raise ValueError(f"{sheet.name}: --effects and --beside are for ramps, and this is {kind}")
+            if effects:
+                raise ValueError(f"{sheet.name}: --effects is for ramps, and this is {kind}")
             document: Diagnosis | PoseDiagnosis = diagnose_poses(
-                data, sheet, out, only=only, without=without, strict=strict, warn=warn, progress=tell
+                data, sheet, out, only=only, without=without, beside=beside, strict=strict, warn=warn, progress=tell
             )
         else:
+            if len(beside) > 1:
+                raise ValueError(f"{sheet.name}: --beside takes one other specimen of a ramp: leave the others out")
             document = diagnose(
                 data,
                 sheet,
@@ -71,7 +76,7 @@ def diagnose_(
                 plug_ins=effects,
                 only=only,
                 without=without,
-                beside=beside,
+                beside=beside[0] if beside else None,
                 strict=strict,
                 warn=warn,
                 progress=tell,

@@ -1,0 +1,88 @@
+"""Whether two halves of a test give the same members: halves drawn at random, and the first and the second.
+
+Each half is fitted alone under the sizes of all readings. A member's difference over its own standard deviation has
+the variance one where the model is right and the members stay; coverage is the share of members within 1.96 of it.
+Where the two halves of the file differ by more than any two drawn at random, the machine or the tracker changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.observation.significance import NORMAL_95
+from vjm_updating.poses.fit import best_of, precision_of
+from vjm_updating.poses.identifiability import MemberEstimate
+from vjm_updating.poses.study import State, Study
+
+SPLITS = 19
+"""Random halvings: by chance those of the file differ most in one test of twenty."""
+TWICE = 2.0
+"""Mean square of the differences over that of random halves from which on halves of the file count as different: of
+ten members in one test of a hundred by chance."""
+FEWEST = 40
+"""Postures below which halves tell nothing."""
+SEED = 5
+NAMED = 3
+
+
+@dataclass(frozen=True)
+class Halves:
+    """How well halves agree.
+
+    Attributes:
+        random: mean coverage of 95 % intervals by random halves.
+        file: coverage by the first and the second half of the file; None where their order is not known.
+        differ: whether the halves of the file differ by more than random ones.
+        members: the members that differ most, with the number of standard deviations.
+    """
+
+    random: float
+    file: float | None
+    differ: bool
+    members: tuple[tuple[str, float], ...]
+
+
+def halves(study: Study, state: State, members: Sequence[MemberEstimate]) -> Halves | None:
+    """Compare halves of a test; none where nothing was learnt or the postures are few."""
+    learnt = {row.name for row in members if row.identifiable}
+    n = state.blocks.nuisances
+    places = [i for i, u in enumerate(state.solution.active) if u >= n and study.members[int(u) - n].name in learnt]
+    if not places or len(study.data) < FEWEST:
+        return None
+    rng = np.random.default_rng(SEED)
+    posture = study.folds.posture
+    count = int(posture.max()) + 1
+    drawn = [_differences(state, (rng.permutation(count) < count // 2)[posture])[places] for _ in range(SPLITS)]
+    squares = [float(np.mean(d**2)) for d in drawn]
+    covered = float(np.mean([np.mean(np.abs(d) < NORMAL_95) for d in drawn]))
+    if not study.ordered:
+        return Halves(covered, None, False, ())
+    d = _differences(state, np.arange(len(study.data)) < len(study.data) // 2)[places]
+    own = float(np.mean(d**2))
+    differ = own > max(squares) and own > TWICE * float(np.mean(squares))
+    worst = np.argsort(-np.abs(d))[:NAMED]
+    names = tuple(
+        (study.members[int(state.solution.active[places[i]]) - n].name, float(d[i]))
+        for i in worst
+        if abs(d[i]) > NORMAL_95
+    )
+    return Halves(covered, float(np.mean(np.abs(d) < NORMAL_95)), differ, names)
+
+
+def _differences(state: State, first: np.ndarray) -> Array:
+    """Differences ``(p,)`` of the active unknowns of two parts over their standard deviations."""
+    blocks, solution = state.blocks, state.solution
+    active, noise2 = solution.active, solution.noise**2
+    rows = first[blocks.posture]
+    J = blocks.J[rows][:, active]
+    N, b = J.T @ J, J.T @ blocks.y[rows]
+    prior = np.diag(precision_of(blocks, blocks.family[active], solution.sizes))
+    parts = (N, b), (blocks.N[np.ix_(active, active)] - N, blocks.b[active] - b)
+    z = [best_of(blocks, solution, *part) for part in parts]
+    variance = [np.diag(np.linalg.inv(part[0] / noise2 + prior)) for part in parts]
+    result: Array = (z[1] - z[0]) / np.sqrt(np.maximum(variance[0] + variance[1], 1e-300))
+    return result

@@ -1,0 +1,100 @@
+"""What findings are worth on other series of the same machine: nothing is refitted but frames and zeros."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.experiment.sheet import SheetError
+from vjm_updating.poses.families import DRIFT, Member
+from vjm_updating.poses.forward import Forward
+from vjm_updating.poses.study import State, Study
+
+ROUNDS = 8
+SETTLED = 1e-4
+"""Relative change of the mean distance that ends the rounds."""
+ZEROS = "joint_offset"
+ZERO = 10.0
+"""Of their units, 10 mrad or 1 mm: how well the joints' zeros of another series are known beforehand."""
+
+
+class Series:
+    """Another series of the machine, ready to be predicted.
+
+    Attributes:
+        name: file of its readings.
+    """
+
+    def __init__(self, study: Study, of: Study) -> None:
+        """Prepare a series.
+
+        Args:
+            study: the other series.
+            of: the test whose findings are judged.
+
+        Raises:
+            SheetError: it is of another machine.
+        """
+        self.name, self._study = study.data.file, study
+        if study.data.joints != of.data.joints:
+            raise SheetError(
+                f"{study.sheet.file}: --beside takes series of the same machine: its joints are "
+                f"{', '.join(study.data.joints)}, those of {of.sheet.file} are {', '.join(of.data.joints)}"
+            )
+        if study.machine.springs != of.machine.springs:
+            raise SheetError(
+                f"{study.sheet.file}: --beside takes series of the same machine: its model, or 'rigid', is another "
+                f"than that of {of.sheet.file}"
+            )
+
+    def distances(self, study: Study, state: State) -> Array:
+        """Distances ``(g, k)`` mm of this series' markers by the members of a state of the test."""
+        values = values_of(study, state)
+        known = self._study.all_members
+        forward = self._study.forward_of(self._study.machine, self._study.data)
+        # a drift is of the series in which it was seen
+        forward.members = [m for m in known if m.acts != DRIFT and (m.name in values or m.family == ZEROS)]
+        z = np.array([values.get(m.name, 0.0) / m.unit for m in forward.members])
+        zeros = [i for i, m in enumerate(forward.members) if m.family == ZEROS]
+        if state.hypothesis.bent:
+            forward = forward.with_machine(self._study.machine_of(state.hypothesis.bent))
+        return refitted(self._study, forward, z, zeros)
+
+
+def values_of(study: Study, state: State) -> Mapping[str, float]:
+    """Members of a state by name, in rad, mm and so on."""
+    pairs: list[tuple[Member, float]] = list(zip(study.members, state.z, strict=True))
+    return {m.name: float(z) * m.unit for m, z in pairs if m.family in state.hypothesis.families}
+
+
+def refitted(study: Study, forward: Forward, z: Array, free: list[int]) -> Array:
+    """Distances ``(g, k)`` mm of a test by given members, its frames and some of the members fitted.
+
+    Args:
+        study: the test.
+        forward: its model, with the members.
+        z: ``(P,)`` their sizes, in their units.
+        free: members that are fitted from there, known to `ZERO` units.
+    """
+    frames, last = study.frames, np.inf
+    start = z[free].copy()
+    z = z.copy()
+    n = forward.nuisances
+    root = np.concatenate([1.0 / study.prior, np.full(len(free), 1.0 / ZERO)])
+    for _ in range(ROUNDS):
+        at = forward.evaluate(z, frames)
+        mean = float(np.nanmean(study.distance(at.residual)))
+        if abs(last - mean) <= SETTLED * mean:
+            break
+        last = mean
+        sigma, _ = study.noise(at)
+        seen = np.isfinite(at.residual)
+        J = np.concatenate([at.nuisance, at.member[..., free]], axis=3)[seen] / sigma[seen][:, None]
+        y = at.residual[seen] / sigma[seen]
+        held = np.concatenate([-at.off / study.prior, (start - z[free]) / ZERO])
+        step = np.linalg.lstsq(np.vstack([J, np.diag(root)]), np.concatenate([y, held]), rcond=None)[0]
+        frames = forward.moved(frames, step[:n])
+        z[free] += step[n:]
+    return study.distance(forward.evaluate(z, frames).residual)

@@ -1,0 +1,134 @@
+"""The linear fit of poses against closed forms: evidence, bounds, marginal intervals."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import multivariate_normal, norm, truncnorm
+
+from vjm_updating.poses.fit import blocks_of, solve
+from vjm_updating.poses.truncated import marginals, truncated_draws
+
+G = 60
+
+
+def blocks(J, y, family, lower=-np.inf, upper=np.inf):
+    """Readings ``y`` (G, 3) of one marker by columns J ``(G, 3, P)``; the first is a nuisance."""
+    residual = np.full((G, 1, 6), np.nan)
+    residual[:, 0, :3] = y
+    columns = np.zeros((G, 1, 6, J.shape[2]))
+    columns[:, 0, :3] = J
+    family = np.array(family)
+    bounds = [np.where(family < 0, sign * np.inf, value) for sign, value in ((-1.0, lower), (1.0, upper))]
+    fold = np.arange(G) % 5
+    return blocks_of(
+        residual,
+        columns,
+        np.ones_like(residual),
+        (fold, fold),
+        1,
+        np.array([100.0]),
+        family,
+        bounds[0],
+        {},
+        bounds[1],
+    )
+
+
+@pytest.fixture(scope="module")
+def columns():
+    return np.random.default_rng(1).normal(size=(G, 3, 7))
+
+
+def test_the_evidence_is_that_of_the_marginal_likelihood(columns):
+    rng = np.random.default_rng(2)
+    y = columns @ [3.0, 0.5, -0.4, 0.6, 0.0, 0.0, 0.0] + rng.normal(size=(G, 3))
+    made = blocks(columns, y, [-1, 0, 0, 0, 1, 1, 1])
+    found = [solve(made, families) for families in ([0], [0, 1])]
+    for one, families in zip(found, ([0], [0, 1]), strict=True):
+        variance = [1e4, *[one.sizes[f] ** 2 if f in families else 0.0 for f in (0, 0, 0, 1, 1, 1)]]
+        J = columns.reshape(-1, 7)
+        C = J @ np.diag(variance) @ J.T + one.noise**2 * np.eye(len(J))
+        exact = multivariate_normal(np.zeros(len(J)), C).logpdf(y.reshape(-1))
+        # rounding of determinants of 180 numbers; the constant is that of the normal distribution
+        assert one.log_evidence - 0.5 * len(J) * np.log(2.0 * np.pi) == pytest.approx(exact, abs=1e-6)
+
+
+@pytest.mark.parametrize("start", [1e-4, 1.0, 1e3])
+def test_a_family_without_effect_earns_no_evidence(columns, start):
+    y = 3.0 * columns[..., 0] + np.random.default_rng(3).normal(size=(G, 3))
+    made = blocks(columns, y, [-1, 0, 0, 0, 0, 0, 0])
+    # whatever the size that the search begins with: noise alone earns half of a natural unit now and then
+    assert solve(made, [0], {0: start}).log_evidence - solve(made, []).log_evidence < 1.0
+
+
+@pytest.mark.parametrize("truth", [-0.3, 0.0, 0.2])
+def test_the_evidence_of_one_bounded_member_is_its_integral(columns, truth):
+    J = columns[..., :2]
+    y = J @ [3.0, truth] + np.random.default_rng(4).normal(size=(G, 3))
+    made = blocks(J, y, [-1, 0], lower=0.0)
+    found, without = solve(made, [0]), solve(made, [])
+    # the same noise in both, so that only the member's integral differs
+    N, b, noise2 = made.N / found.noise**2, made.b / found.noise**2, found.noise**2
+    A0 = N[0, 0] + 1e-4
+    h, g = N[1, 1] - N[0, 1] ** 2 / A0, b[1] - N[0, 1] * b[0] / A0
+    s = found.sizes[0]
+    integral = quad(
+        lambda z: 2.0 * norm.pdf(z, scale=s) * np.exp(g * z - 0.5 * h * z * z), 0.0, 12.0 * s, limit=400,
+        points=[min(s, 0.5)],
+    )[0]  # fmt: skip
+    base = -0.5 * (made.count * np.log(noise2) + made.c / noise2 - b[0] ** 2 / A0 + np.log(A0 / 1e-4))
+    # a member at its bound is integrated with the nuisance held: what they share of their columns, some per cent
+    assert found.log_evidence == pytest.approx(base + np.log(integral), abs=0.05)
+    assert found.log_evidence > without.log_evidence - 1.0
+
+
+def test_marginals_of_a_truncated_pair():
+    # x1 with mean -1 above 0 is a truncated normal; x2 follows by its regression, slope 0.9
+    C = np.array([[1.0, 0.9], [0.9, 1.0]])
+    x = truncated_draws(
+        np.array([-1.0, 0.0]), C, np.array([0.0, -np.inf]), np.full(2, np.inf), np.array([0.1, 0.0])
+    )
+    one = truncnorm(1.0, np.inf, loc=-1.0)
+    mean, var = one.mean(), one.var()
+    # 8,000 draws: 1.1 % of a standard deviation, times three
+    assert x.mean(axis=0) == pytest.approx([mean, 0.9 * (mean + 1.0)], abs=0.04)
+    assert x.std(axis=0) == pytest.approx([np.sqrt(var), np.sqrt(0.19 + 0.81 * var)], rel=0.04)
+    assert np.quantile(x[:, 0], 0.975) == pytest.approx(one.ppf(0.975), rel=0.05)
+
+
+def test_an_interval_at_a_bound_is_not_that_of_the_other_members_best_values(columns):
+    # two columns that are nearly one, whose sum the readings give
+    J = columns[..., :3].copy()
+    J[..., 2] = J[..., 1] + 0.05 * columns[..., 3]
+    y = J @ [0.0, 3.0, -2.0] + 0.5 * np.random.default_rng(5).normal(size=(G, 3))
+    made = blocks(J, y, [-1, 0, 0], lower=0.0)
+    found = solve(made, [0])
+    held = [int(u) for u in found.at_bound]
+    assert len(held) == 1
+    place = int(np.flatnonzero(found.active == held[0])[0])
+    got = marginals(made, found)
+    # by integration on a grid, the nuisance profiled out
+    s2, noise2 = found.sizes[0] ** 2, found.noise**2
+    A = made.N / noise2 + np.diag([1e-4, 1.0 / s2, 1.0 / s2])
+    b = made.b / noise2
+    S = A[1:, 1:] - np.outer(A[1:, 0], A[0, 1:]) / A[0, 0]
+    r = b[1:] - A[1:, 0] * b[0] / A[0, 0]
+    t = np.linspace(0.0, 4.0, 1601)
+    u, v = np.meshgrid(t, t, indexing="ij")
+    log_p = u * r[0] + v * r[1] - 0.5 * (S[0, 0] * u * u + 2.0 * S[0, 1] * u * v + S[1, 1] * v * v)
+    p = np.exp(log_p - log_p.max()).sum(axis=1 - (held[0] - 1))
+    upper = float(np.interp(0.95, np.cumsum(p) / p.sum(), t))
+    assert got.high[place] == pytest.approx(upper, rel=0.05)
+    conditional = 1.0 / np.sqrt(A[held[0], held[0]])
+    # given the other's best value it would be held to its column's own noise
+    assert got.high[place] > 3.0 * conditional
+
+
+def test_bounds_hold_from_both_sides(columns):
+    y = columns @ [0.0, 5.0, -5.0, 0.0, 0.0, 0.0, 0.0] + np.random.default_rng(6).normal(size=(G, 3))
+    made = blocks(columns, y, [-1, 0, 0, 0, 0, 0, 0], lower=-1.0, upper=2.0)
+    found = solve(made, [0])
+    assert found.z[1:3] == pytest.approx([2.0, -1.0], abs=1e-12)
+    assert set(found.at_bound) >= {1, 2}
+    pull = marginals(made, found).pull
+    assert min(pull[1:3]) > 5.0

@@ -1,0 +1,352 @@
+"""What data of poses can know, what they say of it, and what is written: robots by the energy minimiser."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+from hidden_effects.poses.injector import Hidden, measure, rest
+from hidden_effects.poses.plan import NOISE, save
+from hidden_effects.poses.robots import UR10, document, sheet_text
+
+from vjm.io.model_file import build_chain, load_chain
+from vjm.io.toml_text import toml_text
+from vjm.rotations import rotation_from_vector
+from vjm.tree.equilibria import equilibria
+from vjm.tree.model import TreeModel
+from vjm_updating.poses.alignment import kabsch
+from vjm_updating.poses.command import calibrate_poses, diagnose_poses, prepared
+from vjm_updating.poses.ends import ends_of
+from vjm_updating.poses.families import SOFTEST
+from vjm_updating.poses.fit import Solution
+from vjm_updating.poses.halves import halves
+from vjm_updating.poses.identifiability import estimates
+from vjm_updating.poses.knowable import LEAST_CHANGE, worst_over_mean
+from vjm_updating.poses.ladder import LEAST_EVIDENCE, LEAST_GAIN, SURE, Trial
+from vjm_updating.poses.study import Errors, Hypothesis
+from vjm_updating.poses.verdict import at_bounds
+
+GRAVITY = (0.0, 0.0, -9.81)
+OWN = np.array([1.0, 1.2, 1.5, 3.0, 3.0, 3.0]) * 1e-8
+
+
+def files(folder, q, y, *, content=None, order="as taken", gravity=None):
+    folder.mkdir(exist_ok=True, parents=True)
+    (folder / "model.toml").write_text(toml_text(document(UR10) if content is None else content))
+    sheet = sheet_text(UR10, NOISE, order)
+    (folder / "sheet.toml").write_text(sheet if gravity is None else sheet.replace("-9.81", gravity))
+    save(folder / "readings.csv", q, y)
+    return folder / "readings.csv", folder / "sheet.toml"
+
+
+def drawn(seed, count=100, reach=2.0):
+    return np.random.default_rng(seed).uniform(-reach, reach, (count, 6))
+
+
+def measured(hidden, q, seed=9):
+    return measure(UR10, hidden, q, NOISE, np.random.default_rng(seed))
+
+
+def compliant(own=OWN):
+    hidden = Hidden.nothing(6)
+    hidden.own = np.array(own)
+    return hidden
+
+
+@pytest.fixture(scope="module")
+def springs(tmp_path_factory):
+    q = drawn(8)
+    where = files(tmp_path_factory.mktemp("springs"), q, measured(compliant(), q))
+    measurement, study = prepared(*where)
+    return where, measurement, study, study.settle(Hypothesis(("joint_compliance",)))
+
+
+@pytest.mark.parametrize(
+    ("q", "worst"),
+    [
+        (np.linspace(-np.pi, np.pi, 400, endpoint=False), 1.0),  # an orthogonal basis: the same everywhere
+        (np.linspace(0.0, np.pi, 4001), 9.65),
+        (np.linspace(-1.0, 1.0, 4001), 59.05),
+    ],
+)
+def test_a_wave_is_known_where_the_angles_cover_the_turn(q, worst):
+    # by quadrature: M = mean of b bᵀ with b = (1, sin, cos); the largest bᵀ M⁻¹ b / 3
+    b = np.stack([np.ones_like(q), np.sin(q), np.cos(q)])
+    M = np.array([[np.trapezoid(x * y, q) / np.ptp(q) for x in b] for y in b])
+    turn = np.linspace(0.0, 2.0 * np.pi, 2000)
+    B = np.stack([np.ones_like(turn), np.sin(turn), np.cos(turn)])
+    exact = float((B * np.linalg.solve(M, B)).sum(axis=0).max()) / 3.0
+    assert worst_over_mean(q) == pytest.approx(exact, rel=0.01)  # sums of 400 and more points
+    assert exact == pytest.approx(worst, rel=0.02)
+
+
+def test_functions_of_an_angle_that_covers_little_of_its_turn_are_not_asked(tmp_path):
+    q = drawn(8, 60) * [1.5, 1.0, 0.5, 1.0, 1.0, 1.0]
+    where = files(tmp_path, q, measured(Hidden.nothing(6), q))
+    _, study = prepared(*where)
+    asked = {m.part for m in study.members if m.family in ("gear_error", "encoder_scale")}
+    assert asked == {"joint-1", "joint-2", "joint-4", "joint-5", "joint-6"}
+    reason = {one.name: one.reason for one in study.unasked}
+    assert "cover too little of a turn" in reason["gear_error.joint-3"]
+    narrow = files(tmp_path / "narrow", 0.3 * drawn(8, 60), measured(Hidden.nothing(6), 0.3 * drawn(8, 60)))
+    with pytest.raises(ValueError, match=r"these postures cannot know 'gear_error': its angles, .* leave it out"):
+        diagnose_poses(*narrow, tmp_path / "out", only=("gear_error",))
+
+
+def test_a_joint_whose_torque_hardly_changes_is_not_asked(springs):
+    _, _, study, _ = springs
+    asked = {m.part for m in study.members if m.family == "joint_compliance"}
+    reason = {one.name: one.reason for one in study.unasked}
+    torque = bearing_of(study)
+    for k in range(6):
+        name = f"joint-{k + 1}"
+        assert (name in asked) == (torque[:, k].std() >= LEAST_CHANGE * torque.std(axis=0).max()), name
+    assert {"joint-2", "joint-3"} <= asked
+    assert "its torque hardly changes" in reason["joint_compliance.joint-1"]
+
+
+def bearing_of(study):
+    """Torques of the weight on the joints ``(g, 6)``: differences of the minimiser's potential."""
+    from hidden_effects.poses.injector import frames
+
+    result = []
+    for i in range(6):
+        sides = []
+        for step in (1e-5, -1e-5):
+            q = study.data.q.copy()
+            q[:, i] += step
+            sides.append(frames(UR10, Hidden.nothing(6), q, np.zeros((len(q), 21)))[1])
+        result.append((sides[0] - sides[1]) / 2e-5)
+    return np.column_stack(result)
+
+
+def test_what_is_not_learnt_keeps_the_models_own_value(springs, tmp_path):
+    where, _, study, _ = springs
+    found = calibrate_poses(*where, tmp_path, families=("joint_compliance",))
+    asked = {m.part for m in study.members if m.family == "joint_compliance"}
+    learnt = {row.name.partition(".")[2]: row for row in found.families[0].members if row.identifiable}
+    joints = {part.name: part.compliance for part in load_chain(tmp_path / "calibrated-model.toml").held_joints}
+    for name, compliance in joints.items():
+        if name not in learnt:
+            assert compliance == 1e-9, name  # the model's own
+        else:
+            assert compliance == pytest.approx(learnt[name].value, rel=1e-12)
+            # four standard deviations: one of four members in 4,000 tests
+            assert abs(compliance - OWN[int(name[-1]) - 1]) < 4.0 * learnt[name].std
+    assert {"joint-2", "joint-3"} <= set(learnt) <= asked
+
+
+def test_the_file_is_what_was_judged(tmp_path):
+    q = drawn(12, 110, 2.4)
+    hidden = compliant()
+    hidden.wave = np.random.default_rng(4).normal(0.0, 4e-4, (6, 4))
+    where = files(tmp_path, q, measured(hidden, q))
+    found = calibrate_poses(*where, tmp_path / "out", families=("joint_compliance", "gear_error"))
+    assert found.written.without == ["gear_error"]
+    assert found.written.judged_mm < 0.5 * found.written.refitted_mm
+    # the file, by another engine: equilibria of its own machine, frames by Kabsch's method and the flange's lever
+    model = TreeModel(load_chain(tmp_path / "out/calibrated-model.toml"))
+    ends = equilibria(model, q, gravity=GRAVITY, compliance=False)
+    y = np.loadtxt(where[0], delimiter=",", skiprows=1)[:, 6:9]
+    m = np.zeros(3)
+    for _ in range(200):
+        p = ends.position[:, 0] + ends.rotation[:, 0] @ m
+        R, t = kabsch(p, y)
+        m = m + np.einsum("gba,gb->a", ends.rotation[:, 0], (y - t) @ R - p) / len(q)
+    error = float(np.linalg.norm(y - (ends.position[:, 0] + ends.rotation[:, 0] @ m) @ R.T - t, axis=1).mean())
+    # weights of outliers against none: a per cent
+    assert found.written.file_mm == pytest.approx(error, rel=0.02)
+    assert found.written.file_mm == pytest.approx(found.written.refitted_mm, rel=0.02)
+
+
+def test_an_absurd_joint_is_not_written(tmp_path):
+    q = drawn(8, 60)
+    # 3e-6 rad/(N mm) under 1.5e5 N mm: half a radian, which no arm is made for
+    hidden = compliant([0.0, 3e-6, 0.0, 0.0, 0.0, 0.0])
+    where = files(tmp_path, q, measured(hidden, q))
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/calibrated-model.toml").write_text("of an earlier run")
+    found = calibrate_poses(*where, tmp_path / "out", families=("joint_compliance",))
+    assert "sag" in found.written.refused[0]
+    assert not (tmp_path / "out/calibrated-model.toml").exists()
+    assert any("sag" in row.found for row in found.doubts)
+
+
+def test_compliances_are_bounded_by_what_is_built(springs):
+    _, _, study, _ = springs
+    kind = {"joint_compliance": "drive", "lateral_compliance": "bearing", "base_compliance": "bearing"}
+    for member in study.members:
+        if member.family in kind:
+            value, unit, reason = SOFTEST[kind[member.family]]
+            assert (member.upper, member.of) == (value, unit)
+            assert reason
+
+
+def test_a_joint_that_wants_to_be_stiffer_than_rigid_is_a_finding(springs, tmp_path):
+    _, _, study, state = springs
+    assert not list(at_bounds(study, estimates(study, state)))
+    q = drawn(8)
+    where = files(tmp_path, q, measured(compliant([0.0, 1.5e-8, -1e-8, 0.0, 0.0, 0.0]), q))
+    _, study = prepared(*where)
+    state = study.settle(Hypothesis(("joint_compliance",)))
+    said = list(at_bounds(study, estimates(study, state)))
+    assert [one.where for one in said] == ["readings.csv, joint_compliance.joint-3"]
+    assert "stiffer than rigid" in said[0].found
+    row = next(row for row in estimates(study, state) if row.name == "joint_compliance.joint-3")
+    assert (row.value, row.low) == (0.0, 0.0)
+    assert row.high > 0.0
+
+
+def test_halves_cover_and_a_change_between_them_is_a_drift(springs, tmp_path):
+    _, _, study, state = springs
+    still = halves(study, state, estimates(study, state))
+    # 19 halvings of one test, of two members and more: not independent
+    assert still.random > 0.8
+    assert not still.differ
+    q, y = study.data.q, study.data.position[:, 0]
+    softer = compliant(2.0 * OWN)
+    y = np.where(np.arange(len(q))[:, None] < len(q) // 2, y, measured(softer, q))
+    _, changed = prepared(*files(tmp_path, q, y))
+    later = changed.settle(Hypothesis(("joint_compliance",)))
+    found = halves(changed, later, estimates(changed, later))
+    assert found.differ
+    assert found.file < found.random
+    assert found.members[0][0] in ("joint_compliance.joint-2", "joint_compliance.joint-3")
+    assert found.members[0][1] > 3.0  # softer in the second half
+
+
+def test_ends_are_fifths_of_every_range(springs):
+    _, _, study, _ = springs
+    ends = ends_of(study)
+    assert len(ends) == 2 * 6 + 2
+    for own, column in zip(ends[:12:2], study.data.q.T, strict=True):
+        assert own.mean() == pytest.approx(0.2, abs=0.011)  # of 100 postures
+        assert column[own].max() < column[~own].min()
+    assert len(ends_of(study, clock_only=True)) == 2
+
+
+def trial(**changes):
+    solution = Solution(np.zeros(0), {}, 0.0, np.zeros((0, 0)), np.zeros(0), np.zeros(0), {}, 1.0)
+    errors = Errors(*(np.zeros((1, 1)),) * 3)
+    given = {"gain_random": 0.05, "sure": 10.0, "gain_region": 0.05, "evidence": 50.0} | changes
+    return Trial("gear_error", solution, errors, **given)
+
+
+@pytest.mark.parametrize(
+    ("changes", "pays", "rivals"),
+    [
+        ({}, True, False),
+        ({"sure": SURE - 0.1}, False, True),
+        ({"sure": SURE - 1.5}, False, False),
+        ({"evidence": LEAST_EVIDENCE - 0.5}, False, True),
+        ({"evidence": -5.0}, False, False),
+        ({"gain_random": 0.9 * LEAST_GAIN, "gain_region": LEAST_GAIN, "sure": 4.0}, False, True),
+        ({"gain_ends": 0.0}, False, False),
+        ({"gain_ends": 0.02}, True, False),
+        ({"gain_beside": -0.01}, False, False),
+    ],
+)
+def test_rivals_within_the_noise_of_a_threshold_are_rivals(changes, pays, rivals):
+    one = trial(**changes)
+    assert (one.pays, one.rivals) == (pays, rivals)
+
+
+def test_without_gravity_nothing_bends_and_nothing_warns(tmp_path):
+    hidden = Hidden.nothing(6)
+    hidden.shift = np.random.default_rng(2).normal(0.0, 0.5, (6, 3))
+    q = drawn(8, 60)
+    where = files(tmp_path, q, measured(hidden, q), gravity="0.0")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = diagnose_poses(*where, tmp_path / "out", only=("frame_error", "joint_offset"))
+    assert found.causes == ["frame_error"]
+    _, study = prepared(*where)
+    assert not [m for m in study.members if m.acts == "compliance"]
+
+
+SPRING = {
+    "name": "compensator", "between": ["", "link-2"], "points_mm": [[150.0, 0.0, 250.0], [-250.0, 0.0, 80.0]],
+    "stiffness_N_per_mm": 20.0, "free_length_mm": 300.0, "preload_N": 400.0,
+}  # fmt: skip
+
+
+def by_the_tree(content, q, seed=9):
+    """Positions of the target on the machine of a document, as read."""
+    found = equilibria(TreeModel(build_chain(content, "model")), q, gravity=GRAVITY, compliance=False)
+    place = found.position[:, 0] + found.rotation[:, 0] @ [40.0, -25.0, 60.0]
+    view = rotation_from_vector([0.3, -0.2, 1.1])
+    return place @ view.T + [900.0, -2000.0, 400.0] + np.random.default_rng(seed).normal(0.0, NOISE, (len(q), 3))
+
+
+@pytest.fixture(scope="module")
+def compensated():
+    """A robot with compliant joints and a spring between its base and its second link."""
+    content = document(UR10) | {"point_springs": [SPRING]}
+    for part, c in zip((p for p in content["parts"] if p["kind"] == "actuated"), OWN, strict=True):
+        part["compliance_rad_per_Nmm"] = float(c)
+    q = drawn(21, 100, 2.4)
+    return q, by_the_tree(content, q)
+
+
+def test_a_spring_between_points_of_the_model_is_known(compensated, tmp_path):
+    q, y = compensated
+    content = document(UR10) | {"point_springs": [SPRING]}
+    where = files(tmp_path, q, y, content=content)
+    found = calibrate_poses(*where, tmp_path / "out", families=("joint_compliance",))
+    # the noise alone makes 0.08 mm; 100 readings of three numbers
+    assert found.after.random_mm == pytest.approx(NOISE * math.sqrt(8.0 / math.pi), rel=0.15)
+    assert found.written.file_mm == pytest.approx(found.after.fitted_mm, rel=0.05)
+    row = next(row for row in found.families[0].members if row.name == "joint_compliance.joint-2")
+    assert row.interval95[0] < OWN[1] < row.interval95[1]
+    spring = load_chain(tmp_path / "out/calibrated-model.toml").point_springs[0]
+    assert (spring.stiffness, spring.preload) == (20.0, 400.0)
+
+
+def test_a_spring_that_the_model_lacks_is_not_taken_for_the_gears(compensated, tmp_path):
+    found = diagnose_poses(*files(tmp_path, *compensated), tmp_path / "out")
+    assert found.verdict != "named"
+    named = [name for row in found.alternatives for name in row]
+    assert "point_spring.joint-2" in named or found.verdict in ("unknown", "partly")
+    assert found.next != "Nothing calls for another test."
+
+
+def test_a_mistaken_sign_does_not_stand_alone_where_more_is_wrong(tmp_path):
+    hidden = compliant(5.0 * OWN)
+    q = drawn(8, 60)
+    flipped = q * [1.0, 1.0, -1.0, 1.0, 1.0, 1.0]
+    found = diagnose_poses(*files(tmp_path / "more", flipped, measured(hidden, q)), tmp_path / "out")
+    said = next(row.found for row in found.doubts if row.found.startswith("joint_sign.joint-3"))
+    assert "that is not all that is wrong" in said
+    alone = files(tmp_path / "alone", flipped, measured(Hidden.nothing(6), q))
+    found = diagnose_poses(*alone, tmp_path / "out")
+    said = next(row.found for row in found.doubts if row.found.startswith("joint_sign.joint-3"))
+    assert "that is not all" not in said
+
+
+def test_findings_are_judged_on_another_series(tmp_path):
+    first, other = drawn(8), drawn(31, 60)
+    where = files(tmp_path / "a", first, measured(compliant(), first))
+    beside = files(tmp_path / "b", other, measured(compliant(), other, seed=3))
+    found = diagnose_poses(*where, tmp_path / "out", only=("joint_compliance", "frame_error"), beside=[beside])
+    assert (found.verdict, found.causes) == ("named", ["joint_compliance"])
+    assert found.beside == ["readings.csv"]
+    before, after = (found.ladder[k].beside_mm[0] for k in (0, -1))
+    floor = NOISE * math.sqrt(8.0 / math.pi)
+    # members of 100 readings, predicted on 60 others
+    assert after == pytest.approx(floor, rel=0.15)
+    assert before > 3.0 * after
+    stiffer = files(tmp_path / "c", other, measured(Hidden.nothing(6), other, seed=3))
+    found = diagnose_poses(*where, tmp_path / "out", only=("joint_compliance",), beside=[stiffer])
+    assert found.causes == []
+    assert found.ladder[0].tried[0].gain_beside < 0.0
+
+
+def test_rest_of_an_own_truth():
+    # the minimiser of this file's truths and the tree agree, compliance and all
+    q = drawn(5, 5)
+    content = document(UR10)
+    for part, c in zip((p for p in content["parts"] if p["kind"] == "actuated"), OWN, strict=True):
+        part["compliance_rad_per_Nmm"] = float(c)
+    there = equilibria(TreeModel(build_chain(content, "model")), q, gravity=GRAVITY, compliance=False)
+    # differences of the energy err by 1e-9 of the torque
+    assert np.abs(there.position[:, 0] - rest(UR10, compliant(), q)[:, :3, 3]).max() < 2e-6
