@@ -11,7 +11,7 @@ import pydantic
 from pydantic import Field, field_validator, model_validator
 
 from vjm.io.errors import one_line
-from vjm.io.schema import Label
+from vjm.io.schema import Label, Posture
 from vjm.io.sections import Table
 from vjm.io.toml_parsing import parse_toml
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, WRENCH, split_point
@@ -80,7 +80,9 @@ class Sheet(Table):
 
     test: Test
     model: dict[str, Any] = Field({}, description="overrides of the model file's values")
-    postures: dict[Label, list[float]] = Field({}, description="passive joint coordinates in rad")
+    postures: dict[Label, Posture] = Field(
+        {}, description="coordinates of the joints, mm or rad: a row, or by the joints' names, as in model files"
+    )
     points: dict[Label, PointTable] = Field({})
     instrument: dict[str, Instrument] = Field({})
     tolerance: Tolerance = Tolerance()

@@ -110,6 +110,16 @@ noise = 1.0
     assert list(found.chain.postures["straight"]) == [0.0, 0.0]
 
 
+def test_a_posture_may_name_its_joints_as_in_a_model_file(draft: Draft):
+    row = draft.read().chain.postures["B"]
+    given = "B = {q4 = 0.0, q2 = 0.5235987755982988, q1 = 0.0, q3 = -0.5235987755982988}"
+    draft.sheet = draft.sheet.replace("B = [0.0, 0.5235987755982988, -0.5235987755982988, 0.0]", given)
+    assert list(draft.read().chain.postures["B"]) == list(row)
+    draft.sheet = draft.sheet.replace("q4 = 0.0", "q5 = 0.0")
+    with pytest.raises(ValueError, match=r"posture 'B': no joint 'q5' to be given; it has q1, q2, q3, q4"):
+        draft.read()
+
+
 def test_branches_are_read_off_the_history(draft: Draft):
     s = np.concatenate([np.linspace(0, -2, 9), np.full(4, -2.0), np.linspace(-1.75, 1, 12), np.full(3, 1.0)])
     draft.header = ["posture", "ux_mm", "fx_N"]
