@@ -49,18 +49,19 @@ def _of_joints(machine: PoseMachine, forward: DeflectionForward, scale: Array) -
         c = spring.span[0]
         if spring.kind != "own" or scale[c] < 1e-3 * scale.max(initial=0.0) or spring.part not in machine.driven:
             continue
-        over, before = loaded[:, c] / scale[c], still[:, c] / scale[c]
-        side, side0 = (np.sign(np.where(np.abs(one) > RESTS, one, 0.0)) for one in (over, before))
+        over, before = loaded[:, c], still[:, c]
+        side, side0 = (np.sign(np.where(np.abs(one) > RESTS * scale[c], one, 0.0)) for one in (over, before))
+        size, of, by = (MILLIMETRE, "mm", "N") if spring.slides else (MILLIRADIAN, "rad", "(N mm)")
+        # values of one unit turn the joint by as much under the root mean square torque, whatever their dimension
         laws = {
-            "joint_nonlinearity": over**3 - before**3,
-            "one_sided_compliance": np.abs(over) - np.abs(before),
-            "backlash": 0.5 * (side - side0),
+            "joint_nonlinearity": (over**3 - before**3, size / scale[c] ** 3, f"{of}/{by}³"),
+            "one_sided_compliance": (np.abs(over) - np.abs(before), size / scale[c], f"{of}/{by}"),
+            "backlash": (0.5 * (side - side0), size, of),
         }
-        unit, of = (MILLIMETRE, "mm") if spring.slides else (MILLIRADIAN, "rad")
         index = machine.driven[spring.part]
         result += [
-            Member(family, f"{family}.{spring.part}", VALUE, index, unit, of, basis, part=spring.part)
-            for family, basis in laws.items()
+            Member(family, f"{family}.{spring.part}", VALUE, index, unit, dimension, basis, part=spring.part)
+            for family, (basis, unit, dimension) in laws.items()
             if np.any(basis)
         ]
     return result

@@ -255,3 +255,25 @@ def test_a_moment_on_a_link_and_two_markers(tmp_path):
     # turns of 1e-3 rad move the lever arms by a thousandth of the displacements; springs thought rigid by 1e-4 mm
     assert np.abs(left).max() < 3e-3 * np.abs(on_tool).max()
     assert np.abs(on_elbow).max() > 0.1
+
+
+def test_a_one_sided_joint_has_its_compliance_on_both_series(tmp_path):
+    """A joint that gives way by 1.2e-8 rad/(N mm) more to one side: half of that follows the torque's size."""
+    hidden = hidden_of("one_sided_compliance")
+    pairs = []
+    for seed in (41, 42):
+        q, force = drawn(seed, postures=30)
+        # the second series under loads half as large
+        force = force / (seed - 40)
+        d = noisy(displacement(hidden, q, force), seed)
+        pairs.append(files(tmp_path / str(seed), columns_of(q, force, d)))
+    found = diagnose_poses(*pairs[0], tmp_path / "out", beside=[pairs[1]])
+    assert set(found.causes) == {"joint_compliance", "one_sided_compliance"}
+    rows = {row.name: row for family in found.families for row in family.members}
+    row = rows["one_sided_compliance.joint-2"]
+    assert abs(abs(row.value) - 0.6e-8) < 4.0 * row.std
+    assert row.unit == "rad/(N mm)"
+    before, after = found.ladder[0].beside_mm[0], found.ladder[-1].beside_mm[0]
+    # the other series is predicted to its noise, whose distance is sqrt(8/π) of 0.01 mm
+    assert after == pytest.approx(NOISE * np.sqrt(8.0 / np.pi), rel=0.3)
+    assert before > 10.0 * after
