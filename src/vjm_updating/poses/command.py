@@ -68,7 +68,9 @@ def _chosen(study: Study, only: Sequence[str], without: Sequence[str]) -> list[s
     for name in (*only, *without):
         reasons = [one.reason for one in study.unasked if one.name.partition(".")[0] == name]
         if name not in known and reasons:
-            raise ValueError(f"these postures cannot know '{name}': {reasons[0]}; leave it out")
+            if name in only:
+                raise ValueError(f"these postures cannot know '{name}': {reasons[0]}; leave it out")
+            continue
         if name in BEHIND_ENCODERS and study.sheet.at_output:
             raise ValueError(
                 f"'{name}' is not seen in these data: joints measured at the output (encoders = 'output') have "

@@ -262,6 +262,11 @@ def test_without_gravity_nothing_bends_and_nothing_warns(tmp_path):
     assert found.causes == ["frame_error"]
     _, study = prepared(*where)
     assert not [m for m in study.members if m.acts == "compliance"]
+    usual = calibrate_poses(*where, tmp_path / "usual")
+    assert [family.name for family in usual.families] == ["frame_error"]
+    assert "joint_compliance.joint-2" in {row.name for row in usual.not_known}
+    same = diagnose_poses(*where, tmp_path / "same", only=("frame_error",), without=("joint_compliance",))
+    assert same.causes == ["frame_error"]
 
 
 SPRING = {
