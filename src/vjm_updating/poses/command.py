@@ -27,7 +27,6 @@ from vjm_updating.poses.next_postures import next_postures
 from vjm_updating.poses.plausibility import mistaken
 from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.study import (
-    BEHIND_ENCODERS,
     COUPLING,
     OUTLIER,
     Candidates,
@@ -71,11 +70,8 @@ def _chosen(study: Study, only: Sequence[str], without: Sequence[str]) -> list[s
             if name in only:
                 raise ValueError(f"these postures cannot know '{name}': {reasons[0]}; leave it out")
             continue
-        if name in BEHIND_ENCODERS and study.sheet.at_output:
-            raise ValueError(
-                f"'{name}' is not seen in these data: joints measured at the output (encoders = 'output') have "
-                "what bends about their axes in their coordinates; leave it out, or give the motors' coordinates"
-            )
+        if name in study.not_asked:
+            raise ValueError(f"'{name}' is not seen in these data: {study.not_asked_for}; leave it out")
         if name not in known and name != COUPLING:
             raise ValueError(
                 f"no family '{name}' for these data; there are {', '.join(known)}{did_you_mean(name, known)}"

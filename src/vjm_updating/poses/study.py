@@ -240,7 +240,8 @@ class Study(ABC):
     @property
     def not_asked_for(self) -> str:
         """Why, for people."""
-        return f"the joints were {self.sheet.meaning}" if self.not_asked else ""
+        said = "have what bends about their axes in their coordinates"
+        return f"joints {self.sheet.meaning} (encoders = 'output') {said}" if self.not_asked else ""
 
     @property
     def ordered(self) -> bool:

@@ -133,6 +133,13 @@ def test_nothing_is_fitted_to_mistaken_columns(good, tmp_path):
         calibrate_poses(*pair, tmp_path / "out", strict=True)
 
 
+def test_a_family_that_a_difference_does_not_show_is_refused(good, tmp_path):
+    with pytest.raises(
+        ValueError, match="'frame_error' is not seen in these data: they move the loaded and the unl"
+    ):
+        calibrate_poses(*files(tmp_path, good), tmp_path / "out", families=("frame_error",))
+
+
 def test_good_columns_raise_no_doubt(good, tmp_path):
     found = calibrate_poses(*files(tmp_path, good), tmp_path / "out")
     assert [row.found for row in found.doubts if row.grade != "noted"] == []
