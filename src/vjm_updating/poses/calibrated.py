@@ -15,7 +15,7 @@ from vjm.rotations import Array
 from vjm_updating.poses.families import MASS, SECOND, VALUE
 from vjm_updating.poses.identifiability import MemberEstimate
 from vjm_updating.poses.machine import RIGID
-from vjm_updating.poses.measurement import PoseMeasurement
+from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.study import State, Study
 
 SMALLEST = 10.0 * RIGID
@@ -25,7 +25,7 @@ NO_WORD = (*SECOND, "link_compliance")
 
 
 def calibrated_document(
-    measurement: PoseMeasurement, study: Study, state: State, members: Sequence[MemberEstimate]
+    measurement: RobotMeasurement, study: Study, state: State, members: Sequence[MemberEstimate]
 ) -> tuple[dict[str, Any], list[str]]:
     """The model document, and what was found that a model file cannot hold.
 
@@ -35,7 +35,7 @@ def calibrated_document(
         state: the fit.
         members: its estimates.
     """
-    document = copy.deepcopy(measurement.document)
+    document = copy.deepcopy(measurement.model.document)
     acts = {member.name: member for member in study.members}
     # what the data do not learn keeps the model's own value; errors of frames and zeros have none
     found = {
@@ -43,7 +43,7 @@ def calibrated_document(
         for row in members
         if acts[row.name].family not in NO_WORD and (row.identifiable or acts[row.name].acts == VALUE)
     }
-    pushing = measurement.chain.pushing
+    pushing = measurement.model.chain.pushing
     tables = {table["name"]: table for table in document["parts"]}
     left_out = sorted(
         {name for name in state.hypothesis.families if name in NO_WORD}
@@ -53,7 +53,7 @@ def calibrated_document(
     judged = {m.name for m in study.members if m.acts not in (VALUE, MASS)}
     kept = {row.name for row in members if not row.identifiable}
     judged -= kept
-    joints = {part.name: part for part in measurement.chain.parts if isinstance(part, HeldJoint)}
+    joints = {part.name: part for part in measurement.model.chain.parts if isinstance(part, HeldJoint)}
     parts: list[dict[str, Any]] = [_base(axis, value) for axis, value in _of_base(found)]
     for axis, _ in _of_base(found):
         for posture in document.get("postures", {}).values():
@@ -90,7 +90,7 @@ def calibrated_document(
             "rigid joints: the model's own compliances are kept, for a model file must deflect somewhere"
         )
         for table, original in zip(
-            (t for t in parts if t["name"] in tables), measurement.document["parts"], strict=True
+            (t for t in parts if t["name"] in tables), measurement.model.document["parts"], strict=True
         ):
             table.update({k: v for k, v in original.items() if "compliance" in k or "lateral" in k})
     return document, left_out

@@ -1,4 +1,4 @@
-"""The two commands on sheets of ``kind = "poses"``: from the test's two files to the results."""
+"""The two commands on tests of a robot in many postures: from the test's two files to the results."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vjm import __version__
 from vjm.io.errors import did_you_mean
 from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
-from vjm.rotations import Array, rotation_vector
+from vjm.rotations import rotation_vector
 from vjm_output.documents import as_json, doubt_rows
 from vjm_output.optional_page import page_of
 from vjm_updating.poses import document as rows
@@ -20,13 +20,21 @@ from vjm_updating.poses.contrasts import contrasts, correlations
 from vjm_updating.poses.families import TITLES
 from vjm_updating.poses.halves import Halves, halves
 from vjm_updating.poses.identifiability import MemberEstimate, estimates
+from vjm_updating.poses.kinds import read_test
 from vjm_updating.poses.ladder import Step, climb, rung
-from vjm_updating.poses.measurement import PoseMeasurement, read_pose_measurement
+from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.next_postures import next_postures
-from vjm_updating.poses.plausibility import check_count, check_units, considered, mistaken
-from vjm_updating.poses.readings import read_candidates
-from vjm_updating.poses.sheet import PoseSheet
-from vjm_updating.poses.study import BEHIND_ENCODERS, COUPLING, OUTLIER, Hypothesis, State, Study, couplings
+from vjm_updating.poses.plausibility import mistaken
+from vjm_updating.poses.sheet import RobotSheet
+from vjm_updating.poses.study import (
+    COUPLING,
+    OUTLIER,
+    Candidates,
+    Hypothesis,
+    State,
+    Study,
+    couplings,
+)
 from vjm_updating.poses.transfer import Series
 from vjm_updating.poses.verdict import at_bounds, drifted, judge
 from vjm_updating.poses.written import Written, written
@@ -39,17 +47,14 @@ USUAL = ("frame_error", "joint_compliance")
 SHOWN = 12
 
 
-def prepared(data: Path, sheet: Path) -> tuple[PoseMeasurement, Study]:
+def prepared(data: Path, sheet: Path) -> tuple[RobotMeasurement, Study]:
     """A test that was read, checked and aligned.
 
     Raises:
         ValueError: a file cannot be used; one line.
     """
-    measurement = read_pose_measurement(data, sheet)
-    check_units(measurement)
-    study = Study(measurement.sheet, measurement.machine, measurement.data).without_outliers()
-    check_count(study)
-    return measurement, study
+    test = read_test(data, sheet)
+    return test.measurement, test.study
 
 
 def _chosen(study: Study, only: Sequence[str], without: Sequence[str]) -> list[str]:
@@ -65,11 +70,8 @@ def _chosen(study: Study, only: Sequence[str], without: Sequence[str]) -> list[s
             if name in only:
                 raise ValueError(f"these postures cannot know '{name}': {reasons[0]}; leave it out")
             continue
-        if name in BEHIND_ENCODERS and study.sheet.at_output:
-            raise ValueError(
-                f"'{name}' is not seen in these data: joints measured at the output (encoders = 'output') have "
-                "what bends about their axes in their coordinates; leave it out, or give the motors' coordinates"
-            )
+        if name in study.not_asked:
+            raise ValueError(f"'{name}' is not seen in these data: {study.not_asked_for}; leave it out")
         if name not in known and name != COUPLING:
             raise ValueError(
                 f"no family '{name}' for these data; there are {', '.join(known)}{did_you_mean(name, known)}"
@@ -87,7 +89,7 @@ def diagnose_poses(
     warn: Callable[[Iterable[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> rows.PoseDiagnosis:  # fmt: skip
-    """Diagnose a test of poses and write what was found.
+    """Diagnose a test of poses or deflections and write what was found.
 
     Args:
         data: readings, CSV.
@@ -106,10 +108,11 @@ def diagnose_poses(
         OSError: the folder cannot be written to.
     """
     begun = time.perf_counter()
-    measurement, study = prepared(data, sheet)
+    test = read_test(data, sheet)
+    measurement, study = test.measurement, test.study
     names = _chosen(study, only, without)
-    findings = considered(measurement, study, strict=strict)
-    series = [Series(prepared(*files)[1], study) for files in beside]
+    findings = test.considered(strict)
+    series = [Series(read_test(*files).study, study) for files in beside]
     check_writable(out)
     warn(findings)
     # what is fitted to columns that are not what they say means nothing
@@ -150,14 +153,15 @@ def calibrate_poses(
     strict: bool = False, warn: Callable[[Iterable[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> rows.PoseCalibration:  # fmt: skip
-    """Calibrate a robot by poses with chosen families and write what was found.
+    """Calibrate a robot by a test with chosen families and write what was found.
 
     Args:
         data: readings, CSV.
         sheet: TOML.
         out: folder; all files are written at the end or none.
         families: names; none: `USUAL`.
-        candidates: CSV of postures that could be measured next, columns as in the data; None: drawn within limits.
+        candidates: CSV of postures, and loads, that could be measured next, columns as in the data; None: drawn
+            within limits.
         strict: whether what is doubtful is refused.
         warn: told what is implausible.
         progress: told what is being done.
@@ -168,9 +172,10 @@ def calibrate_poses(
         OSError: the folder cannot be written to.
     """
     begun = time.perf_counter()
-    measurement, study = prepared(data, sheet)
+    test = read_test(data, sheet)
+    measurement, study = test.measurement, test.study
     chosen = _chosen(study, families or [name for name in USUAL if name in study.families], ())
-    findings = considered(measurement, study, strict=strict)
+    findings = test.considered(strict)
     check_writable(out)
     warn(findings)
     progress("base frame and markers")
@@ -180,11 +185,7 @@ def calibrate_poses(
         hypothesis = hypothesis.plus(name)
     progress("fit")
     last = study.settle(hypothesis, first)
-    listed = (
-        None
-        if candidates is None
-        else read_candidates(candidates, measurement.sheet, study.machine.joints, study.machine.slides)
-    )
+    listed = None if candidates is None else test.candidates(candidates)
     steps = [rung(study, "", first, (), ()), rung(study, ", ".join(hypothesis.names), last, (), ())]
     members = estimates(study, last)
     common, model = _common(measurement, study, steps, members, begun, listed)
@@ -199,26 +200,12 @@ def calibrate_poses(
     return found
 
 
-def _bends(sheet: PoseSheet) -> str:
-    """What lies between the joints' columns and the links, and so bends about the joints' axes."""
-    if sheet.test.joints == "commanded":
-        return "gears, drives, and what the controllers leave of their error under load"
-    return "gears, and all else between the encoders at the motors and the links"
-
-
-def _meaning(sheet: PoseSheet) -> str:
-    """What the joints' columns are, for people."""
-    if sheet.test.joints == "commanded":
-        return "commanded"
-    return "measured at the output" if sheet.at_output else "measured at the motor"
-
-
 def _write(
     out: Path,
     files: Mapping[str, str],
     model: tuple[str, Written],
     name: str,
-    sheet: PoseSheet,
+    sheet: RobotSheet,
     study: Study,
     steps: Sequence[Step],
     found: rows.PoseCalibration,
@@ -245,12 +232,12 @@ def _halves(found: Halves) -> rows.HalvesRow:
 
 
 def _common(
-    measurement: PoseMeasurement,
+    measurement: RobotMeasurement,
     study: Study,
     steps: Sequence[Step],
     members: Sequence[MemberEstimate],
     begun: float,
-    candidates: Array | None = None,
+    candidates: Candidates | None = None,
 ) -> tuple[dict[str, object], Written]:
     """What a calibration and a diagnosis say alike, and the model file."""
     last = steps[-1].state
@@ -275,7 +262,7 @@ def _common(
     families = [
         rows.FamilyRow(
             name=name,
-            title=TITLES[name] if name != "joint_compliance" else f"{TITLES[name]}: {_bends(measurement.sheet)}",
+            title=TITLES[name] if name != "joint_compliance" else f"{TITLES[name]}: {measurement.sheet.bends}",
             size=last.solution.sizes[study.number(name)],
             effective=last.solution.effective[study.number(name)],
             members=[row for row in member_rows if row.name.startswith(f"{name}.")],
@@ -287,6 +274,8 @@ def _common(
     ]
     places = {f"marker {name}": [float(v) for v in frames.m[k]] for k, name in enumerate(data.markers)}
     common: dict[str, object] = {
+        "kind": measurement.kind,
+        "baseline": study.baseline,
         "postures": len(data),
         "different_postures": int(study.folds.posture.max()) + 1,
         "markers": list(data.markers),
@@ -301,14 +290,19 @@ def _common(
                 criterion="D" if one.criterion == "D" else "I",
                 joints=list(data.joints),
                 q=one.q.tolist(),
+                loads=[
+                    {point: row.tolist() for point, row in zip(study.points, load, strict=True)}
+                    for load in one.load
+                ],
                 members=one.members,
                 prediction=one.prediction,
             )
             for one in next_postures(study, last, candidates)
         ],
         "doubts": [],
-        "joints": _meaning(measurement.sheet),
-        "not_asked": list(BEHIND_ENCODERS) if measurement.sheet.at_output else [],
+        "joints": measurement.sheet.meaning,
+        "not_asked": list(study.not_asked),
+        "not_asked_for": study.not_asked_for,
         "not_known": [rows.NotKnownRow(name=one.name, reason=one.reason) for one in study.unasked],
         "beside": [],
         "halves": None,
@@ -321,7 +315,7 @@ def _common(
         ),
         "not_in_model": model.left_out,
         "version": rows.PoseVersionRow(
-            package=__version__, model_sha256=measurement.model_sha256, data_sha256=data.sha256
+            package=__version__, model_sha256=measurement.model.sha256, data_sha256=data.sha256
         ),
         "seconds": time.perf_counter() - begun,
     }

@@ -32,6 +32,14 @@ SMOOTH = 4
 LEAST_SHARED = 0.15
 """Share of the variance, beyond what chance gives, from which on markers move together."""
 
+OF_LOADS = {
+    "joint_nonlinearity": ("cube of the torque of {part}", "torque"),
+    "one_sided_compliance": ("size of the torque of {part}, not its sign", "one side"),
+    "backlash": ("side to which {part} is loaded", "backlash"),
+    "load_zero": ("a constant load", "load"),
+}
+"""Of families of loads the contrast's name and kind."""
+
 
 @dataclass(frozen=True)
 class Contrast:
@@ -39,7 +47,8 @@ class Contrast:
 
     Attributes:
         name: what the residual follows.
-        kind: ``angle``, ``torque``, ``one side``, ``approach``, ``time``, ``region`` or ``shared``.
+        kind: ``angle``, ``torque``, ``one side``, ``approach``, ``time``, ``region``, ``backlash``,
+            ``load`` or ``shared``.
         share: of the squared residual that it explains.
         significance: standard deviations.
     """
@@ -70,6 +79,9 @@ def contrasts(study: Study, state: State) -> list[Contrast]:
             columns.setdefault((f"torque of {member.part}", "torque"), []).append(n + i)
         elif member.family == "approach":
             columns.setdefault((f"way of approach of {member.part}", "approach"), []).append(n + i)
+        elif member.family in OF_LOADS:
+            words, kind = OF_LOADS[member.family]
+            columns.setdefault((words.format(part=member.part), kind), []).append(n + i)
         elif member.family == "tracker_drift":
             columns.setdefault((f"{member.name.split('.')[1]}, evenly", "time"), []).append(n + i)
     for i, member in enumerate(study.members):

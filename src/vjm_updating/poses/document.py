@@ -1,4 +1,4 @@
-"""``diagnosis.json`` and ``calibration.json`` of tests of poses."""
+"""``diagnosis.json`` and ``calibration.json`` of tests of poses and of deflections."""
 
 from __future__ import annotations
 
@@ -96,6 +96,9 @@ class NextRow(Row):
     criterion: Literal["D", "I"]
     joints: list[str]
     q: list[list[float]]
+    loads: list[dict[str, list[float]]] = Field(
+        description="of tests of deflections: wrenches at the points of load, N and N mm, in their tables' axes"
+    )
     members: float = Field(description="factor on the members' standard deviations that they promise")
     prediction: float = Field(description="factor on the standard deviation of predictions")
 
@@ -134,9 +137,10 @@ class PoseVersionRow(Row):
 
 
 class PoseCalibration(Row):
-    """A calibration by poses."""
+    """A calibration by poses or deflections."""
 
-    kind: Literal["poses"] = "poses"
+    kind: Literal["poses", "deflections"]
+    baseline: str = Field(description="what is fitted before any family is added")
     postures: int
     different_postures: int
     markers: list[str]
@@ -151,7 +155,8 @@ class PoseCalibration(Row):
     next_postures: list[NextRow]
     doubts: list[DoubtRow] = Field(description="what is implausible about the data and the model")
     joints: str = Field(description="what the joints' columns are")
-    not_asked: list[str] = Field(description="families that such columns cannot show")
+    not_asked: list[str] = Field(description="families that such readings cannot show")
+    not_asked_for: str = Field(description="why they cannot")
     not_known: list[NotKnownRow] = Field(description="members that these postures cannot know, with the reason")
     beside: list[str] = Field(description="other series by which the findings were judged")
     written: WrittenRow
@@ -162,7 +167,7 @@ class PoseCalibration(Row):
 
 
 class PoseDiagnosis(PoseCalibration):
-    """A diagnosis by poses."""
+    """A diagnosis by poses or deflections."""
 
     verdict: Literal["none", "named", "class", "partly", "unknown"]
     causes: list[str]

@@ -85,11 +85,18 @@ TITLES = {
     "encoder_scale": "scale of the joints' encoders",
     "tracker_drift": "the tracker's frame drifts with time or temperature",
     "temperature": "temperature stretches the links",
+    "one_sided_compliance": "joints that give way more to one side, as by a crack or a loose bolt",
+    "backlash": "backlash: joints that the load presses to the other side",
+    "joint_nonlinearity": "springs of joints that stiffen or soften, by the cube of the torque",
+    "load_zero": "zeros of the force sensors",
 }
 """In the order of precedence: of families that save about the same the first is taken."""
 LARGEST = {"mass": 2.0, "joint_offset": 100.0, "temperature": 10.0}
 """Sizes of families beyond which they are not physical: 20 % of the masses, 100 mrad or 10 mm, 1e-4 per K."""
-SECOND = ("gear_error", "approach", "encoder_scale", "tracker_drift", "temperature")
+SECOND = (
+    "gear_error", "approach", "encoder_scale", "tracker_drift", "temperature", "one_sided_compliance", "backlash",
+    "joint_nonlinearity", "load_zero",
+)  # fmt: skip
 """Families that are looked at where none of the others pays any more: functions of the posture or the clock that
 can imitate what weight and geometry do, not the other way round. They are added only where they hold at the ends of
 the joints' ranges, and of the clock, too."""

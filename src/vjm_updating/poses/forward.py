@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -51,6 +52,7 @@ class Linearised:
         nuisance: ``(g, k, 6, n_f)`` derivatives of the prediction by the nuisances.
         member: ``(g, k, 6, P)`` by the members, per unit of each.
         torque: ``(g, n_joints)`` what bears on each of the data's joints, N mm or N.
+        off: ``(n_f,)`` what the nuisances are off the guesses of their priors; zero where these are wide.
         tilt: ``(g, k, 6, 3)`` by a turn of the body that all markers share, about the base's axes.
     """
 
@@ -58,11 +60,41 @@ class Linearised:
     nuisance: Array
     member: Array
     torque: Array
+    off: Array
     tilt: Array
 
 
+class Forward(Protocol):
+    """The model of a test of any kind: what its readings are by a hypothesis.
+
+    Attributes:
+        members: numbers that a hypothesis may change.
+    """
+
+    members: list[Member]
+
+    @property
+    def nuisances(self) -> int:
+        """How many unknowns of the instruments there are."""
+
+    def nuisance_names(self) -> list[str]:
+        """What each is, for people."""
+
+    def evaluate(self, z: Array, frames: Frames) -> Linearised:
+        """Residuals and derivatives at members ``z`` (P,), in units, and nuisances; see `PoseForward.evaluate`."""
+
+    def moved(self, frames: Frames, step: Array) -> Frames:
+        """Nuisances after a step ``(n_f,)`` in the coordinates of `Linearised.nuisance`."""
+
+    def torques(self) -> Array:
+        """Root mean square ``(n_tree,)`` of what makes each coordinate deflect as it is read."""
+
+    def with_machine(self, machine: PoseMachine) -> Forward:
+        """The same test of another machine with the same members."""
+
+
 class PoseForward:
-    """The model of a test: a machine, its postures and the members that may be added to it."""
+    """The model of a test of poses: a machine, its postures and the members that may be added to it."""
 
     def __init__(self, machine: PoseMachine, data: PoseData, gravity: Sequence[float]) -> None:
         self.machine, self.data = machine, data
@@ -72,13 +104,11 @@ class PoseForward:
         q = machine.rows(data.q)
         self._values, self._natural = tree.values(q), tree.naturals(q)
         self._arrays = tree.arrays(self.gravity)
-        self._wrench = (
-            np.ascontiguousarray(data.wrench) if data.wrench.any() else np.zeros((1, len(data.markers), 6))
-        )
+        self.wrench = np.ascontiguousarray(data.wrench) if data.wrench.any() else np.zeros((1, len(tree.ends), 6))
         self._start = np.zeros((len(data), tree.size))
         self._stiffness = np.ones(tree.size)
         self._block = {int(f): b for b, f in enumerate(self._arrays.first[:-1])}
-        self._coupled = [tree.joints.index(name) for name in machine.joints]
+        self.given = [tree.joints.index(name) for name in machine.joints]
 
     @property
     def nuisances(self) -> int:
@@ -91,6 +121,15 @@ class PoseForward:
         turned = np.isfinite(self.data.orientation).all(axis=(2, 3))
         seen = (turned | np.isfinite(self.data.tilt).any(axis=2)).any(axis=0)
         return [int(k) for k in np.flatnonzero(seen)]
+
+    def nuisance_names(self) -> list[str]:
+        """What each nuisance is, for people."""
+        names = ["base frame"] * 6
+        for marker in self.data.markers:
+            names += [f"place of marker {marker}"] * 3
+        for k in self.tracked:
+            names += [f"frame of marker {self.data.markers[k]}"] * 3
+        return names
 
     def bearing(self) -> Array:
         """What each coordinate bears ``(g, n_tree)`` in the machine as the model file has it, N mm or N."""
@@ -110,7 +149,7 @@ class PoseForward:
     def holding(self) -> Array:
         """What holds each of the data's joints ``(g, n)`` in the machine as the model file has it, N mm or N."""
         _, forces, _, _ = self._solve(self._arrays, self._values)
-        return self.machine.tree.torques(forces)[:, self._coupled]
+        return self.machine.tree.torques(forces)[:, self.given]
 
     def evaluate(self, z: Array, frames: Frames) -> Linearised:
         """Residuals and derivatives at members ``z`` (P,), in units, and nuisances.
@@ -118,11 +157,32 @@ class PoseForward:
         Raises:
             NoConvergenceError: a posture has no equilibrium.
         """
+        R, p, columns, forces = self.end_frames(z)
+        return self._seen(z, frames, R, p, columns, forces)
+
+    def placed(self, z: Array) -> tuple[Array, Array]:
+        """End frames in the base, ``(g, e, 3, 3)`` and ``(g, e, 3)`` mm, at members ``z`` (P,).
+
+        Raises:
+            NoConvergenceError: a posture has no equilibrium.
+        """
+        _, _, R, p = self._solve(*self._changed(z))
+        return R, p
+
+    def end_frames(self, z: Array) -> tuple[Array, Array, Array, Array]:
+        """End frames in the base and how they move, at members ``z`` (P,).
+
+        Returns:
+            rotations ``(g, e, 3, 3)``, positions ``(g, e, 3)`` mm, velocities ``(g, e, 6, P)`` per unit of each
+            member, and the forces ``(g, m)`` on the one-degree joints.
+
+        Raises:
+            NoConvergenceError: a posture has no equilibrium.
+        """
         arrays, values = self._changed(z)
         x, forces, R, p = self._solve(arrays, values)
-        d = frame_derivatives(_unsprung(arrays), values, self._natural, self._wrench, x)
-        columns = self._columns(z, arrays, x, forces, d)
-        return self._seen(z, frames, R, p, columns, forces)
+        d = frame_derivatives(_unsprung(arrays), values, self._natural, self.wrench, x)
+        return R, p, self._columns(z, arrays, x, forces, d), forces
 
     def unloaded(self) -> tuple[Array, Array]:
         """End frames by the nominal machine: ``(g, k, 3, 3)`` and ``(g, k, 3)`` mm."""
@@ -167,10 +227,10 @@ class PoseForward:
 
     def _solve(self, arrays: TreeArrays, values: Array) -> tuple[Array, Array, Array, Array]:
         g = len(self._start)
-        k, x = len(self.data.markers), self._start.copy()
+        k, x = len(self.machine.tree.ends), self._start.copy()
         verdict, forces = np.zeros(g, dtype=np.int64), np.zeros((g, len(arrays.parent)))
         R, p, moved, none = np.zeros((g, k, 3, 3)), np.zeros((g, k, 3)), np.zeros((g, k, 6)), np.zeros((0, k, 6, 6))
-        equilibria_of(arrays, values, self._natural, self._wrench, x, verdict, forces, R, p, moved, none, none)
+        equilibria_of(arrays, values, self._natural, self.wrench, x, verdict, forces, R, p, moved, none, none)
         if np.any(verdict == LOST):
             row = int(self.data.row[int(np.argmax(verdict == LOST))])
             raise NoConvergenceError(f"{self.data.file}: row {row}: the model has no equilibrium in that posture")
@@ -179,7 +239,7 @@ class PoseForward:
 
     def _columns(self, z: Array, arrays: TreeArrays, x: Array, forces: Array, d: FrameDerivatives) -> Array:
         """Velocities ``(g, k, 6, P)`` of the end frames in the base's axes, per unit of each member."""
-        g, k = len(self.data), len(self.data.markers)
+        g, k = len(self.data), len(self.machine.tree.ends)
         result = np.zeros((g, k, 6, len(self.members)))
         for i, (size, member) in enumerate(zip(z, self.members, strict=True)):
             if member.acts == VALUE:
@@ -244,13 +304,15 @@ class PoseForward:
             F[:, j, 3:, first : first + 3] = turned[:, j]
         residual = np.full((g, k, 6), np.nan)
         residual[..., :3] = data.position - seen
-        residual[..., 3:] = _turn_between(turned, data.orientation)
+        residual[..., 3:] = turn_between(turned, data.orientation)
         self._tilts(frames, R, columns, residual, J, F)
         tilt = np.zeros((g, k, 6, 3))
         for a in range(3):
             tilt[:, :, :3, a] = np.cross(np.eye(3)[a], place) @ frames.R.T
             tilt[:, :, 3:, a] = frames.R[:, a]
-        return Linearised(residual, F, J, self.machine.tree.torques(forces)[:, self._coupled], tilt)
+        off = np.zeros(self.nuisances)
+        off[6 : 6 + 3 * k] = frames.m.reshape(-1)
+        return Linearised(residual, F, J, self.machine.tree.torques(forces)[:, self.given], off, tilt)
 
     def _tilts(self, frames: Frames, R: Array, columns: Array, residual: Array, J: Array, F: Array) -> None:
         """Readings of inclinometers in place of turns: ``asin(u · a)`` of their axes a, u against the weight."""
@@ -323,7 +385,7 @@ def _unsprung(arrays: TreeArrays) -> TreeArrays:
     )
 
 
-def _turn_between(R: Array, other: Array) -> Array:
+def turn_between(R: Array, other: Array) -> Array:
     """Rotation vectors ``(g, k, 3)`` from predicted to read orientations, for small turns; nan where none."""
     D = other @ np.swapaxes(R, -1, -2)
     w = 0.5 * np.stack([D[..., 2, 1] - D[..., 1, 2], D[..., 0, 2] - D[..., 2, 0], D[..., 1, 0] - D[..., 0, 1]], -1)

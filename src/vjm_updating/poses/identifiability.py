@@ -88,16 +88,6 @@ def estimates(study: Study, state: State) -> list[MemberEstimate]:
     return result
 
 
-def nuisance_names(study: Study) -> list[str]:
-    """What each nuisance is, for people."""
-    names = ["base frame"] * 6
-    for marker in study.data.markers:
-        names += [f"place of marker {marker}"] * 3
-    for k in study.forward().tracked:
-        names += [f"frame of marker {study.data.markers[k]}"] * 3
-    return names
-
-
 def combinations(study: Study, state: State) -> dict[str, tuple[str, ...]]:
     """Members whose effect others can make up wholly, and which those are."""
     active, n = state.solution.active, state.blocks.nuisances
@@ -105,7 +95,7 @@ def combinations(study: Study, state: State) -> dict[str, tuple[str, ...]]:
     scale = np.sqrt(np.maximum(np.diag(N), 1e-300))
     C = N / np.outer(scale, scale)
     inverse = np.linalg.inv(C + 1e-9 * np.eye(len(C)))
-    frames = nuisance_names(study)
+    frames = study.forward().nuisance_names()
     names = [*frames, *(study.members[u - n].name for u in active[n:])]
     result = {}
     for i in range(n, len(active)):

@@ -127,24 +127,33 @@ def rung(study: Study, added: str, state: State, trials: Sequence[Trial], series
     return Step(added, state, tuple(trials), ends, tuple(one.distances(study, state) for one in series))
 
 
-def paired(before: Array, after: Array) -> tuple[float, float]:
-    """Share saved of mean distances ``(g, k)``, and that over its standard error by postures."""
-    seen = np.isfinite(before - after).any(axis=1)
-    difference = np.nanmean((before - after)[seen], axis=1)
+def saved(before: Array, after: Array) -> float:
+    """Share saved of mean distances ``(g, k)`` mm."""
     mean = float(np.nanmean(before))
-    if mean <= 0.0 or len(difference) < 2:
+    return 1.0 - float(np.nanmean(after)) / mean if mean > 0.0 else 0.0
+
+
+def paired(before: Array, after: Array, sigma: Array) -> tuple[float, float]:
+    """Share saved of mean distances ``(g, k)``, and the saving over its standard error by postures.
+
+    The second is of distances over the readings' standard deviations ``sigma`` (g, k, 6): a reading that scatters
+    more, by its load or as an outlier, says less.
+    """
+    difference = (before - after) / np.sqrt(np.mean(sigma[..., :3] ** 2, axis=2))
+    difference = np.nanmean(difference[np.isfinite(difference).any(axis=1)], axis=1)
+    if len(difference) < 2:
         return 0.0, 0.0
     spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
-    saved = float(difference.mean())
-    return saved / mean, saved / spread if spread > 0.0 else (np.inf if saved > 0.0 else 0.0)
+    less = float(difference.mean())
+    return saved(before, after), less / spread if spread > 0.0 else (np.inf if less > 0.0 else 0.0)
 
 
 def trial(study: Study, step: Step, name: str) -> Trial:
     """What a family would bring on top of a rung."""
     state = step.state
     solution, errors = study.tried(state, state.hypothesis.plus(name))
-    gain, sure = paired(state.errors.random, errors.random)
-    region, _ = paired(state.errors.region, errors.region)
+    gain, sure = paired(state.errors.random, errors.random, state.sigma)
+    region, _ = paired(state.errors.region, errors.region, state.sigma)
     found = Trial(name, solution, errors, gain, sure, region, solution.log_evidence - state.solution.log_evidence)
     if not found.second or not (found.pays or found.rivals):
         return found
@@ -154,7 +163,7 @@ def trial(study: Study, step: Step, name: str) -> Trial:
     before = step.ends
     if clock_only:
         before = errors_at_ends(study, state.blocks, state.solution, state.sigma, clock_only=True)
-    return replace(found, gain_ends=paired(before, ends)[0])
+    return replace(found, gain_ends=saved(before, ends))
 
 
 def climb(
@@ -184,7 +193,7 @@ def climb(
             state = study.settle(step.state.hypothesis.plus(best.name), step.state)
             above = rung(study, best.name, state, (), series)
             if series:
-                gain = float(np.mean([paired(*pair)[0] for pair in zip(step.beside, above.beside, strict=True)]))
+                gain = float(np.mean([saved(*pair) for pair in zip(step.beside, above.beside, strict=True)]))
                 trials[trials.index(best)] = replace(best, gain_beside=gain)
                 above = above if gain >= 0.0 else None
         steps[-1] = replace(step, trials=tuple(trials))
@@ -211,8 +220,8 @@ def chosen(trials: Sequence[Trial]) -> Trial | None:
 def superfluous(study: Study, state: State, name: str) -> bool:
     """Whether a hypothesis without one of its families predicts what is held out as well."""
     _, errors = study.tried(state, state.hypothesis.minus(name))
-    lost, sure = paired(errors.random, state.errors.random)
-    worse, _ = paired(errors.region, state.errors.region)
+    lost, sure = paired(errors.random, state.errors.random, state.sigma)
+    worse, _ = paired(errors.region, state.errors.region, state.sigma)
     return (lost < LOST or sure < 2.0) and worse < LOST
 
 

@@ -1,10 +1,11 @@
-"""A test of poses from its two files, checked."""
+"""A test of a robot in many postures from its two files, checked."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -12,33 +13,54 @@ from vjm.io.model_file import build_chain, read_document
 from vjm.io.urdf import import_urdf
 from vjm.model.chain import Chain
 from vjm.model.joints import CoupledJoint
+from vjm.rotations import Array
 from vjm_updating.experiment.sheet import SheetError
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.readings import PoseData, read_poses
-from vjm_updating.poses.sheet import PoseSheet, read_pose_sheet
+from vjm_updating.poses.sheet import PoseSheet, Rider, RobotSheet, read_pose_sheet
 
 
 @dataclass(frozen=True)
-class PoseMeasurement:
-    """What was measured and on what.
+class SheetModel:
+    """The model that a sheet names.
+
+    Attributes:
+        document: as TOML gives it.
+        chain: its machine.
+        machine: the same, extended.
+        sha256: of the model file; of a URDF the empty text.
+        doubts: what is likely a mistake in a URDF.
+    """
+
+    document: dict[str, Any]
+    chain: Chain
+    machine: PoseMachine
+    sha256: str
+    doubts: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class RobotMeasurement:
+    """What was measured and on what, of any kind of test.
 
     Attributes:
         sheet: the sheet.
         data: the postures.
-        document: of the model, as TOML gives it.
-        chain: the machine of the model.
-        machine: the same, extended.
-        model_sha256: of the model file; of a URDF the empty text.
-        doubts: what is likely a mistake in a URDF.
+        model: of the robot.
+        kind: of test.
     """
 
-    sheet: PoseSheet
+    sheet: RobotSheet
     data: PoseData
-    document: dict[str, Any]
-    chain: Chain
-    machine: PoseMachine
-    model_sha256: str
-    doubts: tuple[str, ...] = ()
+    model: SheetModel
+    kind: Literal["poses", "deflections"]
+
+
+@dataclass(frozen=True)
+class PoseMeasurement(RobotMeasurement):
+    """A test of poses."""
+
+    sheet: PoseSheet
 
 
 def read_pose_measurement(data: Path, sheet: Path) -> PoseMeasurement:
@@ -48,6 +70,28 @@ def read_pose_measurement(data: Path, sheet: Path) -> PoseMeasurement:
         ValueError: one of them or the model cannot be used; one line that says what, where and the remedy.
     """
     page = read_pose_sheet(sheet)
+    model = model_of(page, sheet, ends_of(page.markers))
+    followers = [part for part in model.chain.parts if isinstance(part, CoupledJoint)]
+    readings = read_poses(data, page, model.machine.joints, model.machine.slides, followers)
+    return PoseMeasurement(page, readings, model, "poses")
+
+
+def ends_of(tables: Mapping[str, Rider]) -> dict[str, tuple[str, Array]]:
+    """Part behind which each point of a sheet rides, and where there, ``(3,)`` mm, by its name."""
+    return {name: (table.on, np.array(table.position_mm, dtype=float)) for name, table in tables.items()}
+
+
+def model_of(page: RobotSheet, sheet: Path, ends: dict[str, tuple[str, Array]]) -> SheetModel:
+    """The model that a sheet names.
+
+    Args:
+        page: the sheet.
+        sheet: its file, beside which the model may lie.
+        ends: points that it names, see `ends_of`.
+
+    Raises:
+        ValueError: the model cannot be used; one line.
+    """
     content, file, sha256, doubts = _document(page, sheet)
     chain = build_chain(content, file, sha256)
     driven = tuple(joint for joint in chain.held_joints if not isinstance(joint, CoupledJoint))
@@ -58,17 +102,14 @@ def read_pose_measurement(data: Path, sheet: Path) -> PoseMeasurement:
                 f"{page.file}: [joints] {column} = '{joint}': the model has no such driven joint; "
                 f"it has {', '.join(names)}"
             )
-    ends = {name: (table.on, np.array(table.position_mm, dtype=float)) for name, table in page.markers.items()}
     try:
         machine = PoseMachine(chain, ends, rigid=page.test.rigid, at_output=page.at_output)
     except ValueError as error:
         raise SheetError(f"{page.file}: {error}") from error
-    followers = [part for part in chain.parts if isinstance(part, CoupledJoint)]
-    readings = read_poses(data, page, machine.joints, machine.slides, followers)
-    return PoseMeasurement(page, readings, content, chain, machine, sha256, doubts)
+    return SheetModel(content, chain, machine, sha256, doubts)
 
 
-def _document(page: PoseSheet, path: Path) -> tuple[dict[str, Any], str, str, tuple[str, ...]]:
+def _document(page: RobotSheet, path: Path) -> tuple[dict[str, Any], str, str, tuple[str, ...]]:
     near = path.parent / page.test.model
     if near.suffix == ".urdf":
         if not near.is_file():

@@ -1,4 +1,4 @@
-"""The next postures to measure: those that make the members (D) or the predictions (I) most certain.
+"""The next readings to take: those that make the members (D) or the predictions (I) most certain.
 
 From a list, or drawn within the joints' limits. Chosen one after another: D-optimal adds the most to the log
 determinant of the information about the members, I-optimal takes the most from the mean variance of predictions
@@ -7,15 +7,13 @@ of the postures measured so far (Atkinson, Donev and Tobias, Optimum Experimenta
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_updating.poses.families import members_of
-from vjm_updating.poses.forward import PoseForward
-from vjm_updating.poses.study import State, Study
+from vjm_updating.poses.study import Candidates, State, Study
 
 CANDIDATES = 200
 COUNT = 6
@@ -31,34 +29,28 @@ class NextPostures:
     Attributes:
         criterion: ``D`` or ``I``.
         q: ``(n, joints)`` mm and rad.
+        load: ``(n, l, 6)`` wrenches at the points of load, N and N mm.
         members: factor on the members' standard deviations, geometric mean, that they promise.
         prediction: factor on the standard deviation of predictions.
     """
 
     criterion: str
     q: Array
+    load: Array
     members: float
     prediction: float
 
 
-def candidates(study: Study, count: int = CANDIDATES) -> Array:
-    """Postures ``(count, n)`` drawn within the joints' limits, and no further than what was measured reaches."""
-    low, high = study.data.q.min(axis=0), study.data.q.max(axis=0)
-    for i, limits in enumerate(study.machine.limits):
-        if limits is not None:
-            low[i], high[i] = max(low[i], limits[0]), min(high[i], limits[1])
-    return np.random.default_rng(SEED).uniform(low, np.maximum(high, low), (count, len(low)))
-
-
-def next_postures(study: Study, state: State, q: Array | None = None) -> list[NextPostures]:
+def next_postures(study: Study, state: State, listed: Candidates | None = None) -> list[NextPostures]:
     """Next postures by both criteria; empty where nothing was fitted but frames."""
     if not state.hypothesis.families:
         return []
-    q = candidates(study) if q is None else q
+    possible = study.drawn(np.random.default_rng(SEED), CANDIDATES) if listed is None else listed
     try:
-        J = _derivatives(study, state, q)
+        at = study.at_candidates(state, possible)
     except NoConvergenceError:
         return []
+    J = np.concatenate([at.nuisance, at.member], axis=3).reshape(len(possible), -1, len(state.blocks.b))
     active = state.solution.active
     sigma = _sigma(state)
     rows = J[..., active] / sigma[None, :, None]
@@ -66,7 +58,7 @@ def next_postures(study: Study, state: State, q: Array | None = None) -> list[Ne
     keep = np.linspace(0, len(study.data) - 1, min(SAMPLE, len(study.data))).astype(int)
     seen = np.concatenate([state.at.nuisance, state.at.member], axis=3)[keep][..., :3, :]
     view = seen.reshape(-1, seen.shape[-1])[:, active]
-    return [_chosen(criterion, state, rows, view, q) for criterion in ("D", "I")]
+    return [_chosen(criterion, state, rows, view, possible) for criterion in ("D", "I")]
 
 
 def _sigma(state: State) -> Array:
@@ -76,31 +68,13 @@ def _sigma(state: State) -> Array:
     return np.where(present, sigma, np.inf)
 
 
-def _derivatives(study: Study, state: State, q: Array) -> Array:
-    """Derivatives ``(c, 6 k, P)`` of what would be read in other postures."""
-    g = len(q)
-    blank = study.data.only(np.zeros(g, dtype=int))
-    data = replace(blank, q=q, wrench=np.zeros_like(blank.wrench), time=None, temperature=None, row=np.arange(g))
-    machine = study.forward(state.hypothesis.bent).machine
-    forward = PoseForward(machine, data, study.sheet.test.gravity)
-    there = {m.name: m for m in members_of(machine, data, np.ones(machine.tree.size), ordered=False)}
-    forward.members = [
-        replace(there[m.name], unit=m.unit) if m.name in there else replace(m, basis=np.zeros(g))
-        for m in study.members
-    ]
-    at = forward.evaluate(state.z, state.frames)
-    J = np.concatenate([at.nuisance, at.member], axis=3)
-    result: Array = J.reshape(g, -1, J.shape[-1])
-    return result
-
-
-def _chosen(criterion: str, state: State, rows: Array, view: Array, q: Array) -> NextPostures:
+def _chosen(criterion: str, state: State, rows: Array, view: Array, possible: Candidates) -> NextPostures:
     n = state.blocks.nuisances
     before = state.solution.covariance
     free = np.diag(before) > 0.0
     C = before.copy()
     taken: list[int] = []
-    for _ in range(min(COUNT, len(q))):
+    for _ in range(min(COUNT, len(possible))):
         best, best_gain = -1, -np.inf
         for i, J in enumerate(rows):
             if i in taken:
@@ -122,7 +96,8 @@ def _chosen(criterion: str, state: State, rows: Array, view: Array, q: Array) ->
     ratio = np.sqrt(np.maximum(np.diag(C)[members], 1e-300) / np.diag(before)[members])
     seen_before = np.einsum("ri,ij,rj->r", view, before, view)
     seen_after = np.einsum("ri,ij,rj->r", view, C, view)
+    promised = float(np.exp(np.mean(np.log(ratio)))) if len(ratio) else 1.0
     return NextPostures(
-        criterion, q[taken], float(np.exp(np.mean(np.log(ratio)))) if len(ratio) else 1.0,
+        criterion, possible.q[taken], possible.load[taken], promised,
         float(np.sqrt(seen_after.sum() / max(seen_before.sum(), 1e-300))),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The page of a diagnosis or a calibration by poses, which needs nothing else."""
+"""The page of a diagnosis or a calibration of a robot in many postures, which needs nothing else."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_output.templating import environment
 from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.poses.ladder import Step
-from vjm_updating.poses.sheet import PoseSheet
+from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.study import Study
 
 BEFORE, AFTER, FITTED = "#D55E00", "#0072B2", "#7a7a7a"
@@ -24,21 +24,21 @@ HEADLINES = {
 TONES = {"none": "agrees", "named": "cause", "class": "differs", "partly": "differs", "unknown": "failed"}
 
 
-def page(sheet: PoseSheet, study: Study, steps: Sequence[Step], found: PoseCalibration) -> str:
+def page(sheet: RobotSheet, study: Study, steps: Sequence[Step], found: PoseCalibration) -> str:
     """The page as HTML."""
     diagnosis = found if isinstance(found, PoseDiagnosis) else None
     template = environment("vjm_updating.poses").get_template("poses.html.j2")
     return template.render(
         title=sheet.test.title or sheet.file, model=study.machine.chain.name, sheet=sheet, data=study.data.file,
         found=found, diagnosis=diagnosis, ladder=diagnosis.ladder if diagnosis else [found.before, found.after],
-        headline=HEADLINES[diagnosis.verdict] if diagnosis else "Calibration by tracked poses.",
+        headline=HEADLINES[diagnosis.verdict] if diagnosis else f"Calibration by {found.kind}.",
         tone=TONES[diagnosis.verdict] if diagnosis else "cause",
-        pictures=[_ladder(steps), _residuals(steps)],
+        pictures=[_ladder(steps, found.baseline), _residuals(steps, found.baseline)],
     )  # fmt: skip
 
 
-def _ladder(steps: Sequence[Step]) -> Picture:
-    names = ["frames only", *(step.added for step in steps[1:])]
+def _ladder(steps: Sequence[Step], baseline: str) -> Picture:
+    names = [baseline, *(step.added for step in steps[1:])]
     means = np.array([step.state.errors.means for step in steps])
     with figure(2.6, columns=1) as (fig, (axes,)):
         at = np.arange(len(steps))
@@ -56,21 +56,21 @@ def _ladder(steps: Sequence[Step]) -> Picture:
     )
 
 
-def _residuals(steps: Sequence[Step]) -> Picture:
+def _residuals(steps: Sequence[Step], baseline: str) -> Picture:
     first, last = steps[0].state.errors.random, steps[-1].state.errors.random
     with figure(2.4, columns=2) as (fig, axes):
         order = np.arange(len(first))
         largest = max(float(np.nanmax(np.nanmean(one, axis=1))) for one in (first, last))
         bins = np.linspace(0.0, largest, int(np.clip(len(first) // 8, 8, 40)) + 1).tolist()
-        for distance, label, colour in ((first, "frames only", BEFORE), (last, "at the end", AFTER)):
+        for distance, label, colour in ((first, baseline, BEFORE), (last, "at the end", AFTER)):
             mean = np.nanmean(distance, axis=1)
             axes[0].plot(order, mean, ".", ms=2, color=colour, label=label)
             axes[1].hist(mean, bins=bins, color=colour, alpha=0.6, label=label)
-        axes[0].set_xlabel("posture, in the order of the file")
+        axes[0].set_xlabel("reading, in the order of the file")
         axes[0].set_ylabel("distance held out, mm")
         axes[0].set_yscale("log")
         axes[1].set_xlabel("distance held out, mm")
-        axes[1].set_ylabel("postures")
+        axes[1].set_ylabel("readings")
         axes[1].legend()
         drawing = drawing_of(fig)
     return Picture(

@@ -16,7 +16,8 @@ from vjm_updating.experiment.implausible_rows import no_room
 from vjm_updating.poses.alignment import align
 from vjm_updating.poses.families import SECOND
 from vjm_updating.poses.fit import solve
-from vjm_updating.poses.measurement import PoseMeasurement
+from vjm_updating.poses.measurement import PoseMeasurement, RobotMeasurement
+from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import TEMPERATURE, PoseData
 from vjm_updating.poses.study import State, Study
 
@@ -59,7 +60,7 @@ class RobotMisses(Finding):
     """The rigid robot misses, and no change of the data explains it."""
 
 
-def considered(measurement: PoseMeasurement, study: Study, *, strict: bool = False) -> list[Finding]:
+def considered(measurement: PoseMeasurement, study: PoseStudy, *, strict: bool = False) -> list[Finding]:
     """What is implausible about a test and its model, refusals first, unless it is refused for that.
 
     Args:
@@ -72,11 +73,19 @@ def considered(measurement: PoseMeasurement, study: Study, *, strict: bool = Fal
     """
     rules = (joints_and_markers, outliers, repeated, few, torques, temperature, gravity)
     found = [finding for rule in rules for finding in rule(study)]
-    name = f"{measurement.sheet.file}, model {measurement.sheet.test.model}"
-    found += [Finding(Grade.DOUBTFUL, name, doubt) for doubt in measurement.doubts]
-    result = worst_first(
-        [*found, *(model_findings(measurement.document, name) if measurement.model_sha256 else [])]
-    )
+    return judged(measurement, found, strict=strict)
+
+
+def judged(measurement: RobotMeasurement, found: Iterable[Finding], *, strict: bool) -> list[Finding]:
+    """Findings with those of the model file, refusals first, unless the test is refused for one.
+
+    Raises:
+        ImplausibleError: naming the first reason.
+    """
+    model, name = measurement.model, f"{measurement.sheet.file}, model {measurement.sheet.test.model}"
+    of_model = model_findings(model.document, name) if model.sha256 else []
+    doubts = (Finding(Grade.DOUBTFUL, name, doubt) for doubt in model.doubts)
+    result = worst_first([*found, *doubts, *of_model])
     refuse(result, strict=strict)
     return result
 
@@ -102,7 +111,25 @@ def check_units(measurement: PoseMeasurement) -> None:
 
 def units(measurement: PoseMeasurement) -> Iterator[Finding]:
     """Angles in degrees and lengths in metres, with the factor; they are seen before anything is computed."""
-    data, machine = measurement.data, measurement.machine
+    data, machine = measurement.data, measurement.model.machine
+    yield from coordinates(measurement)
+    ends = unloaded_frames(machine.tree, machine.rows(data.q))[1]
+    spread, expected = _spread(data.position), _spread(np.where(np.isfinite(data.position), ends, np.nan))
+    if spread == 0.0 and expected > 0.0:
+        yield Finding(Grade.REFUSED, data.file, "the markers' positions are all the same: nothing moved")
+    if 0.0 < spread < 1e-2 * machine.tree.reach and expected > 1e-1 * machine.tree.reach:
+        unit = min(LENGTHS, key=lambda name: abs(np.log(expected / spread / LENGTHS[name])))
+        yield Finding(
+            Grade.REFUSED,
+            data.file,
+            f"the markers' positions spread over {spread:.3g} mm, the robot's over {expected:.3g} mm: they are in "
+            f"{unit}; multiply them by {LENGTHS[unit]:g}",
+        )
+
+
+def coordinates(measurement: RobotMeasurement) -> Iterator[Finding]:
+    """Joints' angles in degrees, and beams that would be out by more than they have."""
+    data, machine = measurement.data, measurement.model.machine
     for i, (name, slides) in enumerate(zip(data.joints, machine.slides, strict=True)):
         largest = float(np.abs(data.q[:, i]).max())
         if not slides and largest > LARGEST_TURN:
@@ -122,21 +149,9 @@ def units(measurement: PoseMeasurement) -> Iterator[Finding]:
                 f"= {q[data.row == row][0]:.4g} is outside 0 to {beam.length:.4g} mm, the whole of '{beam.name}': "
                 "give mm of it that are out",
             )
-    ends = unloaded_frames(machine.tree, machine.rows(data.q))[1]
-    spread, expected = _spread(data.position), _spread(np.where(np.isfinite(data.position), ends, np.nan))
-    if spread == 0.0 and expected > 0.0:
-        yield Finding(Grade.REFUSED, data.file, "the markers' positions are all the same: nothing moved")
-    if 0.0 < spread < 1e-2 * machine.tree.reach and expected > 1e-1 * machine.tree.reach:
-        unit = min(LENGTHS, key=lambda name: abs(np.log(expected / spread / LENGTHS[name])))
-        yield Finding(
-            Grade.REFUSED,
-            data.file,
-            f"the markers' positions spread over {spread:.3g} mm, the robot's over {expected:.3g} mm: they are in "
-            f"{unit}; multiply them by {LENGTHS[unit]:g}",
-        )
 
 
-def check_count(study: Study) -> None:
+def check_count(study: PoseStudy) -> None:
     """Refuse a test with fewer readings than its frames have unknowns.
 
     Raises:
@@ -191,7 +206,7 @@ def few(study: Study) -> Iterator[Finding]:
         )
 
 
-def temperature(study: Study) -> Iterator[Finding]:
+def temperature(study: PoseStudy) -> Iterator[Finding]:
     """Temperatures that no room has."""
     if study.data.temperature is not None:
         yield from no_room(study.data.temperature, f"{study.data.file}: column {TEMPERATURE}")
@@ -228,14 +243,11 @@ def weight_reversed(study: Study, state: State) -> Iterator[Finding]:
         solve(blocks, [f for f in families if f != own]).log_evidence, solve(blocks, families).log_evidence
     )
     if found.log_evidence - without > 0.5 * REVERSED**2:
-        yield Finding(
-            Grade.DOUBTFUL,
-            f"{study.sheet.file}: [test] gravity",
-            "the joints give way against the weight: does gravity point the other way in the base's axes?",
-        )
+        where, words = study.against
+        yield Finding(Grade.DOUBTFUL, f"{study.sheet.file}: {where}", words)
 
 
-def torques(study: Study) -> Iterator[Finding]:
+def torques(study: PoseStudy) -> Iterator[Finding]:
     """Measured torques that are those of the model by a factor: another sign, unit or gear ratio."""
     data = study.data
     if not np.isfinite(data.torque).any():
@@ -265,7 +277,7 @@ def _spread(position: Array) -> float:
     return float(np.linalg.norm(points.std(axis=0))) if len(points) > 1 else 0.0
 
 
-def joints_and_markers(study: Study) -> Iterator[Finding]:
+def joints_and_markers(study: PoseStudy) -> Iterator[Finding]:
     """What would explain a rigid robot's large error: signs, zeros, columns exchanged, a unit, a row's shift.
 
     None where the error is that of a robot.
@@ -303,7 +315,7 @@ Change = tuple[Array, Array, str, str]
 """Joint coordinates and positions as they may have been meant, a name, and what to do."""
 
 
-def _of_joints(study: Study, data: PoseData) -> Iterator[Change]:
+def _of_joints(study: PoseStudy, data: PoseData) -> Iterator[Change]:
     """Signs, zeros and places of the joints' columns."""
     names, y = data.joints, data.position
     for i, name in enumerate(names):
@@ -327,7 +339,7 @@ def _of_joints(study: Study, data: PoseData) -> Iterator[Change]:
             yield np.roll(data.q, -by, axis=1), y, f"joints_shifted.{by}", words
 
 
-def _of_positions(study: Study, data: PoseData, keep: np.ndarray) -> Iterator[Change]:
+def _of_positions(study: PoseStudy, data: PoseData, keep: np.ndarray) -> Iterator[Change]:
     """Markers, axes, units and rows of the positions."""
     for i, j in itertools.combinations(range(len(data.markers)), 2):
         y = data.position.copy()
@@ -346,7 +358,7 @@ def _of_positions(study: Study, data: PoseData, keep: np.ndarray) -> Iterator[Ch
         yield data.q, y, f"positions_shifted.{by}", f"the positions stand {words} by one,"
 
 
-def _error(study: Study, q: Array, position: Array) -> float:
+def _error(study: PoseStudy, q: Array, position: Array) -> float:
     R, p = unloaded_frames(study.machine.tree, study.machine.rows(q))
     sigma = np.array([table.sigma_mm for table in study.sheet.markers.values()])
     _, distance = align(R, p, position, np.full((*position.shape[:2], 3, 3), np.nan), sigma, None)

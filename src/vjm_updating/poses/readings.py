@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from vjm.io.errors import did_you_mean
 from vjm.model.joints import CoupledJoint
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.experiment.readings import DataError, numbers_of, table_of
-from vjm_updating.poses.sheet import PoseSheet
+from vjm_updating.poses.sheet import PoseSheet, RobotSheet
 
 POSITION, NOISE = ("x_mm", "y_mm", "z_mm"), ("x_std_mm", "y_std_mm", "z_std_mm")
 ANGLES, ANGLES_DEG = ("rx_rad", "ry_rad", "rz_rad"), ("rx_deg", "ry_deg", "rz_deg")
@@ -37,7 +37,7 @@ class PoseData:
     Attributes:
         file: name for messages.
         sha256: of the file.
-        row: ``(g,)`` line of the file, the header being line 1.
+        row: ``(g,)`` line of the file, the first being line 1.
         joints: names of the n joints, the model's.
         q: ``(g, n)`` their coordinates, mm and rad.
         markers: names of the k markers.
@@ -104,50 +104,93 @@ def read_poses(
     Raises:
         DataError: they do not; one line.
     """
+    sha256, header, rows = table_in(path)
+    try:
+        return _read(path.name, sha256, header, rows, sheet, joints, slides, followers)
+    except ValueError as error:
+        raise DataError(f"{path.name}: {error}") from error
+
+
+def table_in(path: Path) -> tuple[str, list[str], list[tuple[int, list[str]]]]:
+    """The SHA-256 of a CSV file, its header and its numbered rows; lines that begin with # are comments.
+
+    Raises:
+        DataError: it cannot be read; one line.
+    """
     try:
         raw = path.read_bytes()
         text = raw.decode("utf-8-sig")
-        header, rows = table_of(list(csv.reader(line for line in text.splitlines() if not line.startswith("#"))))
+        lines = ["" if line.startswith("#") else line for line in text.splitlines()]
+        head = next((i for i, line in enumerate(lines) if line.strip()), 0)
+        header, table = table_of(list(csv.reader(lines[head:])))
     except OSError as error:
         raise DataError(f"{path}: cannot be read: {error.strerror}") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataError(f"{path.name}: no CSV text in UTF-8: {error}") from error
     except ValueError as error:
         raise DataError(f"{path.name}: {error}") from error
-    try:
-        return _read(path.name, hashlib.sha256(raw).hexdigest(), header, rows, sheet, joints, slides, followers)
-    except ValueError as error:
-        raise DataError(f"{path.name}: {error}") from error
+    return hashlib.sha256(raw).hexdigest(), header, [(number + head, cells) for number, cells in table]
 
 
-def read_candidates(path: Path, sheet: PoseSheet, joints: tuple[str, ...], slides: tuple[bool, ...]) -> Array:
+def read_candidates(path: Path, sheet: RobotSheet, joints: tuple[str, ...], slides: tuple[bool, ...]) -> Array:
     """Postures ``(c, n)`` that could be measured, from a CSV file with the columns of the joints.
 
     Raises:
         DataError: it cannot be used; one line.
     """
+    _, header, table = table_in(path)
+    rows = np.array([number for number, _ in table])
     try:
-        header, table = table_of(list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines())))
-        names = {
-            f"{sheet.joints.get(c.partition('.')[0], c.partition('.')[0])}.{c.partition('.')[2]}": c for c in header
-        }
-        rows, columns = np.array([number for number, _ in table]), []
-        for joint, sliding in zip(joints, slides, strict=True):
-            key = f"{joint}.q_mm" if sliding else f"{joint}.q_rad"
-            if key not in names:
-                raise ValueError(f"column '{key}' is missing: add it")
-            place = header.index(names[key])
-            columns.append(numbers_of([cells[place] for _, cells in table], key, rows))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read: {error.strerror}") from error
+        by_name = numbers_by_name(header, table, sheet, skip=lambda key: key not in COORDINATE)
+        result = coordinates(by_name, joints, slides)
     except ValueError as error:
         raise DataError(f"{path.name}: {error}") from error
-    result = np.column_stack(columns)
     if not np.isfinite(result).all():
         raise DataError(
             f"{path.name}: row {rows[int(np.argmin(np.isfinite(result).all(axis=1)))]} has a blank: fill it"
         )
     return result
+
+
+def numbers_by_name(
+    header: list[str], table: list[tuple[int, list[str]]], sheet: RobotSheet, skip: Callable[[str], bool]
+) -> dict[str, Array]:
+    """Columns ``(g,)`` by their names, those of joints by the model's names.
+
+    Args:
+        header: names of the columns.
+        table: numbered rows.
+        sheet: which names columns that differ.
+        skip: whether a column with this key, what stands behind the name's point or the whole, is left out.
+
+    Raises:
+        ValueError: a cell is no number.
+    """
+    rows = np.array([number for number, _ in table])
+    result = {}
+    for i, column in enumerate(header):
+        name, dot, key = column.partition(".")
+        if skip(key if dot else column):
+            continue
+        values = numbers_of([cells[i] for _, cells in table], column, rows)
+        result[f"{sheet.joints.get(name, name)}.{key}" if dot else column] = values
+    return result
+
+
+def coordinates(by_name: Mapping[str, Array], joints: tuple[str, ...], slides: tuple[bool, ...]) -> Array:
+    """The joints' coordinates ``(g, n)``, mm and rad.
+
+    Raises:
+        ValueError: a column is missing.
+    """
+    columns = []
+    for joint, sliding in zip(joints, slides, strict=True):
+        column, other = (f"{joint}.{key}" for key in (("q_mm", "q_rad") if sliding else ("q_rad", "q_mm")))
+        if column not in by_name:
+            said = f", which {'slides' if sliding else 'turns'}; the file has {other}" if other in by_name else ""
+            raise ValueError(f"column '{column}' is missing{said}: add it, or name its column in [joints]")
+        columns.append(by_name[column])
+    return np.column_stack(columns)
 
 
 def _read(
@@ -159,22 +202,9 @@ def _read(
     for column in header:
         if not any(column in (f"{one.name}.q_mm", f"{one.name}.q_rad") for one in followers):
             _check_column(column, names[column], sheet, joints)
-    columns = {
-        column: numbers_of([cells[i] for _, cells in table], column, rows)
-        for i, column in enumerate(header)
-        if column != READING
-    }
-    by_name = {f"{names[c]}.{c.partition('.')[2]}" if "." in c else c: values for c, values in columns.items()}
+    by_name = numbers_by_name(header, table, sheet, skip=lambda key: key == READING)
     g, nothing = len(rows), np.full(len(rows), np.nan)
-
-    q = np.empty((g, len(joints)))
-    for i, (joint, sliding) in enumerate(zip(joints, slides, strict=True)):
-        column = f"{joint}.q_mm" if sliding else f"{joint}.q_rad"
-        if column not in by_name:
-            other = f"{joint}.q_rad" if sliding else f"{joint}.q_mm"
-            said = f", which {'slides' if sliding else 'turns'}; the file has {other}" if other in by_name else ""
-            raise ValueError(f"column '{column}' is missing{said}: add it, or name its column in [joints]")
-        q[:, i] = by_name[column]
+    q = coordinates(by_name, joints, slides)
     for one in followers:
         _check_follower(one, by_name, dict(zip(joints, q.T, strict=True)), rows)
     torque = np.column_stack(
@@ -194,7 +224,7 @@ def _read(
         ):
             raise ValueError(f"column '{marker}.x_mm' is missing: add it, or take [markers.{marker}] away")
     position = of_markers(POSITION, np.nan)
-    for column, values in columns.items():
+    for column, values in by_name.items():
         if column.partition(".")[2] in NOISE and (values < 0.0).any():
             row = rows[int(np.argmax(values < 0.0))]
             raise ValueError(

@@ -1,10 +1,13 @@
-"""The sheet of a test of ``kind = "poses"``: the robot, the markers on it, the tracker, how the data were taken."""
+"""Sheets of tests of a robot in many postures: what all kinds have, and ``kind = "poses"``.
+
+A sheet of poses has the robot, the markers on it, the tracker, and how the data were taken.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import pydantic
 from pydantic import Field, model_validator
@@ -17,16 +20,24 @@ from vjm.io.toml_parsing import parse_toml
 from vjm_updating.experiment.sheet import SheetError
 
 Sigma = Annotated[float, Field(gt=0.0, le=1e6)]
+S = TypeVar("S", bound="RobotSheet")
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
-class PoseTest(Table):
-    """What was measured, and how."""
+class RobotTest(Table):
+    """What was measured, on which model."""
 
     title: str = ""
     model: str = Field(min_length=1, description="a model of the library, a model file, or a URDF")
     tip: str | None = Field(None, description="of a URDF: the last link")
     rigid: bool = Field(False, description="whether the compliances of the model's joints are set aside")
+    gravity: Three = Field([0.0, 0.0, -9.81], description="m/s², in the axes of the robot's base")
+    source: str = ""
+
+
+class PoseTest(RobotTest):
+    """What was measured, and how."""
+
     joints: Literal["commanded", "measured"] = Field(
         "commanded",
         description="what the columns of the joints are: what the controller was told, or what was read",
@@ -35,20 +46,28 @@ class PoseTest(Table):
         None, description="of measured joints: behind the motor (the usual), or behind the gear"
     )
     order: Literal["as taken", "unknown"] = "unknown"
-    gravity: Three = Field([0.0, 0.0, -9.81], description="m/s², in the axes of the robot's base")
+
+
+class Rider(Table):
+    """A point that rides behind a part."""
+
+    on: Label | Literal[""] = Field("", description="part behind which it rides; empty: the last one")
+    position_mm: VectorMM = Field([0.0, 0.0, 0.0], description="in the frame behind that part")
     source: str = ""
 
 
-class MarkerTable(Table):
+class MarkerTable(Rider):
+    """A marker that the tracker sees; its place is a first guess."""
+
+    sigma_mm: Sigma = Field(300.0, description="how well the guess is known")
+
+
+class PoseMarker(MarkerTable):
     """A marker, a reflector or a frame that the tracker sees, or an inclinometer."""
 
-    on: Label | Literal[""] = Field("", description="part behind which it rides; empty: the last one")
-    position_mm: VectorMM = Field([0.0, 0.0, 0.0], description="first guess, in the frame behind that part")
-    sigma_mm: Sigma = Field(300.0, description="how well the guess is known")
     orientation: Literal["none", "quaternion", "fixed xyz", "moving xyz", "rotation vector", "tilt"] = Field(
         "none", description="how the columns of its orientation are to be read"
     )
-    source: str = ""
 
 
 class TrackerTable(Table):
@@ -68,22 +87,68 @@ class BaseGuess(Table):
     sigma_rad: Sigma = 10.0
 
 
-class PoseSheet(Table):
-    """The sheet."""
+class RobotSheet(Table):
+    """What the sheets of all kinds of test have."""
 
-    kind: Literal["poses"]
-    test: PoseTest
+    test: RobotTest
+    markers: Mapping[Label, MarkerTable]
     joints: dict[str, str] = Field({}, description="names of columns, where they differ: the model's joints")
-    markers: dict[Label, MarkerTable] = Field(min_length=1)
-    tracker: TrackerTable
-    base: BaseGuess | None = None
     file: str = Field("", exclude=True)
     folder: Path = Field(Path(), exclude=True)
 
     @property
     def at_output(self) -> bool:
         """Whether the joints were measured behind what bends about their own axes."""
+        return False
+
+    @property
+    def ordered(self) -> bool:
+        """Whether the rows stand in the order in which they were taken."""
+        return False
+
+    @property
+    def meaning(self) -> str:
+        """What the joints' columns are, for people."""
+        return "commanded"
+
+    @property
+    def bends(self) -> str:
+        """What lies between the joints' columns and the links, and so bends about the joints' axes."""
+        return "gears, drives, and what the controllers leave of their error under load"
+
+
+class PoseSheet(RobotSheet):
+    """The sheet of a test of poses."""
+
+    kind: Literal["poses"]
+    test: PoseTest
+    markers: dict[Label, PoseMarker] = Field(min_length=1)
+    tracker: TrackerTable
+    base: BaseGuess | None = None
+
+    @property
+    def at_output(self) -> bool:
+        """Whether the joints were measured behind what bends about their own axes."""
         return self.test.encoders == "output"
+
+    @property
+    def ordered(self) -> bool:
+        """Whether the rows stand in the order in which they were taken."""
+        return self.test.order == "as taken"
+
+    @property
+    def meaning(self) -> str:
+        """What the joints' columns are, for people."""
+        if self.test.joints == "commanded":
+            return "commanded"
+        return "measured at the output" if self.at_output else "measured at the motor"
+
+    @property
+    def bends(self) -> str:
+        """What lies between the joints' columns and the links, and so bends about the joints' axes."""
+        if self.test.joints == "commanded":
+            return super().bends
+        return "gears, and all else between the encoders at the motors and the links"
 
     @model_validator(mode="after")
     def _encoders(self) -> PoseSheet:
@@ -93,13 +158,22 @@ class PoseSheet(Table):
 
     @model_validator(mode="after")
     def _gravity(self) -> PoseSheet:
-        size = sum(v * v for v in self.test.gravity) ** 0.5
-        if size > 100.0:
-            raise ValueError(f"[test] gravity has {size:.4g} m/s²: write it in m/s²")
+        check_gravity(self.test.gravity)
         tilted = next((name for name, table in self.markers.items() if table.orientation == "tilt"), None)
-        if size == 0.0 and tilted is not None:
+        if not any(self.test.gravity) and tilted is not None:
             raise ValueError(f"[markers.{tilted}] orientation = 'tilt' is against gravity, and [test] has none")
         return self
+
+
+def check_gravity(gravity: Sequence[float]) -> None:
+    """Refuse a gravity that is in mm/s² or the like.
+
+    Raises:
+        ValueError: it is.
+    """
+    size = sum(v * v for v in gravity) ** 0.5
+    if size > 100.0:
+        raise ValueError(f"[test] gravity has {size:.4g} m/s²: write it in m/s²")
 
 
 def kind_of_sheet(path: Path) -> str:
@@ -112,11 +186,16 @@ def kind_of_sheet(path: Path) -> str:
     return kind if isinstance(kind, str) else ""
 
 
-def read_pose_sheet(path: Path) -> PoseSheet:
+def read_robot_sheet(path: Path, kind: type[S], tables: Sequence[type[Table]]) -> S:
     """A sheet from its file.
 
+    Args:
+        path: of the TOML file.
+        kind: of sheet.
+        tables: that it and its tables are, for the names of keys.
+
     Raises:
-        SheetError: no such file, no TOML, or no sheet of poses; one line.
+        SheetError: no such file, no TOML, or no sheet of that kind; one line.
     """
     try:
         content = parse_toml(path.read_text(encoding="utf-8-sig"))
@@ -126,13 +205,21 @@ def read_pose_sheet(path: Path) -> PoseSheet:
         raise SheetError(f"{path.name}: not UTF-8 text; save it as UTF-8") from error
     except ValueError as error:
         raise SheetError(f"{path.name}: not valid TOML: {error}") from error
+
+    def known_keys(_: str) -> Iterable[str]:
+        return [name for table in tables for name in table.model_fields if name not in ("file", "folder")]
+
     try:
-        sheet = PoseSheet.model_validate(content)
+        sheet = kind.model_validate(content)
     except pydantic.ValidationError as error:
-        raise SheetError(f"{path.name}: {one_line(error, content, _known_keys)}") from error
+        raise SheetError(f"{path.name}: {one_line(error, content, known_keys)}") from error
     return sheet.model_copy(update={"file": path.name, "folder": path.parent})
 
 
-def _known_keys(_: str) -> Iterable[str]:
-    tables: tuple[type[Table], ...] = (PoseSheet, PoseTest, MarkerTable, TrackerTable, BaseGuess)
-    return [name for table in tables for name in table.model_fields if name not in ("file", "folder")]
+def read_pose_sheet(path: Path) -> PoseSheet:
+    """A sheet of poses from its file.
+
+    Raises:
+        SheetError: no such file, no TOML, or no sheet of poses; one line.
+    """
+    return read_robot_sheet(path, PoseSheet, (PoseSheet, PoseTest, PoseMarker, TrackerTable, BaseGuess))

@@ -1,23 +1,28 @@
-"""A test of poses under a hypothesis: the state of the model, its fit, and its errors held out."""
+"""A test of a robot under a hypothesis: the state of the model, its fit, and its errors held out.
+
+`Study` is what all kinds of test have in common; a kind says what it predicts, which members it can show, what its
+instruments leave unknown, and how they scatter.
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.rotations import Array
-from vjm_updating.poses.alignment import align, with_tilts
-from vjm_updating.poses.families import LARGEST, members_of
-from vjm_updating.poses.fit import Blocks, Solution, blocks_of, held_out, solve
+from vjm_updating.poses.families import LARGEST, Member
+from vjm_updating.poses.fit import SMALLEST_SIZE, Blocks, Solution, blocks_of, held_out, solve
 from vjm_updating.poses.folds import Folds, folds_of
-from vjm_updating.poses.forward import Frames, Linearised, PoseForward
+from vjm_updating.poses.forward import Forward, Frames, Linearised
 from vjm_updating.poses.knowable import knowable
 from vjm_updating.poses.machine import PoseMachine, with_coupling
 from vjm_updating.poses.readings import PoseData
-from vjm_updating.poses.sheet import PoseSheet
+from vjm_updating.poses.sheet import RobotSheet
 
 COUPLING = "coupling"
 ROUNDS = 4
@@ -32,9 +37,6 @@ TAIL = 4.0
 MEDIAN_TO_SIGMA = 1.4826
 OUTLIER = 0.15
 """Weight below which a reading is counted as an outlier."""
-OUTLYING, MOST_OUTLIERS = 10.0, 0.05
-"""Median distances of the rigid robot beyond which a position is left out (a normal error would reach that once in
-10^50 readings), and the share of the postures beyond which it is the median that means nothing."""
 RANDOM, REGION = 0, 1
 BEHIND_ENCODERS = ("joint_compliance", "approach")
 """Families that are not seen where the joints are measured at the output: their coordinates have them already."""
@@ -117,6 +119,22 @@ class State:
 
 
 @dataclass(frozen=True)
+class Candidates:
+    """Readings that could be taken.
+
+    Attributes:
+        q: ``(c, n)`` coordinates of the joints, mm and rad.
+        load: ``(c, l, 6)`` wrenches at the points of load, N and N mm; of tests without such points l is 0.
+    """
+
+    q: Array
+    load: Array
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+@dataclass(frozen=True)
 class Outlier:
     """A position that is not used: its row, marker, and how far it is off, mm."""
 
@@ -125,77 +143,126 @@ class Outlier:
     distance: float
 
 
-class Study:
-    """A test, the machine with all that may be wrong with it, and the ways of holding postures out."""
+class Study(ABC):
+    """A test, the machine with all that may be wrong with it, and the ways of holding postures out.
+
+    Attributes:
+        sheet: of the test, and
+        data: its readings.
+        machine: extended.
+        outliers: readings that were left out.
+        all_members: all numbers that the kind of test can show.
+        members: those that the data can know, which a hypothesis may change, and
+        families: their families.
+        unasked: the others, with the reason.
+        prior: standard deviations ``(n_f,)`` of the nuisances.
+        folds: ways of holding out.
+        frames: first guess of the nuisances, and
+        aligned: ``(g, k)`` mm, what the rigid robot misses with them.
+    """
+
+    baseline: ClassVar[str] = "frames only"
+    """What is fitted before any family is added, for people."""
+    against: ClassVar[tuple[str, str]] = (
+        "[test] gravity",
+        "the joints give way against the weight: does gravity point the other way in the base's axes?",
+    )
+    """Where in the sheet, and what to ask, where springs give way against what loads them."""
 
     def __init__(
-        self, sheet: PoseSheet, machine: PoseMachine, data: PoseData, outliers: tuple[Outlier, ...] = ()
+        self, sheet: RobotSheet, machine: PoseMachine, data: PoseData, outliers: tuple[Outlier, ...] = ()
     ) -> None:
         self.sheet, self.data, self.machine, self.outliers = sheet, data, machine, outliers
-        forward = PoseForward(machine, data, sheet.test.gravity)
-        self._forward: dict[tuple[str, ...], PoseForward] = {(): forward}
-        torque = forward.torques()
-        all_members = members_of(machine, data, torque, ordered=self.ordered)
-        self.all_members = [m for m in all_members if not (sheet.at_output and m.family in BEHIND_ENCODERS)]
-        self.members, self.unasked = knowable(self.all_members, machine, data, torque)
+        forward = self.forward_of(machine, data)
+        self._forward: dict[tuple[str, ...], Forward] = {(): forward}
+        self.all_members = self.members_for(forward)
+        self.members, self.unasked = knowable(self.all_members, machine, data, forward.torques())
         forward.members = self.members
         self.families = tuple(dict.fromkeys(member.family for member in self.members))
         self.folds: Folds = folds_of(data.q)
-        guess = sheet.base
-        wide = (1e5, 10.0) if guess is None else (guess.sigma_mm, guess.sigma_rad)
-        self.prior = np.concatenate(
-            [
-                np.full(3, wide[1]),
-                np.full(3, wide[0]),
-                *[np.full(3, table.sigma_mm) for table in sheet.markers.values()],
-                np.full(3 * len(forward.tracked), 10.0),
-            ]
-        )
-        R, p = forward.unloaded()
-        sigma = np.array([table.sigma_mm for table in sheet.markers.values()])
-        frames, self.aligned = align(R, p, data.position, data.orientation, sigma, guess)
-        self.frames = with_tilts(frames, R, data.tilt, forward.gravity)
+        self.prior = self.nuisance_prior()
+        self.frames, self.aligned = self.first_frames()
 
+    @abstractmethod
+    def forward_of(self, machine: PoseMachine, data: PoseData) -> Forward:
+        """The model of readings of the test, by a machine and without members."""
+
+    @abstractmethod
+    def members_for(self, forward: Forward) -> list[Member]:
+        """All members that the data can show."""
+
+    @abstractmethod
+    def nuisance_prior(self) -> Array:
+        """Standard deviations ``(n_f,)`` of the nuisances."""
+
+    @abstractmethod
+    def first_frames(self) -> tuple[Frames, Array]:
+        """First guess of the nuisances, and what the rigid robot misses ``(g, k)`` mm with them."""
+
+    @abstractmethod
+    def scatter(self, at: Linearised) -> Array:
+        """Standard deviations ``(g, k, 6)`` of the readings, raised to what the residuals' bulk shows."""
+
+    @abstractmethod
     def without_outliers(self) -> Study:
-        """The same test without positions that lie far beyond what errors of a robot spread to.
+        """The same test without readings that lie far beyond what errors of a robot spread to."""
 
-        A robot's errors are functions of its posture, seen in many of them; what one reading has many times over
-        is of that reading. It would weigh on every mean distance.
-        """
-        study = self
-        while True:
-            far = study.aligned > OUTLYING * np.nanmedian(study.aligned)
-            if not far.any() or len(study.outliers) + far.sum() > MOST_OUTLIERS * self.data.position.shape[0]:
-                return study
-            found = tuple(
-                Outlier(int(study.data.row[i]), study.data.markers[j], float(study.aligned[i, j]))
-                for i, j in np.argwhere(far)
-            )
-            study = Study(self.sheet, self.machine, study.data.blanked(far), study.outliers + found)
+    @abstractmethod
+    def ends(self) -> dict[str, tuple[str, Array]]:
+        """Points of the machine that the test needs: part and place, ``(3,)`` mm, by name."""
+
+    @abstractmethod
+    def at_candidates(self, state: State, candidates: Candidates) -> Linearised:
+        """The model at a state in readings that could be taken."""
+
+    @abstractmethod
+    def drawn(self, rng: np.random.Generator, count: int) -> Candidates:
+        """Readings that could be taken, drawn within the joints' limits and what was measured."""
+
+    def postures(self, rng: np.random.Generator, count: int) -> Array:
+        """Postures ``(count, n)`` drawn within the joints' limits, no further than what was measured reaches."""
+        low, high = self.data.q.min(axis=0), self.data.q.max(axis=0)
+        for i, limits in enumerate(self.machine.limits):
+            if limits is not None:
+                low[i], high[i] = max(low[i], limits[0]), min(high[i], limits[1])
+        return rng.uniform(low, np.maximum(high, low), (count, len(low)))
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Points of load."""
+        return ()
+
+    @property
+    def not_asked(self) -> tuple[str, ...]:
+        """Families that the data cannot show, whatever they are."""
+        return BEHIND_ENCODERS if self.sheet.at_output else ()
+
+    @property
+    def not_asked_for(self) -> str:
+        """Why, for people."""
+        said = "have what bends about their axes in their coordinates"
+        return f"joints {self.sheet.meaning} (encoders = 'output') {said}" if self.not_asked else ""
 
     @property
     def ordered(self) -> bool:
         """Whether the postures stand in the order in which they were taken."""
-        return self.sheet.test.order == "as taken"
+        return self.sheet.ordered
 
-    def forward(self, bent: tuple[str, ...] = ()) -> PoseForward:
+    def forward(self, bent: tuple[str, ...] = ()) -> Forward:
         """The model with some couplings the other way than the model file has them."""
         key = tuple(sorted(bent))
         if key not in self._forward:
-            chain = self.machine.chain
-            for joint in key:
-                chain = with_coupling(chain, joint, as_bent=not self.machine.coupled[joint])
-            ends = {
-                name: (table.on, np.array(table.position_mm, dtype=float))
-                for name, table in self.sheet.markers.items()
-            }
-            machine = PoseMachine(chain, ends, rigid=self.sheet.test.rigid, at_output=self.sheet.at_output)
-            self._forward[key] = self._forward[()].with_machine(machine)
+            self._forward[key] = self._forward[()].with_machine(self.machine_of(key))
         return self._forward[key]
 
-    def holding_torques(self) -> Array:
-        """What holds each joint ``(g, n)`` by the model, N mm or N."""
-        return self._forward[()].holding()
+    def machine_of(self, bent: Sequence[str]) -> PoseMachine:
+        """The machine, extended, with some couplings the other way than the model file has them."""
+        if not bent:
+            return self.machine
+        chain = self.machine.chain
+        for joint in bent:
+            chain = with_coupling(chain, joint, as_bent=not self.machine.coupled[joint])
+        return PoseMachine(chain, self.ends(), rigid=self.sheet.test.rigid, at_output=self.sheet.at_output)
 
     def number(self, family: str) -> int:
         """Of a family."""
@@ -230,17 +297,18 @@ class Study:
             sigma, weight = self.noise(at)
             blocks = self.blocks(at, z, sigma)
             solution = solve(blocks, self.numbers(hypothesis), sizes)
-            sizes = solution.sizes
+            # a family without effect on a rigid machine may have one at the next linearisation
+            sizes = {f: size for f, size in solution.sizes.items() if size > SMALLEST_SIZE}
             if stuck or round_ == rounds or (round_ > 1 and abs(mean - last) < SETTLED * mean):
                 break
             last, cut, origin, before = mean, 1.0, frames, z
-            step, turn = solution.z[blocks.nuisances :] - z, solution.z[: blocks.nuisances]
+            step, turn = solution.z[blocks.nuisances :] - z, solution.z[: blocks.nuisances] - at.off
             z, frames = z + step, forward.moved(frames, turn)
         return State(
             hypothesis, z, frames, at, blocks, solution, self.errors(blocks, solution, sigma), sigma, weight
         )
 
-    def _evaluated(self, forward: PoseForward, z: Array, frames: Frames) -> tuple[Linearised | None, float]:
+    def _evaluated(self, forward: Forward, z: Array, frames: Frames) -> tuple[Linearised | None, float]:
         """The model at a state and its mean error; none and infinity where a posture has no equilibrium there."""
         try:
             at = forward.evaluate(z, frames)
@@ -254,15 +322,7 @@ class Study:
 
     def noise(self, at: Linearised) -> tuple[Array, Array]:
         """Standard deviations ``(g, k, 6)`` with the robust weights in them, and those ``(g, k)``."""
-        said = np.empty_like(at.residual)
-        said[..., :3], said[..., 3:] = self.data.sigma, self.sheet.tracker.noise_rad
-        for half in (slice(0, 3), slice(3, 6)):
-            r = np.abs(at.residual[..., half])
-            if np.isfinite(r).any():
-                scatter = MEDIAN_TO_SIGMA * float(np.nanmedian(r))
-                floor = float(np.nanmedian(said[..., half]))
-                extra = max(scatter**2 - floor**2, 0.0)
-                said[..., half] = np.sqrt(said[..., half] ** 2 + extra)
+        said = self.scatter(at)
         square = np.nansum((at.residual / said) ** 2, axis=2)
         count = np.isfinite(at.residual).sum(axis=2)
         weight = np.minimum((TAIL + count) / (TAIL + square), 1.0)
@@ -277,7 +337,7 @@ class Study:
         upper = np.concatenate([np.full(n, np.inf), [member.upper / member.unit for member in self.members]])
         largest = {self.number(name): size for name, size in LARGEST.items() if name in self.families}
         return blocks_of(
-            at.residual + at.member @ z,
+            at.residual + at.nuisance @ at.off + at.member @ z,
             J,
             sigma,
             self.folds.parts,

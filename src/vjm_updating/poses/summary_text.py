@@ -14,7 +14,7 @@ def lines(found: PoseCalibration) -> list[str]:
     result = _diagnosis(found) if isinstance(found, PoseDiagnosis) else _errors(found)
     result += [f"data: {row.where}: {row.found}" for row in found.doubts if row.grade != Grade.NOTED]
     if found.not_asked:
-        result.append(f"not asked, for the joints were {found.joints}: {', '.join(found.not_asked)}")
+        result.append(f"not asked, for {found.not_asked_for}: {', '.join(found.not_asked)}")
     result += _not_known(found)
     members = [m for family in found.families for m in family.members if m.identifiable and "compliance" in m.name]
     result += [
@@ -53,7 +53,7 @@ def _diagnosis(found: PoseDiagnosis) -> list[str]:
     result.append(f"mean distance in mm: fitted, held out at random, by region, at the ends{beside}")
     for row in found.ladder:
         numbers = (row.fitted_mm, row.random_mm, row.region_mm, row.ends_mm, *row.beside_mm)
-        result.append(f"  {row.added or 'frames only':24s}" + "".join(f" {v:9.4g}" for v in numbers))
+        result.append(f"  {row.added or found.baseline:24s}" + "".join(f" {v:9.4g}" for v in numbers))
     refused = [t for row in found.ladder for t in row.tried if t.gain_beside is not None and t.gain_beside < 0.0]
     result += [
         f"  not added: {t.name}, by which the other series are predicted worse by {-t.gain_beside:.0%}"

@@ -9,7 +9,7 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.experiment.sheet import SheetError
 from vjm_updating.poses.families import DRIFT, Member
-from vjm_updating.poses.forward import PoseForward
+from vjm_updating.poses.forward import Forward
 from vjm_updating.poses.study import State, Study
 
 ROUNDS = 8
@@ -53,13 +53,13 @@ class Series:
         """Distances ``(g, k)`` mm of this series' markers by the members of a state of the test."""
         values = values_of(study, state)
         known = self._study.all_members
-        forward = PoseForward(self._study.machine, self._study.data, self._study.sheet.test.gravity)
+        forward = self._study.forward_of(self._study.machine, self._study.data)
         # a drift is of the series in which it was seen
         forward.members = [m for m in known if m.acts != DRIFT and (m.name in values or m.family == ZEROS)]
         z = np.array([values.get(m.name, 0.0) / m.unit for m in forward.members])
         zeros = [i for i, m in enumerate(forward.members) if m.family == ZEROS]
         if state.hypothesis.bent:
-            forward = forward.with_machine(self._study.forward(state.hypothesis.bent).machine)
+            forward = forward.with_machine(self._study.machine_of(state.hypothesis.bent))
         return refitted(self._study, forward, z, zeros)
 
 
@@ -69,7 +69,7 @@ def values_of(study: Study, state: State) -> Mapping[str, float]:
     return {m.name: float(z) * m.unit for m, z in pairs if m.family in state.hypothesis.families}
 
 
-def refitted(study: Study, forward: PoseForward, z: Array, free: list[int]) -> Array:
+def refitted(study: Study, forward: Forward, z: Array, free: list[int]) -> Array:
     """Distances ``(g, k)`` mm of a test by given members, its frames and some of the members fitted.
 
     Args:
@@ -93,7 +93,7 @@ def refitted(study: Study, forward: PoseForward, z: Array, free: list[int]) -> A
         seen = np.isfinite(at.residual)
         J = np.concatenate([at.nuisance, at.member[..., free]], axis=3)[seen] / sigma[seen][:, None]
         y = at.residual[seen] / sigma[seen]
-        held = np.concatenate([np.zeros(n), (start - z[free]) / ZERO])
+        held = np.concatenate([-at.off / study.prior, (start - z[free]) / ZERO])
         step = np.linalg.lstsq(np.vstack([J, np.diag(root)]), np.concatenate([y, held]), rcond=None)[0]
         frames = forward.moved(frames, step[:n])
         z[free] += step[n:]

@@ -66,6 +66,9 @@ NEXT = {
     "postures, and take it off.",
     "one side": "What is left follows the size of a joint's torque and not its sign: it gives way to one side more "
     "than to the other, as a crack or a loose bolt does. Load that joint alone, to either side, and look at it.",
+    "backlash": "What is left follows the side to which a joint is loaded: load that joint alone, to either side, "
+    "in small steps about zero.",
+    "load": "What is left is a load's that is always there: read the force sensor without load, before and after.",
     "approach": "What is left follows the way of approach: repeat postures from both sides.",
     "region": "What is left differs by the region of joint space: measure more postures there.",
     "scatter": "What is left follows nothing that was asked: repeat some postures ten times, from "

@@ -16,10 +16,9 @@ from vjm.io.toml_text import toml_text
 from vjm.io.urdf_text import urdf_text
 from vjm.model.chain import Chain
 from vjm_updating.poses.calibrated import NO_WORD, calibrated_document
-from vjm_updating.poses.forward import PoseForward
 from vjm_updating.poses.identifiability import MemberEstimate, estimates
 from vjm_updating.poses.machine import PoseMachine
-from vjm_updating.poses.measurement import PoseMeasurement
+from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.study import State, Study
 from vjm_updating.poses.transfer import refitted
 
@@ -49,7 +48,9 @@ class Written:
     refusals: tuple[Finding, ...]
 
 
-def written(measurement: PoseMeasurement, study: Study, state: State, members: Sequence[MemberEstimate]) -> Written:
+def written(
+    measurement: RobotMeasurement, study: Study, state: State, members: Sequence[MemberEstimate]
+) -> Written:
     """The model file of a hypothesis.
 
     Args:
@@ -70,10 +71,10 @@ def written(measurement: PoseMeasurement, study: Study, state: State, members: S
     text = toml_text(document)
     content = parse_toml(text)
     chain = build_chain(content, "the calibrated model")
-    known = {_said(one) for one in model_findings(measurement.document, "model")}
+    known = {_said(one) for one in model_findings(measurement.model.document, "model")}
     new = [one for one in model_findings(content, "the calibrated model") if _said(one) not in known]
     refusals = tuple(one for one in new if one.grade is not Grade.NOTED)
-    error = _error(measurement, study, chain)
+    error = _error(study, chain)
     return Written(text, urdf_text(chain), mjcf_text(chain), state, without, left_out, error, refusals)
 
 
@@ -82,16 +83,14 @@ def _said(finding: Finding) -> tuple[str, str]:
     return finding.where.partition(": ")[2], finding.found
 
 
-def _error(measurement: PoseMeasurement, study: Study, chain: Chain) -> float:
+def _error(study: Study, chain: Chain) -> float:
     """Mean distance in mm of a test's markers by a model as it stands, only the frames fitted."""
-    sheet, data = measurement.sheet, study.data
-    ends = {name: (table.on, np.array(table.position_mm, dtype=float)) for name, table in sheet.markers.items()}
-    machine = PoseMachine(chain, ends, at_output=sheet.at_output)
+    data = study.data
+    machine = PoseMachine(chain, study.ends(), at_output=study.sheet.at_output)
     # joints that the file has more are of the base, whose coordinates are zero
     q = np.zeros((len(data), len(machine.joints)))
     for i, name in enumerate(machine.joints):
         if name in data.joints:
             q[:, i] = data.q[:, data.joints.index(name)]
     there = replace(data, joints=machine.joints, q=q, torque=np.full(q.shape, np.nan))
-    forward = PoseForward(machine, there, sheet.test.gravity)
-    return float(np.nanmean(refitted(study, forward, np.zeros(0), [])))
+    return float(np.nanmean(refitted(study, study.forward_of(machine, there), np.zeros(0), [])))

@@ -108,8 +108,23 @@ def frames(robot: Robot, hidden: Hidden, q: Array, theta: Array) -> tuple[Array,
     return T, energy
 
 
-def rest(robot: Robot, hidden: Hidden, q: Array) -> Array:
+@dataclass(frozen=True)
+class Push:
+    """Forces ``(g, 3)`` N, base's axes, at a point ``(3,)`` mm of the last link."""
+
+    force: Array
+    point: Array
+
+
+def rest(robot: Robot, hidden: Hidden, q: Array, push: Push | None = None) -> Array:
     """End frames ``(g, 4, 4)`` where the energy is smallest."""
+
+    def potential(theta: Array) -> Array:
+        T, energy = frames(robot, hidden, q, theta)
+        if push is None:
+            return energy
+        return energy - np.einsum("ga,ga->g", push.force, (T @ np.array([*push.point, 1.0]))[:, :3])
+
     g, n = q.shape
     theta = np.zeros((g, 3 + 3 * n))
     C = np.zeros(3 + 3 * n)
@@ -128,7 +143,7 @@ def rest(robot: Robot, hidden: Hidden, q: Array) -> Array:
             plus, minus = theta.copy(), theta.copy()
             plus[:, k] += STEP
             minus[:, k] -= STEP
-            torque = -(frames(robot, hidden, q, plus)[1] - frames(robot, hidden, q, minus)[1]) / (2.0 * STEP)
+            torque = -(potential(plus) - potential(minus)) / (2.0 * STEP)
             new[:, k] = C[k] * torque
             if hidden.rubber is not None and k < 3:
                 c, size = hidden.rubber

@@ -14,7 +14,7 @@ from vjm.tree.model import TreeModel
 from vjm_updating.poses.alignment import kabsch
 from vjm_updating.poses.command import diagnose_poses, prepared
 from vjm_updating.poses.ladder import climb
-from vjm_updating.poses.study import Study
+from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.verdict import judge
 from vjm_validation.cli.main import main
 
@@ -101,7 +101,7 @@ def by_the_file(chain, study):
 def test_the_verdict_does_not_depend_on_the_part_of_the_series(half):
     whole = prepared(*series("ur10_ipa_d.csv"))[1]
     count = len(whole.data)
-    part = Study(whole.sheet, whole.machine, whole.data.only((np.arange(count) < count // 2) == (half == 0)))
+    part = PoseStudy(whole.sheet, whole.machine, whole.data.only((np.arange(count) < count // 2) == (half == 0)))
     verdict = judge(part, climb(part), [])
     assert (verdict.kind, verdict.causes[:2]) == ("partly", ("frame_error", "joint_compliance"))
 

@@ -16,8 +16,9 @@ from vjm.tree.model import TreeModel
 from vjm_updating.poses.command import prepared
 from vjm_updating.poses.measurement import read_pose_measurement
 from vjm_updating.poses.plausibility import considered
+from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import rotation_by
-from vjm_updating.poses.study import Hypothesis, Study
+from vjm_updating.poses.study import Hypothesis
 
 NOISE_RAD = 1e-4
 
@@ -113,8 +114,8 @@ def test_what_is_doubtful_in_a_urdf_is_doubted_of_the_test(tmp_path):
     (tmp_path / "readings.csv").write_text(CSV.split("\n")[0] + "\n" + rows)
     (tmp_path / "sheet.toml").write_text(sheet_text(PLANAR, 0.05).replace('"model.toml"', '"robot.urdf"'))
     measurement = read_pose_measurement(tmp_path / "readings.csv", tmp_path / "sheet.toml")
-    assert ["is beyond a whole turn" in doubt for doubt in measurement.doubts] == [True]
-    study = Study(measurement.sheet, measurement.machine, measurement.data)
+    assert ["is beyond a whole turn" in doubt for doubt in measurement.model.doubts] == [True]
+    study = PoseStudy(measurement.sheet, measurement.model.machine, measurement.data)
     found = [str(one) for one in considered(measurement, study) if one.grade is Grade.DOUBTFUL]
     assert any("sheet.toml, model robot.urdf: joint 'joint-2'" in line for line in found)
 

@@ -16,6 +16,7 @@ from vjm_updating.calibrate.command import PAGE, STAGES, calibrate, prepare
 from vjm_updating.calibrate.summary_text import tables
 from vjm_updating.joint.command import calibrate_joint
 from vjm_updating.poses.command import calibrate_poses
+from vjm_updating.poses.kinds import KINDS
 from vjm_updating.poses.sheet import kind_of_sheet
 from vjm_updating.poses.summary_text import lines as lines_of_poses
 from vjm_validation.cli.doubts import Strict, warn
@@ -32,8 +33,8 @@ def calibrate_(
         Parameter(
             consume_multiple=True,
             help="What to look for: part.factor, part.section, part.EIz, part.diagonal, part.C11, part.matrix, "
-            "actuator.compliance; by default one factor for every elastic part. Of tests of poses: families, see "
-            "docs/poses.md.",
+            "actuator.compliance; by default one factor for every elastic part. Of tests of poses "
+            "or deflections: families, see docs/poses.md.",
         ),
     ] = (),
     next_: Annotated[
@@ -43,7 +44,7 @@ def calibrate_(
             consume_multiple=True,
             help="Feasible next ramps, POSTURE:END or POSTURE:AXIS:END in mm or rad, such as D:-12 "
             "or B:y:2. Of tests of "
-            "poses: a CSV file of postures.",
+            "poses or deflections: a CSV file of postures, of deflections also loads.",
         ),
     ] = (),
     figure: Annotated[
@@ -59,12 +60,10 @@ def calibrate_(
     if kind_of_sheet(sheet) == "joint":
         return _by_joint(data, sheet, out, [*fit, *next_, *([figure] if figure else [])], force=force, json=json,
                          strict=strict)  # fmt: skip
-    if kind_of_sheet(sheet) == "poses":
+    if kind := KINDS.get(kind_of_sheet(sheet)):
         if force:
-            raise ValueError(
-                f"--force: {sheet.name} is a test of poses, whose model is always written: leave it out"
-            )
-        return _by_poses(data, sheet, out, fit, next_, figure, json=json, strict=strict)
+            raise ValueError(f"--force: {sheet.name} is {kind}, whose model is always written: leave it out")
+        return _by_poses(kind, data, sheet, out, fit, next_, figure, json=json, strict=strict)
     task = prepare(data, sheet, fit, next_, strict=strict)
     warn(task.findings)
     with terminal.progress(quiet=json) as progress:
@@ -122,6 +121,7 @@ def _not_written(data: Path, sheet: Path, out: Path) -> str:
 
 
 def _by_poses(
+    kind: str,
     data: Path,
     sheet: Path,
     out: Path,
@@ -133,7 +133,7 @@ def _by_poses(
     strict: bool,
 ) -> int:
     if figure or len(next_) > 1:
-        raise ValueError(f"{sheet.name}: is a test of poses, which has no --figure, and --next takes one CSV file")
+        raise ValueError(f"{sheet.name}: is {kind}, which has no --figure, and --next takes one CSV file")
     with terminal.progress(quiet=json) as progress:
         done = 0
 

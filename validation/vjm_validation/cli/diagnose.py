@@ -18,6 +18,7 @@ from vjm_updating.diagnose.document import Diagnosis
 from vjm_updating.diagnose.summary_text import lines
 from vjm_updating.poses.command import diagnose_poses
 from vjm_updating.poses.document import PoseDiagnosis
+from vjm_updating.poses.kinds import KINDS
 from vjm_updating.poses.sheet import kind_of_sheet
 from vjm_updating.poses.summary_text import lines as lines_of_poses
 from vjm_validation.cli.doubts import Strict, warn
@@ -59,9 +60,9 @@ def diagnose_(
             done += 1
             display("diagnosis", done, 0)
 
-        if kind_of_sheet(sheet) == "poses":
+        if kind := KINDS.get(kind_of_sheet(sheet)):
             if effects:
-                raise ValueError(f"{sheet.name}: --effects is for ramps, and this is a test of poses")
+                raise ValueError(f"{sheet.name}: --effects is for ramps, and this is {kind}")
             document: Diagnosis | PoseDiagnosis = diagnose_poses(
                 data, sheet, out, only=only, without=without, beside=beside, strict=strict, warn=warn, progress=tell
             )

@@ -28,8 +28,9 @@ def example_(
     """Copy an example into a folder: a model or a test's data, and a page about them."""
     console = terminal.console()
     if not name:
+        width = max(map(len, names())) + 2
         for one in names():
-            console.print(f"{one:<15}{_title(one)}", soft_wrap=True, highlight=False)
+            console.print(f"{one:<{width}}{_title(one)}", soft_wrap=True, highlight=False)
         console.print("next: validate example NAME", soft_wrap=True, highlight=False)
         return OK
     if name not in names():

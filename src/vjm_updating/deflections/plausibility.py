@@ -1,0 +1,235 @@
+"""Deflections that are not what their columns say: units, signs, exchanged axes and joints, too few readings."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from vjm.errors import NoConvergenceError
+from vjm.io.findings import Finding, Grade, refuse
+from vjm.rotations import Array
+from vjm.tree.equilibria import unloaded_frames
+from vjm_updating.deflections.families import COMPLIANCES
+from vjm_updating.deflections.forward import DeflectionForward
+from vjm_updating.deflections.measurement import DeflectionMeasurement
+from vjm_updating.deflections.readings import DeflectionData
+from vjm_updating.deflections.study import DeflectionStudy, lower_bounds, springs_to
+from vjm_updating.poses.plausibility import QUARTERS, ColumnsMistaken, coordinates, few, gravity, judged, outliers
+
+STEEL = 2.1e5
+"""N/mm²."""
+SLENDER = 10.0
+"""Length over thickness of the solid steel rod that no serial arm is stiffer than."""
+SAGS = 0.01
+"""Of its distance from the base: what the weight of a kilogram moves no arm by."""
+KILOGRAM = 9.81
+"""N."""
+LOOKED_AT = 0.3
+"""Share of the displacements that springs of joints and bearings leave, above which changes of the data are
+tried."""
+MUCH_BETTER = 0.5
+"""Share of that which a change of the data must leave at most to be named."""
+MOST_TRIED = 60
+"""Readings on which changes of the data are tried."""
+MANY_PAIRS = 60
+
+
+def check_units(measurement: DeflectionMeasurement) -> None:
+    """Refuse angles in degrees and displacements in metres, with the factor.
+
+    Raises:
+        ImplausibleError: they are; one line.
+    """
+    refuse([*coordinates(measurement), *too_stiff(measurement)])
+
+
+def check_count(study: DeflectionStudy) -> None:
+    """Refuse a test with fewer different readings than joints.
+
+    Raises:
+        ImplausibleError: it is.
+    """
+    rows = np.column_stack([study.data.q, study.data.load.reshape(len(study.data), -1)])
+    different, joints = len(np.unique(np.round(rows, 6), axis=0)), len(study.data.joints)
+    if different < joints:
+        words = (
+            f"{different} different readings are fewer than the {joints} joints: measure at least {joints} "
+            "postures or loads, 20 are better"
+        )
+        refuse([Finding(Grade.REFUSED, study.data.file, words)])
+
+
+def considered(
+    measurement: DeflectionMeasurement, study: DeflectionStudy, *, strict: bool = False
+) -> list[Finding]:
+    """What is implausible about a test and its model, refusals first, unless it is refused for that.
+
+    Raises:
+        ImplausibleError: naming the first reason.
+    """
+    rules = (too_soft, outliers, few, gravity, loads_and_displacements)
+    return judged(measurement, [finding for rule in rules for finding in rule(study)], strict=strict)
+
+
+def _stiffest(data: DeflectionData, place: Array) -> tuple[float, float]:
+    """Of the marker that moves most, the median stiffness in N/mm, and its distance from the base in mm."""
+    reach = np.nanmedian(np.linalg.norm(place, axis=2), axis=0)
+    force = np.linalg.norm(data.load[..., :3], axis=2).sum(axis=1)
+    moment = np.linalg.norm(data.load[..., 3:], axis=2).sum(axis=1)
+    size = np.linalg.norm(np.nan_to_num(data.position), axis=2)
+    j = int(np.argmax(size.max(axis=0)))
+    loaded = (force + moment > 0.0) & np.isfinite(data.position[:, j]).all(axis=1)
+    if not loaded.any() or not size[loaded, j].any():
+        return np.nan, float(reach[j])
+    acts = force[loaded] + moment[loaded] / max(float(reach[j]), 1.0)
+    return float(acts.sum() / size[loaded, j].sum()), float(reach[j])
+
+
+def too_stiff(measurement: DeflectionMeasurement) -> Iterator[Finding]:
+    """Displacements that are those of a robot stiffer than solid steel: they are in metres."""
+    data, machine = measurement.data, measurement.model.machine
+    if not np.nan_to_num(data.position).any():
+        yield Finding(Grade.REFUSED, data.file, "the displacements are all zero: nothing moved")
+        return
+    place = unloaded_frames(machine.tree, machine.rows(data.q))[1][:, : len(data.markers)]
+    stiffness, reach = _stiffest(data, place)
+    rod = 3.0 * STEEL * np.pi / 64.0 * reach / SLENDER**4
+    if stiffness > rod:
+        yield Finding(
+            Grade.REFUSED,
+            data.file,
+            f"the loads over the displacements are {stiffness:.3g} N/mm; a solid steel rod as long, {reach:.4g} "
+            f"mm, and a tenth of it thick has {rod:.3g}: the displacements are in metres; multiply them by 1000",
+        )
+
+
+def too_soft(study: DeflectionStudy) -> Iterator[Finding]:
+    """Displacements under which the robot would fall: the forces are in kN, or the displacements in micrometres."""
+    data = study.data
+    place = unloaded_frames(study.machine.tree, study.machine.rows(data.q))[1][:, : len(data.markers)]
+    stiffness, reach = _stiffest(data, place)
+    if KILOGRAM / stiffness > SAGS * reach:
+        yield ColumnsMistaken(
+            Grade.DOUBTFUL,
+            data.file,
+            f"the loads over the displacements are {stiffness:.3g} N/mm: a kilogram would move the robot by "
+            f"{KILOGRAM / stiffness:.3g} mm; are the forces in kN (multiply them by 1000) or the displacements in "
+            "micrometres (multiply them by 0.001)?",
+        )
+
+
+Change = tuple[DeflectionData, str, str]
+"""Readings as they may have been meant, a name, and what to do."""
+
+
+def loads_and_displacements(study: DeflectionStudy) -> Iterator[Finding]:
+    """What would explain displacements that springs do not: signs, axes, joints.
+
+    None where springs of the joints and of their bearings, none negative, explain them.
+    """
+    keep = np.linspace(0, len(study.data) - 1, min(len(study.data), MOST_TRIED)).astype(int)
+    data = study.data.only(keep)
+    size = float(np.sqrt(np.nansum(data.position**2)))
+    base = _left(study, data)
+    if base < LOOKED_AT * size:
+        return
+    changes = itertools.chain(_reversed(data), _of_axes(study, data), _of_joints(study, data))
+    found = [(_left(study, changed), i, name, remedy) for i, (changed, name, remedy) in enumerate(changes)]
+    best = min(found)
+    if best[0] > MUCH_BETTER * base:
+        return
+    # of changes that do as well the simplest, which comes first
+    left, _, name, remedy = next(one for one in found if one[0] <= 1.02 * best[0])
+    words = (
+        f"{name}: springs of the joints leave {base / size:.0%} of the displacements; {remedy} and they leave "
+        f"{left / size:.0%}"
+    )
+    yield ColumnsMistaken(Grade.DOUBTFUL, data.file, words)
+
+
+def _reversed(data: DeflectionData) -> Iterator[Change]:
+    words = "reverse the sign of the displacements, which are unloaded minus loaded, or that of the loads,"
+    yield replace(data, position=-data.position), "sign_reversed", words
+
+
+def _of_axes(study: DeflectionStudy, data: DeflectionData) -> Iterator[Change]:
+    """Axes of displacements and of loads that are exchanged or reversed; those that are found cannot be."""
+    if study.sheet.tracker.axes == "base":
+        for P, name, words in _axes():
+            yield replace(data, position=data.position @ P), f"displacement_axes.{name}", f"{words} displacements"
+    for j, point in enumerate(data.loads):
+        for P, name, words in _axes():
+            load = data.load.copy()
+            # a moment is an axial vector: it turns with the axes, and keeps its sign where they are mirrored
+            load[:, j, :3], load[:, j, 3:] = load[:, j, :3] @ P, np.linalg.det(P) * load[:, j, 3:] @ P
+            yield replace(data, load=load), f"load_axes.{point}.{name}", f"{words} columns of {point}"
+        other = "tool" if study.sheet.loads[point].axes == "base" else "base"
+        yield (
+            _in_other_axes(study, data, j),
+            f"load_axes.{point}.{other}",
+            f"write axes = '{other}' in [loads.{point}]",
+        )
+
+
+def _axes() -> Iterator[tuple[Array, str, str]]:
+    for order in ((1, 0, 2), (2, 1, 0), (0, 2, 1), (1, 2, 0), (2, 0, 1)):
+        a, b = (("x", "y"), ("x", "z"), ("y", "z"))[(order == (2, 1, 0)) + 2 * (order == (0, 2, 1))]
+        if sorted(order) == [0, 1, 2] and order in ((1, 2, 0), (2, 0, 1)):
+            name = "".join("xyz"[i] for i in order)
+            yield np.eye(3)[:, list(order)], name, f"take {', '.join(name)} for x, y, z in the"
+        else:
+            yield np.eye(3)[:, list(order)], f"{a}{b}_exchanged", f"exchange {a} and {b} of the"
+    for k, axis in enumerate("xyz"):
+        P = np.eye(3)
+        P[k, k] = -1.0
+        yield P, f"{axis}_reversed", f"reverse {axis} of the"
+
+
+def _in_other_axes(study: DeflectionStudy, data: DeflectionData, point: int) -> DeflectionData:
+    """The readings with a load of which the base's axes are the tool's, or the reverse."""
+    k = len(data.markers)
+    R = unloaded_frames(study.machine.tree, study.machine.rows(data.q))[0][:, k + point]
+    if study.sheet.loads[data.loads[point]].axes == "tool":
+        R = np.swapaxes(R, 1, 2)
+    load = data.load.copy()
+    for half in (slice(0, 3), slice(3, 6)):
+        load[:, point, half] = np.einsum("gab,gb->ga", R, load[:, point, half])
+    return replace(data, load=load)
+
+
+def _of_joints(study: DeflectionStudy, data: DeflectionData) -> Iterator[Change]:
+    """Signs, zeros and places of the joints' columns."""
+    for i, name in enumerate(data.joints):
+        q = data.q.copy()
+        q[:, i] *= -1.0
+        yield replace(data, q=q), f"joint_sign.{name}", f"multiply {name} by −1"
+        for words, angle in QUARTERS.items() if not study.machine.slides[i] else ():
+            q = data.q.copy()
+            q[:, i] += angle
+            yield (
+                replace(data, q=q),
+                f"joint_zero.{name}",
+                f"turn the zero of {name} by {words} (add {angle:.6g} rad)",
+            )
+    for i, j in list(itertools.combinations(range(len(data.joints)), 2))[:MANY_PAIRS]:
+        if study.machine.slides[i] == study.machine.slides[j]:
+            q = data.q.copy()
+            q[:, [i, j]] = q[:, [j, i]]
+            words = f"exchange the columns of {data.joints[i]} and {data.joints[j]}"
+            yield replace(data, q=q), f"joints_swapped.{data.joints[i]}.{data.joints[j]}", words
+
+
+def _left(study: DeflectionStudy, data: DeflectionData) -> float:
+    """Root of the squared displacements in mm that springs, none negative, leave; infinite where they are lost."""
+    forward = DeflectionForward(study.machine, data, study.sheet)
+    forward.members = [member for member in study.members if member.family in COMPLIANCES[:2]]
+    try:
+        at = forward.evaluate(np.zeros(len(forward.members)), study.frames)
+    except NoConvergenceError:
+        return np.inf
+    seen = np.isfinite(at.residual[..., :3])
+    y, J = at.residual[..., :3][seen], at.member[..., :3, :][seen]
+    return float(np.linalg.norm(y - J @ springs_to(J, y, lower_bounds(forward.members))))

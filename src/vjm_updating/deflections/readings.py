@@ -1,0 +1,256 @@
+"""The readings of a test of deflections: a row is a posture, a wrench, and by how much the markers moved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from vjm.io.errors import did_you_mean
+from vjm.rotations import Array, rotation_from_vector
+from vjm_updating.deflections.sheet import DeflectionSheet
+from vjm_updating.experiment.readings import DataError
+from vjm_updating.poses.readings import (
+    ANGLES,
+    ANGLES_DEG,
+    COORDINATE,
+    READING,
+    WRENCH,
+    PoseData,
+    coordinates,
+    numbers_by_name,
+    table_in,
+)
+
+POSTURE = "posture"
+SHIFT, NOISE = ("dx_mm", "dy_mm", "dz_mm"), ("dx_std_mm", "dy_std_mm", "dz_std_mm")
+OF_MARKERS = (*SHIFT, *NOISE, *ANGLES, *ANGLES_DEG)
+LARGEST_ROTATION = 0.5
+"""rad: a robot that turns further under a load is broken, or its columns are in degrees."""
+
+
+@dataclass(frozen=True)
+class DeflectionData(PoseData):
+    """g readings of a robot with k markers and l points of load.
+
+    As poses have them, with these meanings: ``position`` is the displacement, loaded minus unloaded,
+    ``orientation`` the rotation from unloaded to loaded, both in the tracker's axes; ``wrench`` is zero.
+
+    Attributes:
+        loads: names of the points.
+        load: ``(g, l, 6)`` wrench at them as read, in their tables' axes, N and N mm.
+        sigma_turn: ``(g, k)`` rad, 1 sigma of the rotations.
+    """
+
+    loads: tuple[str, ...] = ()
+    load: Array = field(default_factory=lambda: np.zeros((0, 0, 6)))
+    sigma_turn: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def only(self, keep: np.ndarray) -> DeflectionData:
+        """The readings of a mask or of indices."""
+        kept = super().only(keep)
+        return replace(self, **vars(kept) | {"load": self.load[keep], "sigma_turn": self.sigma_turn[keep]})
+
+    def blanked(self, readings: np.ndarray) -> DeflectionData:
+        """Without the displacements of a mask ``(g, k)``; rows of which nothing is left are left out."""
+        position = np.where(readings[:, :, None], np.nan, self.position)
+        return replace(self, position=position).only(np.asarray(np.isfinite(position).any(axis=(1, 2))))
+
+
+def read_deflections(
+    path: Path, sheet: DeflectionSheet, joints: tuple[str, ...], slides: tuple[bool, ...],
+    postures: Mapping[str, Array],
+) -> DeflectionData:  # fmt: skip
+    """The readings of a data file, which fit their sheet.
+
+    Args:
+        path: of the CSV file.
+        sheet: its sheet.
+        joints: names of the model's driven joints.
+        slides: whether each slides.
+        postures: coordinates ``(n,)`` of the model's postures.
+
+    Raises:
+        DataError: they do not; one line.
+    """
+    sha256, header, table = table_in(path)
+    try:
+        return _read(path.name, sha256, header, table, sheet, joints, slides, postures)
+    except ValueError as error:
+        raise DataError(f"{path.name}: {error}") from error
+
+
+def read_loads(
+    path: Path, sheet: DeflectionSheet, joints: tuple[str, ...], slides: tuple[bool, ...],
+    postures: Mapping[str, Array],
+) -> tuple[Array, Array | None]:  # fmt: skip
+    """Postures ``(c, n)`` that could be measured, and wrenches ``(c, l, 6)`` there; None where the file has none.
+
+    Raises:
+        DataError: it cannot be used; one line.
+    """
+    _, header, table = table_in(path)
+    try:
+        rows = np.array([number for number, _ in table])
+        by_name = numbers_by_name(header, table, sheet, skip=lambda key: key not in (*COORDINATE, *WRENCH))
+        q = _postures(header, table, by_name, joints, slides, postures)
+        load = _loads(by_name, sheet, len(rows))
+        blank = ~np.isfinite(q).all(axis=1)
+        if blank.any():
+            raise ValueError(f"row {rows[int(np.argmax(blank))]} has a blank: fill it")
+    except ValueError as error:
+        raise DataError(f"{path.name}: {error}") from error
+    return q, load if any(f"{name}.{key}" in by_name for name in sheet.loads for key in WRENCH) else None
+
+
+def _read(
+    file: str, sha256: str, header: list[str], table: list[tuple[int, list[str]]], sheet: DeflectionSheet,
+    joints: tuple[str, ...], slides: tuple[bool, ...], postures: Mapping[str, Array],
+) -> DeflectionData:  # fmt: skip
+    rows = np.array([number for number, _ in table])
+    for column in header:
+        _check_column(column, sheet, joints)
+    by_name = numbers_by_name(header, table, sheet, skip=lambda key: key in (READING, POSTURE))
+    g, markers = len(rows), tuple(sheet.markers)
+    q = _postures(header, table, by_name, joints, slides, postures)
+    for name in sheet.loads:
+        if not any(f"{name}.{key}" in by_name for key in WRENCH):
+            raise ValueError(
+                f"column '{name}.fx_N' is missing: add the wrench at '{name}', or take [loads.{name}] away"
+            )
+    for name in markers:
+        if not any(f"{name}.{key}" in by_name for key in (*SHIFT, *ANGLES, *ANGLES_DEG)):
+            raise ValueError(f"column '{name}.dx_mm' is missing: add it, or take [markers.{name}] away")
+    load = _loads(by_name, sheet, g)
+    shift = _stacked(by_name, markers, SHIFT, np.full(g, np.nan))
+    if not np.isfinite(shift).any():
+        raise ValueError("no displacement was read: add MARKER.dx_mm, dy_mm, dz_mm")
+    rotation = _rotations(by_name, markers, g)
+    sigma, sigma_turn = _sigmas(by_name, sheet, load, rows)
+    read = np.isfinite(shift).any(axis=(1, 2)) | np.isfinite(rotation).any(axis=(1, 2, 3))
+    whole = np.isfinite(load).all(axis=(1, 2))
+    keep = np.asarray(np.isfinite(q).all(axis=1) & read & whole)
+    if not keep.any():
+        raise ValueError("no row has all joints, the wrench and a displacement: nothing to be fitted")
+    if not load[keep].any():
+        raise ValueError("no row has a load: write the wrench in the columns of [loads]")
+    k, n = len(markers), len(joints)
+    data = DeflectionData(
+        file, sha256, rows, joints, q, markers, shift, rotation, np.full((g, k, 2), np.nan), sigma,
+        np.zeros((g, k, 6)), np.full((g, n), np.nan), None, None, int((~keep).sum()),
+        tuple(sheet.loads), load, sigma_turn,
+    )  # fmt: skip
+    return data.only(keep)
+
+
+def _stacked(by_name: Mapping[str, Array], names: tuple[str, ...], keys: tuple[str, ...], absent: Array) -> Array:
+    """Columns of several tables ``(g, names, keys)``."""
+    return np.stack(
+        [np.column_stack([by_name.get(f"{name}.{key}", absent) for key in keys]) for name in names], axis=1
+    )
+
+
+def _postures(
+    header: list[str], table: list[tuple[int, list[str]]], by_name: Mapping[str, Array], joints: tuple[str, ...],
+    slides: tuple[bool, ...], postures: Mapping[str, Array],
+) -> Array:  # fmt: skip
+    """Coordinates ``(g, n)`` by their columns, or by the names of the model's postures."""
+    if POSTURE not in header:
+        return coordinates(by_name, joints, slides)
+    if any(f"{joint}.{key}" in by_name for joint in joints for key in COORDINATE):
+        raise ValueError(f"column '{POSTURE}' stands beside coordinates of joints: leave one of both")
+    at, rows = header.index(POSTURE), []
+    for number, cells in table:
+        if cells[at] not in postures:
+            raise ValueError(
+                f"row {number}, column {POSTURE}: the model has no posture '{cells[at]}'; it has "
+                f"{', '.join(postures) or 'none'}{did_you_mean(cells[at], postures)}"
+            )
+        rows.append(postures[cells[at]])
+    return np.array(rows)
+
+
+def _loads(by_name: Mapping[str, Array], sheet: DeflectionSheet, g: int) -> Array:
+    """Wrenches ``(g, l, 6)``; what has no column is zero, what is blank is not known."""
+    return _stacked(by_name, tuple(sheet.loads), WRENCH, np.zeros(g))
+
+
+def _rotations(by_name: Mapping[str, Array], markers: tuple[str, ...], g: int) -> Array:
+    """Rotations ``(g, k, 3, 3)`` from the columns of rotation vectors, nan where there are none."""
+    result = np.full((g, len(markers), 3, 3), np.nan)
+    for k, name in enumerate(markers):
+        degrees = f"{name}.{ANGLES_DEG[0]}" in by_name
+        keys, factor = (ANGLES_DEG, np.pi / 180.0) if degrees else (ANGLES, 1.0)
+        given = [f"{name}.{key}" in by_name for key in keys]
+        if not any(given):
+            continue
+        if not all(given):
+            raise ValueError(f"column '{name}.{keys[given.index(False)]}' is missing: a rotation has three: add it")
+        values = factor * np.column_stack([by_name[f"{name}.{key}"] for key in keys])
+        largest = float(np.nanmax(np.abs(values), initial=0.0))
+        if largest > LARGEST_ROTATION:
+            raise ValueError(
+                f"column '{name}.{keys[0]}' and its two reach {largest:.4g} rad: no robot turns so far under a "
+                "load; are they in degrees? Name them rx_deg, ry_deg, rz_deg"
+            )
+        for i in np.flatnonzero(np.isfinite(values).all(axis=1)):
+            result[i, k] = rotation_from_vector(values[i])
+    return result
+
+
+def _sigmas(
+    by_name: Mapping[str, Array], sheet: DeflectionSheet, load: Array, rows: np.ndarray
+) -> tuple[Array, Array]:
+    """Standard deviations of displacements ``(g, k, 3)`` mm and of rotations ``(g, k)`` rad."""
+    for column, values in by_name.items():
+        if column.partition(".")[2] in NOISE and (values < 0.0).any():
+            row = rows[int(np.argmax(values < 0.0))]
+            raise ValueError(
+                f"row {row}, column {column}: a standard deviation is not negative; leave it blank for the sheet's"
+            )
+    said, markers = sheet.tracker, tuple(sheet.markers)
+    force = np.linalg.norm(np.nan_to_num(load[..., :3]), axis=2).sum(axis=1)
+    moment = np.linalg.norm(np.nan_to_num(load[..., 3:]), axis=2).sum(axis=1)
+    by_load = np.sqrt(said.noise_mm**2 + (said.noise_mm_per_N * force + said.noise_mm_per_Nmm * moment) ** 2)
+    turn = np.sqrt(said.noise_rad**2 + (said.noise_rad_per_N * force + said.noise_rad_per_Nmm * moment) ** 2)
+    own = _stacked(by_name, markers, NOISE, np.full(len(rows), np.nan))
+    sigma = np.where(own > 0.0, own, by_load[:, None, None])
+    return sigma, np.repeat(turn[:, None], len(markers), axis=1)
+
+
+def _check_column(column: str, sheet: DeflectionSheet, joints: tuple[str, ...]) -> None:
+    if column in (READING, POSTURE):
+        return
+    name, _, key = column.partition(".")
+    joint = sheet.joints.get(name, name)
+    if joint in joints and key in COORDINATE:
+        return
+    if name in sheet.markers and key in OF_MARKERS:
+        return
+    if name in sheet.loads and key in WRENCH:
+        return
+    known = [*joints, *sheet.joints, *sheet.markers, *sheet.loads]
+    if key in COORDINATE:
+        raise ValueError(
+            f"column '{column}': the model has no joint '{joint}' that is driven; it has {', '.join(joints)}: "
+            f"name it in [joints] or delete it{did_you_mean(joint, known)}"
+        )
+    if key in WRENCH:
+        raise ValueError(
+            f"column '{column}': no load '{name}': add [loads.{name}] or delete it{did_you_mean(name, sheet.loads)}"
+        )
+    if key in OF_MARKERS:
+        raise ValueError(
+            f"column '{column}': no marker '{name}': add [markers.{name}] or delete it"
+            f"{did_you_mean(name, sheet.markers)}"
+        )
+    for right in (*OF_MARKERS, *WRENCH, *COORDINATE):
+        quantity, _, unit = right.rpartition("_")
+        if name in known and key.rpartition("_")[0] == quantity:
+            raise ValueError(f"column '{column}': is to be in {unit}: convert it and name it {name}.{right}")
+    raise ValueError(
+        f"column '{column}' is not known: a joint's is JOINT.q_rad, a load's LOAD.fx_N, a marker's displacement "
+        f"MARKER.dx_mm: rename or delete it{did_you_mean(key, [*OF_MARKERS, *WRENCH, *COORDINATE])}"
+    )

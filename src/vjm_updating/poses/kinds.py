@@ -1,0 +1,75 @@
+"""Kinds of tests of a robot in many postures, by the ``kind`` of their sheets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from vjm.io.findings import Finding
+from vjm_updating.deflections import plausibility as of_deflections
+from vjm_updating.deflections.measurement import read_deflection_candidates, read_deflection_measurement
+from vjm_updating.deflections.study import DeflectionStudy
+from vjm_updating.poses import plausibility as of_poses
+from vjm_updating.poses.measurement import RobotMeasurement, read_pose_measurement
+from vjm_updating.poses.pose_study import PoseStudy
+from vjm_updating.poses.readings import read_candidates
+from vjm_updating.poses.sheet import kind_of_sheet
+from vjm_updating.poses.study import Candidates, Study
+
+DEFLECTIONS = "deflections"
+KINDS = {"poses": "a test of poses", DEFLECTIONS: "a test of deflections"}
+"""What `vjm_updating.poses.command` takes, and what each is called."""
+
+
+@dataclass(frozen=True)
+class RobotTest:
+    """A test that was read, checked and aligned.
+
+    Attributes:
+        measurement: its files.
+        study: what is fitted to it.
+        considered: given whether what is doubtful is refused, what is implausible about it.
+        candidates: of a file, the readings that could be taken next.
+    """
+
+    measurement: RobotMeasurement
+    study: Study
+    considered: Callable[[bool], list[Finding]]
+    candidates: Callable[[Path], Candidates]
+
+
+def read_test(data: Path, sheet: Path) -> RobotTest:
+    """A test from its two files.
+
+    Raises:
+        ValueError: a file cannot be used; one line.
+    """
+    return _deflections(data, sheet) if kind_of_sheet(sheet) == DEFLECTIONS else _poses(data, sheet)
+
+
+def _poses(data: Path, sheet: Path) -> RobotTest:
+    read = read_pose_measurement(data, sheet)
+    of_poses.check_units(read)
+    study = PoseStudy(read.sheet, read.model.machine, read.data).without_outliers()
+    of_poses.check_count(study)
+
+    def candidates(path: Path) -> Candidates:
+        q = read_candidates(path, read.sheet, read.model.machine.joints, read.model.machine.slides)
+        return Candidates(q, np.zeros((len(q), 0, 6)))
+
+    return RobotTest(read, study, lambda strict: of_poses.considered(read, study, strict=strict), candidates)
+
+
+def _deflections(data: Path, sheet: Path) -> RobotTest:
+    read = read_deflection_measurement(data, sheet)
+    of_deflections.check_units(read)
+    study = DeflectionStudy(read.sheet, read.model.machine, read.data)
+    of_deflections.check_count(study)
+    study = study.without_outliers()
+    return RobotTest(
+        read, study, lambda strict: of_deflections.considered(read, study, strict=strict),
+        lambda path: read_deflection_candidates(path, study),
+    )  # fmt: skip

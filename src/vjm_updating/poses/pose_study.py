@@ -1,0 +1,121 @@
+"""The study of a test of poses: where markers stood, seen by a tracker whose frame is not known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.poses.alignment import align, with_tilts
+from vjm_updating.poses.families import Member, members_of
+from vjm_updating.poses.forward import Forward, Frames, Linearised, PoseForward
+from vjm_updating.poses.machine import PoseMachine
+from vjm_updating.poses.measurement import ends_of
+from vjm_updating.poses.readings import PoseData
+from vjm_updating.poses.sheet import PoseSheet
+from vjm_updating.poses.study import BEHIND_ENCODERS, MEDIAN_TO_SIGMA, Candidates, Outlier, State, Study
+
+OUTLYING, MOST_OUTLIERS = 10.0, 0.05
+"""Median distances of the rigid robot beyond which a position is left out (a normal error would reach that once in
+10^50 readings), and the share of the postures beyond which it is the median that means nothing."""
+
+
+class PoseStudy(Study):
+    """A test of poses."""
+
+    sheet: PoseSheet
+
+    def __init__(
+        self, sheet: PoseSheet, machine: PoseMachine, data: PoseData, outliers: tuple[Outlier, ...] = ()
+    ) -> None:
+        super().__init__(sheet, machine, data, outliers)
+
+    def forward_of(self, machine: PoseMachine, data: PoseData) -> PoseForward:
+        """The model of readings of the test, by a machine and without members."""
+        return PoseForward(machine, data, self.sheet.test.gravity)
+
+    def members_for(self, forward: Forward) -> list[Member]:
+        """All members that the data can show."""
+        found = members_of(self.machine, self.data, forward.torques(), ordered=self.ordered)
+        return [m for m in found if not (self.sheet.at_output and m.family in BEHIND_ENCODERS)]
+
+    def nuisance_prior(self) -> Array:
+        """Standard deviations ``(n_f,)`` of the frames of tracker and markers."""
+        guess = self.sheet.base
+        wide = (1e5, 10.0) if guess is None else (guess.sigma_mm, guess.sigma_rad)
+        tracked = self.forward_of(self.machine, self.data).tracked
+        return np.concatenate(
+            [
+                np.full(3, wide[1]),
+                np.full(3, wide[0]),
+                *[np.full(3, table.sigma_mm) for table in self.sheet.markers.values()],
+                np.full(3 * len(tracked), 10.0),
+            ]
+        )
+
+    def first_frames(self) -> tuple[Frames, Array]:
+        """Frames that bring a rigid robot to the positions, and the distances ``(g, k)`` mm left."""
+        forward = self.forward_of(self.machine, self.data)
+        R, p = forward.unloaded()
+        sigma = np.array([table.sigma_mm for table in self.sheet.markers.values()])
+        frames, aligned = align(R, p, self.data.position, self.data.orientation, sigma, self.sheet.base)
+        return with_tilts(frames, R, self.data.tilt, forward.gravity), aligned
+
+    def scatter(self, at: Linearised) -> Array:
+        """Standard deviations ``(g, k, 6)``: the readings' own and one more for what the model lacks."""
+        said = np.empty_like(at.residual)
+        said[..., :3], said[..., 3:] = self.data.sigma, self.sheet.tracker.noise_rad
+        for half in (slice(0, 3), slice(3, 6)):
+            r = np.abs(at.residual[..., half])
+            if np.isfinite(r).any():
+                scatter = MEDIAN_TO_SIGMA * float(np.nanmedian(r))
+                floor = float(np.nanmedian(said[..., half]))
+                extra = max(scatter**2 - floor**2, 0.0)
+                said[..., half] = np.sqrt(said[..., half] ** 2 + extra)
+        return said
+
+    def without_outliers(self) -> PoseStudy:
+        """The same test without positions that lie far beyond what errors of a robot spread to.
+
+        A robot's errors are functions of its posture, seen in many of them; what one reading has many times over
+        is of that reading. It would weigh on every mean distance.
+        """
+        study: PoseStudy = self
+        while True:
+            far = study.aligned > OUTLYING * np.nanmedian(study.aligned)
+            if not far.any() or len(study.outliers) + far.sum() > MOST_OUTLIERS * self.data.position.shape[0]:
+                return study
+            found = tuple(
+                Outlier(int(study.data.row[i]), study.data.markers[j], float(study.aligned[i, j]))
+                for i, j in np.argwhere(far)
+            )
+            study = PoseStudy(self.sheet, self.machine, study.data.blanked(far), study.outliers + found)
+
+    def ends(self) -> dict[str, tuple[str, Array]]:
+        """The markers' parts and places."""
+        return ends_of(self.sheet.markers)
+
+    def holding_torques(self) -> Array:
+        """What holds each joint ``(g, n)`` by the model, N mm or N."""
+        return self.forward_of(self.machine, self.data).holding()
+
+    def at_candidates(self, state: State, candidates: Candidates) -> Linearised:
+        """The model at a state in other postures, without wrenches."""
+        g = len(candidates)
+        blank = self.data.only(np.zeros(g, dtype=int))
+        data = replace(
+            blank, q=candidates.q, wrench=np.zeros_like(blank.wrench), time=None, temperature=None, row=np.arange(g)
+        )
+        machine = self.machine_of(state.hypothesis.bent)
+        forward = PoseForward(machine, data, self.sheet.test.gravity)
+        there = {m.name: m for m in members_of(machine, data, np.ones(machine.tree.size), ordered=False)}
+        forward.members = [
+            replace(there[m.name], unit=m.unit) if m.name in there else replace(m, basis=np.zeros(g))
+            for m in self.members
+        ]
+        return forward.evaluate(state.z, state.frames)
+
+    def drawn(self, rng: np.random.Generator, count: int) -> Candidates:
+        """Postures drawn within the joints' limits, and no further than what was measured reaches."""
+        return Candidates(self.postures(rng, count), np.zeros((count, 0, 6)))

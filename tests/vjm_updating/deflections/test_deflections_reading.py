@@ -1,0 +1,181 @@
+"""Files of deflections that cannot be used or are not what they say: one line with file, place and remedy."""
+
+import numpy as np
+import pytest
+from helpers.deflections import compliant, displacement, drawn, moved
+from hidden_effects.poses.deflections import columns_of, files, sheet_text
+
+from vjm.io.findings import ImplausibleError
+from vjm_updating.poses.command import calibrate_poses, diagnose_poses
+from vjm_updating.poses.kinds import read_test
+from vjm_validation.cli.main import main
+
+
+@pytest.fixture(scope="module")
+def good():
+    q, force = drawn(21, postures=20)
+    d = displacement(compliant(), q, force) + np.random.default_rng(4).normal(0.0, 0.01, force.shape)
+    return columns_of(q, force, d)
+
+
+def without(columns, *names):
+    return {name: values for name, values in columns.items() if name not in names}
+
+
+def renamed(columns, old, new, factor=1.0):
+    return {
+        new if name == old else name: values * (factor if name == old else 1.0) for name, values in columns.items()
+    }
+
+
+def scaled(columns, part, factor):
+    return {name: values * (factor if part in name else 1.0) for name, values in columns.items()}
+
+
+FORCES = tuple(f"hook.f{axis}_N" for axis in "xyz")
+JOINTS = tuple(f"joint-{i}.q_rad" for i in range(1, 7))
+REFUSED = {
+    "no wrench": (lambda c: without(c, *FORCES), {}, "column 'hook.fx_N' is missing: add the wrench at 'hook'"),
+    "no displacement": (
+        lambda c: without(c, *(f"target.d{a}_mm" for a in "xyz")), {}, "column 'target.dx_mm' is missing: add it",
+    ),
+    "no load at all": (lambda c: scaled(c, "hook.", 0.0), {}, "no row has a load: write the wrench in the columns"),
+    "a joint is missing": (lambda c: without(c, "joint-3.q_rad"), {}, "column 'joint-3.q_rad' is missing"),
+    "metres in the name": (
+        lambda c: renamed(c, "target.dx_mm", "target.dx_m"), {}, "'target.dx_m': is to be in mm: convert it",
+    ),
+    "a position": (lambda c: renamed(c, "target.dx_mm", "target.x_mm"), {}, "column 'target.x_mm' is not known"),
+    "kilonewtons in the name": (
+        lambda c: renamed(c, "hook.fx_N", "hook.fx_kN"), {}, "'hook.fx_kN': is to be in N: convert it and name it",
+    ),
+    "another load": (
+        lambda c: renamed(c, "hook.fx_N", "hok.fx_N"), {}, "add [loads.hok] or delete it; did you mean 'hook'?",
+    ),
+    "another marker": (lambda c: renamed(c, "target.dx_mm", "ball.dx_mm"), {}, "no marker 'ball': add"),
+    "metres": (lambda c: scaled(c, "target.", 1e-3), {}, "the displacements are in metres; multiply them by 1000"),
+    "nothing moved": (lambda c: scaled(c, "target.", 0.0), {}, "the displacements are all zero: nothing moved"),
+    "degrees": (lambda c: scaled(c, "q_rad", 57.29578), {}, "it is in degrees; multiply it by 0.0174533"),
+    "too few": (
+        lambda c: {name: values[:3] for name, values in c.items()}, {}, "3 different readings are fewer",
+    ),
+    "a wrong part": (lambda c: c, {"loads": 'on = "link-9"'}, "on = 'link-9' is no part of the model"),
+    "turns of the base's axes": (
+        lambda c: c, {"loads": 'turns = [{ turn_about = "z", angle_deg = 30.0 }]'}, "turns are for axes = 'tool'",
+    ),
+    "a word that is none": (lambda c: c, {"tracker": "noise_mm_per_kN = 1.0"}, "unknown key 'noise_mm_per_kN'"),
+    "rotations in degrees": (
+        lambda c: c | {f"target.r{a}_rad": c["joint-1.q_rad"] for a in "xyz"}, {}, "in degrees? Name them",
+    ),
+    "half a rotation": (
+        lambda c: c | {"target.rx_rad": 1e-3 * c["joint-1.q_rad"]}, {}, "column 'target.ry_rad' is missing: a",
+    ),
+    "a negative scatter": (
+        lambda c: c | {"target.dx_std_mm": -np.ones(40)}, {}, "row 2, column target.dx_std_mm: a",
+    ),
+    "an unknown posture": (
+        lambda c: without(c, *JOINTS) | {"posture": ["zero"] * 39 + ["zerro"]}, {},
+        "row 41, column posture: the model has no posture 'zerro'; it has zero; did you mean",
+    ),
+    "postures and coordinates": (
+        lambda c: c | {"posture": ["zero"] * 40}, {}, "column 'posture' stands beside coordinates of joints",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_used_is_refused_in_one_line(case, good, tmp_path, capsys):
+    spoil, sheet, words = REFUSED[case]
+    data, page = files(tmp_path, spoil(good), sheet_text(**sheet))
+    with pytest.raises(SystemExit) as end:
+        main(["calibrate", str(data), "--sheet", str(page), "--out", str(tmp_path / "out")])
+    assert end.value.code == 2
+    said = [line for line in capsys.readouterr().err.splitlines() if line.strip()]
+    assert len(said) == 1
+    assert words in said[0]
+    assert data.name in said[0] or page.name in said[0]
+    assert not (tmp_path / "out").exists()
+
+
+def exchanged(columns, a, b):
+    return columns | {a: columns[b], b: columns[a]}
+
+
+DOUBTFUL = {
+    "sign": (lambda c: scaled(c, "target.d", -1.0), "sign_reversed"),
+    "sign of the force": (lambda c: scaled(c, "hook.", -1.0), "sign_reversed"),
+    "displacement's axes": (
+        lambda c: exchanged(c, "target.dy_mm", "target.dz_mm"),
+        "displacement_axes.yz_exchanged",
+    ),
+    "one axis reversed": (lambda c: scaled(c, "target.dx", -1.0), "displacement_axes.x_reversed"),
+    "force's axes": (lambda c: exchanged(c, "hook.fx_N", "hook.fz_N"), "load_axes.hook.xz_exchanged"),
+    "a joint's sign": (lambda c: scaled(c, "joint-2.", -1.0), "joint_sign.joint-2"),
+    "joints exchanged": (
+        lambda c: exchanged(c, "joint-2.q_rad", "joint-3.q_rad"),
+        "joints_swapped.joint-2.joint-3",
+    ),
+    "kilonewtons": (lambda c: scaled(c, "hook.", 1e-3), "are the forces in kN"),
+}
+
+
+@pytest.mark.parametrize("case", DOUBTFUL)
+def test_columns_that_are_mistaken_are_named(case, good, tmp_path):
+    spoil, words = DOUBTFUL[case]
+    found = read_test(*files(tmp_path, spoil(good))).considered(False)
+    assert [one.grade for one in found if words in one.found] == ["doubtful"], [one.found for one in found]
+
+
+def test_nothing_is_fitted_to_mistaken_columns(good, tmp_path):
+    pair = files(tmp_path, scaled(good, "target.d", -1.0))
+    found = diagnose_poses(*pair, tmp_path / "out")
+    assert (found.verdict, found.causes) == ("unknown", [])
+    with pytest.raises(ImplausibleError, match="sign_reversed"):
+        calibrate_poses(*pair, tmp_path / "out", strict=True)
+
+
+def test_a_family_that_a_difference_does_not_show_is_refused(good, tmp_path):
+    with pytest.raises(
+        ValueError, match="'frame_error' is not seen in these data: they move the loaded and the unl"
+    ):
+        calibrate_poses(*files(tmp_path, good), tmp_path / "out", families=("frame_error",))
+
+
+def test_good_columns_raise_no_doubt(good, tmp_path):
+    found = calibrate_poses(*files(tmp_path, good), tmp_path / "out")
+    assert [row.found for row in found.doubts if row.grade != "noted"] == []
+
+
+def test_a_tool_sensor_read_as_the_bases_is_named(good, tmp_path):
+    q = np.column_stack([good[f"joint-{i}.q_rad"] for i in range(1, 7)])
+    force = np.column_stack([good[name] for name in FORCES])
+    R = moved(compliant(), q, force)[0][:, :3, :3]
+    in_tool = np.einsum("gba,gb->ga", R, force)
+    columns = good | dict(zip(FORCES, in_tool.T, strict=True))
+    found = read_test(*files(tmp_path, columns)).considered(False)
+    assert any("write axes = 'tool' in [loads.hook]" in one.found for one in found)
+
+
+def test_blanks_are_left_out_and_one_coordinate_is_enough(good, tmp_path):
+    holed = {name: values.copy() for name, values in good.items()}
+    holed["hook.fx_N"][3] = np.nan
+    holed["target.dx_mm"][5] = np.nan
+    pair = files(tmp_path, holed)
+    pair[0].write_text(pair[0].read_text().replace("nan", ""))
+    study = read_test(*pair).study
+    assert (len(study.data), study.data.left_out) == (39, 1)
+    assert np.isnan(study.data.position).sum() == 1
+    gauge = files(tmp_path / "gauge", without(good, "target.dx_mm", "target.dy_mm"))
+    assert calibrate_poses(*gauge, tmp_path / "out").postures == 40
+
+
+def test_postures_by_name_and_noise_that_grows_with_the_load(tmp_path):
+    force = np.array([[100.0, 0.0, 0.0], [0.0, 100.0, 0.0], [0.0, 0.0, -100.0], [300.0, 0.0, 400.0],
+                      [0.0, -200.0, 0.0], [0.0, 80.0, 60.0]])  # fmt: skip
+    d = displacement(compliant(), np.zeros((6, 6)), force)
+    columns = without(columns_of(np.zeros((6, 6)), force, d), *JOINTS)
+    sheet = sheet_text(tracker="noise_mm_per_N = 1e-4\nnoise_rad = 1e-5\nnoise_rad_per_N = 1e-7")
+    data = read_test(*files(tmp_path, {"posture": ["zero"] * 6} | columns, sheet)).study.data
+    assert not data.q.any()
+    size = np.linalg.norm(force, axis=1)
+    assert data.sigma[:, 0, 0] == pytest.approx(np.hypot(0.01, 1e-4 * size))
+    assert data.sigma_turn[:, 0] == pytest.approx(np.hypot(1e-5, 1e-7 * size))
