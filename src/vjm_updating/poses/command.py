@@ -14,9 +14,11 @@ from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
 from vjm.io.model_file import build_chain
 from vjm.io.urdf_text import urdf_text
+from vjm.model.joint_limits import joint_limits
 from vjm.rotations import Array, rotation_vector
 from vjm_output.documents import as_json, doubt_rows
 from vjm_output.optional_page import page_of
+from vjm_updating.experiment.readings import DataError
 from vjm_updating.poses import document as rows
 from vjm_updating.poses.calibrated import calibrated_document, calibrated_text
 from vjm_updating.poses.contrasts import contrasts, correlations
@@ -166,11 +168,7 @@ def calibrate_poses(
         hypothesis = hypothesis.plus(name)
     progress("fit")
     last = study.settle(hypothesis, first)
-    listed = (
-        None
-        if candidates is None
-        else read_candidates(candidates, measurement.sheet, study.machine.joints, study.machine.slides)
-    )
+    listed = None if candidates is None else _listed(candidates, measurement, study)
     common, model, urdf = _common(measurement, study, first, last, begun, listed)
     found = rows.PoseCalibration(**common | {"doubts": doubt_rows(findings)})
     steps = [Step("", first, ()), Step(", ".join(hypothesis.names), last, ())]
@@ -178,6 +176,22 @@ def calibrate_poses(
     files = {CALIBRATION: as_json(found), CALIBRATED: model, URDF: urdf}
     _write(out, files, CALIBRATION_PAGE, measurement.sheet, study, steps, found)
     return found
+
+
+def _listed(candidates: Path, measurement: PoseMeasurement, study: Study) -> Array:
+    """Postures ``(c, n)`` of a file that could be measured next.
+
+    Raises:
+        DataError: it cannot be used, or a joint would be sent beyond its limits.
+    """
+    machine = study.machine
+    q = read_candidates(candidates, measurement.sheet, machine.joints, machine.slides)
+    limits = joint_limits(machine.tree.chain, machine.tree.joints)
+    for number, row in enumerate(machine.rows(q), start=1):
+        said = limits.said(row)
+        if said:
+            raise DataError(f"{candidates.name}: posture {number}: out of reach: {said}")
+    return q
 
 
 def _bends(sheet: PoseSheet) -> str:
