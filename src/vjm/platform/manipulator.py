@@ -283,7 +283,7 @@ class Manipulator:
         return np.concatenate([numbers, np.zeros(6 - len(numbers))])
 
     def beyond_limits(self, drives: Array) -> str:
-        """Which of the legs' drives ``(l,)``, mm or rad, are beyond their limits and by how much; empty for none."""
+        """Which of the legs' drives ``(l,)``, mm or rad, are beyond their limits and by how much, or nothing."""
         said = [
             said_beyond(f"the drive of leg '{leg.name}'", float(value), leg.drive.limits, leg.drive.unit)
             for leg, value in zip(self.legs, drives, strict=True)

@@ -168,7 +168,7 @@ def calibrate_poses(
         hypothesis = hypothesis.plus(name)
     progress("fit")
     last = study.settle(hypothesis, first)
-    listed = None if candidates is None else _listed(candidates, measurement, study)
+    listed = None if candidates is None else candidates_within_limits(candidates, measurement, study)
     common, model, urdf = _common(measurement, study, first, last, begun, listed)
     found = rows.PoseCalibration(**common | {"doubts": doubt_rows(findings)})
     steps = [Step("", first, ()), Step(", ".join(hypothesis.names), last, ())]
@@ -178,7 +178,7 @@ def calibrate_poses(
     return found
 
 
-def _listed(candidates: Path, measurement: PoseMeasurement, study: Study) -> Array:
+def candidates_within_limits(candidates: Path, measurement: PoseMeasurement, study: Study) -> Array:
     """Postures ``(c, n)`` of a file that could be measured next.
 
     Raises:

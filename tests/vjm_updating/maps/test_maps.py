@@ -209,7 +209,7 @@ def test_titles_are_drawn_as_they_stand_and_break_no_file(tmp_path):
 
 
 def test_a_pose_that_sends_a_drive_beyond_its_limits_has_no_value():
-    """By the compiled machine and by the one that is not: the rigid pose's own drives say which poses are refused."""
+    """By the compiled machine and by the one that is not: the rigid pose's own drives say which are refused."""
     machine = load_manipulator("3-puu")
     poses = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [20.0, -10.0, 15.0, 0.0, 0.0, 0.0]])
     drives = [inverse_kinematics(machine, pose).drives for pose in poses]

@@ -1,5 +1,8 @@
 """The two files of a test of poses: orientation by every convention, and one line for what cannot be used."""
 
+from importlib import resources
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hidden_effects.poses.injector import Hidden, rest
@@ -7,7 +10,7 @@ from hidden_effects.poses.robots import PLANAR, SEVEN, document, sheet_text
 
 from vjm.io.toml_text import toml_text
 from vjm.rotations import rotation_from_vector, rotation_vector
-from vjm_updating.poses.command import prepared
+from vjm_updating.poses.command import candidates_within_limits, prepared
 from vjm_updating.poses.readings import rotation_by
 from vjm_updating.poses.study import Hypothesis
 
@@ -94,3 +97,18 @@ def test_what_cannot_be_used_is_said_in_one_line(csv, change, said, tmp_path):
         prepared(tmp_path / "readings.csv", tmp_path / "sheet.toml")
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_candidate_beyond_a_joints_limits_is_refused_by_name(tmp_path):
+    """The UR10's joints go a whole turn either way: 2π = 6.28319 rad."""
+    example = resources.files("vjm_validation") / "examples/ur10-poses"
+    measurement, study = prepared(Path(str(example / "readings.csv")), Path(str(example / "sheet.toml")))
+    file = tmp_path / "next.csv"
+    header = ",".join(f"{joint}.q_rad" for joint in study.machine.joints)
+    file.write_text(f"{header}\n0,0,0,0,0,0\n0,0,6.2,0,0,0\n", encoding="utf-8")
+    assert candidates_within_limits(file, measurement, study)[1, 2] == 6.2
+    file.write_text(f"{header}\n0,0,0,0,0,0\n0,0,6.5,0,0,0\n", encoding="utf-8")
+    with pytest.raises(
+        ValueError, match=r"posture 2: out of reach: elbow = 6.5 exceeds its limit 6.28319 by 0.2168"
+    ):
+        candidates_within_limits(file, measurement, study)
