@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vjm.model.chain import Chain
+from vjm.model.joint_limits import said_beyond
 from vjm.model.parts import Actuator, Beam, RigidOffset
 from vjm.plain_numbers import plain_number
 from vjm.rotations import Array, translation, turn
@@ -280,6 +281,15 @@ class Manipulator:
                 f"{self.name}: no pose '{label}': give {', '.join(self.poses) or 'coordinates'}, or x,y,z in mm"
             )
         return np.concatenate([numbers, np.zeros(6 - len(numbers))])
+
+    def beyond_limits(self, drives: Array) -> str:
+        """Which of the legs' drives ``(l,)``, mm or rad, are beyond their limits and by how much, or nothing."""
+        said = [
+            said_beyond(f"the drive of leg '{leg.name}'", float(value), leg.drive.limits, leg.drive.unit)
+            for leg, value in zip(self.legs, drives, strict=True)
+            if leg.drive is not None
+        ]
+        return "; ".join(text for text in said if text)
 
     def built(self, leg: Leg) -> Chain:
         """The chain of a leg as it was built: with its errors."""

@@ -185,15 +185,9 @@ def _out_of_reach(closure: Closure, there: RigidPose, displacement: Array, done:
 
 
 def _refuse_beyond_limits(pose: RigidPose) -> None:
-    for leg, value in zip(pose.manipulator.legs, pose.drives, strict=True):
-        if leg.drive is None:
-            continue
-        low, high = leg.drive.limits
-        if not low <= value <= high:
-            raise PoseError(
-                f"{pose.manipulator.name}: the drive of leg '{leg.name}' would have to stand at {value:.6g} "
-                f"{leg.drive.unit}, outside its limits {low:g} to {high:g}"
-            )
+    said = pose.manipulator.beyond_limits(pose.drives)
+    if said:
+        raise PoseError(f"{pose.manipulator.name}: out of reach: {said}")
 
 
 def _refuse_singular(pose: RigidPose) -> None:

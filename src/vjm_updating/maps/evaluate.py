@@ -118,6 +118,10 @@ def evaluate(task: MapTask) -> MapRows:
     found = platforms(machine, task.poses, wrench)
     why = [OK if good else str(reason) for good, reason in zip(found.solved, found.why, strict=True)]
     for k in np.flatnonzero(found.solved).tolist():
+        beyond = task.manipulator.beyond_limits(found.drives[k])
+        if beyond:
+            why[k] = f"out of reach: {beyond}"
+            continue
         if task.quantity is Quantity.STIFFNESS:
             values[k] = principal(found.stiffness[k])
         elif task.quantity is Quantity.DEFLECTION:

@@ -12,9 +12,11 @@ from vjm import __version__
 from vjm.io.errors import did_you_mean
 from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
+from vjm.model.joint_limits import joint_limits
 from vjm.rotations import Array, rotation_vector
 from vjm_output.documents import as_json, doubt_rows
 from vjm_output.optional_page import page_of
+from vjm_updating.experiment.readings import DataError
 from vjm_updating.poses import document as rows
 from vjm_updating.poses.contrasts import contrasts, correlations
 from vjm_updating.poses.families import TITLES
@@ -180,11 +182,7 @@ def calibrate_poses(
         hypothesis = hypothesis.plus(name)
     progress("fit")
     last = study.settle(hypothesis, first)
-    listed = (
-        None
-        if candidates is None
-        else read_candidates(candidates, measurement.sheet, study.machine.joints, study.machine.slides)
-    )
+    listed = None if candidates is None else candidates_within_limits(candidates, measurement, study)
     steps = [rung(study, "", first, (), ()), rung(study, ", ".join(hypothesis.names), last, (), ())]
     members = estimates(study, last)
     common, model = _common(measurement, study, steps, members, begun, listed)
@@ -197,6 +195,22 @@ def calibrate_poses(
     files = {CALIBRATION: as_json(found)}
     _write(out, files, (CALIBRATED, model), CALIBRATION_PAGE, measurement.sheet, study, steps, found)
     return found
+
+
+def candidates_within_limits(candidates: Path, measurement: PoseMeasurement, study: Study) -> Array:
+    """Postures ``(c, n)`` of a file that could be measured next.
+
+    Raises:
+        DataError: it cannot be used, or a joint would be sent beyond its limits.
+    """
+    machine = study.machine
+    q = read_candidates(candidates, measurement.sheet, machine.joints, machine.slides)
+    limits = joint_limits(machine.tree.chain, machine.tree.joints)
+    for number, row in enumerate(machine.rows(q), start=1):
+        said = limits.said(row)
+        if said:
+            raise DataError(f"{candidates.name}: posture {number}: out of reach: {said}")
+    return q
 
 
 def _bends(sheet: PoseSheet) -> str:
