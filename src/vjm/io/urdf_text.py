@@ -7,8 +7,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
-from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
+from vjm.model.joints import CoupledJoint, HeldJoint
+from vjm.model.parts import Beam, PassiveJoint, RigidOffset, deflects
 from vjm.rotations import Array, translation
 
 METRE = 1000.0
@@ -71,7 +71,7 @@ def urdf_text(chain: Chain) -> str:
 def left_out(chain: Chain) -> list[str]:
     """What the URDF of a chain does not say, a line for each kind; empty where it says all."""
     lines = []
-    if elastic := [part.name for part in chain.parts if _elastic(part)]:
+    if elastic := [part.name for part in chain.parts if deflects(part)]:
         lines.append(f"what is elastic in {', '.join(elastic)}: a URDF is rigid")
     sums = [part.name for part in chain.parts if isinstance(part, CoupledJoint) and len(part.ratios) > 1]
     if sums:
@@ -84,20 +84,6 @@ def left_out(chain: Chain) -> list[str]:
     if labels:
         lines.append(f"the postures {', '.join(labels)}")
     return lines
-
-
-def _elastic(part: Part) -> bool:
-    match part:
-        case Beam() | SprungJoint():
-            return True
-        case ActuatedJoint():
-            return part.elastic
-        case CoupledJoint():
-            return part.compliance > 0.0 or any(part.lateral)
-        case Actuator() | Mount():
-            return part.compliance > 0.0
-        case _:
-            return False
 
 
 def _type(part: object) -> str:

@@ -370,7 +370,8 @@ def _softness(name: str, part: Actuator | Driven, what: str, length: float) -> t
                 return _with(chain, replace(now, lateral=(lateral[0], lateral[1])))
             case Actuator() | ActuatedJoint() | CoupledJoint():
                 return _with(chain, replace(now, compliance=value))
-        raise TypeError(f"{part.name} is no drive any more")
+            case _:
+                raise TypeError(f"{part.name} is no drive any more")
 
     return [own], change
 
