@@ -10,11 +10,12 @@ from vjm.continuation.imperfections import buckling_shape
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Path
 from vjm.model.assembly import WideCouplingError
-from vjm.model.chain import FOOT, Chain
+from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.model.parts import Placement
 from vjm.tree.lumped_tree import LumpedTree
+from vjm.tree.model import TreeModel
 
 
 @dataclass(frozen=True)
@@ -70,10 +71,16 @@ class VjmEngine:
         Raises:
             ValueError: as `model`.
         """
-        named = {FOOT: self.foot_segments} if self.foot_segments and self.foot_segments > 1 else {}
-        named.update(self.parts)
-        numbers = {beam.name: beam.own_segments or self.segments for beam in chain.beams} | named
-        return chain.refined({name: n for name, n in numbers.items() if n is not None}, self.placement)
+        numbers = chain.segment_numbers(self.segments, self.foot_segments) | dict(self.parts)
+        return chain.refined(numbers, self.placement)
+
+    def tree_model(self, chain: Chain) -> TreeModel:
+        """The chain with this engine's springs for batches over postures.
+
+        Raises:
+            ValueError: as `model`.
+        """
+        return TreeModel(self.split(chain), split=False)
 
     def problem(self, chain: Chain, load_case: LoadCase) -> LumpedProblem:
         """The chain with this engine's springs under a load case, ready to be followed."""

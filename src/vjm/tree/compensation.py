@@ -18,7 +18,8 @@ EXACT = 1e-10
 STEP = 1e-6
 """rad, or of the reach: of the differences that make the Jacobian."""
 SMALL = 1e-4
-"""Share of the loads under which the linear answer is measured: second-order terms are that share of it."""
+"""Share of the loads, and of the springs' stress, under which the linear answer is measured: second-order terms are
+that share of it."""
 SINGULAR = 1e-6
 """Singular value over the largest below which the joints do not move the end."""
 
@@ -84,9 +85,8 @@ def compensated_arm(
 
     def loaded_error(at: Array, share: float = 1.0) -> Array:
         wrench = np.zeros((len(at), len(model.ends), 6))
-        wrench[:, index] = share * wrenches
-        weight = None if gravity is None else (share * gravity[0], share * gravity[1], share * gravity[2])
-        found = equilibria(model, at, gravity=weight, wrench=wrench, compliance=False)
+        wrench[:, index] = wrenches
+        found = equilibria(model, at, gravity=gravity, wrench=wrench, compliance=False, share=share)
         good = found.found & found.stable
         if not good.all():
             raise NoConvergenceError(
