@@ -21,15 +21,13 @@ from vjm.tree.equilibria import equilibria, unloaded_frames
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_output.plot_style import figure, png
-from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
+from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity, principal
 from vjm_updating.maps.output import SHOWN, TITLES
 from vjm_updating.maps.pose_grid import MOST, grid_axis
 
 TOOL = ("x", "y", "z")
 LOST, UNSTABLE = "no equilibrium under these loads", "the equilibrium is unstable"
 UNREACHED = "not reached from its neighbours and the posture"
-ROUNDING = 1e-12
-"""Over the largest: compliance that is none."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +129,7 @@ def map_arm(
     """
     if quantity is Quantity.CRITICAL:
         raise ValueError("--quantity critical: is for platforms; arms have stiffness and deflection")
-    model = TreeModel(engine.split(chain))
+    model = engine.tree_model(chain)
     if end and end not in model.ends:
         raise ValueError(f"--end: {chain.name} has no end frame '{end}' (it has {', '.join(model.ends)})")
     index = model.ends.index(end) if end else 0
@@ -148,7 +146,7 @@ def map_arm(
         tool[reached] = unloaded_frames(model, q[reached])[1][:, index]
         if stiff:
             assert found.compliance is not None
-            rows = _stiffnesses(found.compliance[:, index])
+            rows = principal(found.compliance[:, index])
         else:
             moved = found.deflection[:, index]
             rows = np.hstack([moved, np.linalg.norm(moved[:, :3], axis=1, keepdims=True)])
@@ -180,19 +178,6 @@ def _tool_rows(model: TreeModel, grid: ArmGrid, home: Array, index: int) -> Arra
         rows.append(np.full(len(home), np.nan) if q is None else q)
         before = home if q is None else q
     return np.array(rows)
-
-
-def _stiffnesses(C: Array) -> Array:
-    """Smallest and largest stiffness against forces and moments ``(g, 4)`` of compliances ``(g, 6, 6)``."""
-    rows = []
-    for part in (slice(0, 3), slice(3, 6)):
-        block = C[:, part, part]
-        values = np.linalg.eigvalsh(0.5 * (block + np.swapaxes(block, 1, 2)))
-        with np.errstate(divide="ignore"):
-            # in a direction in which nothing moves the stiffness is infinite
-            least = np.where(values[:, 0] > ROUNDING * values[:, 2], values[:, 0], 0.0)
-            rows += [1.0 / values[:, 2], 1.0 / least]
-    return np.stack(rows, axis=1)
 
 
 def write_arm_map(found: ArmMap, folder: Path) -> list[Path]:
