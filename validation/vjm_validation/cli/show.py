@@ -33,7 +33,7 @@ def show_(
 
     if is_drawing(model):
         return show_drawing(Path(model), out)
-    machine, _ = loaded(model)
+    machine = loaded(model)
     considered(model, strict)
     label = postures(machine, (posture,) if posture else ())[0]
     file = out or Path(f"{machine.name}-{label.replace(',', '_')}.html")
