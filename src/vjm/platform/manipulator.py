@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -101,7 +102,7 @@ class Leg:
             if not isinstance(part, RigidOffset):
                 raise ValueError(
                     f"leg '{self.name}': part '{part.name}' lies before the drive '{self.drive.part}' but is not "
-                    f"rigid; put the drive first"
+                    f"rigid; put the drive first, or leave `drive` out, which holds the leg at its length"
                 )
             T = T @ part.transform
         known = ", ".join(part.name for part in self.chain.parts)
@@ -314,6 +315,10 @@ class Manipulator:
         """The same machine with every sliding drive giving way by ``compliance`` mm/N."""
         legs = (replace(leg, chain=leg.chain.with_actuator_compliance(compliance)) for leg in self.legs)
         return replace(self, legs=tuple(legs))
+
+
+Machine: TypeAlias = Chain | Manipulator
+"""What a model file describes: a serial chain or tree of parts, or legs on a platform."""
 
 
 def drive_of(chain: Chain, part: str, turns_about: Array | None, limits: tuple[float, float]) -> Drive:

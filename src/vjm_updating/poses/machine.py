@@ -10,6 +10,7 @@ that every hypothesis is a vector of numbers on the same machine, and its deriva
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import assert_never
 
 import numpy as np
 
@@ -114,7 +115,8 @@ class PoseMachine:
             chain, parts=tuple(self._parts), after=self._after, ends=named, postures={}, held={},
             point_springs=self._springs_between(chain),
         )  # fmt: skip
-        self.tree = TreeModel(extended)
+        # a beam is one spring here, whose compliance is what is fitted
+        self.tree = TreeModel(extended, split=False)
         own = {part.name: part for part in chain.parts if isinstance(part, HeldJoint)}
         self.joints = tuple(name for name, part in own.items() if not isinstance(part, CoupledJoint))
         self.slides = tuple(own[name].slides for name in self.joints)
@@ -175,8 +177,10 @@ class PoseMachine:
                 self._append(part, behind)
                 if part.free_length or part.segments is None or part.segments == 1:
                     self._springs.append((part.name, "beam", "factor", part.name, None, 1.0, False))
-            case _:
+            case Actuator() | Mount():
                 self._append(part, behind)
+            case _:
+                assert_never(part)
 
     def _append_joint(self, joint: ActuatedJoint | CoupledJoint, behind: str, *, rigid: bool) -> None:
         axes = joint_axes(joint.axis)
