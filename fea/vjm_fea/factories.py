@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from vjm.engines import DEFAULT_SEGMENTS, EngineOptions
+from vjm.engines import EngineOptions
+from vjm.model.chain import USUAL_SEGMENTS
 
 if TYPE_CHECKING:
     from vjm_fea.exudyn.engine import ExudynEngine
@@ -35,7 +36,7 @@ def opensees(options: EngineOptions) -> OpenSeesEngine:
     """OpenSees' mixed beams."""
     from vjm_fea.opensees import OpenSeesEngine
 
-    return OpenSeesEngine(elements=options.segments or DEFAULT_SEGMENTS)
+    return OpenSeesEngine(elements=options.segments or USUAL_SEGMENTS)
 
 
 def _exudyn(options: EngineOptions, *, foot_spring: bool) -> ExudynEngine:
@@ -47,4 +48,4 @@ def _exudyn(options: EngineOptions, *, foot_spring: bool) -> ExudynEngine:
         raise ImportError(EXUDYN_MISSING) from None
     from vjm_fea.exudyn.engine import ExudynEngine
 
-    return ExudynEngine(foot_spring=foot_spring, elements=options.segments or DEFAULT_SEGMENTS)
+    return ExudynEngine(foot_spring=foot_spring, elements=options.segments or USUAL_SEGMENTS)

@@ -22,7 +22,7 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from vjm.analysis import Buckling, Machine, buckling, stiffness, trace
+    from vjm.analysis import Buckling, buckling, stiffness, trace
     from vjm.continuation.path import Equilibrium, Event, EventKind, Path
     from vjm.engines import EngineOptions, engine_by_name
     from vjm.errors import NoConvergenceError
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from vjm.loaded_stiffness import LoadedStiffness
     from vjm.model.chain import Chain
     from vjm.model.load_case import Load, LoadCase, PointControl
-    from vjm.platform.manipulator import Manipulator
+    from vjm.platform.manipulator import Machine, Manipulator
     from vjm.postures import in_posture
     from vjm.vjm_engine import VjmEngine
 
@@ -48,7 +48,7 @@ _HOME = {
     "Load": "vjm.model.load_case",
     "LoadCase": "vjm.model.load_case",
     "LoadedStiffness": "vjm.loaded_stiffness",
-    "Machine": "vjm.analysis",
+    "Machine": "vjm.platform.manipulator",
     "Manipulator": "vjm.platform.manipulator",
     "ModelFileError": "vjm.io.errors",
     "NoConvergenceError": "vjm.errors",

@@ -4,28 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Path, travel
 from vjm.engine import Engine
-from vjm.engines import EngineOptions, engine_by_name, for_model
+from vjm.engines import EngineOptions, engine_by_name, trace_machine
 from vjm.errors import NoConvergenceError
-from vjm.loaded_stiffness import DISPLACEMENT, WRENCH, LoadedStiffness, held_by_itself, of_free_end, under_wrench
+from vjm.loaded_stiffness import (
+    DISPLACEMENT,
+    WRENCH,
+    LoadedStiffness,
+    held_by_itself,
+    of_free_end,
+    of_unloaded_platform,
+    under_wrench,
+)
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
-from vjm.platform.manipulator import Manipulator
+from vjm.platform.manipulator import Machine, Manipulator
+from vjm.platform.rigid_legs import RigidLegError
 from vjm.postures import Posture, in_posture
 from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:
     from vjm.notebook import Axes, DataFrame
-
-Machine: TypeAlias = Chain | Manipulator
-"""What `vjm.load` returns: a serial chain or tree of parts, or legs on a platform."""
 
 DEFAULTS = EngineOptions()
 NEARLY_NOTHING = 1e-6
@@ -130,7 +136,7 @@ def trace(
     """
     machine, label = in_posture(machine, load_case.posture)
     load_case = load_case if label == load_case.posture else replace(load_case, posture=label)
-    return _solver(machine, engine, options).trace(cast(Chain, machine), load_case)
+    return trace_machine(_solver(machine, engine, options), machine, load_case)
 
 
 def stiffness(
@@ -178,7 +184,7 @@ def stiffness(
     if len(values) != 6 or not np.all(np.isfinite(values)):
         raise ValueError(f"{control} must be six finite numbers, got {list(given)}")
     machine, label = in_posture(machine, posture or _labels(machine)[0])
-    solver = engine_by_name(engine, options, machine) if isinstance(engine, str) else engine
+    solver = _solver(machine, engine, options)
     if displacement is None and isinstance(machine, Chain) and isinstance(solver, VjmEngine):
         if held_by_itself(machine):
             return of_free_end(machine, solver, label, values, gravity=gravity, loads=loads, end=end)
@@ -191,7 +197,12 @@ def stiffness(
             f"gravity, loads and an end frame are for machines that carry their free end by vjm; {machine.name} "
             f"{why}: follow a load case (`validate curve`)"
         )
-    return _traced(machine, for_model(solver, machine), label, control, values)
+    try:
+        return _traced(machine, solver, label, control, values)
+    except RigidLegError:
+        if any(values) or not isinstance(machine, Manipulator) or not isinstance(solver, VjmEngine):
+            raise
+        return of_unloaded_platform(machine, solver, label)
 
 
 def buckling(
@@ -246,19 +257,18 @@ def buckling(
     for posture in labels:
         for word in directions:
             direction = Direction(word)
-            end = ramp_end(cast(Chain, machine), posture, direction) if to is None else direction.sign * abs(to)
+            end = ramp_end(machine, posture, direction) if to is None else direction.sign * abs(to)
             case = LoadCase(posture, end, axis, free=tuple(free))
             if force:
                 push = Load(tuple(float(name == axis) for name in COMPONENTS))
                 slides = tuple(name for name in COMPONENTS if name == axis or name in free)
                 case = LoadCase(posture, end, "load", free=slides, loads=(push,), control=TO_LIMIT)
-            paths[posture, str(direction)] = solver.trace(cast(Chain, machine), case)
+            paths[posture, str(direction)] = trace_machine(solver, machine, case)
     return Buckling(paths)
 
 
 def _solver(machine: Machine, engine: str | Engine, options: EngineOptions) -> Engine:
-    found = engine_by_name(engine, options, machine) if isinstance(engine, str) else engine
-    return for_model(found, machine)
+    return engine_by_name(engine, options, machine) if isinstance(engine, str) else engine
 
 
 def _labels(machine: Machine) -> list[str]:
@@ -269,7 +279,7 @@ def _traced(
     machine: Machine, solver: Engine, posture: str, control: str, values: tuple[float, ...]
 ) -> LoadedStiffness:
     """The stable equilibrium at the end of a straight path, by any engine that computes K^F."""
-    path = solver.trace(cast(Chain, machine), _straight(posture, control, values))
+    path = trace_machine(solver, machine, _straight(posture, control, values))
     if any(values) and not path.complete:
         raise NoConvergenceError(f"the {control} is reached only to {path.points[-1].s:.1%}: {path.stopped}")
     first, last = path.points[0], path.points[-1 if any(values) else 0]

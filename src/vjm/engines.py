@@ -9,14 +9,17 @@ from __future__ import annotations
 
 import importlib.metadata
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from typing import Any, cast
+from typing import Any, Protocol
 
+from vjm.continuation.path import Path
 from vjm.engine import Engine
-from vjm.model.chain import Chain
+from vjm.model.chain import USUAL_SEGMENTS, Chain
+from vjm.model.load_case import LoadCase
 from vjm.model.parts import Placement
-from vjm.platform.manipulator import Manipulator
+from vjm.platform.manipulator import Machine, Manipulator
 from vjm.vjm_engine import VjmEngine
 
 DESCRIPTIONS = {
@@ -31,7 +34,6 @@ DESCRIPTIONS = {
 }
 """Every engine's name and what it is."""
 
-DEFAULT_SEGMENTS = 16
 GROUP = "vjm.engines"
 """Of the entry points by which other packages bring engines."""
 FROZEN = "vjm-unloaded-jacobian"
@@ -111,11 +113,8 @@ def _brought(entry: importlib.metadata.EntryPoint, options: EngineOptions, chain
 
 
 def _vjm(options: EngineOptions, chain: object) -> VjmEngine:
-    link, foot = (chain.link_segments, chain.foot_segments) if isinstance(chain, Chain) else (None, None)
-    foot = options.foot_segments or foot
-    if options.segments is None and link is not None:
-        return replace(VjmEngine.of(link, foot or 1, options.placement), parts=options.parts)
-    return VjmEngine(options.segments or DEFAULT_SEGMENTS, foot, options.placement, options.parts)
+    link, foot = chain.usual_segments if isinstance(chain, Chain) else (USUAL_SEGMENTS, None)
+    return VjmEngine(options.segments or link, options.foot_segments or foot, options.placement, options.parts)
 
 
 # Imported when it is asked for: it takes a third of a second.
@@ -132,25 +131,53 @@ def _baseline(name: str) -> Engine:
     return known[name]
 
 
-def for_model(engine: Engine, model: Chain | Manipulator) -> Engine:
-    """The engine as it traces a chain, or the one of the same name that traces a whole manipulator.
+class ManipulatorTracer(Protocol):
+    """What traces the path of a whole manipulator, as an `Engine` does that of a chain."""
 
-    A manipulator goes under the protocol of a chain there: whoever compares paths asks neither.
+    def trace(
+        self, manipulator: Manipulator, load_case: LoadCase, progress: Callable[[float], None] | None = None
+    ) -> Path:
+        """Take the manipulator through the load case, see `Engine.trace`."""
+
+
+def for_manipulators(engine: Engine) -> ManipulatorTracer:
+    """The engine of the same name that traces whole manipulators.
 
     Raises:
         ValueError: the engine knows single chains only.
     """
-    if isinstance(model, Chain):
-        return engine
     if isinstance(engine, VjmEngine):
         # platforms bring sparse linear algebra with them, which no chain needs
         from vjm.platform.problem import ManipulatorEngine
 
-        return cast(Engine, ManipulatorEngine(engine))
+        return ManipulatorEngine(engine)
     whole = getattr(engine, "for_manipulators", None)
-    if whole is None or whole() is None:
+    found: ManipulatorTracer | None = None if whole is None else whole()
+    if found is None:
         raise ValueError(
             f"--engine {engine.label}: traces single chains only; manipulators take vjm, vjm-paper and exudyn"
         )
-    found: Engine = whole()
     return found
+
+
+def refuse_unless_traced(engine: Engine, machine: Machine) -> None:
+    """Refuse a machine that the engine does not trace, before anything is computed.
+
+    Raises:
+        ValueError: it is a manipulator, and the engine knows single chains only.
+    """
+    if not isinstance(machine, Chain):
+        for_manipulators(engine)
+
+
+def trace_machine(
+    engine: Engine, machine: Machine, load_case: LoadCase, progress: Callable[[float], None] | None = None
+) -> Path:
+    """The path of a chain, or of a whole manipulator, under a load case.
+
+    Raises:
+        ValueError: see `refuse_unless_traced`, and the engine's own.
+    """
+    if isinstance(machine, Chain):
+        return engine.trace(machine, load_case, progress)
+    return for_manipulators(engine).trace(machine, load_case, progress)

@@ -11,13 +11,17 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import Load
+from vjm.platform.loaded_manipulator import lumped
+from vjm.platform.manipulator import Manipulator
+from vjm.platform.rigid import inverse_kinematics
+from vjm.platform.rigid_legs import NO_COMPLIANCE, platform_compliance
 from vjm.rotations import Array, displacement_between
 from vjm.statics.equilibrium import solve_under_wrench
 from vjm.statics.stability import free_stability
 from vjm.statics.stiffness import loaded_stiffness, unloaded_stiffness
 from vjm.threads import single_threaded
 from vjm.tree.equilibria import Equilibria, equilibria, largest_residual
-from vjm.tree.model import Gravity, TreeModel
+from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
 
 if TYPE_CHECKING:
@@ -25,8 +29,6 @@ if TYPE_CHECKING:
 
 DISPLACEMENT, WRENCH = "displacement", "wrench"
 """What is imposed on the end-effector."""
-NO_COMPLIANCE = 1e-12
-"""Over the largest: eigenvalue of a compliance that is none."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -178,7 +180,7 @@ def of_free_end(
         NoConvergenceError: there is no equilibrium near, or it is unstable.
         ValueError: no such end frame, posture or part.
     """
-    model = TreeModel(engine.split(chain))
+    model = engine.tree_model(chain)
     if end and end not in model.ends:
         raise ValueError(f"{chain.name} has no end frame '{end}' (it has {', '.join(model.ends)})")
     index = model.ends.index(end) if end else 0
@@ -211,6 +213,41 @@ def of_free_end(
         unloaded_compliance=C0,
         rigid=rigid,
         torques=dict(zip(model.joints, at.torques[0].tolist(), strict=True)),
+    )
+
+
+def of_unloaded_platform(manipulator: Manipulator, engine: VjmEngine, pose: str) -> LoadedStiffness:
+    """The unloaded stiffness of a platform that some leg may hold rigidly in some direction, by its compliance.
+
+    Args:
+        manipulator: the machine.
+        engine: how its beams become springs.
+        pose: label, or the platform's displacement from home.
+
+    Raises:
+        PoseError: the rigid machine cannot take the pose.
+        ValueError: in this pose the platform moves without straining a spring.
+    """
+    at = inverse_kinematics(manipulator, manipulator.displacement(pose))
+    C = platform_compliance(at, [lumped(engine, leg.chain) for leg in manipulator.legs])
+    rigid = rigid_wrenches(C, manipulator.characteristic_length)
+    K: Array = np.full((6, 6), np.inf) if len(rigid) else np.asarray(np.linalg.inv(C), dtype=float)
+    return LoadedStiffness(
+        model=manipulator.name,
+        model_sha256=manipulator.sha256,
+        engine=engine.label,
+        posture=pose,
+        control=DISPLACEMENT,
+        displacement=np.zeros(6),
+        wrench=np.zeros(6),
+        loaded=K,
+        unloaded=K,
+        eigenvalue=float("nan"),
+        iterations=None,
+        residual=0.0,
+        loaded_compliance=C,
+        unloaded_compliance=C,
+        rigid=rigid,
     )
 
 

@@ -5,17 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from vjm.continuation.arc_length import trace
 from vjm.continuation.imperfections import buckling_shape
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Path
 from vjm.model.assembly import WideCouplingError
-from vjm.model.chain import FOOT, Chain
+from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.model.parts import Placement
 from vjm.threads import single_threaded
+
+if TYPE_CHECKING:
+    from vjm.tree.model import TreeModel
 
 
 @dataclass(frozen=True)
@@ -72,10 +76,18 @@ class VjmEngine:
         Raises:
             ValueError: as `model`.
         """
-        named = {FOOT: self.foot_segments} if self.foot_segments and self.foot_segments > 1 else {}
-        named.update(self.parts)
-        numbers = {beam.name: beam.own_segments or self.segments for beam in chain.beams} | named
-        return chain.refined({name: n for name, n in numbers.items() if n is not None}, self.placement)
+        numbers = chain.segment_numbers(self.segments, self.foot_segments) | dict(self.parts)
+        return chain.refined(numbers, self.placement)
+
+    def tree_model(self, chain: Chain) -> TreeModel:
+        """The chain with this engine's springs for batches over postures.
+
+        Raises:
+            ValueError: as `model`.
+        """
+        from vjm.tree.model import TreeModel
+
+        return TreeModel(self.split(chain), split=False)
 
     @single_threaded
     def problem(self, chain: Chain, load_case: LoadCase) -> LumpedProblem:

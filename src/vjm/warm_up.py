@@ -33,7 +33,7 @@ def main() -> None:
     wrench_sensitivity(engine, chain, path, [compliance_factor(chain, "link")])
     problem = engine.problem(chain, load_case)
     grid = trace_grid(problem, np.linspace(0.0, 0.1, 5))
-    problem.model.compiled.correct(
+    problem.model.compiled_series.correct(
         problem.target(0.0), load_case.direction, grid.s, grid.x, grid.wrench, TOLERANCE, 2
     )
     follower = Load((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), "link", 0.5, follower=True)

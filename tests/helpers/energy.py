@@ -11,7 +11,7 @@ import numpy as np
 from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
 from vjm.model.load_case import Load
-from vjm.model.parts import Beam, RigidOffset
+from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
 
 TINY = 1e-30
 """Complex step: its square is lost in rounding."""
@@ -25,6 +25,22 @@ def rotated(axis, angle):
     S = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], dtype=float)
     s, c = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
     return np.eye(3) + s * S + (1 - c) * (S @ S)
+
+
+def beam_compliance(beam: Beam) -> np.ndarray:
+    """Compliance ``(6, 6)`` of a beam at its tip, own axes: as given, else by textbook formulas of a cantilever."""
+    if beam.compliance is not None:
+        return beam.compliance / beam.count
+    s, L = beam.section, beam.length
+    across = (L**3 / 3 / s.EIz + L / s.GAy, L**3 / 3 / s.EIy + L / s.GAz)
+    C = np.diag([L / s.EA, *across, L / s.GJ, L / s.EIy, L / s.EIz])
+    C[1, 5] = C[5, 1] = L**2 / 2 / s.EIz
+    C[2, 4] = C[4, 2] = -(L**2) / 2 / s.EIy
+    R = np.kron(np.eye(2), beam.section_frame)
+    x, y, z = beam.end_offset
+    arm = np.eye(6)
+    arm[:3, 3:] = -np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return arm @ R @ C @ R.T @ arm.T / beam.count
 
 
 class Energy:
@@ -94,8 +110,14 @@ class Energy:
             elif isinstance(part, Beam):
                 # the spring of the whole part at its tip, in its own axes
                 p = p + R @ part.tip
-                R, p = spring6(R @ part.own_frame, p, part.compliance)
+                R, p = spring6(R @ part.own_frame, p, beam_compliance(part))
                 R = R @ part.own_frame.T
+            elif isinstance(part, PassiveJoint):
+                R, p = move(R, p, part.axis, part.slides, held[part.name] + take(1)[:, 0])
+            elif isinstance(part, Actuator | Mount):
+                if part.compliance:
+                    slides = isinstance(part, Actuator) or part.slides
+                    R, p, _ = one(R, p, part.axis, slides, part.compliance)
             elif isinstance(part, SprungJoint):
                 R, p = move(R, p, part.axis, part.slides, held[part.name])
                 rest = part.preload / part.stiffness if part.rest is None else part.rest - held[part.name]
@@ -119,7 +141,7 @@ class Energy:
                         R, p, _ = one(R, p, axis, False, compliance)
                 if part.compliance:
                     R, p, own[part.name] = one(R, p, part.axis, part.slides, part.compliance)
-            if not isinstance(part, RigidOffset | Beam):
+            if not isinstance(part, RigidOffset | Beam | Actuator | Mount):
                 begin[part.name] = (R, p)
             end[part.name] = (R, p)
             last = part.name
@@ -129,10 +151,13 @@ class Energy:
         strain, energy, begin, end = self.places(x)
         energy = energy + strain
         for spring in self.chain.point_springs:
-            a, b = (
-                begin[name][1] + begin[name][0] @ point
-                for name, point in zip(spring.parts, spring.points, strict=True)
-            )
+            places = []
+            for name, point in zip(spring.parts, spring.points, strict=True):
+                # a beam is one spring at its tip here: what is fixed to it goes with the tip
+                beam = next((part for part in self.chain.beams if part.name == name), None)
+                R, p = begin[name] if beam is None else end[name]
+                places.append(p + R @ (point if beam is None else point - beam.tip))
+            a, b = places
             length = np.sqrt(np.sum((b - a) ** 2, axis=1))
             energy = energy + 0.5 * spring.stiffness * (length - spring.free_length) ** 2 + spring.preload * length
         for load in self.loads:
@@ -178,6 +203,20 @@ class Energy:
         _, _, _, ends = self.places(x + 1j * TINY * np.eye(self.size))
         rates = ends[self.ends[end]][1].imag / TINY
         return rates.T @ np.linalg.solve(self.hessian(x), rates)
+
+    def stiffness(self, x, end=""):
+        """Stiffness ``(6, 6)`` of an end frame whose pose is imposed, world axes, N, mm, rad.
+
+        ``H dx = Jᵀ dF``, ``J dx = dt``: passive joints have no energy, so that H may be singular.
+        """
+        _, _, _, ends = self.places(x + 1j * TINY * np.eye(self.size))
+        R, p = ends[self.ends[end]]
+        spin = (R.imag / TINY) @ R[0].real.T
+        J = np.hstack([p.imag / TINY, spin[:, 2, 1, None], spin[:, 0, 2, None], spin[:, 1, 0, None]]).T
+        M = np.block([[self.hessian(x), -J.T], [J, np.zeros((6, 6))]])
+        # entries from 1e-6 to 1e12: scaled by rows and columns alike
+        size = np.sqrt(np.abs(M).max(axis=1))
+        return (np.linalg.inv(M / size[:, None] / size) / size[:, None] / size)[self.size :, self.size :]
 
 
 def load_on(part, force):

@@ -32,6 +32,10 @@ def random_machine(seed: int) -> tuple[Chain, dict[str, float]]:
     springs = ()
     if rng.random() < 0.4:
         points = np.array([rng.uniform(-300, 300, 3), rng.uniform(-80, 80, 3)])
+        if isinstance(parts[-1], Beam):
+            # beyond the tip of the one spring that the beam is here
+            x, y, z = points[1]
+            points[1] = parts[-1].tip + parts[-1].own_frame @ [abs(x), y, z]
         springs = (PointSpring("s", ("", names[-1]), points, float(rng.uniform(0.1, 2.0)), 20.0, 5.0),)
     base = frame(rotation_from_vector(rng.normal(size=3)), rng.uniform(-100, 100, 3))
     ends = {f"e{k}": tip for k, tip in enumerate(tips[:2])}

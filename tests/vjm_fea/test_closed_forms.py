@@ -51,7 +51,7 @@ def test_tip_compliance_of_a_cantilever_is_beam_theory(shear, elements):
     own, across = rotation_from_vector([0.3, -0.2, 0.9]), rotation_from_vector([-0.5, 0.1, 0.4])
     chain = cantilever(own_frame=own, section_frame=across, end_offset=np.array([20.0, -8.0, 5.0]))
     problem = ExudynEngine(elements=elements, shear=shear).problem(chain, LoadCase("-", 1.0))
-    found = np.linalg.inv(problem.loaded_stiffness(problem.unloaded()))
+    found = np.linalg.inv(problem.unloaded().stiffness)
     rigid = Section(EA, GJ, EIY, EIZ)
     reference = Beam(
         "bar", LENGTH, section_frame=across, end_offset=np.array([20.0, -8.0, 5.0]),

@@ -54,7 +54,7 @@ def test_any_chain_has_the_lumped_model_s_unloaded_stiffness_and_stations(odd_ch
     unloaded = problem.unloaded()
     names = [beam.name for beam in odd_chain.beams]
     reference = linear_stiffness(odd_chain.refined(dict.fromkeys(names, 1)), odd_chain.posture("P"))
-    scaled = (problem.loaded_stiffness(unloaded) - reference) / np.outer(ARM, ARM)
+    scaled = (unloaded.stiffness - reference) / np.outer(ARM, ARM)
     assert scaled == pytest.approx(0.0, abs=1e-9 * np.max(np.abs(reference / np.outer(ARM, ARM))))
 
     model = LumpedModel(odd_chain.refined(dict.fromkeys(names, 3)))
@@ -72,7 +72,7 @@ def test_tip_compliance_of_a_cantilever_is_beam_theory(element, elements):
     arm = np.array([20.0, -8.0, 5.0])
     chain = cantilever(own_frame=own, section_frame=across, end_offset=arm)
     problem = OpenSeesEngine(elements, element).problem(chain, LoadCase("-", 1.0))
-    found = np.linalg.inv(problem.loaded_stiffness(problem.unloaded()))
+    found = np.linalg.inv(problem.unloaded().stiffness)
     turned = np.kron(np.eye(2), own)
     reference = turned @ Beam("bar", LENGTH, section_frame=across, end_offset=arm, section=BAR).beam_compliance()
     reference = reference @ turned.T
@@ -122,7 +122,7 @@ def test_tangent_is_the_derivative_of_the_residual(odd_chain):
 def test_loaded_stiffness_is_the_derivative_of_the_wrench(orthoglide):
     problem = OpenSeesEngine().problem(orthoglide, LoadCase("D", -14.0))
     here = problem.solve(4.0, problem.solve(2.0, problem.unloaded()))
-    K = problem.loaded_stiffness(here)
+    K = here.stiffness
     differences = np.empty((6, 6))
     for i, step in enumerate([1e-2] * 3 + [1e-4] * 3):
         d = np.zeros(6)

@@ -14,12 +14,11 @@ from pydantic import BaseModel, ConfigDict
 from vjm import __version__
 from vjm.io.files import write_whole
 from vjm.loaded_stiffness import held_by_itself
-from vjm.model.chain import Chain
 from vjm.platform.compensation import compensated
-from vjm.platform.manipulator import Manipulator
+from vjm.platform.manipulator import Machine, Manipulator
 from vjm.rotations import Array
 from vjm.tree.compensation import compensated_arm, rotations_of
-from vjm.tree.model import Gravity, TreeModel
+from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import DoubtRow
 from vjm_validation.tool_path import ToolPath
@@ -67,7 +66,7 @@ class _Answer:
 
 
 def compensation(
-    machine: Chain,
+    machine: Machine,
     engine: VjmEngine,
     path: ToolPath,
     *,
@@ -78,7 +77,7 @@ def compensation(
     """Compensate a path.
 
     Args:
-        machine: an arm, or a manipulator under its protocol, whose poses count from home.
+        machine: an arm, or a manipulator, whose poses count from home.
         engine: that splits its beams.
         path: poses and wrenches.
         gravity: m/s²; of arms.
@@ -94,7 +93,7 @@ def compensation(
             raise ValueError("--gravity: legs of a platform are taken without weight; leave it out")
         answer = _platform(machine, engine, path)
     elif held_by_itself(machine):
-        model = TreeModel(engine.split(machine))
+        model = engine.tree_model(machine)
         found = compensated_arm(
             model, path.positions, None if path.turns is None else rotations_of(path.turns), path.wrenches,
             gravity=gravity, start=model.posture(posture) if posture else None, end=end,

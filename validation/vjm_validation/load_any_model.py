@@ -1,22 +1,18 @@
-"""Chains and manipulators where commands take a model: loading, engines, postures."""
+"""Chains and manipulators where commands take a model: loading, postures."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import cast
+from collections.abc import Sequence
+from typing import overload
 
-from vjm.engine import Engine
-from vjm.engines import for_model
 from vjm.io.manipulator_file import load_model
 from vjm.model.chain import Chain
+from vjm.platform.manipulator import Machine
 from vjm.postures import in_posture
 
 
-def loaded(name_or_path: str, *, shear: bool = True) -> tuple[Chain, Callable[[Engine], Engine]]:
-    """A model, and what makes of an engine one that traces it.
-
-    A manipulator goes under the name of a chain here: commands ask for its name, postures and size only, and hand
-    it to the engine.
+def loaded(name_or_path: str, *, shear: bool = True) -> Machine:
+    """A model, chain or manipulator.
 
     Args:
         name_or_path: of the model.
@@ -26,18 +22,18 @@ def loaded(name_or_path: str, *, shear: bool = True) -> tuple[Chain, Callable[[E
         ModelFileError: see `vjm.io.manipulator_file.load_model`.
     """
     model = load_model(name_or_path)
-    if not shear:
-        model = model.rigid_in_shear()
-    if isinstance(model, Chain):
-        return model, lambda engine: engine
-    return cast(Chain, model), lambda engine: for_model(engine, model)
+    return model if shear else model.rigid_in_shear()
 
 
-def in_postures(model: Chain, wanted: Sequence[str]) -> tuple[Chain, list[str]]:
+@overload
+def in_postures(model: Chain, wanted: Sequence[str]) -> tuple[Chain, list[str]]: ...
+@overload
+def in_postures(model: Machine, wanted: Sequence[str]) -> tuple[Machine, list[str]]: ...
+def in_postures(model: Machine, wanted: Sequence[str]) -> tuple[Machine, list[str]]:
     """A model that has the postures asked for, and their labels; all of its own where none is asked for.
 
     Args:
-        model: a chain, or a manipulator under its protocol.
+        model: a chain or a manipulator.
         wanted: labels, or coordinates, see `vjm.postures.in_posture`.
 
     Raises:

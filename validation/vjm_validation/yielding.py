@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict
 from vjm.continuation.path import Path
 from vjm.engine import Engine
 from vjm.model.chain import Chain
+from vjm.platform.manipulator import Machine
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnose.stress import first_yield
 
@@ -42,7 +43,7 @@ class YieldRow(BaseModel):
 
 
 def yield_rows(
-    chain: Chain, content: Mapping[str, Any], cases: Sequence[tuple[str, str, Engine]], paths: Sequence[Path]
+    chain: Machine, content: Mapping[str, Any], cases: Sequence[tuple[str, str, Engine]], paths: Sequence[Path]
 ) -> list[YieldRow]:
     """A row for every path of the virtual joint method; none where the file says no yield stress.
 

@@ -181,10 +181,6 @@ class BeamProblem:
         """Length of a change of state along an arc: mean of the bodies' turns, and of shifts over the length."""
         return float(np.linalg.norm(self.scaled(change)))
 
-    def loaded_stiffness(self, equilibrium: Equilibrium) -> Array:
-        """Loaded stiffness ``(6, 6)`` of the support, see `BeamStatics.end_stiffness`; N/mm, N, N mm."""
-        return self.statics.end_stiffness(self.statics.tangent(equilibrium.state))
-
     # --- what branches need -------------------------------------------------------------------------------
 
     def parameter(self, state: Array) -> float:
@@ -364,7 +360,7 @@ class BeamProblem:
         tangent = self.exact(state)
         verdict = self._verdict(state, tangent)
         try:
-            K = self.statics.end_stiffness(tangent)
+            K = self.statics.end_stiffness(state, tangent, self.load_case)
         except np.linalg.LinAlgError:
             K = np.full((6, 6), np.nan)
         ramp = float(state[-1])

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vjm.loaded_stiffness import rigid_wrenches
+from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.rotations import Array, rotation_from_vector
 from vjm_fea.common.applied_loads import AppliedLoads
 from vjm_fea.common.linearized_statics import Tangent
@@ -190,11 +192,30 @@ class BeamStatics(ABC):
             result = result + self._loads(state)[1][self.applied_loads.on_tool].sum(axis=0)
         return result
 
-    def end_stiffness(self, tangent: Tangent) -> Array:
+    def end_stiffness(self, state: Array, tangent: Tangent, load_case: LoadCase) -> Array:
         """Loaded stiffness ``(6, 6)``: wrench (f, m) of the support in world axes by its shift and small turn.
 
-        Not symmetric where a moment acts.
+        Where the support holds nothing, as all of the end-effector's pose is free, that of the end-effector under
+        a dead wrench at its reference point. Not symmetric where a moment acts.
+
+        Raises:
+            numpy.linalg.LinAlgError: the tangent is singular.
         """
+        if set(load_case.free) == set(COMPONENTS):
+            return self._free_end_stiffness(state, tangent)
         unit = self.unit[self.held]
         result: Array = tangent.end_stiffness() * self.energy / (unit[:, None] * unit)
         return result
+
+    def _free_end_stiffness(self, state: Array, tangent: Tangent) -> Array:
+        """The inverse of what a wrench on the free end-effector moves it by; infinite where it moves nothing."""
+        point = self.at_tool(state)
+        forces, motions = np.zeros((2, len(self.unit), 6))
+        forces[point.motions] = point.jacobian.T
+        motions[self.free] = tangent.solve((forces * self.unit[:, None] / self.energy)[self.free])
+        C = point.jacobian @ (motions * self.unit[:, None])[point.motions]
+        # a length that makes forces and moments alike; beyond a critical point entries may be negative
+        shifts, turns = np.abs(np.diag(C)).reshape(2, 3).max(axis=1).tolist()
+        if len(rigid_wrenches(C, np.sqrt(shifts / turns) if shifts > 0.0 < turns else 1.0)):
+            return np.full((6, 6), np.inf)
+        return np.asarray(np.linalg.inv(C), dtype=float)

@@ -3,24 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from vjm.model.chain import Chain
-from vjm.model.end_condition import held
+from vjm.model.end_condition import held, refuse_rigid
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
-from vjm.model.parts import PassiveJoint
+from vjm.model.parts import Beam, PassiveJoint
 from vjm.rotations import Array
+from vjm.vjm_engine import VjmEngine
 
 
 def hand_joints(chain: Chain, load_case: LoadCase) -> tuple[PassiveJoint, ...]:
     """Joints between the end-effector and the support, from the end-effector; see `vjm.model.end_condition`.
 
     Raises:
-        ValueError: what is free makes the chain a mechanism.
+        ValueError: what is free makes the chain a mechanism, or it is rigid in a direction in which it is held.
     """
-    return held(LumpedModel(chain), load_case).joints if load_case.free else ()
+    if load_case.free:
+        return held(LumpedModel(chain), load_case).joints
+    refuse_rigid(VjmEngine().model(_as_meshed(chain)), load_case.posture)
+    return ()
+
+
+def _as_meshed(chain: Chain) -> Chain:
+    """The chain with straight beams of their sections, as elements have them."""
+    parts = (
+        replace(part, compliance=None, bow=(0.0, 0.0)) if isinstance(part, Beam) and part.section else part
+        for part in chain.parts
+    )
+    return replace(chain, parts=tuple(parts))
 
 
 def joint_axes(joints: Sequence[PassiveJoint]) -> tuple[Array, tuple[int, ...]]:

@@ -13,11 +13,14 @@ from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.model.parts import PassiveJoint
 from vjm.platform.closure import RigidPose
+from vjm.platform.loaded_manipulator import lumped
 from vjm.platform.manipulator import Manipulator
 from vjm.platform.problem import on_platform
 from vjm.platform.rigid import inverse_kinematics
+from vjm.platform.rigid_legs import refuse_rigid_legs
 from vjm.rotations import AXES, Array
 from vjm.threads import single_threaded
+from vjm.vjm_engine import VjmEngine
 from vjm_fea.common.beam_problem import BeamProblem, refuse_imperfection
 from vjm_fea.common.branches import TINY
 from vjm_fea.common.mesh import Mesh
@@ -40,6 +43,7 @@ class ManipulatorExudynProblem(BeamProblem):
 
         Raises:
             PoseError: the rigid machine cannot take the pose.
+            RigidLegError: a leg does not deflect in all directions.
             ValueError: a beam without a section, or a load case that only chains know.
         """
         refuse_imperfection(label, load_case)
@@ -47,6 +51,8 @@ class ManipulatorExudynProblem(BeamProblem):
         if pose is None:
             pose = inverse_kinematics(manipulator, manipulator.displacement(load_case.posture))
         pose = replace(pose, manipulator=manipulator)
+        # by the rank of one spring a beam, which is that of its elements
+        refuse_rigid_legs(pose, [lumped(VjmEngine(), leg.chain) for leg in manipulator.legs])
         # hinges first, in the order of `vjm.model.end_condition`
         free = [name for name in HINGES_FIRST if not held[COMPONENTS.index(name)]]
         end_condition = [PassiveJoint(f"support-{name}", AXES[name[-1]], slides=len(name) == 1) for name in free]

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import assert_never
 
 import numpy as np
 
@@ -144,6 +145,10 @@ class ExudynSystem:
                 self._add_spring(part)
             case Beam():
                 self._add_beam(part)
+            case PassiveJoint():
+                raise TypeError(f"joint '{part.name}' is passive: it is added with its coordinate")
+            case _:
+                assert_never(part)
 
     def _add_beam(self, beam: Beam) -> None:
         beam.refuse_bow("exudyn")
@@ -194,11 +199,10 @@ class ExudynSystem:
         stiffness = np.linalg.inv(compliance)
 
         def connect(behind: Item) -> None:
-            self.assembly.rigid(
-                items.RigidBodySpringDamper(
-                    markerNumbers=[before, behind], stiffness=stiffness, useIntrinsicFormulation=True
-                )
-            )  # fmt: skip
+            spring = items.RigidBodySpringDamper(
+                markerNumbers=[before, behind], stiffness=stiffness, useIntrinsicFormulation=True
+            )
+            self.assembly.rigid(spring)
 
         self._leave_open(at, connect)
         self._piece(beam.name, self._frame[:3, 3], np.zeros(3), start=1.0)
@@ -210,11 +214,10 @@ class ExudynSystem:
 
         def connect(behind: Item) -> None:
             self._joint(before, behind, PRISMATIC)
-            self.assembly.rigid(
-                items.RigidBodySpringDamper(
-                    markerNumbers=[before, behind], stiffness=np.diag([1.0 / drive.compliance] + [0.0] * 5)
-                )
-            )  # fmt: skip
+            spring = items.RigidBodySpringDamper(
+                markerNumbers=[before, behind], stiffness=np.diag([1.0 / drive.compliance] + [0.0] * 5)
+            )
+            self.assembly.rigid(spring)
 
         self._leave_open(at, connect)
 
@@ -349,11 +352,7 @@ class ExudynSystem:
         )
 
     def _joint(self, before: Item, behind: Item, constrained: tuple[int, ...]) -> None:
-        self.assembly.rigid(
-            items.GenericJoint(
-                markerNumbers=[before, behind], constrainedAxes=list(constrained)
-            )
-        )  # fmt: skip
+        self.assembly.rigid(items.GenericJoint(markerNumbers=[before, behind], constrainedAxes=list(constrained)))
 
     # --- points -------------------------------------------------------------------------------------------
 

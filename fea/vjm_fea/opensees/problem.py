@@ -33,6 +33,9 @@ class OpenSeesProblem(BeamProblem):
                 that the engine does not know.
         """
         refuse_imperfection(label, load_case)
+        chain.refuse_tree(label)
+        if not chain.beams:
+            raise ValueError(f"{chain.name}: there is no beam to mesh")
         chain = chain.at(load_case.posture)
         q, points = chain.posture(load_case.posture), wanted(load_case)
         system = ChainSystem(chain, q, elements, points, hand_joints(chain, load_case))

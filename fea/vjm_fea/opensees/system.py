@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import assert_never
 
 import numpy as np
 
 from vjm.continuation.path import StationLabel
 from vjm.model.chain import Chain
-from vjm.model.joints import HeldJoint, elementary_springs
+from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint, elementary_springs
 from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
 from vjm.rotations import Array, translation, turn
 from vjm_fea.common.mesh import grid, lumped_mass
@@ -76,13 +77,10 @@ class ChainSystem:
             end_condition: joints between the end-effector and the support, see `vjm.model.end_condition`.
 
         Raises:
-            ValueError: there is no beam, or one without a section, or another number of joints.
+            ValueError: a beam without a section, or another number of joints.
         """
         if elements < 1:
             raise ValueError(f"a beam needs at least one element, not {elements}")
-        chain.refuse_tree("opensees")
-        if not chain.beams:
-            raise ValueError(f"{chain.name}: there is no beam to mesh")
         if len(q) != len(chain.joints):
             raise ValueError(
                 f"{chain.name}: {len(chain.joints)} passive joints but {len(q)} coordinates in the posture"
@@ -112,7 +110,7 @@ class ChainSystem:
                     if part.compliance > 0.0:
                         slides = isinstance(part, Actuator) or part.slides
                         self._add_joint(part.axis, slides=slides, stiffness=1.0 / part.compliance)
-                case HeldJoint():
+                case ActuatedJoint() | SprungJoint() | CoupledJoint():
                     self._frame = self._frame @ part.motion(part.held_at)
                     for spring in elementary_springs(part, "opensees"):
                         if spring.stretch:
@@ -125,6 +123,8 @@ class ChainSystem:
                     self._frame = self._frame @ move
                 case Beam():
                     self._add_beam(part)
+                case _:
+                    assert_never(part)
         for joint in end_condition:
             # along the world's axes, through the end-effector's reference point
             self._add_joint(self._frame[:3, :3].T @ joint.axis, slides=joint.slides)

@@ -10,6 +10,7 @@ import numpy as np
 
 from vjm.continuation.path import Equilibrium, Path
 from vjm.model.chain import Chain
+from vjm.model.end_condition import refuse_rigid
 from vjm.model.load_case import LoadCase, refuse_unless_pose_only
 from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
@@ -48,6 +49,19 @@ def straight_path(label: str, chain: Chain, load_case: LoadCase, stiffness: Arra
     return Path(label, chain.name, load_case, tuple(points), seconds=seconds, model_sha256=chain.sha256)
 
 
+def linear_model(label: str, chain: Chain, posture: str) -> LumpedModel:
+    """A chain in a posture with one spring a beam, for what is linear about a machine without forces.
+
+    Raises:
+        ValueError: branches, springs between points, a spring under stress, or a rigid direction.
+    """
+    there = chain.at(posture)
+    there.refuse_prestress(label)
+    model = LumpedModel(there)
+    refuse_rigid(model, posture)
+    return model
+
+
 @dataclass(frozen=True)
 class LinearEngine:
     """``F = K Δt`` (5), with the chain's printed compliance matrices."""
@@ -59,5 +73,6 @@ class LinearEngine:
         """Straight line through the unloaded state; it knows no critical points."""
         refuse_unless_pose_only(self.label, load_case)
         started = time.perf_counter()
-        K = unloaded_stiffness(LumpedModel(chain.at(load_case.posture)), chain.posture(load_case.posture))
+        model = linear_model(self.label, chain, load_case.posture)
+        K = unloaded_stiffness(model, chain.posture(load_case.posture))
         return straight_path(self.label, chain, load_case, K, time.perf_counter() - started)

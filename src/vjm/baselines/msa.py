@@ -8,12 +8,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import assert_never
 
 import numpy as np
 
 from vjm.baselines.linear import straight_path
 from vjm.continuation.path import Path
 from vjm.model.chain import Chain
+from vjm.model.end_condition import DEPENDENT, rigid_direction
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint, joint_axes
 from vjm.model.load_case import LoadCase, refuse_unless_pose_only
 from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset, Section
 from vjm.rotations import Array, frame, rotate_matrix6, skew, translation, turn
@@ -72,14 +75,22 @@ class _Assembly:
     """Displacement of the node by the unknowns ``(6, n)``."""
     K: Array = field(default_factory=lambda: np.zeros((0, 0)))
     """Stiffness of the unknowns ``(n, n)``."""
+    own: dict[str, int] = field(default_factory=dict)
+    """The unknown of a joint's spring about or along its own axis, by the joint's name."""
 
-    def free(self, directions: Array, stiffness: float = 0.0) -> None:
-        """Let the node move further along directions ``(6, k)``, each with the stiffness of a spring."""
+    def free(self, directions: Array, stiffness: Array | None = None) -> None:
+        """Let the node move further along directions ``(6, k)``, with a spring ``(k, k)`` or without."""
         k = directions.shape[1]
         self.at = np.hstack([self.at, directions])
         self.K = np.pad(self.K, (0, k))
-        if stiffness:
-            self.K[-k:, -k:] = stiffness * np.eye(k)
+        if stiffness is not None and k:
+            self.K[-k:, -k:] = stiffness
+
+    def release(self, axis: Array, *, slides: bool, compliance: float | None = None) -> None:
+        """Let the node slide along or turn about an axis (3,) of the chain frame, with a spring or without."""
+        world, nothing = self.T[:3, :3] @ axis, np.zeros(3)
+        motion = np.concatenate([world, nothing] if slides else [nothing, world])
+        self.free(motion[:, None], None if compliance is None else np.array([[1.0 / compliance]]))
 
     def move(self, transform: Array) -> None:
         """Go to another node of the same rigid body."""
@@ -107,10 +118,16 @@ def msa_stiffness(chain: Chain, posture: Array) -> Array:
     """Stiffness ``(6, 6)`` at the end-effector by matrix structural analysis, N, mm, rad, world axes.
 
     Args:
-        chain: the machine; the part named ``foot`` enters as its 6×6 matrix, every other beam as an element
-            where its section is known.
-        posture: passive coordinates ``(n_q,)`` rad.
+        chain: the machine, its held joints at the coordinates of a posture; the part named ``foot`` enters as its
+            6×6 matrix, every other beam as an element where its section is known.
+        posture: passive coordinates ``(n_q,)`` rad or mm.
+
+    Raises:
+        ValueError: branches or springs between points, a spring that is under stress in the posture, or a rigid
+            direction.
     """
+    chain.refuse_tree("msa")
+    chain.refuse_prestress("msa")
     assembly = _Assembly(chain.base.copy())
     q = iter(posture)
     for part in chain.parts:
@@ -118,17 +135,24 @@ def msa_stiffness(chain: Chain, posture: Array) -> Array:
             case RigidOffset():
                 assembly.move(part.transform)
             case PassiveJoint():
-                world_axis = assembly.T[:3, :3] @ part.axis
-                assembly.free(np.concatenate([np.zeros(3), world_axis])[:, None])
-                assembly.T = assembly.T @ turn(part.axis, next(q))
+                assembly.release(part.axis, slides=part.slides)
+                value = next(q)
+                assembly.move(translation(part.axis * value) if part.slides else turn(part.axis, value))
             case Actuator() | Mount():
                 if part.compliance > 0.0:
-                    along, about = assembly.T[:3, :3] @ part.axis, np.zeros(3)
-                    if isinstance(part, Mount) and not part.slides:
-                        along, about = about, along
-                    assembly.free(np.concatenate([along, about])[:, None], 1.0 / part.compliance)
+                    slides = isinstance(part, Actuator) or part.slides
+                    assembly.release(part.axis, slides=slides, compliance=part.compliance)
+            case ActuatedJoint() | SprungJoint() | CoupledJoint():
+                assembly.move(part.motion(part.held_at))
+                _add_joint(assembly, part)
             case Beam():
                 _add_beam(assembly, part)
+            case _:
+                assert_never(part)
+    unit = np.repeat([chain.characteristic_length, 1.0], 3)
+    sizes = np.linalg.svd(assembly.at / unit[:, None], compute_uv=False)
+    if len(sizes) < 6 or not sizes[5] > DEPENDENT * sizes[0]:
+        raise rigid_direction(chain.name)
     n = assembly.K.shape[0]
     # imposed end displacement: the multiplier is the wrench
     scale = np.sqrt(np.where(np.diag(assembly.K) > 0.0, np.diag(assembly.K), 1.0))
@@ -141,6 +165,42 @@ def msa_stiffness(chain: Chain, posture: Array) -> Array:
     return K
 
 
+def _add_joint(assembly: _Assembly, joint: ActuatedJoint | SprungJoint | CoupledJoint) -> None:
+    """What deflects in a held joint, as releases with springs."""
+    match joint:
+        case SprungJoint():
+            _add_own(assembly, joint, 1.0 / joint.stiffness)
+        case ActuatedJoint(matrix=matrix) if matrix is not None:
+            gives = matrix.any(axis=0)
+            directions = np.asarray(np.kron(np.eye(2), assembly.T[:3, :3])[:, gives], dtype=float)
+            stiffness: Array = np.asarray(np.linalg.inv(matrix[np.ix_(gives, gives)]), dtype=float)
+            assembly.free(directions, stiffness)
+        case ActuatedJoint() | CoupledJoint():
+            if isinstance(joint, CoupledJoint) and joint.as_bent:
+                _pass_on(assembly, joint)
+            for axis, compliance in zip(joint_axes(joint.axis).T, joint.lateral, strict=False):
+                if compliance > 0.0:
+                    assembly.release(axis, slides=False, compliance=compliance)
+            if joint.compliance > 0.0:
+                _add_own(assembly, joint, joint.compliance)
+        case _:
+            assert_never(joint)
+
+
+def _add_own(assembly: _Assembly, joint: HeldJoint, compliance: float) -> None:
+    assembly.release(joint.axis, slides=joint.slides, compliance=compliance)
+    assembly.own[joint.name] = len(assembly.K) - 1
+
+
+def _pass_on(assembly: _Assembly, joint: CoupledJoint) -> None:
+    """Move the node by the ratio times what the springs of the other joints do about their own axes."""
+    world = assembly.T[:3, :3] @ joint.axis
+    rows = slice(0, 3) if joint.slides else slice(3, 6)
+    for name, ratio in joint.ratios:
+        if name in assembly.own:
+            assembly.at[rows, assembly.own[name]] += ratio * world
+
+
 def _add_beam(assembly: _Assembly, beam: Beam) -> None:
     beam.refuse_bow("msa")
     if beam.section is not None and beam.own_segments != 1:
@@ -150,7 +210,12 @@ def _add_beam(assembly: _Assembly, beam: Beam) -> None:
         assembly.element(element, axes, translation(along))
         assembly.move(translation(beam.tip - along))
         return
-    K = np.linalg.inv(beam.tip_compliance())
+    compliance = beam.tip_compliance()
+    if not np.diag(compliance).all():
+        raise ValueError(
+            f"part '{beam.name}' is rigid in a direction, which msa's element cannot be: take vjm for it"
+        )
+    K = np.linalg.inv(compliance)
     axes = assembly.T[:3, :3] @ beam.own_frame
     arm = rigid_arm(beam.own_frame.T @ beam.tip)
     element = np.block([[arm.T @ K @ arm, -arm.T @ K], [-K @ arm, K]])
@@ -168,5 +233,5 @@ class MsaEngine:
         """Straight line with the stiffness of `msa_stiffness`."""
         refuse_unless_pose_only(self.label, load_case)
         started = time.perf_counter()
-        K = msa_stiffness(chain, chain.posture(load_case.posture))
+        K = msa_stiffness(chain.at(load_case.posture), chain.posture(load_case.posture))
         return straight_path(self.label, chain, load_case, K, time.perf_counter() - started)

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from vjm.baselines.linear import linear_model
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
@@ -50,7 +51,7 @@ class UnloadedJacobianEngine:
         """
         refuse_unless_pose_only(self.label, load_case)
         started = time.perf_counter()
-        model = LumpedModel(chain.at(load_case.posture))
+        model = linear_model(self.label, chain, load_case.posture)
         x0 = model.configuration(chain.posture(load_case.posture))
         direction = load_case.direction
 

@@ -200,7 +200,9 @@ class _ArcTrace:
                     return ""
             self.seen = len(self.events)
             if entered is not None:
-                self.forwards = entered.state - self.events[-1].point.state  # type: ignore[union-attr]
+                crossed = self.events[-1].point
+                assert crossed is not None  # it was entered from there
+                self.forwards = entered.state - crossed.state
                 self.points.append(entered)
                 self.branch_start = len(self.points) - 1
                 if abs(entered.ramp) >= end:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-
-from vjm.model.chain import Chain
+from typing import Protocol
 
 DEFAULT_REACH_MM = 4.0
 """How far paths go: the paper's own range of displacements."""
@@ -24,8 +23,15 @@ class Direction(StrEnum):
         return 1 if self is Direction.TENSION else -1
 
 
-def ramp_end(chain: Chain, posture: str, direction: Direction) -> float:
+class Named(Protocol):
+    """A machine, chain or manipulator, by its name."""
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+
+
+def ramp_end(machine: Named, posture: str, direction: Direction) -> float:
     """Signed end of a comparison's ramp along x, mm."""
     model, postures, late = LATE_BEND_OVER
-    far = chain.name == model and posture in postures and direction is Direction.COMPRESSION
+    far = machine.name == model and posture in postures and direction is Direction.COMPRESSION
     return direction.sign * (late if far else DEFAULT_REACH_MM)

@@ -12,7 +12,7 @@ from vjm.continuation.path import StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.applied_loads import NO_LOADS
 from vjm.model.end_condition import held
-from vjm.model.load_case import LoadCase, PointControl
+from vjm.model.load_case import COMPONENTS, LoadCase, PointControl
 from vjm.model.loading import loading_of
 from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
@@ -51,6 +51,7 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
             loaded = loaded.bent(loaded.natural + bow)
             self._x0 = self._x0 + bow
         as_drawn = bow is None and not self._end_condition.joints
+        self._alone = model.under(self._loading).bent(loaded.natural[: model.size])
         pose = self._end_condition.tool if as_drawn else loaded.kinematics(self._x0).end
         stations = tuple(StationLabel(s.part, s.fraction) for s in model.stations)
         super().__init__(loaded, load_case, label, stations, pose)
@@ -75,6 +76,21 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
         if self._end_condition.joints:
             return self._end_condition.displacement(self.target(ramp), at.x)
         return self.load_case.displacement(ramp)
+
+    def _stiffness(self, at: Configuration[LumpedModel]) -> Array:
+        """K^F (18) of the support; of the end-effector where the support holds nothing of its pose.
+
+        Infinite there where the machine does not deflect in all directions.
+        """
+        if set(self.load_case.free) != set(COMPONENTS):
+            return super()._stiffness(at)
+        alone = self._alone
+        x = at.x[: alone.size]
+        unit = np.repeat([alone.characteristic_length, 1.0], 3)
+        J = alone.kinematics(x).jacobian * alone.coordinate_scale / unit[:, None]
+        if np.linalg.matrix_rank(J) < 6:
+            return np.full((6, 6), np.inf)
+        return super()._stiffness(Configuration(alone, x, np.zeros(6), at.residual, at.iterations, at.load))
 
     def _tangent_stiffness(self, at: Configuration[LumpedModel], K: Array) -> float:
         direction = self.load_case.direction

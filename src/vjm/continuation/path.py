@@ -38,8 +38,8 @@ class Equilibrium:
         wrench: ``(6,)`` that the chain needs at the end-effector, N, N mm, world axes.
         tangent: derivative of the driven force by the ramp, the rest of the pose held; of a load factor by the
             displacement on which the ramped loads work.
-        stiffness: the whole ``(6, 6)`` loaded stiffness K^F, where computed; of the support, where components of
-            the pose are free.
+        stiffness: the whole ``(6, 6)`` loaded stiffness K^F, where computed; of the support, where some components
+            of the pose are free, and of the end-effector again, where all are.
         eigenvalue: smallest eigenvalue of the tangent on the constraints' null space, in the engine's own
             units; nan where not computed.
         unstable: number of negative eigenvalues, −1 where not computed.

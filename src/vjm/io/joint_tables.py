@@ -242,7 +242,11 @@ class CoupledTable(MovingTable):
     offset_rad: float = 0.0
     offset_mm: float = 0.0
     coupling: Literal["as bent", "as commanded"] = Field(
-        "as bent", description="whether what the others' springs add about their own axes is passed on"
+        "as bent",
+        description=(
+            "whether what the others' springs add about their own axes is passed on, as by a belt between the "
+            "joints' shafts; the bending of links is not"
+        ),
     )
     compliance_rad_per_Nmm: Compliance = 0.0  # noqa: N815
     compliance_mm_per_N: Compliance = 0.0  # noqa: N815

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, assert_never
 
 import numpy as np
 import pydantic
@@ -125,6 +125,10 @@ def elastic_parts(chain: Chain) -> list[tuple[str, str]]:
                 across = f"{across} rad/(N mm) across" if across else ""
                 if own or across:
                     found.append((part.name, ", ".join(text for text in (own, across) if text)))
+            case RigidOffset() | PassiveJoint() | Actuator() | Mount():
+                pass
+            case _:
+                assert_never(part)
     return found
 
 

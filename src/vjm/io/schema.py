@@ -36,7 +36,6 @@ from vjm.io.shapes import SHAPES, AnySection
 from vjm.model import parts
 from vjm.model.chain import FOOT, Chain, pushed_out
 from vjm.model.joint_limits import joint_limits
-from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
 from vjm.rotations import frame
 
 __all__ = ["Axis", "BeamTable", "Label", "ModelFile", "Turn", "Turns", "VectorMM", "known_keys", "rotation"]
@@ -207,7 +206,7 @@ class ModelFile(Table):
             if names.count(name) > 1:
                 places = " and ".join(str(i + 1) for i, other in enumerate(names) if other == name)
                 raise ValueError(f"part name '{name}' stands twice, as parts {places}: rename one")
-        if not any(_deflects(part.part()) for part in self.parts):
+        if not any(parts.deflects(part.part()) for part in self.parts):
             raise ValueError("nothing deflects: no part has kind = 'beam', and no joint a compliance; add one")
         for part in self.parts:
             one = self.springs.foot_segments if part.name == FOOT else self.springs.link_segments
@@ -264,17 +263,6 @@ class ModelFile(Table):
                     raise ValueError(f"posture '{label}': {error}") from error
         checks.check_postures(chain)
         return chain
-
-
-def _deflects(part: parts.Part) -> bool:
-    match part:
-        case parts.Beam() | SprungJoint():
-            return True
-        case ActuatedJoint():
-            return part.elastic
-        case CoupledJoint():
-            return part.compliance > 0.0 or any(part.lateral)
-    return False
 
 
 _TABLES: dict[str, type[Table]] = {

@@ -51,7 +51,8 @@ def _value(value: object) -> str:
             return flat if len(flat) <= WIDTH else "[\n" + "".join(f"  {one},\n" for one in entries) + "]"
         case Mapping():
             return "{ " + ", ".join(f"{_key(key)} = {_value(one)}" for key, one in value.items()) + " }"
-    raise TypeError(f"TOML has no {type(value).__name__}")
+        case _:
+            raise TypeError(f"TOML has no {type(value).__name__}")
 
 
 def _escaped(letter: str) -> str:

@@ -22,7 +22,7 @@ from vjm.kernels.march import March
 from vjm.kernels.near_zero import near_zero
 from vjm.kernels.packed_model import PackedModel, buffers, work_of
 from vjm.kernels.recursion import positions
-from vjm.kernels.state_solver import StateSolver
+from vjm.kernels.state_solver import BodySolver
 from vjm.rotations import Array
 
 EIGENVALUE_TOLERANCE = 1e-9
@@ -36,7 +36,7 @@ SHARE = 0.01
 _NOTHING = np.empty(0)
 
 
-class CompiledModel(StateSolver):
+class CompiledModel(BodySolver):
     """The kernels at work on one lumped model."""
 
     def __init__(

@@ -144,3 +144,19 @@ class StateSolver(ABC):
     def _must_visit(self, x: Array, wrench: Array, load: float) -> None:
         if self.visit(x, wrench, load) < 0:
             raise np.linalg.LinAlgError("the equilibrium is singular")
+
+
+class BodySolver(StateSolver):
+    """A `StateSolver` of one machine, chain or tree, on whose bodies loads act at l points."""
+
+    @abstractmethod
+    def load_forces(self, x: Array, wrench: Array, load: float, wrenches: Array) -> Array:
+        """Generalised forces ``(n,)`` of ``wrenches`` (l, 6) on the loaded points; world axes, at a state."""
+
+    @abstractmethod
+    def acting(self, x: Array, wrench: Array, load: float) -> Array:
+        """Wrenches ``(l, 6)`` on the loaded points, N, N mm, world axes, at a state."""
+
+    @abstractmethod
+    def points(self, x: Array, wrench: Array, load: float) -> Array:
+        """Positions ``(l, 3)`` of the loaded points, mm, world, at a state."""

@@ -8,6 +8,7 @@ joint or two, with a factor.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
 
@@ -149,6 +150,8 @@ class Assembly:
                     self.springs.append(LinearSpring(np.array([[part.compliance]])))
             case Beam():
                 self._add_beam(part)
+            case _:
+                assert_never(part)
 
     def _add_passive(self, joint: PassiveJoint) -> None:
         self._coordinate_joint(joint.axis, rotary=not joint.slides)
@@ -176,6 +179,8 @@ class Assembly:
                         self.springs.append(LinearSpring(np.array([[compliance]])))
                 if joint.compliance > 0.0:
                     self._own_spring(joint, joint.compliance)
+            case _:
+                assert_never(joint)
         self._piece(joint.name, 1.0, 1.0, np.zeros(3))
 
     def _add_sprung(self, joint: SprungJoint) -> None:

@@ -7,12 +7,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring, SprungJoint
 from vjm.model.parts import Actuator, Beam, Part, PassiveJoint, Placement, RigidOffset
 from vjm.rotations import Array
 
 FOOT = "foot"
 """Name of the beam that ``foot_segments`` splits."""
+USUAL_SEGMENTS = 16
+"""Springs in a beam where neither the model file nor anybody else says how many."""
 
 
 @dataclass(frozen=True)
@@ -190,6 +192,19 @@ class Chain:
             why = "branches" if self.after else "springs between two parts"
             raise ValueError(f"{self.name}: {what} is for parts in series, but it has {why}; engine vjm takes it")
 
+    def refuse_prestress(self, what: str) -> None:
+        """For whatever knows no force in the posture as drawn; the held joints stand at coordinates.
+
+        Raises:
+            ValueError: a sprung joint is under stress there.
+        """
+        for part in self.parts:
+            if isinstance(part, SprungJoint) and part.stretch:
+                raise ValueError(
+                    f"joint '{part.name}': its spring is under stress in this posture, which {what} does not know: "
+                    f"it is linear about a machine without forces; engine vjm takes it"
+                )
+
     @property
     def characteristic_length(self) -> float:
         """Length of the longest straight piece in mm, elastic or rigid: the unit in which solvers measure lengths.
@@ -242,6 +257,36 @@ class Chain:
             return replace(part, segments=segments[part.name], placement=Placement(placement))
 
         return replace(self, parts=tuple(split(part) for part in self.parts))
+
+    @property
+    def usual_segments(self) -> tuple[int | None, int | None]:
+        """Springs in every beam without a number of its own, and in the foot, that engine ``vjm`` takes.
+
+        The model file's numbers, else `USUAL_SEGMENTS` in the beams; None: one spring with the part's compliance.
+        """
+        foot = self.foot_segments if (self.foot_segments or 1) > 1 else None
+        if self.link_segments is None:
+            return USUAL_SEGMENTS, foot
+        return (self.link_segments if self.link_segments > 1 else None), foot
+
+    def segment_numbers(self, segments: int | None, foot: int | None) -> dict[str, int]:
+        """Springs by beam where every beam without a number of its own gets ``segments``, and the foot ``foot``.
+
+        A beam that is not named stays one spring.
+        """
+        numbers = {beam.name: beam.own_segments or segments for beam in self.beams}
+        if foot and foot > 1:
+            numbers[FOOT] = foot
+        return {name: n for name, n in numbers.items() if n is not None}
+
+    def split(self) -> Chain:
+        """The same machine with its beams split as engine ``vjm`` splits them.
+
+        What is split already stays so, and a beam without a section stays one spring with its given compliance.
+        """
+        whole = {beam.name for beam in self.beams if beam.segments is None and beam.section is not None}
+        numbers = self.segment_numbers(*self.usual_segments)
+        return self.refined({name: n for name, n in numbers.items() if name in whole})
 
     @property
     def shears(self) -> bool:

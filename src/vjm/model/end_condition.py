@@ -127,13 +127,28 @@ def _movable(model: LumpedModel, k: Kinematics) -> bool:
     return bool(values[0] > DEPENDENT**2 * values[-1])
 
 
+def refuse_rigid(model: LumpedModel, posture: str) -> None:
+    """For whatever holds the whole pose of a chain and asks for its stiffness.
+
+    Raises:
+        ValueError: the chain is rigid in some direction, so that its stiffness is infinite there.
+    """
+    if not _drawn(model, posture)[2]:
+        raise rigid_direction(f"{model.chain.name}, posture {posture}")
+
+
+def rigid_direction(where: str) -> ValueError:
+    """What is said of a chain that is held in a direction in which it does not deflect."""
+    return ValueError(
+        f"{where} cannot move in every direction in which it is held, so that the wrench there is not determined: "
+        f"leave rigid directions free"
+    )
+
+
 def _checked(end_condition: EndCondition, movable: bool, load_case: LoadCase) -> EndCondition:
     if movable:
         return end_condition
-    raise ValueError(
-        f"{end_condition.model.chain.name}, posture {load_case.posture} cannot move in every direction in which "
-        f"it is held, so that the wrench there is not determined: leave rigid directions free"
-    )
+    raise rigid_direction(f"{end_condition.model.chain.name}, posture {load_case.posture}")
 
 
 def _in_order(load_case: LoadCase) -> list[str]:

@@ -132,8 +132,9 @@ class CoupledJoint(HeldJoint):
     Attributes:
         ratios: names of held joints and the ratios to them.
         offset: mm or rad.
-        as_bent: the coupling passes on what the other joints' springs add about their own axes too, as a belt
-            or a parallel linkage between the links does; else only what they are commanded, as a controller does.
+        as_bent: the coupling passes on what the other joints' springs add about their own axes too, as a belt or
+            gears between the joints' shafts do; else only what they are commanded, as a controller does. Neither
+            passes on the bending of links. A parallel linkage does: it is a manipulator of legs.
         compliance: of its own about or along its axis, rad/(N mm) or mm/N.
         lateral: as for an `ActuatedJoint`.
     """
@@ -183,7 +184,8 @@ def elementary_springs(joint: HeldJoint, engine: str) -> list[ElementarySpring]:
             return [ElementarySpring(joint.axis, joint.slides, 1.0 / joint.stiffness, joint.stretch)]
         case CoupledJoint(as_bent=True):
             raise ValueError(
-                f"joint '{joint.name}': {engine} does not pass on what bends; write coupling = 'as commanded'"
+                f"joint '{joint.name}': {engine} does not pass on what bends in the joints that it is coupled to; "
+                f"write coupling = 'as commanded'"
             )
         case ActuatedJoint(matrix=matrix) if matrix is not None:
             if np.any(matrix - np.diag(np.diag(matrix))):
@@ -200,12 +202,16 @@ def elementary_springs(joint: HeldJoint, engine: str) -> list[ElementarySpring]:
             found = [ElementarySpring(axes[k], False, c) for k, c in enumerate(joint.lateral) if c > 0.0]
             own = ElementarySpring(joint.axis, joint.slides, joint.compliance)
             return [*found, own] if joint.compliance > 0.0 else found
-    raise ValueError(f"joint '{joint.name}': {engine} does not know its kind")
+        case _:
+            raise ValueError(f"joint '{joint.name}': {engine} does not know its kind")
 
 
 @dataclass(frozen=True)
 class PointSpring:
     """A spring between a point of one part and a point of another, such as a gravity compensator.
+
+    A point of a beam goes with the cross-section at which it lies, the one that is as far along the beam. Before
+    the root that is the root's, behind the end the end's.
 
     Attributes:
         name: for people.

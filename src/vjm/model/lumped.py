@@ -16,6 +16,7 @@ import numpy as np
 from vjm.kernels.compiled_model import CompiledModel
 from vjm.kernels.packed_model import PackedModel
 from vjm.kernels.recursion import frames_behind
+from vjm.kernels.state_solver import BodySolver
 from vjm.model.applied_loads import NO_LOADS, AppliedLoads
 from vjm.model.assembly import Assembly, Piece, Station
 from vjm.model.chain import Chain
@@ -214,13 +215,32 @@ class LumpedModel:
         return packed(self)
 
     @cached_property
-    def compiled(self) -> CompiledModel:
-        """The model in compiled form."""
+    def compiled(self) -> BodySolver:
+        """What solves for its states: the model in compiled form."""
         loads = self.applied_loads
         return CompiledModel(
             self.arrays, loads.constant, loads.ramped, (self.coordinate_scale, self.wrench_scale),
             self.characteristic_length, (self._station_joint, self._station_position),
         )  # fmt: skip
+
+    @property
+    def compiled_series(self) -> CompiledModel:
+        """`compiled` of parts in series, with what only that has: marches along a grid, and packed buffers.
+
+        Raises:
+            ValueError: the joints form a tree.
+        """
+        solver = self.compiled
+        if isinstance(solver, CompiledModel):
+            return solver
+        chain = self.chain
+        why = (
+            "branches" if chain.after else "springs between two parts" if chain.point_springs else "a wide coupling"
+        )
+        raise ValueError(
+            f"{chain.name} has {why}: readings along a ramp are computed for parts in series only; "
+            f"take curve, buckling, stiffness or compensate"
+        )
 
     @cached_property
     def linear(self) -> bool:

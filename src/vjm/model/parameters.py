@@ -178,7 +178,8 @@ def orientation(chain: Chain, part: str, axis: str) -> Parameter:
                 return _with(chain, replace(now, axis=R @ given.axis))
             case PassiveJoint(), PassiveJoint():
                 return _with(chain, replace(now, axis=R @ given.axis))
-        raise ValueError(f"part '{part}' is no longer the {type(given).__name__} that it was")
+            case _:
+                raise ValueError(f"part '{part}' is no longer the {type(given).__name__} that it was")
 
     return Parameter(f"{part} turn about {axis}", "rad", 0.0, 1.0, apply)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import assert_never
 
 import numpy as np
 
@@ -279,3 +280,20 @@ class Beam:
 
 Part = RigidOffset | Actuator | Mount | PassiveJoint | Beam | ActuatedJoint | SprungJoint | CoupledJoint
 """Anything that a chain is made of."""
+
+
+def deflects(part: Part) -> bool:
+    """Whether anything in a part deflects."""
+    match part:
+        case Beam() | SprungJoint():
+            return True
+        case ActuatedJoint():
+            return part.elastic
+        case CoupledJoint():
+            return part.compliance > 0.0 or any(part.lateral)
+        case Actuator() | Mount():
+            return part.compliance > 0.0
+        case RigidOffset() | PassiveJoint():
+            return False
+        case _:
+            assert_never(part)

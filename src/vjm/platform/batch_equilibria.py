@@ -17,6 +17,7 @@ from vjm.platform.loaded_manipulator import lumped
 from vjm.platform.machine_kernel import Machine
 from vjm.platform.manipulator import BASE, PLATFORM, Manipulator
 from vjm.platform.rigid import home_pose
+from vjm.platform.rigid_legs import refuse_rigid_legs
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 
@@ -57,6 +58,7 @@ def packed_machine(manipulator: Manipulator, engine: VjmEngine) -> Machine:
     """A manipulator as the kernels take it.
 
     Raises:
+        RigidLegError: a leg does not deflect in all directions.
         ValueError: a leg does not run from the base to the platform, or it is coupled or built wrong.
     """
     if any((leg.start, leg.end) != (BASE, PLATFORM) for leg in manipulator.legs) or manipulator.couplings:
@@ -65,7 +67,8 @@ def packed_machine(manipulator: Manipulator, engine: VjmEngine) -> Machine:
         raise ValueError(f"{manipulator.name}: machines with errors of assembly are not compiled")
     pose = home_pose(manipulator)
     models = [lumped(engine, leg.chain) for leg in manipulator.legs]
-    buffers = [model.compiled.buffers for model in models]
+    refuse_rigid_legs(pose, models)
+    buffers = [model.compiled_series.buffers for model in models]
 
     def joined(arrays: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         return np.concatenate(arrays), np.cumsum([0, *(len(a) for a in arrays)]).astype(np.int64)

@@ -25,7 +25,7 @@ class RigidPose:
     Attributes:
         manipulator: whose.
         frames: of the bodies ``(b, 4, 4)`` in the world, mm, platform first.
-        q: passive coordinates ``(n_q,)`` of each leg, rad.
+        q: passive coordinates ``(n_q,)`` of each leg, rad or mm.
         drives: coordinates ``(l,)`` of the legs' drives, mm or rad, zero where there is none.
     """
 
@@ -78,10 +78,15 @@ class Closure:
         self.driven = [i for i, leg in enumerate(manipulator.legs) if leg.drive is not None]
         self.body_at = self.drive_at + len(self.driven)
         self.size = self.body_at + 6 * len(manipulator.bodies)
+        self.q_units = [
+            np.array([self.length if joint.slides else 1.0 for joint in leg.chain.joints])
+            for leg in manipulator.legs
+        ]
+        """Units ``(n_q,)`` of each leg's passive coordinates: the length for slides, one radian for hinges."""
         self.rows = 6 * len(manipulator.legs) + len(manipulator.couplings)
 
     def linearised(self, pose: RigidPose) -> tuple[Array, Array]:
-        """Gaps ``(r,)`` and their derivative ``(r, n)``; the platform's motion is among the n."""
+        """Gaps ``(r,)`` and their derivative ``(r, n)``, dimensionless; the platform's motion is among the n."""
         robot, L = self.manipulator, self.length
         gap, J = np.zeros(self.rows), np.zeros((self.rows, self.size))
         for i, (leg, model) in enumerate(zip(robot.legs, self.models, strict=True)):
@@ -95,7 +100,9 @@ class Closure:
             except ValueError:
                 gap[row] = np.inf
             turned = np.kron(np.eye(2), world[:3, :3])
-            J[row, self.q_at[i] : self.q_at[i + 1]] = turned @ k.jacobian[:, model.passive] / unit[:, None]
+            J[row, self.q_at[i] : self.q_at[i + 1]] = (
+                turned @ k.jacobian[:, model.passive] * self.q_units[i] / unit[:, None]
+            )
             if leg.drive is not None:
                 seat = start @ leg.seat
                 axis = seat[:3, :3] @ leg.drive.axis
@@ -114,13 +121,24 @@ class Closure:
             for name, joint, weight in coupling.terms:
                 i = [leg.name for leg in robot.legs].index(name)
                 j = [part.name for part in robot.legs[i].chain.joints].index(joint)
-                J[row_, self.q_at[i] + j] = weight
+                J[row_, self.q_at[i] + j] = weight * self.q_units[i][j]
                 gap[row_] += weight * (pose.q[i][j] - robot.legs[i].posture[j])
         return gap, J
 
+    def largest_move(self, pose: RigidPose, to: RigidPose) -> float:
+        """Largest move of a passive joint between two poses: rad, or lengths over the characteristic one."""
+        moves = (
+            float(np.abs((a - b) / unit).max(initial=0.0))
+            for a, b, unit in zip(to.q, pose.q, self.q_units, strict=True)
+        )
+        return max(moves, default=0.0)
+
     def moved(self, pose: RigidPose, step: Array) -> RigidPose:
-        """A pose after a step ``(n,)``."""
-        q = tuple(q + step[a:b] for q, a, b in zip(pose.q, self.q_at[:-1], self.q_at[1:], strict=True))
+        """A pose after a step ``(n,)``, its lengths over the characteristic one."""
+        q = tuple(
+            q + step[a:b] * unit
+            for q, a, b, unit in zip(pose.q, self.q_at[:-1], self.q_at[1:], self.q_units, strict=True)
+        )
         drives = pose.drives.copy()
         for k, i in enumerate(self.driven):
             drive = self.manipulator.legs[i].drive

@@ -9,9 +9,12 @@ from vjm.kernels.packed_model import PASSIVE, Floats, PackedModel, Workspace
 from vjm.kernels.recursion import forward_kinematics, pose_error
 from vjm.platform.machine_kernel import Machine, back, driven_world, solve_small, times, turned_by
 
-RIGID_ITERATIONS, RIGID_TOLERANCE, RIGID_STEPS = 12, 1e-11, 8
+RIGID_ITERATIONS, RIGID_TOLERANCE = 12, 1e-11
 LARGEST = 0.5
-"""Largest step of a passive joint in inverse kinematics, rad."""
+"""Largest step of a passive joint in inverse kinematics: rad, or lengths of its leg."""
+FIRST_STEP, SMALLEST_STEP = 1.0 / 8.0, 1e-3
+"""Shares of the way from home: the step that is tried, and the one below which a pose counts as out of reach, as
+in `vjm.platform.rigid`."""
 
 
 @kernel
@@ -154,10 +157,22 @@ def close_from_home(
     drives: Floats,
     platform: Floats,
 ) -> bool:
-    """All legs closed, on a straight way from home in a few steps, on which they keep their branch."""
+    """All legs closed, on a straight way from home on which they keep their branch.
+
+    A step in which a leg does not close, or a joint moves too far, is halved.
+    """
     x[:] = machine.x_home
     drives[:] = machine.drives_home
-    for step in range(1, RIGID_STEPS + 1):
-        if not close_near(machine, models, works, pose * (step / RIGID_STEPS), x, drives, platform):
+    x_good, drives_good = x.copy(), drives.copy()
+    done, step = 0.0, FIRST_STEP
+    while done < 1.0:
+        to = min(1.0, done + step)
+        if close_near(machine, models, works, pose * to, x, drives, platform):
+            done, step = to, min(FIRST_STEP, 2.0 * step)
+            x_good[:], drives_good[:] = x, drives
+            continue
+        x[:], drives[:] = x_good, drives_good
+        step = 0.5 * (to - done)
+        if step < SMALLEST_STEP:
             return False
     return True

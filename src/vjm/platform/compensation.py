@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.model.joint_limits import said_beyond
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.platform.closure import RigidPose
-from vjm.platform.manipulator import Leg, Manipulator
+from vjm.platform.manipulator import Manipulator
 from vjm.platform.problem import ManipulatorProblem
 from vjm.platform.rigid import PoseError, freedom, inverse_kinematics, rates
 from vjm.rotations import Array
@@ -103,24 +102,14 @@ def compensated(manipulator: Manipulator, displacement: Array, wrench: Array, en
     if not size[0] * length < EXACT:
         anywhere = np.full(len(driven), np.inf)
         free, free_size = damped_search(left, u_linear[None], -anywhere, anywhere, drive_unit)
-        reached = stands + free[0] if free_size[0] * length < EXACT else None
+        reached = pose.drives.copy()
+        reached[[leg.drive is not None for leg in manipulator.legs]] = stands + free[0]
+        said = f"{manipulator.beyond_limits(reached)}; " if free_size[0] * length < EXACT else ""
         raise PoseError(
-            f"{manipulator.name}: out of reach of the loaded machine: {_beyond(driven, reached)}the platform stays "
+            f"{manipulator.name}: out of reach of the loaded machine: {said}the platform stays "
             f"{size[0] * length:.2g} mm off"
         )
     return Compensation(pose.drives, named(u[0]), named(u_linear), rigid, linear, error(u[0]))
-
-
-def _beyond(driven: Sequence[Leg], stands: Array | None) -> str:
-    """Which drives would stand beyond their limits, and by how much; empty where none would."""
-    if stands is None:
-        return ""
-    said = [
-        said_beyond(f"the drive of leg '{leg.name}'", float(value), leg.drive.limits, leg.drive.unit)
-        for leg, value in zip(driven, stands, strict=True)
-        if leg.drive is not None
-    ]
-    return "".join(f"{text}; " for text in said if text)
 
 
 def _error_of(

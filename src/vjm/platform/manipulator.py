@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 
 from vjm.model.chain import Chain
+from vjm.model.joint_limits import said_beyond
 from vjm.model.parts import Actuator, Beam, RigidOffset
 from vjm.plain_numbers import plain_number
 from vjm.rotations import Array, translation, turn
@@ -100,7 +102,7 @@ class Leg:
             if not isinstance(part, RigidOffset):
                 raise ValueError(
                     f"leg '{self.name}': part '{part.name}' lies before the drive '{self.drive.part}' but is not "
-                    f"rigid; put the drive first"
+                    f"rigid; put the drive first, or leave `drive` out, which holds the leg at its length"
                 )
             T = T @ part.transform
         known = ", ".join(part.name for part in self.chain.parts)
@@ -281,6 +283,15 @@ class Manipulator:
             )
         return np.concatenate([numbers, np.zeros(6 - len(numbers))])
 
+    def beyond_limits(self, drives: Array) -> str:
+        """Which of the legs' drives ``(l,)``, mm or rad, are beyond their limits and by how much, or nothing."""
+        said = [
+            said_beyond(f"the drive of leg '{leg.name}'", float(value), leg.drive.limits, leg.drive.unit)
+            for leg, value in zip(self.legs, drives, strict=True)
+            if leg.drive is not None
+        ]
+        return "; ".join(text for text in said if text)
+
     def built(self, leg: Leg) -> Chain:
         """The chain of a leg as it was built: with its errors."""
         wrong = self.errors.get(leg.name, {})
@@ -304,6 +315,10 @@ class Manipulator:
         """The same machine with every sliding drive giving way by ``compliance`` mm/N."""
         legs = (replace(leg, chain=leg.chain.with_actuator_compliance(compliance)) for leg in self.legs)
         return replace(self, legs=tuple(legs))
+
+
+Machine: TypeAlias = Chain | Manipulator
+"""What a model file describes: a serial chain or tree of parts, or legs on a platform."""
 
 
 def drive_of(chain: Chain, part: str, turns_about: Array | None, limits: tuple[float, float]) -> Drive:

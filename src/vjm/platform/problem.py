@@ -18,6 +18,7 @@ from vjm.platform.leg_topology import turn_rate
 from vjm.platform.loaded_manipulator import LoadedManipulator
 from vjm.platform.manipulator import Manipulator
 from vjm.platform.rigid import SINGULAR, inverse_kinematics, mobility
+from vjm.platform.rigid_legs import refuse_rigid_legs
 from vjm.rotations import Array
 from vjm.statics.equilibrium import Configuration, solve_newton
 from vjm.statics.stability import critical_modes, stability
@@ -50,6 +51,7 @@ class ManipulatorProblem(LoadedProblem[LoadedManipulator]):
 
         Raises:
             PoseError: the rigid machine cannot take the pose.
+            RigidLegError: a leg does not deflect in all directions.
             ValueError: the load case asks for what only single chains do, or what is free leaves a mechanism.
             NoConvergenceError: constant loads or errors of assembly are more than the machine bears.
         """
@@ -60,6 +62,7 @@ class ManipulatorProblem(LoadedProblem[LoadedManipulator]):
         pose = replace(pose, manipulator=manipulator)
         _refuse_mechanism(pose, held)
         model = LoadedManipulator(pose, engine, held, constant, ramped)
+        refuse_rigid_legs(pose, model.models)
         if bow is not None:
             bent = [leg.bent(bow[where]) for leg, where in zip(model.models, model.layout.legs, strict=True)]
             model = LoadedManipulator(pose, engine, held, constant, ramped, bent)

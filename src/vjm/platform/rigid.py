@@ -17,7 +17,8 @@ from vjm.platform.manipulator import BASE, PLATFORM, Manipulator
 from vjm.rotations import Array, displaced, displacement_between, inverse_frame
 
 LARGEST_TURN = 0.3
-"""rad that a passive joint may turn in one step of the way from home, so that no leg changes its branch."""
+"""rad by which a passive joint may turn, or characteristic lengths by which it may slide, in one step of the way
+from home, so that no leg changes its branch."""
 SMALLEST_STEP = 1e-3
 """Share of the way from home below which a pose counts as out of reach."""
 SINGULAR = 1e-6
@@ -115,10 +116,7 @@ def inverse_kinematics(manipulator: Manipulator, displacement: Array, start: Rig
         frames[0] = wanted if to == 1.0 else displaced(begin, to * way)
         # without drives only some poses can be taken at all: the way leads over those that are near
         there, left = closure.solve(replace(pose, frames=frames), drives=driven or to == 1.0)
-        turned = max(
-            (float(np.abs(a - b).max(initial=0.0)) for a, b in zip(there.q, pose.q, strict=True)), default=0
-        )
-        if left < CLOSED and turned <= LARGEST_TURN:
+        if left < CLOSED and closure.largest_move(pose, there) <= LARGEST_TURN:
             answers = rates(there, basis)
             if _turned_back(before, answers):
                 raise PoseError(
@@ -136,12 +134,15 @@ def inverse_kinematics(manipulator: Manipulator, displacement: Array, start: Rig
 
 
 def rates(pose: RigidPose, basis: Array) -> Array | None:
-    """Drives' motions by the platform's in a ``basis`` (6, f) of these; None where they do not match one to one."""
+    """Drives' motions by the platform's in a ``basis`` (6, f) of these.
+
+    None where they do not match one to one, or where there are neither: a machine without drives.
+    """
     closure = Closure(pose.manipulator)
     free = _null(closure.linearised(pose)[1])
     drive = free[closure.drive_at : closure.body_at]
     platform = basis.T @ free[closure.body_at : closure.body_at + 6]
-    if not drive.shape[0] == drive.shape[1] == basis.shape[1]:
+    if not 0 < drive.shape[0] == drive.shape[1] == basis.shape[1]:
         return None
     return np.array(np.linalg.solve(platform.T, drive.T).T, dtype=float)
 
@@ -173,6 +174,11 @@ def _out_of_reach(closure: Closure, there: RigidPose, displacement: Array, done:
     worst = int(np.argmax(np.abs(gap).max(axis=1)))
     shift, turned = np.linalg.norm(gap[worst, :3]) * closure.length, np.linalg.norm(gap[worst, 3:])
     where = _words(displacement)
+    if not any(leg.drive for leg in manipulator.legs):
+        return (
+            f"{manipulator.name}: the pose {where} is out of reach: no leg has a drive, and the legs' joints "
+            f"do not let the platform come there; give the legs drives, or take the pose at home"
+        )
     if np.abs(gap).max() < 1e-6:
         return (
             f"{manipulator.name}: the pose {where} lies on another branch: on the way from home leg "
@@ -185,15 +191,9 @@ def _out_of_reach(closure: Closure, there: RigidPose, displacement: Array, done:
 
 
 def _refuse_beyond_limits(pose: RigidPose) -> None:
-    for leg, value in zip(pose.manipulator.legs, pose.drives, strict=True):
-        if leg.drive is None:
-            continue
-        low, high = leg.drive.limits
-        if not low <= value <= high:
-            raise PoseError(
-                f"{pose.manipulator.name}: the drive of leg '{leg.name}' would have to stand at {value:.6g} "
-                f"{leg.drive.unit}, outside its limits {low:g} to {high:g}"
-            )
+    said = pose.manipulator.beyond_limits(pose.drives)
+    if said:
+        raise PoseError(f"{pose.manipulator.name}: out of reach: {said}")
 
 
 def _refuse_singular(pose: RigidPose) -> None:

@@ -26,7 +26,8 @@ EXACT = 1e-10
 STEP = 1e-6
 """rad, or of the reach: of the differences that make the Jacobian."""
 SMALL = 1e-4
-"""Share of the loads under which the linear answer is measured: second-order terms are that share of it."""
+"""Share of the loads, and of the springs' stress, under which the linear answer is measured: second-order terms are
+that share of it."""
 SINGULAR = 1e-6
 """Singular value over the largest below which the joints do not move the end."""
 ASIDE = 0.1
@@ -130,19 +131,17 @@ class _LoadedArm:
     gravity: Gravity | None
 
     def errors(self, q: Array, rows: np.ndarray | None = None, share: float = 1.0) -> Array:
-        """Errors ``(s, 6)`` of the end under a share of the loads, nan where no equilibrium is stable.
+        """Errors ``(s, 6)`` of the end, nan where no equilibrium is stable.
 
         Args:
             q: coordinates ``(s, n)``.
             rows: number of the pose of each ``(s,)``; None for all poses in their order.
-            share: of the loads.
+            share: of the loads and of the springs' stress.
         """
         rows = np.arange(len(self.positions)) if rows is None else rows
         wrench = np.zeros((len(q), len(self.model.ends), 6))
-        wrench[:, self.index] = share * self.wrenches[rows]
-        g = self.gravity
-        weight = None if g is None else (share * g[0], share * g[1], share * g[2])
-        at = equilibria(self.model, q, gravity=weight, wrench=wrench, compliance=False)
+        wrench[:, self.index] = self.wrenches[rows]
+        at = equilibria(self.model, q, gravity=self.gravity, wrench=wrench, compliance=False, share=share)
         p, R = at.position[:, self.index], at.rotation[:, self.index]
         e = difference(p, R, self.positions[rows], self.rotations[rows])
         e[~(at.found & at.stable)] = np.nan
@@ -158,16 +157,15 @@ def _linear(arm: _LoadedArm, ranges: Ranges, ways: Array, q: Array) -> Array:
     """Coordinates ``(g, n)`` of the rigid arm whose end is off by as much as the linear model sags.
 
     Raises:
-        NoConvergenceError: naming the row where the arm does not stand without loads.
+        NoConvergenceError: naming the row where the arm does not stand under a small share of the loads.
     """
-    # what springs do without loads is no share of the loads
-    at_rest = arm.errors(q, share=0.0)
-    lost = np.flatnonzero(np.isnan(at_rest).any(axis=1))
+    sagged = arm.errors(q, share=SMALL) / SMALL
+    lost = np.flatnonzero(np.isnan(sagged).any(axis=1))
     if len(lost):
         raise NoConvergenceError(
-            f"{arm.model.chain.name}: no stable equilibrium without loads at row {1 + lost[0]} of the path"
+            f"{arm.model.chain.name}: no stable equilibrium under a small share of the loads at row {1 + lost[0]} "
+            "of the path"
         )
-    sagged = at_rest + (arm.errors(q, share=SMALL) - at_rest) / SMALL
 
     def left(q: Array, rows: np.ndarray) -> Array:
         return _projected(ways[rows], arm.rigid_errors(q, rows) + sagged[rows])

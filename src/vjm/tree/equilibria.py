@@ -67,6 +67,7 @@ def equilibria(
     loads: Sequence[Load] = (),
     compliance: bool = True,
     start: Array | None = None,
+    share: float = 1.0,
 ) -> Equilibria:
     """Equilibria of a machine in many postures under the same loads, or each under its own wrench.
 
@@ -79,19 +80,30 @@ def equilibria(
         loads: on any parts; they act in full.
         compliance: whether it and the stiffness are wanted.
         start: coordinates ``(g, n)`` from which Newton's method begins, such as those of a neighbour.
+        share: of all that strains the machine: weight, wrenches, loads, and the stress in which sprung joints and
+            springs between points are in the unloaded posture.
 
     Raises:
         ValueError: an array of another shape, or a load on no point of the machine.
     """
     q = model.coordinates(q)
     g, n, e, arrays = len(q), model.size, len(model.ends), model.arrays(gravity, loads)
+    arrays = arrays._replace(load=share * arrays.load)
+    commands, naturals, F = model.values(q), share * model.naturals(q), share * _wrenches(wrench, g, e)
     x = np.zeros((g, n)) if start is None else np.array(start, dtype=float).reshape(g, n)
     verdict, forces = np.zeros(g, dtype=np.int64), np.zeros((g, len(arrays.parent)))
     R, p, moved = np.zeros((g, e, 3, 3)), np.zeros((g, e, 3)), np.zeros((g, e, 6))
     C, K = (np.zeros((g if compliance else 0, e, 6, 6)) for _ in range(2))
-    equilibria_of(
-        arrays, model.values(q), model.naturals(q), _wrenches(wrench, g, e), x, verdict, forces, R, p, moved, C, K
-    )
+    if share == 1.0 or not len(arrays.spring):
+        equilibria_of(arrays, commands, naturals, F, x, verdict, forces, R, p, moved, C, K)
+    else:
+        # the springs' forces differ from posture to posture
+        for i, laws in enumerate(model.eased_springs(q, share)):
+            at = slice(i, i + 1)
+            equilibria_of(
+                arrays._replace(spring=laws), commands[at], naturals[at], F[at] if len(F) > 1 else F, x[at],
+                verdict[at], forces[at], R[at], p[at], moved[at], C[at], K[at],
+            )  # fmt: skip
     lost = verdict == LOST
     for each in (x, forces, R, p, moved, C, K):
         if len(each):
@@ -134,7 +146,13 @@ def sensitivities(
         for h, share in ((STEP * parameter.scale, -1.0 / 3.0), (0.5 * STEP * parameter.scale, 4.0 / 3.0)):
             (r1, R1, p1), (r0, R0, p0) = (
                 _residuals(
-                    TreeModel(parameter.apply(model.chain, parameter.value + s)), model, q, x, F, gravity, loads
+                    TreeModel(parameter.apply(model.chain, parameter.value + s), split=False),
+                    model,
+                    q,
+                    x,
+                    F,
+                    gravity,
+                    loads,
                 )
                 for s in (h, -h)
             )

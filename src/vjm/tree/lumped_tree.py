@@ -77,7 +77,7 @@ class LumpedTree(LumpedModel):
         return result
 
     @cached_property
-    def compiled(self) -> TreeSolver:  # type: ignore[override]
+    def compiled(self) -> TreeSolver:
         """What solves for its states, dense."""
         loads = self.applied_loads
         return TreeSolver(

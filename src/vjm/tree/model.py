@@ -16,6 +16,7 @@ from vjm.model.springs import BeamColumnSpring, LinearSpring, Spring
 from vjm.rotations import Array
 from vjm.tree.arrays import TreeArrays
 from vjm.tree.assembly import BranchedAssembly, Site, TreeAssembly, commands
+from vjm.tree.entry_points import residuals_of
 
 Gravity = tuple[float, float, float]
 
@@ -24,20 +25,26 @@ class TreeModel:
     """Rigid links, held joints and virtual springs of a machine, whatever the coordinates of its joints.
 
     Attributes:
-        chain: the machine; beams are split as it says, see `vjm.model.chain.Chain.refined`.
+        chain: the machine, its beams split into springs.
         joints: names of the joints whose coordinates the data give: actuated, sprung and passive ones in the order
             of the parts; coupled ones follow from them.
         ends: names of the end frames; one empty name where the machine names none.
         size: number of coordinates n that deflect.
     """
 
-    def __init__(self, chain: Chain) -> None:
+    def __init__(self, chain: Chain, *, split: bool = True) -> None:
         """Assemble a machine.
+
+        Args:
+            chain: the machine.
+            split: whether beams with a section that are not split yet become as many springs as engine ``vjm``
+                makes of them, see `Chain.split`; else each is one spring with its compliance at its tip, as for
+                engine ``vjm-paper``.
 
         Raises:
             ValueError: nothing in it deflects, or a part or joint that it names does not exist.
         """
-        self.chain = chain
+        self.chain = chain = chain.split() if split else chain
         self._built = built = TreeAssembly(chain)
         self.size = built.size
         if not self.size:
@@ -97,6 +104,25 @@ class TreeModel:
         for coordinate, (name, rest) in self._built.rests.items():
             natural[:, coordinate] = rest - q[:, self.joints.index(name)]
         return natural
+
+    def eased_springs(self, q: Array, share: float) -> Array:
+        """Laws ``(g, s, 3)`` of the springs between points under a share of their forces at rows of coordinates.
+
+        Stiffness and free length stay; the preload is such that the unloaded posture is under that share.
+        """
+        joints, points, laws = point_springs(self.chain, self._built)
+        g, s = len(q), len(laws)
+        ends, nothing = 2 * s, np.zeros((g, self.size))
+        R, p = np.zeros((g, ends, 3, 3)), np.zeros((g, ends, 3))
+        arrays = self.arrays()._replace(
+            end_joint=joints.reshape(ends), end_R=np.tile(np.eye(3), (ends, 1, 1)), end_p=points.reshape(ends, 3)
+        )
+        residuals_of(arrays, self.values(q), nothing, np.zeros((1, ends, 6)), nothing, nothing.copy(), R, p, True)
+        places = p.reshape(g, s, 2, 3)
+        lengths = np.linalg.norm(places[:, :, 1] - places[:, :, 0], axis=2)
+        result = np.tile(laws, (g, 1, 1))
+        result[:, :, 2] -= (1.0 - share) * (laws[:, 0] * (lengths - laws[:, 1]) + laws[:, 2])
+        return result
 
     def torques(self, forces: Array) -> Array:
         """What holds each joint ``(g, n_joints)``, N mm or N, from the loads' forces ``(g, m)`` on all joints.
@@ -232,11 +258,18 @@ class TreeModel:
 
 
 def point_springs(chain: Chain, built: BranchedAssembly) -> tuple[np.ndarray, Array, Array]:
-    """Joints ``(s, 2)``, points ``(s, 2, 3)`` and laws ``(s, 3)`` of a machine's springs between points."""
+    """Joints ``(s, 2)``, points ``(s, 2, 3)`` and laws ``(s, 3)`` of a machine's springs between points.
+
+    Raises:
+        ValueError: one is fixed to a beam where that has no shape.
+    """
     joints, points, laws = [], [], []
     for spring in chain.point_springs:
         for part, point in zip(spring.parts, np.asarray(spring.points, dtype=float), strict=True):
-            site = built.begins[part]
+            try:
+                site = built.carrying(part, point)
+            except ValueError as error:
+                raise ValueError(f"{chain.name}: spring '{spring.name}': {error}") from None
             joints.append(site.joint)
             points.append(site.frame[:3, :3] @ point + site.frame[:3, 3])
         laws.append((spring.stiffness, spring.free_length, spring.preload))

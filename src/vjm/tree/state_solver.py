@@ -6,14 +6,14 @@ import numpy as np
 from scipy.linalg import eigh, qr
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from vjm.kernels.state_solver import StateSolver
+from vjm.kernels.state_solver import BodySolver
 from vjm.rotations import Array, displacement_between, frame
 from vjm.tree.arrays import TreeArrays
 from vjm.tree.entry_points import linearize
 
 
-class TreeSolver(StateSolver):
-    """See `StateSolver`; the second variation on the null space of J is diagonalised where it is asked for."""
+class TreeSolver(BodySolver):
+    """See `BodySolver`; the second variation on the null space of J is diagonalised where it is asked for."""
 
     def __init__(
         self,

@@ -372,7 +372,8 @@ def _softness(name: str, part: Soft, what: str, length: float) -> tuple[list[Unk
                 return _with(chain, replace(now, lateral=(lateral[0], lateral[1])))
             case Actuator() | Mount() | ActuatedJoint() | CoupledJoint():
                 return _with(chain, replace(now, compliance=value))
-        raise TypeError(f"{part.name} is no drive any more")
+            case _:
+                raise TypeError(f"{part.name} is no drive any more")
 
     return [own], change
 

@@ -12,6 +12,7 @@ from vjm.io.errors import did_you_mean
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.deflections.sheet import DeflectionSheet
 from vjm_updating.experiment.readings import DataError
+from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.readings import (
     ANGLES,
     ANGLES_DEG,
@@ -20,6 +21,7 @@ from vjm_updating.poses.readings import (
     WRENCH,
     PoseData,
     coordinates,
+    is_followers,
     numbers_by_name,
     table_in,
 )
@@ -59,33 +61,25 @@ class DeflectionData(PoseData):
         return replace(self, position=position).only(np.asarray(np.isfinite(position).any(axis=(1, 2))))
 
 
-def read_deflections(
-    path: Path, sheet: DeflectionSheet, joints: tuple[str, ...], slides: tuple[bool, ...],
-    postures: Mapping[str, Array],
-) -> DeflectionData:  # fmt: skip
+def read_deflections(path: Path, sheet: DeflectionSheet, machine: PoseMachine) -> DeflectionData:
     """The readings of a data file, which fit their sheet.
 
     Args:
         path: of the CSV file.
         sheet: its sheet.
-        joints: names of the model's driven joints.
-        slides: whether each slides.
-        postures: coordinates ``(n,)`` of the model's postures.
+        machine: of the model, whose joints' coordinates or postures the data have to give.
 
     Raises:
         DataError: they do not; one line.
     """
     sha256, header, table = table_in(path)
     try:
-        return _read(path.name, sha256, header, table, sheet, joints, slides, postures)
+        return _read(path.name, sha256, header, table, sheet, machine)
     except ValueError as error:
         raise DataError(f"{path.name}: {error}") from error
 
 
-def read_loads(
-    path: Path, sheet: DeflectionSheet, joints: tuple[str, ...], slides: tuple[bool, ...],
-    postures: Mapping[str, Array],
-) -> tuple[Array, Array | None]:  # fmt: skip
+def read_loads(path: Path, sheet: DeflectionSheet, machine: PoseMachine) -> tuple[Array, Array | None]:
     """Postures ``(c, n)`` that could be measured, and wrenches ``(c, l, 6)`` there; None where the file has none.
 
     Raises:
@@ -95,7 +89,7 @@ def read_loads(
     try:
         rows = np.array([number for number, _ in table])
         by_name = numbers_by_name(header, table, sheet, skip=lambda key: key not in (*COORDINATE, *WRENCH))
-        q = _postures(header, table, by_name, joints, slides, postures)
+        q = _postures(header, table, by_name, machine)
         load = _loads(by_name, sheet, len(rows))
         blank = ~np.isfinite(q).all(axis=1)
         if blank.any():
@@ -107,14 +101,15 @@ def read_loads(
 
 def _read(
     file: str, sha256: str, header: list[str], table: list[tuple[int, list[str]]], sheet: DeflectionSheet,
-    joints: tuple[str, ...], slides: tuple[bool, ...], postures: Mapping[str, Array],
+    machine: PoseMachine,
 ) -> DeflectionData:  # fmt: skip
     rows = np.array([number for number, _ in table])
     for column in header:
-        _check_column(column, sheet, joints)
+        if not is_followers(column, machine):
+            _check_column(column, sheet, machine.joints)
     by_name = numbers_by_name(header, table, sheet, skip=lambda key: key in (READING, POSTURE))
     g, markers = len(rows), tuple(sheet.markers)
-    q = _postures(header, table, by_name, joints, slides, postures)
+    q = _postures(header, table, by_name, machine)
     for name in sheet.loads:
         if not any(f"{name}.{key}" in by_name for key in WRENCH):
             raise ValueError(
@@ -136,9 +131,9 @@ def _read(
         raise ValueError("no row has all joints, the wrench and a displacement: nothing to be fitted")
     if not load[keep].any():
         raise ValueError("no row has a load: write the wrench in the columns of [loads]")
-    k, n = len(markers), len(joints)
+    k, n = len(markers), len(machine.joints)
     data = DeflectionData(
-        file, sha256, rows, joints, q, markers, shift, rotation, np.full((g, k, 2), np.nan), sigma,
+        file, sha256, rows, machine.joints, q, markers, shift, rotation, np.full((g, k, 2), np.nan), sigma,
         np.zeros((g, k, 6)), np.full((g, n), np.nan), None, None, int((~keep).sum()),
         tuple(sheet.loads), load, sigma_turn,
     )  # fmt: skip
@@ -153,22 +148,21 @@ def _stacked(by_name: Mapping[str, Array], names: tuple[str, ...], keys: tuple[s
 
 
 def _postures(
-    header: list[str], table: list[tuple[int, list[str]]], by_name: Mapping[str, Array], joints: tuple[str, ...],
-    slides: tuple[bool, ...], postures: Mapping[str, Array],
-) -> Array:  # fmt: skip
+    header: list[str], table: list[tuple[int, list[str]]], by_name: Mapping[str, Array], machine: PoseMachine
+) -> Array:
     """Coordinates ``(g, n)`` by their columns, or by the names of the model's postures."""
     if POSTURE not in header:
-        return coordinates(by_name, joints, slides)
-    if any(f"{joint}.{key}" in by_name for joint in joints for key in COORDINATE):
+        return coordinates(by_name, np.array([number for number, _ in table]), machine)
+    if any(f"{joint}.{key}" in by_name for joint in machine.driven for key in COORDINATE):
         raise ValueError(f"column '{POSTURE}' stands beside coordinates of joints: leave one of both")
-    at, rows = header.index(POSTURE), []
+    postures, at, rows = machine.chain.held, header.index(POSTURE), []
     for number, cells in table:
         if cells[at] not in postures:
             raise ValueError(
                 f"row {number}, column {POSTURE}: the model has no posture '{cells[at]}'; it has "
                 f"{', '.join(postures) or 'none'}{did_you_mean(cells[at], postures)}"
             )
-        rows.append(postures[cells[at]])
+        rows.append([postures[cells[at]][name] for name in machine.joints])
     return np.array(rows)
 
 

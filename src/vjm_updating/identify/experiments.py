@@ -133,7 +133,7 @@ class _Bench:
         self.problem = problem
         self.unloaded = problem.unloaded()
         self.tangent = problem.statics.tangent(self.unloaded.state)
-        self.guess = np.linalg.inv(problem.loaded_stiffness(self.unloaded))
+        self.guess = np.linalg.inv(np.asarray(self.unloaded.stiffness))
 
     def odd_part(self, wrench: Array) -> Array:
         """Half the difference ``(6,)`` of the displacements under a wrench and its opposite."""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import assert_never
 
 import numpy as np
 
 from vjm.io.errors import did_you_mean
 from vjm.model.chain import Chain
+from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
 from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
 from vjm.rotations import Array, frame, rotate_matrix6, shift_compliance, translation
 
@@ -70,7 +72,7 @@ def series_compliance(chain: Chain) -> Array:
     """Compliance ``(6, 6)`` at the tip of beams, offsets and drives in series, base axes, by linear beam theory.
 
     Raises:
-        ValueError: a beam without a section, or a passive joint, which moves freely.
+        ValueError: a beam without a section, or a joint, which has a coordinate or moves freely.
     """
     frames, T = [], chain.base
     for part in chain.parts:
@@ -80,8 +82,14 @@ def series_compliance(chain: Chain) -> Array:
                 T = T @ part.transform
             case Beam():
                 T = T @ translation(part.tip)
+            case Actuator() | Mount():
+                pass
             case PassiveJoint():
                 raise ValueError(f"part '{part.name}' is a passive joint: it moves freely")
+            case ActuatedJoint() | SprungJoint() | CoupledJoint():
+                raise ValueError(f"part '{part.name}' is a joint with a coordinate: name the beams beside it alone")
+            case _:
+                assert_never(part)
     C = np.zeros((6, 6))
     for part, at in zip(chain.parts, frames, strict=True):
         R, p = at[:3, :3], at[:3, 3]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import assert_never
 
 import numpy as np
 
@@ -136,6 +137,10 @@ def _coordinate(nuisance: Nuisance, observed: Observed) -> Coordinate:
             most = min(LOST, most)
         case Kind.LENGTH:
             most = max(SHARE * beam_of(observed.measurement.chain, subject).length, most)
+        case Kind.ZERO:
+            pass
+        case _:
+            assert_never(kind)
     low, high = -most, most
     if kind is Kind.ZERO:
         low, high = observed.zeros.get(subject, (low, high))

@@ -22,15 +22,13 @@ from vjm.tree.inverse_kinematics import followed
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_output.optional_page import why_not
-from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, Quantity
+from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, Quantity, principal
 from vjm_updating.maps.pose_grid import MOST, grid_axis
 
 TOOL = ("x", "y", "z")
 LOST, UNSTABLE = "no equilibrium under these loads", "the equilibrium is unstable"
 RIGID = "empty_where_ok=rigid"
 """Of a map's file: an empty cell of a row with an answer is an infinite stiffness."""
-ROUNDING = 1e-12
-"""Over the largest: compliance that is none."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +132,7 @@ def map_arm(
     """
     if quantity is Quantity.CRITICAL:
         raise ValueError("--quantity critical: is for platforms; arms have stiffness and deflection")
-    model = TreeModel(engine.split(chain))
+    model = engine.tree_model(chain)
     if end and end not in model.ends:
         raise ValueError(f"--end: {chain.name} has no end frame '{end}' (it has {', '.join(model.ends)})")
     index = model.ends.index(end) if end else 0
@@ -150,7 +148,7 @@ def map_arm(
         tool[reached] = unloaded_frames(model, q[reached])[1][:, index]
         if stiff:
             assert found.compliance is not None
-            rows = _stiffnesses(found.compliance[:, index])
+            rows = principal(found.compliance[:, index])
         else:
             moved = found.deflection[:, index]
             rows = np.hstack([moved, np.linalg.norm(moved[:, :3], axis=1, keepdims=True)])
@@ -180,19 +178,6 @@ def _tool_rows(model: TreeModel, grid: ArmGrid, home: Array, index: int) -> tupl
     rotations = np.tile(R, (len(positions), 1, 1)) if len(home) >= 6 else None
     rows, why = followed(model, positions, rotations, home, model.ends[index])
     return rows, [each.removeprefix(f"{model.chain.name}: ") for each in why]
-
-
-def _stiffnesses(C: Array) -> Array:
-    """Smallest and largest stiffness against forces and moments ``(g, 4)`` of compliances ``(g, 6, 6)``."""
-    rows = []
-    for part in (slice(0, 3), slice(3, 6)):
-        block = C[:, part, part]
-        values = np.linalg.eigvalsh(0.5 * (block + np.swapaxes(block, 1, 2)))
-        with np.errstate(divide="ignore"):
-            # in a direction in which nothing moves the stiffness is infinite
-            least = np.where(values[:, 0] > ROUNDING * values[:, 2], values[:, 0], 0.0)
-            rows += [1.0 / values[:, 2], 1.0 / least]
-    return np.stack(rows, axis=1)
 
 
 def write_arm_map(found: ArmMap, folder: Path) -> tuple[list[Path], list[str]]:

@@ -16,10 +16,12 @@ from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.platform.batch_equilibria import packed_machine, platforms, weakest
 from vjm.platform.closure import RigidPose
+from vjm.platform.loaded_manipulator import lumped
 from vjm.platform.machine_kernel import Machine
 from vjm.platform.manipulator import BASE, PLATFORM, Manipulator
 from vjm.platform.problem import ManipulatorProblem
 from vjm.platform.rigid import PoseError, inverse_kinematics
+from vjm.platform.rigid_legs import NO_COMPLIANCE, RigidLegError, platform_compliance
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 
@@ -110,7 +112,10 @@ def evaluate(task: MapTask) -> MapRows:
         return _one_by_one(task)
     key = (task.manipulator.sha256 or str(id(task.manipulator)), repr(task.springs))
     if key not in _machines:
-        _machines[key] = packed_machine(task.manipulator, task.springs)
+        try:
+            _machines[key] = packed_machine(task.manipulator, task.springs)
+        except RigidLegError:
+            return _one_by_one(task)
     machine = _machines[key]
     columns = COLUMNS[task.quantity]
     values = np.full((len(task.poses), len(columns)), np.nan)
@@ -118,26 +123,40 @@ def evaluate(task: MapTask) -> MapRows:
     found = platforms(machine, task.poses, wrench)
     why = [OK if good else str(reason) for good, reason in zip(found.solved, found.why, strict=True)]
     for k in np.flatnonzero(found.solved).tolist():
+        beyond = task.manipulator.beyond_limits(found.drives[k])
+        if beyond:
+            why[k] = f"out of reach: {beyond}"
+            continue
         if task.quantity is Quantity.STIFFNESS:
-            values[k] = principal(found.stiffness[k])
+            values[k] = principal(np.linalg.inv(found.stiffness[k])[None])[0]
         elif task.quantity is Quantity.DEFLECTION:
             values[k] = moved(found.displacement[k])
         else:
             weak = weakest(machine, task.poses[k], task.most)
             values[k] = [weak.force, *weak.direction]
             if not np.isfinite(weak.force):
+                values[k] = np.nan
                 why[k] = f"no critical force up to {task.most:g} N"
-    values[~np.isfinite(values)] = np.nan
+    values[~found.solved] = np.nan
     return MapRows(task.index, values, why)
 
 
-def principal(K: Array) -> list[float]:
-    """Smallest and largest stiffness against forces (N/mm) and moments (N mm/rad), of ``K`` (6, 6)."""
-    unit = np.repeat([1.0, 100.0], 3)
-    C = np.linalg.inv(K / unit[:, None] / unit) / unit[:, None] / unit
-    C = 0.5 * (C + C.T)
-    force, moment = np.linalg.eigvalsh(C[:3, :3]), np.linalg.eigvalsh(C[3:, 3:])
-    return [1.0 / force[-1], 1.0 / force[0], 1.0 / moment[-1], 1.0 / moment[0]]
+def principal(C: Array) -> Array:
+    """Smallest and largest stiffness against forces (N/mm) and moments (N mm/rad) ``(g, 4)``.
+
+    Infinite in a direction in which nothing moves.
+
+    Args:
+        C: compliances ``(g, 6, 6)``.
+    """
+    rows = []
+    for part in (slice(0, 3), slice(3, 6)):
+        block = C[:, part, part]
+        values = np.linalg.eigvalsh(0.5 * (block + np.swapaxes(block, 1, 2)))
+        with np.errstate(divide="ignore"):
+            least = np.where(values[:, 0] > NO_COMPLIANCE * values[:, 2], values[:, 0], 0.0)
+            rows += [1.0 / values[:, 2], 1.0 / least]
+    return np.stack(rows, axis=1)
 
 
 def moved(displacement: Array) -> list[float]:
@@ -155,13 +174,12 @@ def _one_by_one(task: MapTask) -> MapRows:
             near = _closed(task.manipulator, displacement, near)
             if task.quantity is Quantity.CRITICAL:
                 values[k] = _weakest_path(task, near)
+            elif task.quantity is Quantity.DEFLECTION:
+                values[k] = moved(_loaded(task, near).displacement)
             else:
-                point = _loaded(task, near)
-                assert point.stiffness is not None
-                deflection = task.quantity is Quantity.DEFLECTION
-                values[k] = moved(point.displacement) if deflection else principal(point.stiffness)
+                values[k] = principal(_compliance(task, near)[None])[0]
             why.append(OK)
-        except (PoseError, NoConvergenceError) as failure:
+        except (PoseError, RigidLegError, NoConvergenceError) as failure:
             why.append(" ".join(str(failure).split()))
     return MapRows(task.index, values, why)
 
@@ -172,6 +190,18 @@ def _closed(manipulator: Manipulator, displacement: Array, near: RigidPose | Non
     except PoseError:
         # the straight way from a neighbour may leave the workspace where that from home does not
         return inverse_kinematics(manipulator, displacement)
+
+
+def _compliance(task: MapTask, pose: RigidPose) -> Array:
+    """Compliance ``(6, 6)`` of the platform under the task's wrench; it exists where a leg is rigid, too."""
+    try:
+        K = _loaded(task, pose).stiffness
+    except RigidLegError:
+        if any(task.wrench):
+            raise
+        return platform_compliance(pose, [lumped(task.springs, leg.chain) for leg in task.manipulator.legs])
+    assert K is not None
+    return np.asarray(np.linalg.inv(K), dtype=float)
 
 
 def _loaded(task: MapTask, pose: RigidPose) -> Equilibrium:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, assert_never
 
 import numpy as np
 
 from vjm.io.checks import checked_part_compliance
 from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
-from vjm.model.parts import Actuator, Part
+from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
 from vjm_updating.mechanisms.drives import BEFORE_JOINTS, Drive, Driven, InDrive, drives, softened
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene, part_table
 from vjm_updating.mechanisms.series_elements import Element, Place, memoryless
@@ -72,14 +72,20 @@ class ActuatorCompliance(InDrive):
             return
         for part in self.built(nominal, values).parts:
             mine = part.name == self.drive.joint or (isinstance(part, Actuator) and not self.drive.joint)
+            if not mine:
+                continue
             table = part_table(document, part.name)
             match part:
-                case SprungJoint() if mine:
+                case SprungJoint():
                     table["stiffness_N_per_mm" if part.slides else "stiffness_Nmm_per_rad"] = float(part.stiffness)
-                case ActuatedJoint(matrix=matrix) if mine and matrix is not None:
+                case ActuatedJoint(matrix=matrix) if matrix is not None:
                     table["compliance"] = matrix.tolist()
-                case Actuator() | ActuatedJoint() | CoupledJoint() if mine:
+                case Actuator() | ActuatedJoint() | CoupledJoint():
                     table[self.quantities()[0].name] = float(part.compliance)
+                case RigidOffset() | Mount() | PassiveJoint() | Beam():
+                    raise TypeError(f"{part.name} is no drive any more")
+                case _:
+                    assert_never(part)
 
 
 def effects(scene: Scene) -> list[Effect]:

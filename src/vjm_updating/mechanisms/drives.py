@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import assert_never
 
 import numpy as np
 
@@ -211,7 +212,10 @@ def compliance_of(joint: Driven) -> float:
             return 1.0 / joint.stiffness
         case ActuatedJoint(matrix=matrix) if matrix is not None:
             return float(_along(joint) @ matrix @ _along(joint))
-    return joint.compliance
+        case ActuatedJoint() | CoupledJoint():
+            return joint.compliance
+        case _:
+            assert_never(joint)
 
 
 def softened(joint: Driven, by: float) -> Driven:
@@ -221,7 +225,10 @@ def softened(joint: Driven, by: float) -> Driven:
             return replace(joint, stiffness=1.0 / (1.0 / joint.stiffness + by))
         case ActuatedJoint(matrix=matrix) if matrix is not None:
             return replace(joint, matrix=matrix + by * np.outer(_along(joint), _along(joint)))
-    return replace(joint, compliance=joint.compliance + by)
+        case ActuatedJoint() | CoupledJoint():
+            return replace(joint, compliance=joint.compliance + by)
+        case _:
+            assert_never(joint)
 
 
 def _along(joint: HeldJoint) -> Array:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import assert_never
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from vjm.model.chain import FOOT, Chain
 from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
 from vjm.model.lumped import LumpedModel
 from vjm.model.parameters import beam_length, compliance_factor
-from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint
+from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 
@@ -213,8 +214,9 @@ def springs_of(model: LumpedModel, part: str) -> list[slice]:
     """Ranges of the coordinates of a beam's springs, from its root."""
     at = 0
     for own in model.chain.parts:
-        count = 0
         match own:
+            case RigidOffset() | PassiveJoint():
+                count = 0
             case Actuator() | Mount():
                 count = int(own.compliance > 0.0)
             case Beam():
@@ -223,6 +225,8 @@ def springs_of(model: LumpedModel, part: str) -> list[slice]:
                 count = sum(c > 0.0 for c in (*own.lateral, own.compliance))
             case ActuatedJoint() | SprungJoint():
                 count = 1
+            case _:
+                assert_never(own)
         if own.name == part:
             return [where for _, where in model.blocks[at : at + count]]
         at += count

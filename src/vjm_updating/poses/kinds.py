@@ -9,10 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from vjm.io.findings import Finding
+from vjm.model.joint_limits import joint_limits
 from vjm_updating.deflections import plausibility as of_deflections
 from vjm_updating.deflections.measurement import read_deflection_candidates, read_deflection_measurement
 from vjm_updating.deflections.study import DeflectionStudy
+from vjm_updating.experiment.readings import DataError
 from vjm_updating.poses import plausibility as of_poses
+from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import RobotMeasurement, read_pose_measurement
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import read_candidates
@@ -25,14 +28,14 @@ KINDS = {"poses": "a test of poses", DEFLECTIONS: "a test of deflections"}
 
 
 @dataclass(frozen=True)
-class RobotTest:
+class PreparedTest:
     """A test that was read, checked and aligned.
 
     Attributes:
         measurement: its files.
         study: what is fitted to it.
         considered: given whether what is doubtful is refused, what is implausible about it.
-        candidates: of a file, the readings that could be taken next.
+        candidates: of a file, the readings that could be taken next, within the joints' limits.
     """
 
     measurement: RobotMeasurement
@@ -41,7 +44,7 @@ class RobotTest:
     candidates: Callable[[Path], Candidates]
 
 
-def read_test(data: Path, sheet: Path) -> RobotTest:
+def read_test(data: Path, sheet: Path) -> PreparedTest:
     """A test from its two files.
 
     Raises:
@@ -50,26 +53,42 @@ def read_test(data: Path, sheet: Path) -> RobotTest:
     return _deflections(data, sheet) if kind_of_sheet(sheet) == DEFLECTIONS else _poses(data, sheet)
 
 
-def _poses(data: Path, sheet: Path) -> RobotTest:
+def _poses(data: Path, sheet: Path) -> PreparedTest:
     read = read_pose_measurement(data, sheet)
     of_poses.check_units(read)
     study = PoseStudy(read.sheet, read.model.machine, read.data).without_outliers()
     of_poses.check_count(study)
 
     def candidates(path: Path) -> Candidates:
-        q = read_candidates(path, read.sheet, read.model.machine.joints, read.model.machine.slides)
-        return Candidates(q, np.zeros((len(q), 0, 6)))
+        q = read_candidates(path, read.sheet, study.machine)
+        return within_limits(path, study.machine, Candidates(q, np.zeros((len(q), 0, 6))))
 
-    return RobotTest(read, study, lambda strict: of_poses.considered(read, study, strict=strict), candidates)
+    return PreparedTest(read, study, lambda strict: of_poses.considered(read, study, strict=strict), candidates)
 
 
-def _deflections(data: Path, sheet: Path) -> RobotTest:
+def _deflections(data: Path, sheet: Path) -> PreparedTest:
     read = read_deflection_measurement(data, sheet)
     of_deflections.check_units(read)
     study = DeflectionStudy(read.sheet, read.model.machine, read.data)
     of_deflections.check_count(study)
     study = study.without_outliers()
-    return RobotTest(
-        read, study, lambda strict: of_deflections.considered(read, study, strict=strict),
-        lambda path: read_deflection_candidates(path, study),
-    )  # fmt: skip
+
+    def candidates(path: Path) -> Candidates:
+        return within_limits(path, study.machine, read_deflection_candidates(path, study))
+
+    return PreparedTest(
+        read, study, lambda strict: of_deflections.considered(read, study, strict=strict), candidates
+    )
+
+
+def within_limits(path: Path, machine: PoseMachine, candidates: Candidates) -> Candidates:
+    """Candidates of a file.
+
+    Raises:
+        DataError: a joint would be sent beyond its limits.
+    """
+    limits = joint_limits(machine.tree.chain, machine.tree.joints)
+    for number, row in enumerate(machine.rows(candidates.q), start=1):
+        if said := limits.said(row):
+            raise DataError(f"{path.name}: posture {number}: out of reach: {said}")
+    return candidates

@@ -10,6 +10,7 @@ that every hypothesis is a vector of numbers on the same machine, and its deriva
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import assert_never
 
 import numpy as np
 
@@ -67,6 +68,7 @@ class PoseMachine:
         tree: its assembled arrays.
         joints: names of the joints that the data give, and
         slides: whether each slides.
+        followers: coupled joints, whose coordinates those make.
         driven: one-degree joint of every joint with a coordinate, coupled ones too, by name.
         springs: coordinates whose compliance is to be found.
         frames: errors of frames.
@@ -114,12 +116,14 @@ class PoseMachine:
             chain, parts=tuple(self._parts), after=self._after, ends=named, postures={}, held={},
             point_springs=self._springs_between(chain),
         )  # fmt: skip
-        self.tree = TreeModel(extended)
+        # a beam is one spring here, whose compliance is what is fitted
+        self.tree = TreeModel(extended, split=False)
         own = {part.name: part for part in chain.parts if isinstance(part, HeldJoint)}
         self.joints = tuple(name for name, part in own.items() if not isinstance(part, CoupledJoint))
         self.slides = tuple(own[name].slides for name in self.joints)
         self.limits = tuple(own[name].limits for name in self.joints)
-        self.coupled = {name: part.as_bent for name, part in own.items() if isinstance(part, CoupledJoint)}
+        self.followers = tuple(part for part in own.values() if isinstance(part, CoupledJoint))
+        self.coupled = {part.name: part.as_bent for part in self.followers}
         self.driven = {name: self.tree.driven_by(name) for name in own}
         shares = {self.driven[name]: self.tree.shares(name) for name in chain.pushing}
         self.moves = {first: list(own_share.items()) for first, own_share in shares.items()}
@@ -175,8 +179,10 @@ class PoseMachine:
                 self._append(part, behind)
                 if part.free_length or part.segments is None or part.segments == 1:
                     self._springs.append((part.name, "beam", "factor", part.name, None, 1.0, False))
-            case _:
+            case Actuator() | Mount():
                 self._append(part, behind)
+            case _:
+                assert_never(part)
 
     def _append_joint(self, joint: ActuatedJoint | CoupledJoint, behind: str, *, rigid: bool) -> None:
         axes = joint_axes(joint.axis)

@@ -71,9 +71,7 @@ def read_pose_measurement(data: Path, sheet: Path) -> PoseMeasurement:
     """
     page = read_pose_sheet(sheet)
     model = model_of(page, sheet, ends_of(page.markers))
-    followers = [part for part in model.chain.parts if isinstance(part, CoupledJoint)]
-    readings = read_poses(data, page, model.machine.joints, model.machine.slides, followers)
-    return PoseMeasurement(page, readings, model, "poses")
+    return PoseMeasurement(page, read_poses(data, page, model.machine), model, "poses")
 
 
 def ends_of(tables: Mapping[str, Rider]) -> dict[str, tuple[str, Array]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from vjm.io.errors import did_you_mean
 from vjm.model.joints import CoupledJoint
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.experiment.readings import DataError, numbers_of, table_of
+from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.sheet import PoseSheet, RobotSheet
 
 POSITION, NOISE = ("x_mm", "y_mm", "z_mm"), ("x_std_mm", "y_std_mm", "z_std_mm")
@@ -88,25 +89,20 @@ class PoseData:
         return replace(self, position=position).only(read)
 
 
-def read_poses(
-    path: Path, sheet: PoseSheet, joints: tuple[str, ...], slides: tuple[bool, ...],
-    followers: Sequence[CoupledJoint] = (),
-) -> PoseData:  # fmt: skip
+def read_poses(path: Path, sheet: PoseSheet, machine: PoseMachine) -> PoseData:
     """The readings of a data file, which fit their sheet.
 
     Args:
         path: of the CSV file.
         sheet: its sheet.
-        joints: names of the model's joints whose coordinates the data have to give.
-        slides: whether each slides.
-        followers: coupled joints, whose own columns may stand beside their masters'.
+        machine: of the model, whose joints' coordinates the data have to give.
 
     Raises:
         DataError: they do not; one line.
     """
     sha256, header, rows = table_in(path)
     try:
-        return _read(path.name, sha256, header, rows, sheet, joints, slides, followers)
+        return _read(path.name, sha256, header, rows, sheet, machine)
     except ValueError as error:
         raise DataError(f"{path.name}: {error}") from error
 
@@ -132,7 +128,7 @@ def table_in(path: Path) -> tuple[str, list[str], list[tuple[int, list[str]]]]:
     return hashlib.sha256(raw).hexdigest(), header, [(number + head, cells) for number, cells in table]
 
 
-def read_candidates(path: Path, sheet: RobotSheet, joints: tuple[str, ...], slides: tuple[bool, ...]) -> Array:
+def read_candidates(path: Path, sheet: RobotSheet, machine: PoseMachine) -> Array:
     """Postures ``(c, n)`` that could be measured, from a CSV file with the columns of the joints.
 
     Raises:
@@ -142,7 +138,7 @@ def read_candidates(path: Path, sheet: RobotSheet, joints: tuple[str, ...], slid
     rows = np.array([number for number, _ in table])
     try:
         by_name = numbers_by_name(header, table, sheet, skip=lambda key: key not in COORDINATE)
-        result = coordinates(by_name, joints, slides)
+        result = coordinates(by_name, rows, machine)
     except ValueError as error:
         raise DataError(f"{path.name}: {error}") from error
     if not np.isfinite(result).all():
@@ -177,36 +173,50 @@ def numbers_by_name(
     return result
 
 
-def coordinates(by_name: Mapping[str, Array], joints: tuple[str, ...], slides: tuple[bool, ...]) -> Array:
+def coordinates(by_name: Mapping[str, Array], rows: np.ndarray, machine: PoseMachine) -> Array:
     """The joints' coordinates ``(g, n)``, mm and rad.
 
+    Columns of coupled joints may stand beside those of their masters, as logs have them.
+
+    Args:
+        by_name: columns, see `numbers_by_name`.
+        rows: ``(g,)`` lines of the file.
+        machine: of the model.
+
     Raises:
-        ValueError: a column is missing.
+        ValueError: a column is missing, or one of a coupled joint is not what its masters make.
     """
     columns = []
-    for joint, sliding in zip(joints, slides, strict=True):
+    for joint, sliding in zip(machine.joints, machine.slides, strict=True):
         column, other = (f"{joint}.{key}" for key in (("q_mm", "q_rad") if sliding else ("q_rad", "q_mm")))
         if column not in by_name:
             said = f", which {'slides' if sliding else 'turns'}; the file has {other}" if other in by_name else ""
             raise ValueError(f"column '{column}' is missing{said}: add it, or name its column in [joints]")
         columns.append(by_name[column])
+    by_joint = dict(zip(machine.joints, columns, strict=True))
+    for one in machine.followers:
+        _check_follower(one, by_name, by_joint, rows)
     return np.column_stack(columns)
+
+
+def is_followers(column: str, machine: PoseMachine) -> bool:
+    """Whether a column is a coupled joint's own coordinate."""
+    return any(column == f"{one.name}.{'q_mm' if one.slides else 'q_rad'}" for one in machine.followers)
 
 
 def _read(
     file: str, sha256: str, header: list[str], table: list[tuple[int, list[str]]], sheet: PoseSheet,
-    joints: tuple[str, ...], slides: tuple[bool, ...], followers: Sequence[CoupledJoint],
+    machine: PoseMachine,
 ) -> PoseData:  # fmt: skip
+    joints, slides = machine.joints, machine.slides
     rows = np.array([number for number, _ in table])
     names = {column: sheet.joints.get(column.partition(".")[0], column.partition(".")[0]) for column in header}
     for column in header:
-        if not any(column in (f"{one.name}.q_mm", f"{one.name}.q_rad") for one in followers):
+        if not is_followers(column, machine):
             _check_column(column, names[column], sheet, joints)
     by_name = numbers_by_name(header, table, sheet, skip=lambda key: key == READING)
     g, nothing = len(rows), np.full(len(rows), np.nan)
-    q = coordinates(by_name, joints, slides)
-    for one in followers:
-        _check_follower(one, by_name, dict(zip(joints, q.T, strict=True)), rows)
+    q = coordinates(by_name, rows, machine)
     torque = np.column_stack(
         [by_name.get(f"{j}.tau_{'N' if s else 'Nmm'}", nothing) for j, s in zip(joints, slides, strict=True)]
     )
@@ -273,7 +283,9 @@ def _check_column(column: str, name: str, sheet: PoseSheet, joints: tuple[str, .
     )
 
 
-def _check_follower(joint: CoupledJoint, by_name: dict[str, Array], q: dict[str, Array], rows: np.ndarray) -> None:
+def _check_follower(
+    joint: CoupledJoint, by_name: Mapping[str, Array], q: dict[str, Array], rows: np.ndarray
+) -> None:
     """A coupled joint's own column, as logs have it beside its masters', must be what these make."""
     column = f"{joint.name}.q_mm" if joint.slides else f"{joint.name}.q_rad"
     if column not in by_name:

@@ -1,9 +1,12 @@
 """Compensation of loaded platforms: the error left by the rigid, the linear and the loaded model."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from vjm.platform.compensation import compensated
+from vjm.platform.rigid import PoseError
 from vjm.vjm_engine import VjmEngine
 
 
@@ -36,6 +39,21 @@ def test_a_robot_with_revolute_drives(robot):
     found = compensated(machine, machine.displacement("side"), np.array([10.0, 0, -20.0, 0, 0, 0]), VjmEngine(1))
     assert np.linalg.norm(found.loaded[:3]) < 1e-7
     assert np.linalg.norm(found.rigid[:3]) > 1e-3
+
+
+def test_no_drive_is_sent_beyond_its_limits(robot):
+    """Limits between what the rigid and the loaded machine ask of a drive: the loaded pose is refused."""
+    machine, wrench = robot("3-puu"), np.array([-300.0, 200.0, 100.0, 0.0, 0.0, 0.0])
+    pose = machine.displacement("side")
+    found = compensated(machine, pose, wrench, VjmEngine(1))
+    k, leg = next((k, leg) for k, leg in enumerate(machine.legs) if leg.drive is not None)
+    offset = found.offsets[leg.name]
+    edge = found.drives[k] + 0.5 * offset
+    limits = (-np.inf, edge) if offset > 0.0 else (edge, np.inf)
+    tight = replace(leg, drive=replace(leg.drive, limits=limits))
+    legs = tuple(tight if each.name == leg.name else each for each in machine.legs)
+    with pytest.raises(PoseError, match=rf"the drive of leg '{leg.name}' = .* by {0.5 * abs(offset):.3g}\d* mm"):
+        compensated(replace(machine, legs=legs), pose, wrench, VjmEngine(1))
 
 
 def test_a_mechanism_without_drives_is_refused(robot):

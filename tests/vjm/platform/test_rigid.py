@@ -131,7 +131,7 @@ def test_a_singular_pose_is_refused_with_the_motion_that_is_loose(robot):
 
 
 def test_a_drive_beyond_its_limits_is_named(robot):
-    with pytest.raises(PoseError, match=r"the drive of leg 'a' would have to stand at .* outside its limits"):
+    with pytest.raises(PoseError, match=r"out of reach: the drive of leg 'a' = .* its limit .* by .* (mm|rad)"):
         inverse_kinematics(robot("3-puu"), np.array([0, 0, -250.0, 0, 0, 0]))
 
 

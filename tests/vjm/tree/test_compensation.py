@@ -7,7 +7,7 @@ import pytest
 
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint
+from vjm.model.joints import ActuatedJoint, PointSpring, SprungJoint
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.compensation import compensated_arm, difference
@@ -178,3 +178,37 @@ def test_a_pose_out_of_reach_is_named_by_its_row():
     wanted = np.array([[500.0, 0.0, 0.0], [600.0, 0.0, 0.0]])
     with pytest.raises(ReachError, match=r"row 2 of the path: lever: out of reach: .* 100 mm"):
         compensated_arm(model, wanted, None, np.zeros((2, 6)))
+
+
+def stressed(share: float) -> Chain:
+    """An arm whose weights, compensator and preloaded joint have a share of their forces."""
+    points = np.array([[-300.0, 0.0, 900.0], [200.0, 0.0, 100.0]])
+    spring = PointSpring("compensator", ("", "upper"), points, 100.0 * share, 400.0)
+    q = {"q2": -1.0, "q3": 1.2, "s": 0.3, "q5": 0.4}
+    parts = (
+        RigidOffset("column", translation([350.0, 0.0, 750.0])),
+        ActuatedJoint("q2", AXES["y"], compliance=3e-10),
+        RigidOffset("upper", translation([1250.0, 0.0, 0.0]), 200.0 * share, np.array([500.0, 0.0, 0.0])),
+        ActuatedJoint("q3", AXES["y"], compliance=4e-10),
+        SprungJoint("s", AXES["z"], stiffness=2e9, preload=4e5 * share),
+        RigidOffset("fore", translation([1100.0, 0.0, 55.0]), 150.0 * share, np.array([400.0, 0.0, 0.0])),
+        ActuatedJoint("q5", AXES["y"], compliance=2e-9),
+        RigidOffset("flange", translation([230.0, 0.0, 0.0]), 100.0 * share),
+    )
+    return Chain("arm", parts, postures={"-": np.zeros(0)}, held={"-": q}, point_springs=(spring,))
+
+
+def test_springs_under_stress_are_loads_of_the_linear_model_too():
+    """What the linear model leaves falls with the square of all forces, those of springs among them."""
+    left = []
+    for share in (1.0, 0.5):
+        model = TreeModel(stressed(share))
+        q = model.posture("-")
+        _, p = unloaded_frames(model, q)
+        wrench = share * np.array([[0.0, 100.0, -1000.0, 0.0, 0.0, 0.0]])
+        found = compensated_arm(model, p[:, 0], None, wrench, gravity=WEIGHT, start=q)
+        left.append([np.abs(each[:, :3]).max() for each in (found.rigid, found.linear)])
+    (rigid, linear), (half_rigid, half_linear) = left
+    assert rigid / half_rigid == pytest.approx(2.0, rel=1e-2)
+    assert linear / half_linear == pytest.approx(4.0, rel=5e-2)
+    assert linear < 2e-3 * rigid

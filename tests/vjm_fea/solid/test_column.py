@@ -122,8 +122,8 @@ def test_a_cone_buckles_as_its_sections_do(folder):
     radius = ROOT + (TIP - ROOT) * sections.x / LENGTH
     # elements on round faces have curved edges, whose points meet a hat of 10 mm unevenly: 3e-3
     assert sections.second[:, 0, 0] == pytest.approx(np.pi * radius**4 / 4.0, rel=1e-2)
-    assert sections.second[:, 0, 1] == pytest.approx(0.0, abs=20.0)
-    assert sections.area == pytest.approx(np.pi * radius**2, rel=2e-3)
+    assert sections.second[:, 0, 1] == pytest.approx(0.0, abs=1e-2 * np.pi * ROOT**4 / 4.0)
+    assert sections.area == pytest.approx(np.pi * radius**2, rel=1e-2)
     # beam theory's own compliance
     s, w = np.polynomial.legendre.leggauss(30)
     x, w = 0.5 * LENGTH * (s + 1.0), 0.5 * LENGTH * w
@@ -142,13 +142,24 @@ def test_a_cone_buckles_as_its_sections_do(folder):
 
 def test_what_is_said_of_a_cone_is_said_of_the_part(folder):
     """It is 200 mm long and six times as long as it is deep, though a uniform beam like it is shorter."""
-    found = identify(task(folder / "cone.step", "0,0,0", "200,0,0", accuracy=0.2, largest=20000))
+    found = identify(task(folder / "cone.step", "0,0,0", "200,0,0", accuracy=0.02, largest=60000))
     document = solid_document(found)
     assert document.beams[-1].length_mm < 180.0
     assert not [text for text in document.warnings if "stubby" in text]
     # elastic bending of a solid part is 1 % stiffer where its base is clamped
     assert document.buckling_N == pytest.approx(cone_force(70000.0), rel=0.01)
     assert document.bodies == 1
+
+
+def test_a_compliance_that_is_not_known_leaves_buckling_undecided(folder):
+    """Two meshes show no order: three times what they differ is the interval."""
+    found = identify(task(folder / "cone.step", "0,0,0", "200,0,0", accuracy=1e-3, largest=20000))
+    assert found.stopped == "size"
+    assert len(found.unknowns) < 3
+    assert found.relative + found.column.misfit > 0.05
+    document = solid_document(found)
+    assert document.buckling_N is None
+    assert [text for text in document.findings if "undecided" in text]
 
 
 def test_bonded_bodies_are_a_finding_and_a_warning_unless_they_are_meant(folder):

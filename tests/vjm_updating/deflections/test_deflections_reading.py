@@ -179,3 +179,45 @@ def test_postures_by_name_and_noise_that_grows_with_the_load(tmp_path):
     size = np.linalg.norm(force, axis=1)
     assert data.sigma[:, 0, 0] == pytest.approx(np.hypot(0.01, 1e-4 * size))
     assert data.sigma_turn[:, 0] == pytest.approx(np.hypot(1e-5, 1e-7 * size))
+
+
+GRIPPER = """<robot name="gripper"><link name="base"/><link name="upper"/><link name="lower"/><link name="hand"/>
+<joint name="lift" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+<joint name="level" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0.4 0 0"/>
+<axis xyz="0 1 0"/><mimic joint="lift" multiplier="-1" offset="0.1"/>
+<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+<joint name="end" type="fixed"><parent link="lower"/><child link="hand"/><origin xyz="0.3 0 0"/></joint>
+</robot>"""
+
+
+def test_a_mimic_stands_beside_its_master_and_keeps_its_limits(tmp_path):
+    """A spring c turns the upper link by c r F, so that a force F across it moves its end by c r² F."""
+    (tmp_path / "robot.urdf").write_text(GRIPPER)
+    sheet = tmp_path / "sheet.toml"
+    sheet.write_text(
+        'kind = "deflections"\n[test]\nmodel = "robot.urdf"\nrigid = true\ngravity = [0.0, 0.0, 0.0]\n'
+        "[loads.hook]\n[markers.target]\n[tracker]\nnoise_mm = 0.01\n"
+    )
+    q = np.linspace(-1.0, 1.0, 12)
+    # the hand keeps its direction: it moves as the upper link's end, 400 mm out, under 100 N downwards
+    by = 1e-8 * 400.0**2 * 100.0 * np.cos(q)
+    rows = [
+        f"{a:.6f},{0.1 - a:.6f},-100,{-s * np.sin(a):.6f},{-s * np.cos(a):.6f}" for a, s in zip(q, by, strict=True)
+    ]
+    data = tmp_path / "readings.csv"
+    header = "lift.q_rad,level.q_rad,hook.fz_N,target.dx_mm,target.dz_mm\n"
+    data.write_text(header + "\n".join(rows) + "\n")
+    test = read_test(data, sheet)
+    assert test.study.data.joints == ("lift",)
+    assert test.study.data.q[:, 0] == pytest.approx(q, abs=1e-6)  # six digits were written
+    following = tmp_path / "next.csv"
+    following.write_text("lift.q_rad\n-2.8\n")
+    assert test.candidates(following).q[0, 0] == -2.8
+    following.write_text("lift.q_rad\n-2.8\n-2.95\n")
+    with pytest.raises(ValueError, match=r"next\.csv: posture 2: out of reach: level = 3.05 exceeds its limit 3"):
+        test.candidates(following)
+    rows[4] = rows[4].replace(f"{0.1 - q[4]:.6f}", f"{0.3 - q[4]:.6f}")
+    data.write_text(header + "\n".join(rows) + "\n")
+    with pytest.raises(ValueError, match=r"readings\.csv: row 6, column 'level\.q_rad': .* of lift: correct"):
+        read_test(data, sheet)

@@ -15,6 +15,7 @@ from vjm.errors import NoConvergenceError
 from vjm.io.manipulator_file import load_manipulator
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.platform.problem import ManipulatorProblem
+from vjm.platform.rigid import inverse_kinematics
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps import run as runner
 from vjm_updating.maps.evaluate import (
@@ -66,7 +67,7 @@ def test_stiffness_is_that_of_the_single_pose(name, tmp_path):
     for row, pose in zip(found.values, wanted.grid.poses(), strict=True):
         load_case = LoadCase(",".join(f"{v!r}" for v in pose.tolist()), 1.0)
         K = ManipulatorProblem(wanted.manipulator, load_case, wanted.springs).unloaded().stiffness
-        assert row == pytest.approx(principal(K), rel=1e-6)
+        assert row == pytest.approx(principal(np.linalg.inv(K)[None])[0], rel=1e-6)
 
 
 def test_a_deflection_and_a_critical_force_at_the_isotropic_point(tmp_path):
@@ -205,3 +206,22 @@ def test_titles_are_drawn_as_they_stand_and_break_no_file(tmp_path):
     for file in files:
         if file.suffix in (".csv", ".vtr"):
             assert b"onerror" not in file.read_bytes()
+
+
+def test_a_pose_that_sends_a_drive_beyond_its_limits_has_no_value():
+    """By the compiled machine and by the one that is not: the rigid pose's own drives say which are refused."""
+    machine = load_manipulator("3-puu")
+    poses = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [20.0, -10.0, 15.0, 0.0, 0.0, 0.0]])
+    drives = [inverse_kinematics(machine, pose).drives for pose in poses]
+    edge = float(0.5 * (drives[0][0] + drives[1][0]))
+    leg = machine.legs[0]
+    limits = (-np.inf, edge) if drives[1][0] > edge else (edge, np.inf)
+    tight = replace(machine, legs=(replace(leg, drive=replace(leg.drive, limits=limits)), *machine.legs[1:]))
+    gap = abs(float(drives[1][0]) - edge)
+    # with an error of assembly it is not compiled
+    for each in (tight, tight.with_errors({leg.name: {leg.chain.beams[0].name: 1e-9}})):
+        found = evaluate(MapTask(0, each, VjmEngine(), Quantity.STIFFNESS, poses, (0.0,) * 6, 1.0))
+        assert found.why[0] == "ok"
+        assert f"out of reach: the drive of leg '{leg.name}' = " in found.why[1]
+        assert f"by {gap:.4g} mm" in found.why[1]
+        assert np.isnan(found.values[1]).all()

@@ -1,5 +1,8 @@
 """The two files of a test of poses: orientation by every convention, and one line for what cannot be used."""
 
+from importlib import resources
+from pathlib import Path
+
 import numpy as np
 import pytest
 from helpers.urdf_arm import arm, joint
@@ -14,6 +17,7 @@ from vjm.rotations import rotation_from_vector, rotation_vector
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.model import TreeModel
 from vjm_updating.poses.command import prepared
+from vjm_updating.poses.kinds import read_test
 from vjm_updating.poses.measurement import read_pose_measurement
 from vjm_updating.poses.plausibility import considered
 from vjm_updating.poses.pose_study import PoseStudy
@@ -147,3 +151,18 @@ def test_a_mimic_stands_beside_its_master_as_logs_have_it(tmp_path):
     (tmp_path / "readings.csv").write_text(header + "\n".join(rows) + "\n")
     with pytest.raises(ValueError, match=r"readings\.csv: row 6, column 'level\.q_rad': .* of lift: correct"):
         read_pose_measurement(tmp_path / "readings.csv", sheet)
+
+
+def test_a_candidate_beyond_a_joints_limits_is_refused_by_name(tmp_path):
+    """The UR10's joints go a whole turn either way: 2π = 6.28319 rad."""
+    example = resources.files("vjm_validation") / "examples/ur10-poses"
+    test = read_test(Path(str(example / "readings.csv")), Path(str(example / "sheet.toml")))
+    file = tmp_path / "next.csv"
+    header = ",".join(f"{joint}.q_rad" for joint in test.study.machine.joints)
+    file.write_text(f"{header}\n0,0,0,0,0,0\n0,0,6.2,0,0,0\n", encoding="utf-8")
+    assert test.candidates(file).q[1, 2] == 6.2
+    file.write_text(f"{header}\n0,0,0,0,0,0\n0,0,6.5,0,0,0\n", encoding="utf-8")
+    with pytest.raises(
+        ValueError, match=r"posture 2: out of reach: elbow = 6.5 exceeds its limit 6.28319 by 0.2168"
+    ):
+        test.candidates(file)

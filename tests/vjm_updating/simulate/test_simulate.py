@@ -3,6 +3,7 @@
 import csv
 import json
 from dataclasses import replace
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -212,3 +213,28 @@ def test_a_ramp_or_an_instrument_that_makes_no_sense_is_refused(sheet, tmp_path)
     sheet.write_text(BARE.replace("[instrument.fx_N]", "[instrument.fx_N]\nheld = 'target'"))
     with pytest.raises(ValueError, match="only instruments at the end-effector can be simulated"):
         simulate(MODEL, sheet, tmp_path, hide=[], ramps=["A:1"])
+
+
+def test_a_machine_with_branches_is_refused_in_one_line(tmp_path):
+    """Readings along a ramp are marched through by kernels of parts in series; a tree has none of these."""
+    text = (files("vjm") / "models/planar-2r.toml").read_text()
+    model = tmp_path / "sprung.toml"
+    part = load_chain("planar-2r").parts[-1].name
+    model.write_text(
+        text
+        + f'''
+[[point_springs]]
+name = "balance"
+between = ["", "{part}"]
+points_mm = [[0.0, 0.0, 300.0], [0.0, 0.0, 0.0]]
+stiffness_N_per_mm = 2.0
+free_length_mm = 100.0
+'''
+    )
+    sheet = tmp_path / "own.toml"
+    sheet.write_text(BARE.replace("A = []", "").replace("link_segments = 4", ""))
+    with pytest.raises(
+        ValueError, match="has springs between two parts: readings along a ramp are computed for parts"
+    ):
+        simulate(str(model), sheet, tmp_path / "out", hide=[], noise="none", ramps=["bent:0.5"])
+    assert not (tmp_path / "out").exists()

@@ -151,7 +151,7 @@ def test_a_critical_point_that_one_engine_lacks_fails_near_by_only(force, displa
         )
         for engine, F in (("vjm-16", None), ("exudyn", force))
     ]  # fmt: skip
-    found = OwnMachine(load_any_model.loaded("orthoglide")[0], False, 1.0, critical=rows)
+    found = OwnMachine(load_any_model.loaded("orthoglide"), False, 1.0, critical=rows)
     verdict = next(row for row in own_acceptance(found) if row.name == "kinds of critical points")
     assert verdict.passed is passed
 

@@ -86,7 +86,7 @@ def all_(
             if value is not None and not 0.0 < value < float("inf"):
                 raise UsageError(f"{name}: must be positive, not {value:g}; --direction gives the sign")
         # what is wrong with the file is said of the file, before what is doubtful
-        in_postures(loaded(model)[0], posture)
+        in_postures(loaded(model), posture)
         doubts = considered(model, strict, weighed=bool(gravity))
         return _own(
             Request(

@@ -42,7 +42,7 @@ def compensate_(
     strict: Strict = False,
 ) -> int:
     """Find the joint coordinates that put the loaded tool where it should be, along a path."""
-    machine, _ = loaded(model)
+    machine = loaded(model)
     doubts = considered(model, strict, weighed=bool(gravity))
     number, parts = segments_of(segments)
     solver = engine_by_name(engine, EngineOptions(number, parts=parts), machine)

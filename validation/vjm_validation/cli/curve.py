@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from vjm.continuation.path import Path
-from vjm.engines import engine_by_name
+from vjm.engines import engine_by_name, refuse_unless_traced, trace_machine
 from vjm.io.files import check_writable
 from vjm.io.path_files import write_curve
 from vjm.model.parts import Placement
@@ -77,7 +77,7 @@ def curve_(
 ) -> int:
     """Trace one load path and show it."""
     positive("--steps", steps)
-    chain, whole = loaded(model, shear=with_shear(shear))
+    chain = loaded(model, shear=with_shear(shear))
     doubts = considered(model, strict, weighed=bool(gravity))
     chain, (label, *_) = in_postures(chain, (posture,) if posture else ())
     load_case = parsed_load_case(
@@ -85,12 +85,13 @@ def curve_(
         loads=load, gravity=gravity, control=control, imperfection=imperfection,
     )  # fmt: skip
     within_reach("--to", chain, load_case.displacement(load_case.length).tolist())
-    solver = whole(engine_by_name(engine, engine_options(segments, foot_segments, placement), chain))
+    solver = engine_by_name(engine, engine_options(segments, foot_segments, placement), chain)
+    refuse_unless_traced(solver, chain)
     pages.check(plot, report)
     if csv is not None:
         check_writable(csv.parent)
     with terminal.progress(quiet=json) as progress:
-        path = solver.trace(chain, load_case, lambda done: progress("path", round(100 * done), 100))
+        path = trace_machine(solver, chain, load_case, lambda done: progress("path", round(100 * done), 100))
     if csv is not None:
         write_curve(path, csv)
     if json:

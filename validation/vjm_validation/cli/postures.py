@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_module
 import sys
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -36,7 +37,8 @@ def postures_(
 ) -> int:
     """Find the joint coordinates that put the tool where it is wanted, without load; lines for [postures]."""
     pose = _numbers(tool)
-    machine = TreeModel(load_chain(model))
+    # unloaded: neither how beams are split nor springs between points matter
+    machine = TreeModel(replace(load_chain(model), point_springs=()), split=False)
     doubts = considered(model, strict)
     rotation = rotation_from_vector(pose[3:]) if len(pose) == 6 else None
     found = postures_of(machine, pose[:3], rotation, end)

@@ -33,7 +33,7 @@ def show_(
 
     if is_drawing(model):
         return show_drawing(Path(model), out)
-    machine, _ = loaded(model)
+    machine = loaded(model)
     considered(model, strict)
     machine, (label, *_) = in_postures(machine, (posture,) if posture else ())
     file = out or Path(f"{machine.name}-{label.replace(',', '_')}.html")

@@ -61,7 +61,7 @@ def stiffness_(
     if wrench is not None and displacement is not None:
         raise UsageError("give --wrench or --displacement, not both: one imposes the other")
     pages.check(plot, report)
-    chain, _ = loaded(model, shear=with_shear(shear))
+    chain = loaded(model, shear=with_shear(shear))
     doubts = considered(model, strict, weighed=bool(gravity))
     solver = engine_by_name(engine, engine_options(segments, foot_segments, placement), chain)
     chain, (label, *_) = in_postures(chain, (posture,) if posture else ())

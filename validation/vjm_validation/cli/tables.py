@@ -132,10 +132,8 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
             if force_first and np.abs(K - K.T).max() > ASYMMETRY * np.abs(K).max():
                 console.print(NO_POTENTIAL, soft_wrap=True)
     if rigid:
-        console.print(
-            "no 6×6 stiffness where a wrench moves nothing: it is infinite there, so the compliance is given",
-            soft_wrap=True,
-        )
+        given = ", so the compliance is given" if document.compliance_loaded is not None else ""
+        console.print(f"no 6×6 stiffness where a wrench moves nothing: it is infinite there{given}", soft_wrap=True)
     for wrench in document.rigid:
         console.print(_row("  not moved by, N N mm", wrench))
     for event in document.events:

@@ -144,10 +144,14 @@ def _critical(path: Path) -> str:
     if m.critical is None:
         return f"no critical point up to {number(m.F_end)} N"
     text = f"{m.critical} at {number(m.F_cr)} N, {number(abs(m.d_cr or 0.0), 3)} mm"
-    turns = [event for event in path.events[1:] if event.kind is EventKind.LIMIT and event.point is not None]
+    turns = [
+        (event.force, event.point)
+        for event in path.events[1:]
+        if event.kind is EventKind.LIMIT and event.point is not None
+    ]
     if turns and path.load_case.load_driven:
-        at = abs(travel(path, turns[0].point))  # type: ignore[arg-type]
-        text += f", then the load turns at {number(turns[0].force)} N, {number(at, 3)} mm"
+        force, point = turns[0]
+        text += f", then the load turns at {number(force)} N, {number(abs(travel(path, point)), 3)} mm"
     return text
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import assert_never
 
 import numpy as np
 
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
+from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
 from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
 from vjm.platform.manipulator import BASE, PLATFORM, Manipulator
 from vjm.platform.rigid import inverse_kinematics
@@ -113,7 +114,7 @@ def _draw(
                 end = begin @ (translation(part.axis * value) if part.slides else turn(part.axis, value))
                 found.joints.append(Joint(name, PASSIVE, begin[:3, 3], begin[:3, :3] @ part.axis, part.slides))
                 begin = end
-            case HeldJoint():
+            case ActuatedJoint() | SprungJoint() | CoupledJoint():
                 end = begin @ part.motion(part.held_at)
                 found.joints.append(Joint(name, _kind(part), begin[:3, 3], begin[:3, :3] @ part.axis, part.slides))
                 if part.slides and abs(part.held_at) > 0.0:
@@ -122,12 +123,14 @@ def _draw(
             case Actuator() | Mount():
                 kind = ELASTIC_JOINT if part.compliance > 0.0 else STIFF
                 found.joints.append(Joint(name, kind, begin[:3, 3], begin[:3, :3] @ part.axis, True))
+            case _:
+                assert_never(part)
         frames[part.name] = begin, end
         before = part.name
     return frames
 
 
-def _kind(part: HeldJoint) -> str:
+def _kind(part: ActuatedJoint | SprungJoint | CoupledJoint) -> str:
     match part:
         case SprungJoint():
             return ELASTIC_JOINT
@@ -135,7 +138,8 @@ def _kind(part: HeldJoint) -> str:
             return ELASTIC_JOINT if part.elastic else STIFF
         case CoupledJoint():
             return ELASTIC_JOINT if part.compliance or any(part.lateral) or part.as_bent else STIFF
-    return STIFF
+        case _:
+            assert_never(part)
 
 
 def _of_platform(machine: Manipulator, label: str) -> Geometry:

@@ -12,11 +12,11 @@ import numpy as np
 from vjm.batch import Failure, Task, trace_all
 from vjm.continuation.path import EventKind, Path, travel
 from vjm.engine import Engine
-from vjm.engines import EngineOptions, engine_by_name
+from vjm.engines import EngineOptions, engine_by_name, refuse_unless_traced, trace_machine
 from vjm.loaded_stiffness import held_by_itself
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, RAMP, TO_LIMIT, Load, LoadCase
-from vjm.platform.manipulator import Manipulator
+from vjm.platform.manipulator import Machine, Manipulator
 from vjm.platform.problem import ManipulatorProblem
 from vjm.rotations import Array
 from vjm.tree.equilibria import Equilibria, equilibria, largest_residual
@@ -81,7 +81,7 @@ class OwnMachine:
     """What was found.
 
     Attributes:
-        machine: a chain, or a manipulator under its protocol.
+        machine: a chain or a manipulator.
         held: whether poses are imposed, as passive joints let the end swing; else it is free.
         size: N of the largest force, or mm of the imposed displacement.
         paths: by posture, direction and engine.
@@ -95,7 +95,7 @@ class OwnMachine:
         notes: what was left out, and why.
     """
 
-    machine: Chain
+    machine: Machine
     held: bool
     size: float
     paths: dict[Key, Path] = field(default_factory=dict)
@@ -119,31 +119,32 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
         ModelFileError: the file is no model.
         ValueError: no such posture, direction or engine.
     """
-    machine, whole = loaded(request.model)
+    machine = loaded(request.model)
     machine, labels = in_postures(machine, request.postures)
     for direction in request.directions:
         unit_of(direction)
-    platform = isinstance(machine, Manipulator)
-    held = not platform and not held_by_itself(machine)
+    held = isinstance(machine, Chain) and not held_by_itself(machine)
     lumped = engine_by_name(request.engines[0], EngineOptions(request.segments), machine)
     if not isinstance(lumped, VjmEngine):
         raise ValueError(f"--engine {request.engines[0]}: the first engine must be vjm, vjm-paper or vjm-<n>")
     lumped = _refined(lumped, machine)
     found = OwnMachine(machine, held, _size(request, machine, labels, lumped, held))
-    engines: list[Engine] = [whole(lumped)]
+    engines: list[Engine] = [lumped]
     for name in request.engines[1:]:
         try:
-            engines.append(whole(engine_by_name(name, EngineOptions(ELEMENTS), machine)))
+            other = engine_by_name(name, EngineOptions(ELEMENTS), machine)
+            refuse_unless_traced(other, machine)
+            engines.append(other)
         except (ValueError, ImportError) as error:
             found.notes.append(f"{name} was left out: {error}")
-    if not platform:
+    if isinstance(machine, Chain):
         found.stiffness = _stiffness(request, machine, labels, lumped)
-    if not platform and (machine.after or machine.point_springs):
+    if isinstance(machine, Chain) and machine.is_tree:
         found.notes.append(
             "of a machine with branches or springs between points this shows equilibria; for its load paths take "
             "`validate curve` and `validate buckling`"
         )
-        found.loads = _tree_rows(request, found, lumped, labels)
+        found.loads = _tree_rows(request, found, machine, lumped, labels)
         return found
     keys = list(product(labels, request.directions, engines))
     case = partial(_case, request, found)
@@ -157,11 +158,11 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
         cases = [(k, case(k[0], k[1], MOST * found.size, TO_LIMIT)) for k in keys]
         found.criticals = _traced(found, cases, request.jobs, "critical forces", progress)
     found.critical = [_critical_row(key, path) for key, path in found.criticals.items()]
-    _converge(request, found, lumped, whole, progress)
+    _converge(found, lumped, progress)
     return found
 
 
-def _refined(engine: VjmEngine, machine: Chain) -> VjmEngine:
+def _refined(engine: VjmEngine, machine: Machine) -> VjmEngine:
     """The engine with its springs in beams too that have a smaller number of their own: elements split them all."""
     n = engine.segments
     if n is None:
@@ -172,12 +173,12 @@ def _refined(engine: VjmEngine, machine: Chain) -> VjmEngine:
     return replace(engine, parts=(*((name, n) for name in few), *engine.parts))
 
 
-def extent(machine: Chain) -> float:
+def extent(machine: Machine) -> float:
     """Size of a machine in mm: what an arm can reach, a platform's longest part."""
     return machine.characteristic_length if isinstance(machine, Manipulator) else TreeModel(machine).reach
 
 
-def _size(request: Request, machine: Chain, labels: Sequence[str], lumped: VjmEngine, held: bool) -> float:
+def _size(request: Request, machine: Machine, labels: Sequence[str], lumped: VjmEngine, held: bool) -> float:
     if held:
         return request.reach or _round(REACH * machine.characteristic_length)
     if request.force is not None:
@@ -189,7 +190,7 @@ def _size(request: Request, machine: Chain, labels: Sequence[str], lumped: VjmEn
             assert K is not None
             C = np.linalg.pinv(K, rcond=1e-12)
         else:
-            model = TreeModel(lumped.split(machine))
+            model = lumped.tree_model(machine)
             C = _compliance(equilibria(model, model.posture(label)))[0]
         softest = max(softest, *(float(unit_of(d) @ C @ unit_of(d)) for d in request.directions))
     if not softest > 0.0:
@@ -213,7 +214,7 @@ def _compliance(at: Equilibria) -> Array:
 def _stiffness(request: Request, chain: Chain, labels: Sequence[str], lumped: VjmEngine) -> list[StiffnessRow]:
     if not held_by_itself(chain):
         return []
-    model, rows = TreeModel(lumped.split(chain)), []
+    model, rows = lumped.tree_model(chain), []
     for label in labels:
         for load in ("none", "weight") if request.gravity else ("none",):
             at = equilibria(model, model.posture(label), gravity=request.gravity if load == "weight" else None)
@@ -296,9 +297,11 @@ def _critical_row(key: Key, path: Path) -> CriticalRow:
     )  # fmt: skip
 
 
-def _tree_rows(request: Request, found: OwnMachine, lumped: VjmEngine, labels: Sequence[str]) -> list[LoadRow]:
+def _tree_rows(
+    request: Request, found: OwnMachine, tree: Chain, lumped: VjmEngine, labels: Sequence[str]
+) -> list[LoadRow]:
     """What the first end of a tree does under the force, by the equilibria of trees."""
-    model = TreeModel(lumped.split(found.machine))
+    model = lumped.tree_model(tree)
     rows = []
     for posture, direction in product(labels, request.directions):
         unit, wrench = unit_of(direction), np.zeros((len(model.ends), 6))
@@ -341,9 +344,7 @@ def studied(found: OwnMachine) -> tuple[str, str, bool] | None:
     return softer.posture, softer.direction, False
 
 
-def _converge(
-    request: Request, found: OwnMachine, lumped: VjmEngine, whole: Callable[[Engine], Engine], progress: Progress
-) -> None:
+def _converge(found: OwnMachine, lumped: VjmEngine, progress: Progress) -> None:
     where = studied(found)
     beams = _beams(found.machine)
     if where is None or not beams:
@@ -353,13 +354,13 @@ def _converge(
         return
     posture, direction, critical = where
     source = found.criticals if critical else found.paths
-    case = source[posture, direction, whole(lumped).label].load_case
+    case = source[posture, direction, lumped.label].load_case
     paths: dict[int, Path] = {}
     for done, n in enumerate(SPRINGS):
         progress("convergence", done, len(SPRINGS))
-        engine = whole(replace(lumped, segments=n, parts=tuple((name, n) for name in beams)))
+        engine = replace(lumped, segments=n, parts=tuple((name, n) for name in beams))
         try:
-            paths[n] = engine.trace(found.machine, case)
+            paths[n] = trace_machine(engine, found.machine, case)
         except ValueError as error:
             found.notes.append(f"no study of convergence: {error}")
             return
@@ -394,7 +395,7 @@ def quantity(path: Path, critical: bool, held: bool) -> float | None:
     return travel(path, path.points[-1]) - travel(path, path.points[0])
 
 
-def _beams(machine: Chain) -> list[str]:
+def _beams(machine: Machine) -> list[str]:
     """Beams that can be split, by name."""
     chains = [leg.chain for leg in machine.legs] if isinstance(machine, Manipulator) else [machine]
     return list(dict.fromkeys(beam.name for chain in chains for beam in chain.beams if beam.section is not None))

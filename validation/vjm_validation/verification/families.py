@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import assert_never
+
 from vjm.baselines import LinearEngine, MsaEngine
 from vjm.engine import Engine
 from vjm.vjm_engine import VjmEngine
@@ -53,3 +55,5 @@ def engine(family: Family, mesh: int, *, shear: bool = False, foot: bool | None 
             return LinearEngine()
         case "msa":
             return MsaEngine()
+        case _:
+            assert_never(family)

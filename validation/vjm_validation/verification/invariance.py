@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -60,7 +61,7 @@ def turned(chain: Chain, load_case: LoadCase, R: Array) -> tuple[Chain, LoadCase
     """
     if not turnable(load_case):
         raise ValueError(f"free in {', '.join(load_case.free)} of the world's axes: cannot be turned")
-    changes: dict[str, object] = {
+    changes: dict[str, Any] = {
         "loads": tuple(replace(load, wrench=tuple(_turned6(np.array(load.wrench), R))) for load in load_case.loads)
     }
     if load_case.gravity is not None:
@@ -71,7 +72,7 @@ def turned(chain: Chain, load_case: LoadCase, R: Array) -> tuple[Chain, LoadCase
     if not load_case.load_driven:
         # the sign is in `to`
         changes["axis"] = tuple(_turned6(load_case.sign * load_case.direction, R))
-    return replace(chain, base=frame(R) @ chain.base), replace(load_case, **changes)  # type: ignore[arg-type]
+    return replace(chain, base=frame(R) @ chain.base), replace(load_case, **changes)
 
 
 @dataclass(frozen=True)
