@@ -179,3 +179,14 @@ def test_postures_by_name_and_noise_that_grows_with_the_load(tmp_path):
     size = np.linalg.norm(force, axis=1)
     assert data.sigma[:, 0, 0] == pytest.approx(np.hypot(0.01, 1e-4 * size))
     assert data.sigma_turn[:, 0] == pytest.approx(np.hypot(1e-5, 1e-7 * size))
+
+
+def test_a_misread_displacement_is_left_out_and_said(good, tmp_path):
+    spoilt = {name: values.copy() for name, values in good.items()}
+    spoilt["target.dz_mm"][7] += 40.0
+    found = calibrate_poses(*files(tmp_path, spoilt), tmp_path / "out", families=("joint_compliance",))
+    assert found.postures == 39
+    (said,) = (row for row in found.doubts if "an outlier, left out" in row.found)
+    assert said.where == "readings.csv, row 9"
+    for row, truth in zip(found.families[0].members, compliant().own, strict=True):
+        assert abs(row.value - truth) < 4.0 * row.std
