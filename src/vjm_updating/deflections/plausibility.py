@@ -175,17 +175,20 @@ def _of_axes(study: DeflectionStudy, data: DeflectionData) -> Iterator[Change]:
 
 
 def _axes() -> Iterator[tuple[Array, str, str]]:
-    for order in ((1, 0, 2), (2, 1, 0), (0, 2, 1), (1, 2, 0), (2, 0, 1)):
-        a, b = (("x", "y"), ("x", "z"), ("y", "z"))[(order == (2, 1, 0)) + 2 * (order == (0, 2, 1))]
-        if sorted(order) == [0, 1, 2] and order in ((1, 2, 0), (2, 0, 1)):
-            name = "".join("xyz"[i] for i in order)
-            yield np.eye(3)[:, list(order)], name, f"take {', '.join(name)} for x, y, z in the"
-        else:
-            yield np.eye(3)[:, list(order)], f"{a}{b}_exchanged", f"exchange {a} and {b} of the"
-    for k, axis in enumerate("xyz"):
-        P = np.eye(3)
-        P[k, k] = -1.0
-        yield P, f"{axis}_reversed", f"reverse {axis} of the"
+    """Exchanged, cycled and reversed axes: what takes rows ``(g, 3)`` to them, a name, what to do."""
+    for i, j in itertools.combinations(range(3), 2):
+        order = list(range(3))
+        order[i], order[j] = j, i
+        yield np.eye(3)[:, order], f"{'xyz'[i]}{'xyz'[j]}_exchanged", f"exchange {'xyz'[i]} and {'xyz'[j]} of the"
+    for order in ([1, 2, 0], [2, 0, 1]):
+        name = "".join("xyz"[i] for i in order)
+        yield np.eye(3)[:, order], name, f"take {', '.join(name)} for x, y, z in the"
+    for i in range(3):
+        yield (
+            np.diag([-1.0 if k == i else 1.0 for k in range(3)]),
+            f"{'xyz'[i]}_reversed",
+            f"reverse {'xyz'[i]} of the",
+        )
 
 
 def _in_other_axes(study: DeflectionStudy, data: DeflectionData, point: int) -> DeflectionData:

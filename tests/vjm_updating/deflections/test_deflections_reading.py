@@ -181,6 +181,17 @@ def test_postures_by_name_and_noise_that_grows_with_the_load(tmp_path):
     assert data.sigma_turn[:, 0] == pytest.approx(np.hypot(1e-5, 1e-7 * size))
 
 
+def test_a_misread_displacement_is_left_out_and_said(good, tmp_path):
+    spoilt = {name: values.copy() for name, values in good.items()}
+    spoilt["target.dz_mm"][7] += 40.0
+    found = calibrate_poses(*files(tmp_path, spoilt), tmp_path / "out", families=("joint_compliance",))
+    assert found.postures == 39
+    (said,) = (row for row in found.doubts if "an outlier, left out" in row.found)
+    assert said.where == "readings.csv, row 9"
+    for row, truth in zip(found.families[0].members, compliant().own, strict=True):
+        assert abs(row.value - truth) < 4.0 * row.std
+
+
 GRIPPER = """<robot name="gripper"><link name="base"/><link name="upper"/><link name="lower"/><link name="hand"/>
 <joint name="lift" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
 <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
