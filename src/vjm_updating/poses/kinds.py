@@ -14,6 +14,7 @@ from vjm_updating.deflections.measurement import read_deflection_candidates, rea
 from vjm_updating.deflections.study import DeflectionStudy
 from vjm_updating.poses import plausibility as of_poses
 from vjm_updating.poses.measurement import RobotMeasurement, read_pose_measurement
+from vjm_updating.poses.next_postures import SEED
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import read_candidates
 from vjm_updating.poses.sheet import kind_of_sheet
@@ -58,7 +59,7 @@ def _poses(data: Path, sheet: Path) -> RobotTest:
 
     def candidates(path: Path) -> Candidates:
         q = read_candidates(path, read.sheet, read.machine.joints, read.machine.slides)
-        return Candidates(q, np.zeros((len(q), 0, 6)))
+        return study.with_wrenches(q, np.random.default_rng(SEED))
 
     return RobotTest(read, study, lambda strict: of_poses.considered(read, study, strict=strict), candidates)
 
