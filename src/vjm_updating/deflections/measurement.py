@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from vjm_updating.deflections.readings import DeflectionData, read_deflections, read_loads
+from vjm_updating.deflections.readings import DeflectionData, read_deflections
 from vjm_updating.deflections.sheet import DeflectionSheet, read_deflection_sheet
 from vjm_updating.deflections.study import DeflectionStudy, ends_of_test, with_loads
 from vjm_updating.poses.measurement import RobotMeasurement, model_of
+from vjm_updating.poses.readings import read_candidates
 from vjm_updating.poses.study import Candidates
 
 
@@ -37,5 +38,5 @@ def read_deflection_candidates(path: Path, study: DeflectionStudy) -> Candidates
     Raises:
         ValueError: it cannot be used; one line.
     """
-    q, load = read_loads(path, study.sheet, study.machine)
+    q, load = read_candidates(path, study.sheet, study.machine, study.points)
     return with_loads(q, study.data) if load is None else Candidates(q, load)

@@ -17,16 +17,18 @@ from vjm_updating.poses.readings import (
     ANGLES,
     ANGLES_DEG,
     COORDINATE,
+    POSTURE,
     READING,
     WRENCH,
     PoseData,
-    coordinates,
+    columns_of,
     is_followers,
     numbers_by_name,
+    postures,
     table_in,
+    wrenches,
 )
 
-POSTURE = "posture"
 SHIFT, NOISE = ("dx_mm", "dy_mm", "dz_mm"), ("dx_std_mm", "dy_std_mm", "dz_std_mm")
 OF_MARKERS = (*SHIFT, *NOISE, *ANGLES, *ANGLES_DEG)
 LARGEST_ROTATION = 0.5
@@ -79,26 +81,6 @@ def read_deflections(path: Path, sheet: DeflectionSheet, machine: PoseMachine) -
         raise DataError(f"{path.name}: {error}") from error
 
 
-def read_loads(path: Path, sheet: DeflectionSheet, machine: PoseMachine) -> tuple[Array, Array | None]:
-    """Postures ``(c, n)`` that could be measured, and wrenches ``(c, l, 6)`` there; None where the file has none.
-
-    Raises:
-        DataError: it cannot be used; one line.
-    """
-    _, header, table = table_in(path)
-    try:
-        rows = np.array([number for number, _ in table])
-        by_name = numbers_by_name(header, table, sheet, skip=lambda key: key not in (*COORDINATE, *WRENCH))
-        q = _postures(header, table, by_name, machine)
-        load = _loads(by_name, sheet, len(rows))
-        blank = ~np.isfinite(q).all(axis=1)
-        if blank.any():
-            raise ValueError(f"row {rows[int(np.argmax(blank))]} has a blank: fill it")
-    except ValueError as error:
-        raise DataError(f"{path.name}: {error}") from error
-    return q, load if any(f"{name}.{key}" in by_name for name in sheet.loads for key in WRENCH) else None
-
-
 def _read(
     file: str, sha256: str, header: list[str], table: list[tuple[int, list[str]]], sheet: DeflectionSheet,
     machine: PoseMachine,
@@ -109,7 +91,7 @@ def _read(
             _check_column(column, sheet, machine.joints)
     by_name = numbers_by_name(header, table, sheet, skip=lambda key: key in (READING, POSTURE))
     g, markers = len(rows), tuple(sheet.markers)
-    q = _postures(header, table, by_name, machine)
+    q = postures(header, table, by_name, machine)
     for name in sheet.loads:
         if not any(f"{name}.{key}" in by_name for key in WRENCH):
             raise ValueError(
@@ -118,8 +100,8 @@ def _read(
     for name in markers:
         if not any(f"{name}.{key}" in by_name for key in (*SHIFT, *ANGLES, *ANGLES_DEG)):
             raise ValueError(f"column '{name}.dx_mm' is missing: add it, or take [markers.{name}] away")
-    load = _loads(by_name, sheet, g)
-    shift = _stacked(by_name, markers, SHIFT, np.full(g, np.nan))
+    load = wrenches(by_name, tuple(sheet.loads), g)
+    shift = columns_of(by_name, markers, SHIFT, np.full(g, np.nan))
     if not np.isfinite(shift).any():
         raise ValueError("no displacement was read: add MARKER.dx_mm, dy_mm, dz_mm")
     rotation = _rotations(by_name, markers, g)
@@ -138,37 +120,6 @@ def _read(
         tuple(sheet.loads), load, sigma_turn,
     )  # fmt: skip
     return data.only(keep)
-
-
-def _stacked(by_name: Mapping[str, Array], names: tuple[str, ...], keys: tuple[str, ...], absent: Array) -> Array:
-    """Columns of several tables ``(g, names, keys)``."""
-    return np.stack(
-        [np.column_stack([by_name.get(f"{name}.{key}", absent) for key in keys]) for name in names], axis=1
-    )
-
-
-def _postures(
-    header: list[str], table: list[tuple[int, list[str]]], by_name: Mapping[str, Array], machine: PoseMachine
-) -> Array:
-    """Coordinates ``(g, n)`` by their columns, or by the names of the model's postures."""
-    if POSTURE not in header:
-        return coordinates(by_name, np.array([number for number, _ in table]), machine)
-    if any(f"{joint}.{key}" in by_name for joint in machine.driven for key in COORDINATE):
-        raise ValueError(f"column '{POSTURE}' stands beside coordinates of joints: leave one of both")
-    postures, at, rows = machine.chain.held, header.index(POSTURE), []
-    for number, cells in table:
-        if cells[at] not in postures:
-            raise ValueError(
-                f"row {number}, column {POSTURE}: the model has no posture '{cells[at]}'; it has "
-                f"{', '.join(postures) or 'none'}{did_you_mean(cells[at], postures)}"
-            )
-        rows.append([postures[cells[at]][name] for name in machine.joints])
-    return np.array(rows)
-
-
-def _loads(by_name: Mapping[str, Array], sheet: DeflectionSheet, g: int) -> Array:
-    """Wrenches ``(g, l, 6)``; what has no column is zero, what is blank is not known."""
-    return _stacked(by_name, tuple(sheet.loads), WRENCH, np.zeros(g))
 
 
 def _rotations(by_name: Mapping[str, Array], markers: tuple[str, ...], g: int) -> Array:
@@ -209,7 +160,7 @@ def _sigmas(
     moment = np.linalg.norm(np.nan_to_num(load[..., 3:]), axis=2).sum(axis=1)
     by_load = np.sqrt(said.noise_mm**2 + (said.noise_mm_per_N * force + said.noise_mm_per_Nmm * moment) ** 2)
     turn = np.sqrt(said.noise_rad**2 + (said.noise_rad_per_N * force + said.noise_rad_per_Nmm * moment) ** 2)
-    own = _stacked(by_name, markers, NOISE, np.full(len(rows), np.nan))
+    own = columns_of(by_name, markers, NOISE, np.full(len(rows), np.nan))
     sigma = np.where(own > 0.0, own, by_load[:, None, None])
     return sigma, np.repeat(turn[:, None], len(markers), axis=1)
 

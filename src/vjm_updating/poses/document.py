@@ -97,7 +97,8 @@ class NextRow(Row):
     joints: list[str]
     q: list[list[float]]
     loads: list[dict[str, list[float]]] = Field(
-        description="of tests of deflections: wrenches at the points of load, N and N mm, in their tables' axes"
+        description="wrenches at the points of load, N and N mm: of deflections in their tables' axes, of poses "
+        "on the markers in the base's axes, where wrenches were measured"
     )
     members: float = Field(description="factor on the members' standard deviations that they promise")
     prediction: float = Field(description="factor on the standard deviation of predictions")

@@ -17,6 +17,7 @@ from vjm_updating.experiment.readings import DataError
 from vjm_updating.poses import plausibility as of_poses
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import RobotMeasurement, read_pose_measurement
+from vjm_updating.poses.next_postures import SEED
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import read_candidates
 from vjm_updating.poses.sheet import kind_of_sheet
@@ -60,8 +61,11 @@ def _poses(data: Path, sheet: Path) -> PreparedTest:
     of_poses.check_count(study)
 
     def candidates(path: Path) -> Candidates:
-        q = read_candidates(path, read.sheet, study.machine)
-        return within_limits(path, study.machine, Candidates(q, np.zeros((len(q), 0, 6))))
+        q, load = read_candidates(path, read.sheet, study.machine, read.data.markers)
+        if load is not None and not study.points:
+            raise DataError(f"{path.name}: has wrenches, and {read.data.file} has none: leave their columns out")
+        found = study.with_wrenches(q, np.random.default_rng(SEED)) if load is None else Candidates(q, load)
+        return within_limits(path, study.machine, found)
 
     return PreparedTest(read, study, lambda strict: of_poses.considered(read, study, strict=strict), candidates)
 

@@ -101,12 +101,11 @@ class PoseStudy(Study):
         return self.forward_of(self.machine, self.data).holding()
 
     def at_candidates(self, state: State, candidates: Candidates) -> Linearised:
-        """The model at a state in other postures, without wrenches."""
+        """The model at a state in other postures, under wrenches on the markers where some were measured."""
         g = len(candidates)
         blank = self.data.only(np.zeros(g, dtype=int))
-        data = replace(
-            blank, q=candidates.q, wrench=np.zeros_like(blank.wrench), time=None, temperature=None, row=np.arange(g)
-        )
+        wrench = candidates.load if self.points else np.zeros_like(blank.wrench)
+        data = replace(blank, q=candidates.q, wrench=wrench, time=None, temperature=None, row=np.arange(g))
         machine = self.machine_of(state.hypothesis.bent)
         forward = PoseForward(machine, data, self.sheet.test.gravity)
         there = {m.name: m for m in members_of(machine, data, np.ones(machine.tree.size), ordered=False)}
@@ -116,6 +115,23 @@ class PoseStudy(Study):
         ]
         return forward.evaluate(state.z, state.frames)
 
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Markers, where wrenches on them were measured; else none."""
+        return self.data.markers if self.data.wrench.any() else ()
+
     def drawn(self, rng: np.random.Generator, count: int) -> Candidates:
-        """Postures drawn within the joints' limits, and no further than what was measured reaches."""
-        return Candidates(self.postures(rng, count), np.zeros((count, 0, 6)))
+        """Postures drawn within the joints' limits, and no further than what was measured reaches.
+
+        Where wrenches were measured, each posture is under one of those, or free.
+        """
+        return self.with_wrenches(self.postures(rng, count), rng)
+
+    def with_wrenches(self, q: Array, rng: np.random.Generator) -> Candidates:
+        """Each posture ``(c, n)`` under the wrenches of a reading drawn from the loaded ones, every third free."""
+        load = np.zeros((len(q), len(self.points), 6))
+        if self.points:
+            loaded = np.flatnonzero(self.data.wrench.any(axis=(1, 2)))
+            load[:] = self.data.wrench[rng.choice(loaded, len(q))]
+            load[::3] = 0.0
+        return Candidates(q, load)

@@ -27,7 +27,7 @@ COORDINATE = {"q_rad": False, "q_mm": True}
 TORQUE = ("tau_Nmm", "tau_N")
 FOLLOWS_RAD, FOLLOWS_MM = 0.02, 1.0
 """By how much a coupled joint's own column may be off what its masters make: what logs round, and play."""
-READING, TIME, TEMPERATURE = "reading", "time_s", "temperature_C"
+READING, POSTURE, TIME, TEMPERATURE = "reading", "posture", "time_s", "temperature_C"
 OF_MARKERS = (*POSITION, *NOISE, *ANGLES, *ANGLES_DEG, *QUATERNION, *TILT, *TILT_DEG, *WRENCH)
 
 
@@ -128,24 +128,43 @@ def table_in(path: Path) -> tuple[str, list[str], list[tuple[int, list[str]]]]:
     return hashlib.sha256(raw).hexdigest(), header, [(number + head, cells) for number, cells in table]
 
 
-def read_candidates(path: Path, sheet: RobotSheet, machine: PoseMachine) -> Array:
-    """Postures ``(c, n)`` that could be measured, from a CSV file with the columns of the joints.
+def read_candidates(
+    path: Path, sheet: RobotSheet, machine: PoseMachine, points: tuple[str, ...]
+) -> tuple[Array, Array | None]:
+    """Postures ``(c, n)`` that could be measured, and wrenches ``(c, l, 6)`` there; None where the file has none.
+
+    Args:
+        path: of a CSV file with columns as in the data.
+        sheet: of the test.
+        machine: of the model.
+        points: the l points at which wrenches act.
 
     Raises:
         DataError: it cannot be used; one line.
     """
     _, header, table = table_in(path)
-    rows = np.array([number for number, _ in table])
     try:
-        by_name = numbers_by_name(header, table, sheet, skip=lambda key: key not in COORDINATE)
-        result = coordinates(by_name, rows, machine)
+        rows = np.array([number for number, _ in table])
+        by_name = numbers_by_name(header, table, sheet, skip=lambda key: key not in (*COORDINATE, *WRENCH))
+        q, load = postures(header, table, by_name, machine), wrenches(by_name, points, len(rows))
+        blank = ~(np.isfinite(q).all(axis=1) & np.isfinite(load).all(axis=(1, 2)))
+        if blank.any():
+            raise ValueError(f"row {rows[int(np.argmax(blank))]} has a blank: fill it")
     except ValueError as error:
         raise DataError(f"{path.name}: {error}") from error
-    if not np.isfinite(result).all():
-        raise DataError(
-            f"{path.name}: row {rows[int(np.argmin(np.isfinite(result).all(axis=1)))]} has a blank: fill it"
-        )
-    return result
+    return q, load if any(f"{name}.{key}" in by_name for name in points for key in WRENCH) else None
+
+
+def wrenches(by_name: Mapping[str, Array], points: tuple[str, ...], g: int) -> Array:
+    """Wrenches ``(g, l, 6)`` at points; what has no column is zero, what is blank is nan."""
+    return columns_of(by_name, points, WRENCH, np.zeros(g))
+
+
+def columns_of(by_name: Mapping[str, Array], names: tuple[str, ...], keys: tuple[str, ...], absent: Array) -> Array:
+    """Columns of several tables ``(g, names, keys)``; one that the file has not is ``absent`` (g,)."""
+    return np.stack(
+        [np.column_stack([by_name.get(f"{name}.{key}", absent) for key in keys]) for name in names], axis=1
+    )
 
 
 def numbers_by_name(
@@ -199,6 +218,25 @@ def coordinates(by_name: Mapping[str, Array], rows: np.ndarray, machine: PoseMac
     return np.column_stack(columns)
 
 
+def postures(
+    header: list[str], table: list[tuple[int, list[str]]], by_name: Mapping[str, Array], machine: PoseMachine
+) -> Array:
+    """Coordinates ``(g, n)`` by their columns, or by the names of the model's postures."""
+    if POSTURE not in header:
+        return coordinates(by_name, np.array([number for number, _ in table]), machine)
+    if any(f"{joint}.{key}" in by_name for joint in machine.driven for key in COORDINATE):
+        raise ValueError(f"column '{POSTURE}' stands beside coordinates of joints: leave one of both")
+    known, at, rows = machine.chain.held, header.index(POSTURE), []
+    for number, cells in table:
+        if cells[at] not in known:
+            raise ValueError(
+                f"row {number}, column {POSTURE}: the model has no posture '{cells[at]}'; it has "
+                f"{', '.join(known) or 'none'}{did_you_mean(cells[at], known)}"
+            )
+        rows.append([known[cells[at]][name] for name in machine.joints])
+    return np.array(rows)
+
+
 def is_followers(column: str, machine: PoseMachine) -> bool:
     """Whether a column is a coupled joint's own coordinate."""
     return any(column == f"{one.name}.{'q_mm' if one.slides else 'q_rad'}" for one in machine.followers)
@@ -214,35 +252,29 @@ def _read(
     for column in header:
         if not is_followers(column, machine):
             _check_column(column, names[column], sheet, joints)
-    by_name = numbers_by_name(header, table, sheet, skip=lambda key: key == READING)
+    by_name = numbers_by_name(header, table, sheet, skip=lambda key: key in (READING, POSTURE))
     g, nothing = len(rows), np.full(len(rows), np.nan)
-    q = coordinates(by_name, rows, machine)
+    q = postures(header, table, by_name, machine)
     torque = np.column_stack(
         [by_name.get(f"{j}.tau_{'N' if s else 'Nmm'}", nothing) for j, s in zip(joints, slides, strict=True)]
     )
     markers = tuple(sheet.markers)
-
-    def of_markers(keys: tuple[str, ...], absent: float) -> Array:
-        missing = np.full(g, absent)
-        return np.stack(
-            [np.column_stack([by_name.get(f"{m}.{key}", missing) for key in keys]) for m in markers], axis=1
-        )
 
     for marker in markers:
         if sheet.markers[marker].orientation != "tilt" and not any(
             f"{marker}.{key}" in by_name for key in POSITION
         ):
             raise ValueError(f"column '{marker}.x_mm' is missing: add it, or take [markers.{marker}] away")
-    position = of_markers(POSITION, np.nan)
+    position = columns_of(by_name, markers, POSITION, nothing)
     for column, values in by_name.items():
         if column.partition(".")[2] in NOISE and (values < 0.0).any():
             row = rows[int(np.argmax(values < 0.0))]
             raise ValueError(
                 f"row {row}, column {column}: a standard deviation is not negative; leave it blank for the sheet's"
             )
-    sigma = of_markers(NOISE, sheet.tracker.noise_mm)
+    sigma = columns_of(by_name, markers, NOISE, np.full(g, sheet.tracker.noise_mm))
     sigma = np.where(np.isnan(sigma) | (sigma <= 0.0), sheet.tracker.noise_mm, sigma)
-    wrench = np.nan_to_num(of_markers(WRENCH, 0.0))
+    wrench = np.nan_to_num(wrenches(by_name, markers, g))
     orientation = np.stack([_orientation(m, sheet, by_name, g) for m in markers], axis=1)
     tilt = np.stack([_tilt(m, sheet, by_name, g) for m in markers], axis=1)
     if not np.isfinite(position).any():
@@ -262,7 +294,7 @@ def _read(
 
 
 def _check_column(column: str, name: str, sheet: PoseSheet, joints: tuple[str, ...]) -> None:
-    if column in (READING, TIME, TEMPERATURE):
+    if column in (READING, POSTURE, TIME, TEMPERATURE):
         return
     key = column.partition(".")[2]
     if name in joints and key in (*COORDINATE, *TORQUE):
@@ -279,7 +311,7 @@ def _check_column(column: str, name: str, sheet: PoseSheet, joints: tuple[str, .
         raise ValueError(f"column '{column}': no marker '{name}': add [markers.{name}] or delete the column")
     raise ValueError(
         f"column '{column}' is not known: a joint's is JOINT.q_rad, a marker's MARKER.x_mm: "
-        f"rename or delete it{did_you_mean(column, [READING, TIME, TEMPERATURE])}"
+        f"rename or delete it{did_you_mean(column, [READING, POSTURE, TIME, TEMPERATURE])}"
     )
 
 

@@ -225,6 +225,11 @@ def test_wrenches_stand_in_the_same_file(postures, tmp_path):
     assert (found.verdict, found.causes) == ("named", ["joint_compliance"])
     row = next(row for row in found.families[0].members if row.name == "joint_compliance.joint-2")
     assert row.interval95[0] < c < row.interval95[1]
+    # what to measure next is postures under such wrenches, and free ones
+    rows = [load["target"] for one in found.next_postures for load in one.loads]
+    assert len(rows) == sum(len(one.q) for one in found.next_postures)
+    assert {tuple(row) for row in rows} <= {(*map(float, force), 0.0, 0.0, 0.0), (0.0,) * 6}
+    assert (*map(float, force), 0.0, 0.0, 0.0) in {tuple(row) for row in rows}
     # without the wrenches what they do is no function of the posture
     bare = {name: values for name, values in columns.items() if "_N" not in name}
     blind = diagnose_poses(*written(tmp_path / "bare", bare), tmp_path / "bare/out")
