@@ -3,7 +3,7 @@
     pip install sectionproperties==3.10.2
     python tests/helpers/make_section_constants.py
 
-writes ``tests/vjm/io/section_constants.json``, in some minutes. The program is no dependency of the tests: it brings
+writes ``tests/vjm/io/section_constants.json`` in some minutes. The program is no dependency of the tests: it brings
 400 MB, and its mesher has no wheel for Python 3.14. Its torsion constant and shear areas carry the error of the
 re-entrant corner, which falls with the 2/3 power of the triangles' area; two meshes are extrapolated to none.
 """
