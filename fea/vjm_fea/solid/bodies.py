@@ -15,8 +15,8 @@ TRIANGLE3, TETRAHEDRON4 = 2, 4
 """gmsh's numbers of its elements."""
 
 
-def one_body(gmsh: Any, name: str) -> None:  # noqa: ANN401
-    """Make bodies that touch one, with common faces.
+def one_body(gmsh: Any, name: str) -> int:  # noqa: ANN401
+    """Make bodies that touch one, with common faces; gives how many they were.
 
     Raises:
         ValueError: there is none, or some do not touch.
@@ -24,8 +24,9 @@ def one_body(gmsh: Any, name: str) -> None:  # noqa: ANN401
     bodies = [tag for _, tag in gmsh.model.getEntities(3)]
     if not bodies:
         raise ValueError(f"{name}: holds no solid, only surfaces or lines: export the part as a solid")
-    if len(bodies) == 1:
-        return
+    count = len(bodies)
+    if count == 1:
+        return 1
     gmsh.model.occ.fragment([(3, bodies[0])], [(3, tag) for tag in bodies[1:]])
     gmsh.model.occ.synchronize()
     bodies = [tag for _, tag in gmsh.model.getEntities(3)]
@@ -36,10 +37,11 @@ def one_body(gmsh: Any, name: str) -> None:  # noqa: ANN401
             old, new = owner[int(above[0])], owner[int(above[1])]
             owner = {tag: new if one == old else one for tag, one in owner.items()}
     _refuse(name, len(set(owner.values())))
+    return count
 
 
-def check_one_mesh(gmsh: Any, name: str, kind: str) -> None:  # noqa: ANN401
-    """Refuse a mesh of tetrahedra, or the triangles of an STL, that fall apart.
+def check_one_mesh(gmsh: Any, name: str, kind: str) -> int:  # noqa: ANN401
+    """Refuse a mesh of tetrahedra, or the triangles of an STL, that fall apart; gives how many bodies it holds.
 
     Raises:
         ValueError: there is no body, or more than one.
@@ -48,12 +50,13 @@ def check_one_mesh(gmsh: Any, name: str, kind: str) -> None:  # noqa: ANN401
         raise ValueError(f"{name}: holds no solid, only surfaces or lines: export the part as a solid")
     corners, element = (3, TRIANGLE3) if kind == ".stl" else (4, TETRAHEDRON4)
     nodes = np.asarray(gmsh.model.mesh.getElementsByType(element)[1], dtype=np.int64).reshape(-1, corners)
+    bodies = len([tag for _, tag in gmsh.model.getEntities(3)])
     if not len(nodes):
-        return
+        return bodies
     pieces = _pieces(nodes)
     if kind == ".msh":
         _refuse(name, int(pieces.max()) + 1)
-        return
+        return bodies
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     place = np.zeros(int(tags.max()) + 1, dtype=np.int64)
     place[tags.astype(np.int64)] = np.arange(len(tags))
@@ -66,6 +69,7 @@ def check_one_mesh(gmsh: Any, name: str, kind: str) -> None:  # noqa: ANN401
         if not any(inside(one[0, 0], other) for m, other in enumerate(surfaces) if m != k)
     ]
     _refuse(name, len(outer))
+    return bodies
 
 
 def _pieces(nodes: Indices) -> Indices:

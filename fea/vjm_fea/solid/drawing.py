@@ -19,6 +19,7 @@ from vjm_fea.solid.corners import re_entrant_edges
 from vjm_fea.solid.faces import KINDS, Face, is_drawing
 from vjm_fea.solid.libraries import interruptible, kept_signals, left_running, load
 from vjm_fea.solid.mesh import Indices, SolidMesh, from_gmsh
+from vjm_fea.solid.polyhedron import build
 
 TRIANGLE6, TRIANGLE3, TETRAHEDRON10, TETRAHEDRON4, LINE3 = 9, 2, 11, 4, 8
 """gmsh's numbers of its elements."""
@@ -52,7 +53,9 @@ class Drawing:
         size: diagonal of the solid's box, mm.
         volume: mm³.
         re_entrant: its edges at which the stress has no bound.
-        fixed: the file is itself a mesh, of the inside or the surface, which can only be split.
+        fixed: the file is itself a mesh of the inside, which can only be split.
+        surfaces: gmsh's surfaces of every face.
+        bodies: that the file holds, bonded where they touch.
     """
 
     gmsh: Any
@@ -62,6 +65,8 @@ class Drawing:
     volume: float
     re_entrant: list[int]
     fixed: bool
+    surfaces: dict[int, list[int]]
+    bodies: int
 
     def mesh(self, size: float, graded: Sequence[int] = ()) -> SolidMesh:
         """A mesh of ten-node tetrahedra.
@@ -112,7 +117,8 @@ class Drawing:
         field.setAsBackgroundMesh(threshold)
 
     def _borders(self, faces: Sequence[int]) -> set[int]:
-        pairs = self.gmsh.model.getBoundary([(2, face) for face in faces], combined=True, oriented=False)
+        tags = [(2, tag) for face in faces for tag in self.surfaces[face]]
+        pairs = self.gmsh.model.getBoundary(tags, combined=True, oriented=False)
         return {int(tag) for _, tag in pairs}
 
     def _fill(self) -> None:
@@ -164,8 +170,8 @@ class Drawing:
         _, nodes = mesh.getElementsByType(TETRAHEDRON10)
         triangles: dict[int, Indices] = {}
         for face in self.faces:
-            _, corners = mesh.getElementsByType(TRIANGLE6, face.number)
-            triangles[face.number] = index[corners.astype(np.int64)].reshape(-1, 6)
+            corners = [mesh.getElementsByType(TRIANGLE6, tag)[1] for tag in self.surfaces[face.number]]
+            triangles[face.number] = index[np.concatenate(corners).astype(np.int64)].reshape(-1, 6)
         return from_gmsh(
             np.asarray(coordinates).reshape(-1, 3), index[nodes.astype(np.int64)].reshape(-1, 10), triangles
         )
@@ -223,10 +229,7 @@ def _opened(gmsh: Any, path: Path, scale: float) -> Drawing:  # noqa: ANN401
     meshed = kind in (".stl", ".msh")
     if kind == ".stl":
         _close(gmsh, path.name)
-    if meshed:
-        check_one_mesh(gmsh, path.name, kind)
-    else:
-        one_body(gmsh, path.name)
+    bodies = check_one_mesh(gmsh, path.name, kind) if meshed else one_body(gmsh, path.name)
     corners = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
     size = float(np.linalg.norm(corners[1] - corners[0]))
     _check_size(path.name, size)
@@ -234,11 +237,12 @@ def _opened(gmsh: Any, path: Path, scale: float) -> Drawing:  # noqa: ANN401
         tags, _ = gmsh.model.mesh.getElementsByType(TETRAHEDRON4)
         if not len(tags):
             raise ValueError(f"{path.name}: holds no four-node tetrahedra: save the mesh with order 1")
-    elif kind == ".stl":
-        _fill(gmsh, path.name)
-    else:
+    elif kind != ".stl":
         _mesh_faces(gmsh, path.name, size)
     faces = [_face(gmsh, int(tag), meshed=meshed) for _, tag in gmsh.model.getEntities(2)]
+    surfaces = {face.number: [face.number] for face in faces}
+    if kind == ".stl":
+        surfaces = _polyhedron(gmsh, path.name, faces, size)
     if kind in (".step", ".stp"):
         names = _step_names(path)
         if len(names) == len(faces):
@@ -249,18 +253,26 @@ def _opened(gmsh: Any, path: Path, scale: float) -> Drawing:  # noqa: ANN401
         volume = float(np.sum(gmsh.model.mesh.getElementQualities(tags, "volume")))
     else:
         volume = sum(float(gmsh.model.occ.getMass(3, tag)) for _, tag in gmsh.model.getEntities(3))
-    edges = [] if meshed else re_entrant_edges(gmsh, np.concatenate([face.triangles for face in faces]))
-    return Drawing(gmsh, path.name, faces, size, volume, edges, meshed)
+    fixed = kind == ".msh"
+    edges = [] if fixed else re_entrant_edges(gmsh, np.concatenate([face.triangles for face in faces]))
+    return Drawing(gmsh, path.name, faces, size, volume, edges, fixed, surfaces, bodies)
 
 
-def _fill(gmsh: Any, name: str) -> None:  # noqa: ANN401
-    """Tetrahedra between the triangles of an STL."""
+def _polyhedron(gmsh: Any, name: str, faces: list[Face], size: float) -> dict[int, list[int]]:  # noqa: ANN401
+    """The triangles of an STL as flat surfaces in a new model, coarsely filled; the surfaces of every face."""
+    points, nodes = np.unique(
+        np.concatenate([face.triangles.reshape(-1, 3) for face in faces]), axis=0, return_inverse=True
+    )
+    rows = np.split(nodes.reshape(-1, 3), np.cumsum([len(face.triangles) for face in faces])[:-1])
     try:
+        found = build(gmsh, points, {face.number: row for face, row in zip(faces, rows, strict=True)})
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size / 12.0)
         interruptible(lambda: gmsh.model.mesh.generate(3))
     except Exception as error:
         raise ValueError(
             f"{name}: no mesh of its inside, its triangles may cross: {_said(error)}; repair it, or export STEP"
         ) from error
+    return found
 
 
 @contextmanager

@@ -5,16 +5,18 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from vjm.rotations import Array
+from vjm.rotations import Array, shift_compliance
 from vjm_fea.solid.compliance import Answer, Base, Ends, Tip, answer, face_centre
 from vjm_fea.solid.convergence import Limit, limit
 from vjm_fea.solid.drawing import CoarseError, Drawing, drawing
 from vjm_fea.solid.elasticity import ElasticSolid, Material
 from vjm_fea.solid.faces import selected
+from vjm_fea.solid.sections_along import Column, SectionsAlong, column, sections_along
 
 ACCURACY = 5e-3
 """Asked for where nothing is said, scaled."""
@@ -22,6 +24,8 @@ FIRST, LARGEST = 8000, 300_000
 """Unknowns of the first mesh, about, and of the last one at most."""
 RATIO = 1.5
 """Of the sizes of elements from mesh to mesh."""
+GROWTH, SPLIT = RATIO**2.5, 8.0
+"""Of the unknowns from mesh to mesh: graded at edges, less than by volume; where elements are split, in eight."""
 FINER = 1.6
 """Unknowns of a mesh over those of the one before, below which it replaces that one."""
 FEWEST = 3
@@ -98,6 +102,7 @@ class SolidCompliance:
         tip_centre: of area ``(3,)``, mm.
         at: where the compliance is read ``(3,)``, mm.
         thickness: twice the volume over the surface, mm: of a plate, its thickness.
+        bodies: that the drawing holds; more than one are bonded where they touch.
         solid: the last mesh.
         answers: on it.
         ends: as face numbers.
@@ -114,6 +119,7 @@ class SolidCompliance:
     tip_centre: Array
     at: Array
     thickness: float
+    bodies: int
     solid: ElasticSolid = field(repr=False)
     answers: dict[Tip, Answer] = field(repr=False)
     ends: Ends
@@ -122,6 +128,20 @@ class SolidCompliance:
     def mass(self) -> float:
         """Kg."""
         return self.volume * self.task.material.density
+
+    @cached_property
+    def sections(self) -> SectionsAlong | None:
+        """The part's own sections from base to tip; None where a plane across meets nothing."""
+        return sections_along(self.solid, self.base_centre, self.tip_centre)
+
+    @cached_property
+    def column(self) -> Column | None:
+        """The part as a column of its own sections, where it has them and is straight."""
+        if self.sections is None or not self.sections.straight:
+            return None
+        C = np.mean([bound.limit.compliance for bound in self.bounds.values()], axis=0)
+        there = shift_compliance(C, self.tip_centre - self.at)
+        return column(self.sections, self.task.material.youngs_modulus, there)
 
     @property
     def relative(self) -> float:
@@ -187,8 +207,8 @@ def chosen_ends(task: SolidTask, opened: Drawing) -> Ends:
 def _identify(task: SolidTask, opened: Drawing, progress: Progress) -> SolidCompliance:
     ends = chosen_ends(task, opened)
     tips = task.tips
-    # three meshes have to fit
-    size = _first_size(opened, ends, min(task.first, task.largest // 10))
+    # three meshes have to fit; the first one may be split once more than it had to be
+    size = _first_size(opened, ends, min(task.first, task.largest // (512 if opened.fixed else 10)))
     sizes: list[float] = []
     unknowns: list[int] = []
     found: dict[Tip, list[Array]] = {tip: [] for tip in tips}
@@ -196,7 +216,13 @@ def _identify(task: SolidTask, opened: Drawing, progress: Progress) -> SolidComp
     while True:
         stage = f"mesh {len(sizes) + 1}"
         progress(stage, 0, 1 + len(tips))
-        solid = ElasticSolid(opened.mesh(size, [*ends.base, *ends.tip]), task.material)
+        mesh = opened.mesh(size, [*ends.base, *ends.tip])
+        if mesh.unknowns > task.largest:
+            # only a mesh tells how many it has
+            _check_any(opened, unknowns, mesh.unknowns, task.largest)
+            stopped = "size"
+            break
+        solid = ElasticSolid(mesh, task.material)
         _check_apart(solid, ends)
         if unknowns and solid.mesh.unknowns < FINER * unknowns[-1]:
             # round faces, not the size, decided on the one before: it says nothing of convergence
@@ -216,7 +242,7 @@ def _identify(task: SolidTask, opened: Drawing, progress: Progress) -> SolidComp
         progress(stage, 1 + len(tips), 1 + len(tips))
         if len(sizes) >= FEWEST:
             limits = {tip: limit(sizes, found[tip]) for tip in tips}
-        stopped = _stop(task, unknowns, sizes, limits)
+        stopped = _stop(task, unknowns, SPLIT if opened.fixed else GROWTH, limits)
         if stopped:
             break
         size /= 2.0 if opened.fixed else RATIO
@@ -238,6 +264,7 @@ def _identify(task: SolidTask, opened: Drawing, progress: Progress) -> SolidComp
         tip_centre=centres[1],
         at=centres[1] if ends.at is None else np.asarray(ends.at, dtype=float),
         thickness=2.0 * solid.volume / surface,
+        bodies=opened.bodies,
         solid=solid,
         answers=answers,
         ends=ends,
@@ -267,6 +294,14 @@ def _first_size(opened: Drawing, ends: Ends, target: int) -> float:
     return size
 
 
+def _check_any(opened: Drawing, unknowns: Sequence[int], count: int, largest: int) -> None:
+    """Refuse a part whose first mesh has more unknowns than are allowed."""
+    if unknowns:
+        return
+    why = "the file's own mesh" if opened.fixed else "its coarsest mesh"
+    raise ValueError(f"{opened.file}: {why} has {count} unknowns: allow them by --largest {count}, now {largest}")
+
+
 def _check_apart(solid: ElasticSolid, ends: Ends) -> None:
     if np.intersect1d(solid.mesh.face_nodes(ends.base), solid.mesh.face_nodes(ends.tip)).size:
         raise ValueError(
@@ -274,12 +309,11 @@ def _check_apart(solid: ElasticSolid, ends: Ends) -> None:
         )
 
 
-def _stop(task: SolidTask, unknowns: Sequence[int], sizes: Sequence[float], limits: dict[Tip, Limit]) -> str:
-    """Why no finer mesh is made, empty where one is."""
+def _stop(task: SolidTask, unknowns: Sequence[int], growth: float, limits: dict[Tip, Limit]) -> str:
+    """Why no finer mesh is made, empty where one is; ``growth`` of the unknowns is expected where none was seen."""
     if limits and max(one.relative for one in limits.values()) <= task.accuracy:
         return "accuracy"
-    growth = unknowns[-1] / unknowns[-2] if len(unknowns) > 1 else 2.5
-    following = unknowns[-1] * growth
+    following = unknowns[-1] * (unknowns[-1] / unknowns[-2] if len(unknowns) > 1 else growth)
     if following > task.largest:
         return "size"
     return "memory" if following * BYTES > free_memory() else ""

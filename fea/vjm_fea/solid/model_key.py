@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from vjm.io.drawn_plausibility import LIKE
 from vjm.io.solid_compliance import SolidResult, SolidTable
 from vjm_fea.solid.compliance import Base, Tip
 from vjm_fea.solid.elasticity import Material
@@ -30,7 +31,7 @@ def computed(path: Path, table: SolidTable, key: str) -> SolidResult:
         tips=(tip,),
     )
     found = identify(task)
-    limit = found.bounds[tip].limit
+    limit, column = found.bounds[tip].limit, found.column
     if limit.relative > task.accuracy:
         raise ValueError(
             f"{path.name}: {100.0 * limit.relative:.2g} % is as near as {found.unknowns[-1]} unknowns come: ask "
@@ -47,6 +48,8 @@ def computed(path: Path, table: SolidTable, key: str) -> SolidResult:
         volume_mm3=found.volume,
         centre_of_mass_mm=(found.centre - found.base_centre).tolist(),
         thickness_mm=found.thickness,
+        bodies=found.bodies,
+        buckling_N=column.force if column is not None and column.misfit <= LIKE else None,
         stress_at_mm=(points - found.base_centre).tolist(),
         stress_forms=forms[:, UPPER[0], UPPER[1]].tolist(),
         unknowns=found.unknowns[-1],

@@ -28,7 +28,7 @@ SAME_DENSITY, OTHER_MODULUS = 0.03, 2.0
 LEAST_STRAIN = 1e-4
 """Yield stress over modulus, below which no solid yields: annealed pure aluminium and copper do at 3e-4."""
 WARPS = 0.05
-"""√(E I_w/(G J)) over the length above which it is said: by that share torsion is stiffer where one end cannot warp.
+"""√(E I_w/(G J)) over the length above which it is said: by that share torsion is stiffer with one end held.
 A beam stands for a part from a drawing up to the same 5 %."""
 SLENDER = 2000.0
 """Length over the smaller radius of gyration that only wires and foils have: 300 mm of a foil of 0.5 mm."""

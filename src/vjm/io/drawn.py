@@ -22,6 +22,11 @@ class DrawnTable(Table):
 
     file: str
     thickness_mm: LengthMM = Field(description="twice the volume over the surface: of a plate, its thickness")
+    bodies: int = Field(1, ge=1, description="that the drawing holds; they are bonded where they touch")
+    bonded: bool = Field(False, description="whether that is meant")
+    buckling_N: float | None = Field(  # noqa: N815
+        None, gt=0.0, description="compression that buckles it as a column of its own sections, free at its tip"
+    )
     yield_stress_MPa: float | None = Field(None, gt=0.0)  # noqa: N815
     stress_at_mm: list[VectorMM] = Field(description="own axes, from where the part begins: of every matrix below")
     stress_forms: list[Form] = Field(
@@ -57,11 +62,6 @@ class Likeness:
     def gyration(self) -> float:
         """The larger radius of gyration, mm."""
         return float(np.sqrt(max(self.section.EIy, self.section.EIz) / self.section.EA))
-
-    @property
-    def euler(self) -> float:
-        """Compression in N under which it buckles, clamped at its root and free at its end."""
-        return float(np.pi**2 * min(self.section.EIy, self.section.EIz) / (4.0 * self.length**2))
 
 
 def nearest_beam(part: Beam) -> Likeness:

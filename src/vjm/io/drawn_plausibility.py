@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from vjm.io.drawn import Likeness, nearest_beam
+from vjm.io.drawn import nearest_beam
 from vjm.io.errors import printed
 from vjm.io.findings import Grade
 from vjm.io.schema import BeamTable, ModelFile
@@ -26,11 +26,11 @@ def drawings(model: ModelFile) -> Iterator[tuple[Grade, str, str]]:
         i, j = near.entry
         miss = f"the nearest beam misses ({i},{j}) by {printed(100.0 * near.worst, 2)} % of √(c_ii c_jj)"
         alike = near.worst <= LIKE
+        if table.drawing.bodies > 1 and not table.drawing.bonded:
+            text = bonded_bodies(table.drawing.bodies)
+            yield Grade.DOUBTFUL, where, f"{text}: bonded = true in its table says that this is meant"
         if table.section is None:
-            yield Grade.NOTED, where, _one_spring(near, miss) if alike else (
-                f"one spring does not buckle by itself, and no beam in this geometry is like the part ({miss}): "
-                "judge from its drawing whether it may"
-            )  # fmt: skip
+            yield Grade.NOTED, where, _one_spring(table.drawing.buckling_N, miss, alike)
         elif not alike:
             yield (
                 Grade.DOUBTFUL,
@@ -51,8 +51,17 @@ def drawings(model: ModelFile) -> Iterator[tuple[Grade, str, str]]:
             )  # fmt: skip
 
 
-def _one_spring(near: Likeness, miss: str) -> str:
+def bonded_bodies(count: int) -> str:
+    """What is said of a drawing with more than one body."""
+    return f"{count} bodies, bonded, one material"
+
+
+def _one_spring(force: float | None, miss: str, alike: bool) -> str:
+    beam = "as_beam = true lets it" if alike else f"no uniform beam in this geometry is like the part ({miss})"
+    if force is None:
+        own = f"whether the part may is undecided, as it bends otherwise than a column of its own sections; {beam}"
+        return f"one spring does not buckle by itself; {own}"
     return (
-        f"one spring does not buckle by itself; the part as a beam, free at its tip, does at "
-        f"{printed(near.euler, 3)} N of compression ({miss}): as_beam = true lets it"
+        f"one spring does not buckle by itself; the part as a column of its own sections, free at its tip, does at "
+        f"{printed(force, 3)} N of compression; {beam}"
     )

@@ -29,7 +29,7 @@ PLACE = 1e-3
 """Distance of the drawing's tip from the table's over their distance from the base, up to which they agree."""
 
 
-NOT_COMPUTED = {"from_", "density_kg_per_m3", "yield_stress_MPa", "as_beam", "root_mm"}
+NOT_COMPUTED = {"from_", "density_kg_per_m3", "yield_stress_MPa", "as_beam", "root_mm", "bonded"}
 """Keys on which the computation does not depend."""
 
 
@@ -49,6 +49,7 @@ class SolidTable(Table):
     yield_stress_MPa: float | None = Field(  # noqa: N815
         None, gt=0.0, description="lets commands say where the part would yield"
     )
+    bonded: bool = Field(False, description="bodies that touch are meant to be one, of one material")
     as_beam: bool = Field(
         False, description="a uniform beam of the table's geometry in its place, which can buckle by itself"
     )
@@ -75,7 +76,7 @@ class SolidTable(Table):
 class SolidResult(pydantic.BaseModel):
     """What is kept beside a drawing."""
 
-    format: Literal[2] = 2
+    format: Literal[3] = 3
     key: str
     drawing: str
     compliance: Matrix6
@@ -89,6 +90,10 @@ class SolidResult(pydantic.BaseModel):
     centre_of_mass_mm: VectorMM
     """From the base's centre of area."""
     thickness_mm: float
+    bodies: int
+    """That the drawing holds, bonded where they touch."""
+    buckling_N: float | None  # noqa: N815
+    """Compression under which it buckles as a column of its own sections, free at its tip; None where undecided."""
     stress_at_mm: list[VectorMM]
     """From the base's centre of area."""
     stress_forms: list[Form]
@@ -134,9 +139,13 @@ def _part(part: Any, content: Mapping[str, Any], folder: Path, file: str, place:
     drawn = {
         "file": solid.from_,
         "thickness_mm": result.thickness_mm,
+        "bodies": result.bodies,
+        "bonded": solid.bonded,
         "stress_at_mm": (np.array(result.stress_at_mm).reshape(-1, 3) - np.array(solid.root_mm)).tolist(),
         "stress_forms": result.stress_forms,
     }
+    if result.buckling_N is not None:
+        drawn["buckling_N"] = result.buckling_N
     if solid.yield_stress_MPa is not None:
         drawn["yield_stress_MPa"] = solid.yield_stress_MPa
     numbers = {**part, "compliance": result.compliance, "compliance_source": source, "drawing": drawn}

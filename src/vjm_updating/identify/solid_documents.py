@@ -98,6 +98,10 @@ class SolidDocument(Frozen):
     beams: list[BeamDocument]
     """Uniform ones, from the simplest form on, as far as the first that meets every entry."""
     taper: TaperDocument | None
+    bodies: int
+    """That the drawing holds; they are bonded where they touch."""
+    buckling_N: float | None  # noqa: N815
+    """Compression under which it buckles, held at its base and free at its tip, without shear; null: undecided."""
     stress: StressDocument | None
     """Under the wrench that was given."""
     warnings: list[str]

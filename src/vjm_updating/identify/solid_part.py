@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from vjm import __version__
-from vjm.io.drawn_plausibility import STUBBY, THIN
+from vjm.io.drawn_plausibility import LIKE, THIN, bonded_bodies
 from vjm.rotations import Array
 from vjm_fea.solid.compliance import Base, Tip
 from vjm_fea.solid.identify import Bound, SolidCompliance
@@ -26,16 +28,26 @@ from vjm_updating.identify.taper import tapered
 
 LIKE_A_BEAM = 5e-3
 """Scaled half-interval within which a beam counts as the part's, where the bounds are closer."""
+DEPTHS = 6.0
+"""Length over the mean depth below which plane sections do not stay plane: 20 radii of gyration of a rectangle."""
 TAPERS = 0.05
 """Scaled difference up to which a tapered beam is named."""
 
 
-def solid_document(found: SolidCompliance, stress: StressDocument | None = None) -> SolidDocument:
-    """What was found, with the beams that are like it, as a document; ``stress`` where a wrench was given."""
+def solid_document(
+    found: SolidCompliance, stress: StressDocument | None = None, *, bonded: bool = False
+) -> SolidDocument:
+    """What was found, with the beams that are like it, as a document.
+
+    Args:
+        found: the part.
+        stress: where a wrench was given.
+        bonded: whether bodies that touch are meant to be one.
+    """
     task, bounds = found.task, found.bounds
     beams = beams_of(found)
     taper = tapered(middle(found), found.at - found.base_centre)
-    warnings = _warnings(found, beams)
+    buckling = buckling_of(found, beams)
     return SolidDocument(
         version=__version__,
         name=task.path.name,
@@ -64,8 +76,10 @@ def solid_document(found: SolidCompliance, stress: StressDocument | None = None)
         beams=beams,
         taper=taper,
         stress=stress,
-        warnings=warnings,
-        findings=_findings(found, beams, taper),
+        bodies=found.bodies,
+        buckling_N=buckling.force,
+        warnings=_warnings(found, beams, bonded),
+        findings=_findings(found, beams, taper, buckling),
     )
 
 
@@ -105,7 +119,7 @@ def _bound(tip: Tip, bound: Bound) -> BoundDocument:
     )
 
 
-def _warnings(found: SolidCompliance, beams: list[BeamDocument]) -> list[str]:
+def _warnings(found: SolidCompliance, beams: list[BeamDocument], bonded: bool) -> list[str]:
     beam = beams[-1]
     texts = []
     if found.relative > found.task.accuracy:
@@ -116,18 +130,21 @@ def _warnings(found: SolidCompliance, beams: list[BeamDocument]) -> list[str]:
             f"the asked accuracy of {percent(found.task.accuracy)} is not met: {percent(found.relative)} are left, "
             f"and the next mesh needs {why}"
         )
-    if beam.EA_N is not None:
-        EI = [value for value in (beam.EIy_Nmm2, beam.EIz_Nmm2) if value is not None]
-        gyration = float(np.sqrt(max(EI) / beam.EA_N)) if EI else 0.0
-        if gyration > 0.0 and beam.length_mm / gyration < STUBBY:
+    if found.bodies > 1 and not bonded:
+        texts.append(f"{bonded_bodies(found.bodies)}: --bonded says that this is meant")
+    sections = found.sections
+    if sections is not None and sections.straight:
+        depth = float(np.mean(sections.depth))
+        if sections.length < DEPTHS * depth:
             texts.append(
-                f"too stubby for a beam: {number(beam.length_mm, 3)} mm long with a radius of gyration of "
-                f"{number(gyration, 3)} mm; take the 6×6 compliance, not the beam"
+                f"too stubby for a beam: {number(sections.length, 3)} mm from base to tip with a depth of "
+                f"{number(depth, 3)} mm; take the 6×6 compliance, not the beam"
             )
-        if gyration > THIN * found.thickness:
+        if sections.gyration > THIN * found.thickness:
             texts.append(
-                f"walls of about {number(found.thickness, 3)} mm at a radius of gyration of {number(gyration, 3)} "
-                "mm: they may buckle by themselves, which neither the 6×6 compliance nor a beam knows"
+                f"walls of about {number(found.thickness, 3)} mm at a radius of gyration of "
+                f"{number(sections.gyration, 3)} mm: they may buckle by themselves, which neither the 6×6 "
+                "compliance nor a beam knows"
             )
     if not beam.met:
         texts.append(
@@ -137,7 +154,42 @@ def _warnings(found: SolidCompliance, beams: list[BeamDocument]) -> list[str]:
     return texts
 
 
-def _findings(found: SolidCompliance, beams: list[BeamDocument], taper: TaperDocument | None) -> list[str]:
+@dataclass(frozen=True)
+class Buckling:
+    """Compression in N under which a part buckles, held at its base and free at its tip; None where undecided."""
+
+    force: float | None
+    words: str
+
+
+def buckling_of(found: SolidCompliance, beams: Sequence[BeamDocument]) -> Buckling:
+    """By whichever is nearer to the part: the column of its own sections, or the uniform beam of its own length.
+
+    Euler's load goes with the stiffness and with the length to the power of −2: its error is about the column's
+    misfit in bending, or twice the beam's in length. Above `LIKE` nothing is said of the force.
+    """
+    sections, beam, ways = found.sections, beams[-1], []
+    if found.column is not None:
+        miss = found.column.misfit
+        ways.append(
+            (miss, found.column.force, f"a column of its own sections, whose bending misses by {percent(miss)}")
+        )
+    EI = [value for value in (beam.EIy_Nmm2, beam.EIz_Nmm2) if value is not None]
+    if beam.met and len(EI) == 2 and sections is not None and sections.straight:
+        off = 2.0 * abs(beam.length_mm / sections.length - 1.0)
+        euler = float(np.pi**2 * min(EI) / (4.0 * beam.length_mm**2))
+        ways.append((off, euler, f"that uniform beam, whose length misses the part's by {percent(0.5 * off)}"))
+    if not ways or min(ways)[0] > LIKE:
+        return Buckling(None, "whether it buckles, and when, is undecided: it bends like no beam of its own length")
+    _, force, like = min(ways)
+    return Buckling(
+        force, f"free at its tip, without shear, it buckles at {number(force, 3)} N of compression as {like}"
+    )
+
+
+def _findings(
+    found: SolidCompliance, beams: list[BeamDocument], taper: TaperDocument | None, buckling: Buckling
+) -> list[str]:
     lines = [
         f"between a rigid tip and a wrench spread over its face: {percent(apart(found))} of √(c_ii c_jj) at most"
         if len(found.bounds) > 1
@@ -149,11 +201,9 @@ def _findings(found: SolidCompliance, beams: list[BeamDocument], taper: TaperDoc
             f"{tip.value} tip: the displacement field's rigid motion differs from virtual work by "
             f"{percent(float(difference))}, {percent(bound.left_out)} of the nodes left out"
         )
-    beam = beams[-1]
-    EI = [value for value in (beam.EIy_Nmm2, beam.EIz_Nmm2) if value is not None]
-    if EI and beam.met:
-        euler = np.pi**2 * min(EI) / (4.0 * beam.length_mm**2)
-        lines.append(f"as that beam, free at its tip, it buckles at {number(float(euler), 3)} N of compression")
+    if found.bodies > 1:
+        lines.append(bonded_bodies(found.bodies))
+    lines.append(buckling.words)
     if taper is not None and not beams[0].met and taper.worst_scaled < TAPERS:
         lines.append(
             f"as a straight tapered beam from base to tip: EIy {number(taper.EIy_Nmm2[0], 3)} to "

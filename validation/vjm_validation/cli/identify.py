@@ -100,9 +100,8 @@ def identify_solid(options: SolidOptions, *, json: bool) -> int:
         check_writable(options.pictures)
     with terminal.progress(quiet=json) as progress:
         found = identify(task, progress)
-    document = solid_document(
-        found, None if wrench is None else stress_document(found, wrench, options.yield_stress)
-    )
+    stress = None if wrench is None else stress_document(found, wrench, options.yield_stress)
+    document = solid_document(found, stress, bonded=options.bonded)
     if json:
         sys.stdout.write(as_json(document))
     else:

@@ -38,6 +38,9 @@ class SolidOptions:
         Base, Parameter(help="clamped: no point of the base moves; mean: it is still in the mean only.")
     ] = Base.CLAMPED
     unit_mm: Annotated[float, Parameter(help="mm of one unit of the drawing; STEP says its unit itself.")] = 1.0
+    bonded: Annotated[
+        bool, Parameter(negative="", help="Bodies that touch are meant to be one, of one material.")
+    ] = False
     accuracy: Annotated[float, Parameter(help="Half-interval in percent at which the refinement ends.")] = (
         100.0 * ACCURACY
     )
