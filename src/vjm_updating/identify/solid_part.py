@@ -138,7 +138,7 @@ def _warnings(found: SolidCompliance, beams: list[BeamDocument], bonded: bool) -
         if sections.length < DEPTHS * depth:
             texts.append(
                 f"too stubby for a beam: {number(sections.length, 3)} mm from base to tip with a depth of "
-                f"{number(depth, 3)} mm; take the 6×6 compliance, not the beam"
+                f"about {number(depth, 2)} mm; take the 6×6 compliance, not the beam"
             )
         if sections.gyration > THIN * found.thickness:
             texts.append(
