@@ -74,7 +74,8 @@ def model(folder, more="", keys="", centre=(90.0, 1.0, 0.0)):
     points, rows = forms()
     result = SolidResult(
         key=key, drawing="bar.step", compliance=SECTION.compliance(LENGTH).tolist(), reach_mm=[LENGTH, 0.0, 0.0],
-        interval=np.zeros((6, 6)).tolist(), unknowns=1, bodies=1, buckling_N=None,
+        interval=np.zeros((6, 6)).tolist(), unknowns=1, bodies=1,
+        buckling_N=float(np.pi**2 * SECTION.EIz / (4.0 * LENGTH**2)),
         volume_mm3=LENGTH * AREA, centre_of_mass_mm=list(centre),
         thickness_mm=6.0, stress_at_mm=points, stress_forms=rows,
     )  # fmt: skip

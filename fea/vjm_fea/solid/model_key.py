@@ -49,7 +49,7 @@ def computed(path: Path, table: SolidTable, key: str) -> SolidResult:
         centre_of_mass_mm=(found.centre - found.base_centre).tolist(),
         thickness_mm=found.thickness,
         bodies=found.bodies,
-        buckling_N=column.force if column is not None and column.misfit <= LIKE else None,
+        buckling_N=column.force if column is not None and column.misfit + limit.relative <= LIKE else None,
         stress_at_mm=(points - found.base_centre).tolist(),
         stress_forms=forms[:, UPPER[0], UPPER[1]].tolist(),
         unknowns=found.unknowns[-1],

@@ -118,7 +118,9 @@ def _quantities(space: Space) -> dict[str, _Quantity]:
 
     def elevation(x: Array) -> tuple[float, Array]:
         d, D = space.direction(x)
-        return float(np.rad2deg(np.arcsin(d[2]))), np.rad2deg(D[2] / np.sqrt(1.0 - d[2] ** 2))
+        # rounding may leave a unit vector's entry above 1
+        across = float(np.hypot(d[0], d[1]))
+        return float(np.rad2deg(np.arctan2(d[2], across))), np.rad2deg(D[2] / across)
 
     def length(x: Array) -> tuple[float, Array]:
         L = float(np.exp(x[3]))

@@ -166,7 +166,8 @@ def buckling_of(found: SolidCompliance, beams: Sequence[BeamDocument]) -> Buckli
     """By whichever is nearer to the part: the column of its own sections, or the uniform beam of its own length.
 
     Euler's load goes with the stiffness and with the length to the power of −2: its error is about the column's
-    misfit in bending, or twice the beam's in length. Above `LIKE` nothing is said of the force.
+    misfit in bending, or twice the beam's in length, and that of the compliance. Above `LIKE` nothing is said
+    of the force.
     """
     sections, beam, ways = found.sections, beams[-1], []
     if found.column is not None:
@@ -179,7 +180,10 @@ def buckling_of(found: SolidCompliance, beams: Sequence[BeamDocument]) -> Buckli
         off = 2.0 * abs(beam.length_mm / sections.length - 1.0)
         euler = float(np.pi**2 * min(EI) / (4.0 * beam.length_mm**2))
         ways.append((off, euler, f"that uniform beam, whose length misses the part's by {percent(0.5 * off)}"))
-    if not ways or min(ways)[0] > LIKE:
+    if found.relative > LIKE:
+        known = f"the compliance is known to {percent(found.relative)} only"
+        return Buckling(None, f"whether it buckles, and when, is undecided: {known}")
+    if not ways or min(ways)[0] + found.relative > LIKE:
         return Buckling(None, "whether it buckles, and when, is undecided: it bends like no beam of its own length")
     _, force, like = min(ways)
     return Buckling(
