@@ -142,7 +142,7 @@ def test_a_cone_buckles_as_its_sections_do(folder):
 
 def test_what_is_said_of_a_cone_is_said_of_the_part(folder):
     """It is 200 mm long and six times as long as it is deep, though a uniform beam like it is shorter."""
-    found = identify(task(folder / "cone.step", "0,0,0", "200,0,0", accuracy=0.2, largest=20000))
+    found = identify(task(folder / "cone.step", "0,0,0", "200,0,0", accuracy=0.02, largest=60000))
     document = solid_document(found)
     assert document.beams[-1].length_mm < 180.0
     assert not [text for text in document.warnings if "stubby" in text]
@@ -152,11 +152,14 @@ def test_what_is_said_of_a_cone_is_said_of_the_part(folder):
 
 
 def test_a_compliance_that_is_not_known_leaves_buckling_undecided(folder):
-    found = identify(task(folder / "cone.step", "0,0,0", "200,0,0", accuracy=0.2, largest=5000))
+    """Two meshes show no order: three times what they differ is the interval."""
+    found = identify(task(folder / "cone.step", "0,0,0", "200,0,0", accuracy=1e-3, largest=20000))
     assert found.stopped == "size"
+    assert len(found.unknowns) < 3
+    assert found.relative + found.column.misfit > 0.05
     document = solid_document(found)
-    assert (document.buckling_N is None) == (found.relative > 0.05 - found.column.misfit)
-    assert found.relative > 0.05
+    assert document.buckling_N is None
+    assert [text for text in document.findings if "undecided" in text]
 
 
 def test_bonded_bodies_are_a_finding_and_a_warning_unless_they_are_meant(folder):
