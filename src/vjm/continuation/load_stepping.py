@@ -206,8 +206,7 @@ class _Trace:
                     reason = self._leave_at(critical, self._multiplicity(here, critical, there))
                     if reason:
                         return reason
-                    most = self.control.largest * self.length
-                    step = most if grid is not None else 2.0 * (self.points[-1].s - critical.s)
+                    step = self.length if grid is not None else 2.0 * (self.points[-1].s - critical.s)
                     continue
                 self.problem = WithoutPairs(self.problem, there.unstable)
                 there = self.problem.counted(there)
@@ -217,9 +216,7 @@ class _Trace:
             if self.progress is not None:
                 self.progress(there.s / self.length)
             done = target - here.s
-            # behind a bifurcation shapes change fast: fixed steps are parted there
-            parted = grid is None or self.origin is not None
-            largest = self.control.largest * self.length if parted else self.length
+            largest = self.length if grid is not None else self.control.largest * self.length
             step = min(largest, done * (2.0 if bend < 0.5 * self.control.bend else 1.2))
         return ""
 

@@ -114,8 +114,7 @@ class LoadCase:
             displacement in mm.
         axis: the driven component, one of `COMPONENTS`, a displacement ``(6,)`` per unit of ``to``, or `LOAD`.
         steps: number of equal steps; None where the engine chooses, finer around critical points. Behind a
-            bifurcation there is a point besides, where the new branch begins, and no step longer than one that
-            the engine would choose; there are more points where a step fails.
+            bifurcation there is a point besides, where the new branch begins, and more where a step fails.
         branch: +1 or −1: which of two mirrored branches to take at a bifurcation. On +1 the largest component
             of the buckling mode's deflection is positive. 0 stays on the path that loses its stability, which
             needs an arc as its parameter.

@@ -166,6 +166,9 @@ class Toy:
             raise NoConvergenceError("the toy ends here")
         return self.point(s, switched=bool(start.state[1]))
 
+    def nearest_product(self, point):
+        return float("nan")
+
     def switch(self, critical, s, sign):
         if self.after is None:
             raise NoConvergenceError("nothing crosses")

@@ -151,6 +151,7 @@ def test_what_is_said_of_a_cone_is_said_of_the_part(folder):
     assert document.bodies == 1
 
 
+@pytest.mark.slow
 def test_a_compliance_that_is_not_known_leaves_buckling_undecided(folder):
     """Two meshes show no order: three times what they differ is the interval."""
     found = identify(task(folder / "cone.step", "0,0,0", "200,0,0", accuracy=1e-3, largest=20000))
