@@ -206,13 +206,16 @@ def climb(
 def chosen(trials: Sequence[Trial]) -> Trial | None:
     """The family to be added; None where none pays.
 
-    Of those of the first order that pay about as much as the best, the first in the order of `TITLES`; those of the
-    second order where none of the first pays.
+    Of those of the first order that pay about as much as the best, the first in the order of `TITLES`. Of those of
+    the second order, where none of the first pays, the one with the most evidence: they imitate each other, and one
+    that only imitates extrapolates badly, which hides what comes after it.
     """
     for second in (False, True):
         paying = [one for one in trials if one.pays and one.second == second]
         if paying:
             near = [one for one in paying if one.gain >= ALIKE * max(o.gain for o in paying)]
+            if second:
+                return max(near, key=lambda one: one.evidence)
             return min(near, key=lambda one: list(TITLES).index(one.family))
     return None
 

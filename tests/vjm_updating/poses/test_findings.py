@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from vjm_updating.poses.fit import Solution
 from vjm_updating.poses.halves import halves
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.knowable import LEAST_CHANGE, worst_over_mean
-from vjm_updating.poses.ladder import LEAST_EVIDENCE, LEAST_GAIN, SURE, Trial
+from vjm_updating.poses.ladder import LEAST_EVIDENCE, LEAST_GAIN, SURE, Trial, chosen
 from vjm_updating.poses.study import Errors, Hypothesis
 from vjm_updating.poses.verdict import at_bounds
 
@@ -249,6 +250,15 @@ def trial(**changes):
 def test_rivals_within_the_noise_of_a_threshold_are_rivals(changes, pays, rivals):
     one = trial(**changes)
     assert (one.pays, one.rivals) == (pays, rivals)
+
+
+def test_of_functions_of_the_posture_the_one_with_the_most_evidence_is_added():
+    gears, encoders = trial(), replace(trial(evidence=80.0), name="encoder_scale")
+    assert chosen([gears, encoders]) is encoders
+    # one of the first order comes before them, the first of the table where they save alike
+    springs = replace(trial(), name="lateral_compliance")
+    joints = replace(trial(gain_random=0.045, gain_region=0.045), name="joint_compliance")
+    assert chosen([gears, encoders, springs, joints]) is joints
 
 
 def test_without_gravity_nothing_bends_and_nothing_warns(tmp_path):
