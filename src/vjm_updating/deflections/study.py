@@ -39,6 +39,7 @@ class DeflectionStudy(Study):
         "the joints give way against the load: are the displacements unloaded minus loaded, or is the force that "
         "of the robot on what loads it? Reverse the sign of one of them",
     )
+    jump = "reference_jump", "from here on all displacements are ({by}) mm off: the unloaded readings have changed"
     sheet: DeflectionSheet
     data: DeflectionData
 

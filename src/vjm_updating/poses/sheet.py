@@ -32,6 +32,7 @@ class RobotTest(Table):
     tip: str | None = Field(None, description="of a URDF: the last link")
     rigid: bool = Field(False, description="whether the compliances of the model's joints are set aside")
     gravity: Three = Field([0.0, 0.0, -9.81], description="m/s², in the axes of the robot's base")
+    order: Literal["as taken", "unknown"] = Field("unknown", description="in which the rows stand")
     source: str = ""
 
 
@@ -45,7 +46,6 @@ class PoseTest(RobotTest):
     encoders: Literal["motor", "output"] | None = Field(
         None, description="of measured joints: behind the motor (the usual), or behind the gear"
     )
-    order: Literal["as taken", "unknown"] = "unknown"
 
 
 class Rider(Table):
@@ -104,7 +104,7 @@ class RobotSheet(Table):
     @property
     def ordered(self) -> bool:
         """Whether the rows stand in the order in which they were taken."""
-        return False
+        return self.test.order == "as taken"
 
     @property
     def meaning(self) -> str:
@@ -130,11 +130,6 @@ class PoseSheet(RobotSheet):
     def at_output(self) -> bool:
         """Whether the joints were measured behind what bends about their own axes."""
         return self.test.encoders == "output"
-
-    @property
-    def ordered(self) -> bool:
-        """Whether the rows stand in the order in which they were taken."""
-        return self.test.order == "as taken"
 
     @property
     def meaning(self) -> str:

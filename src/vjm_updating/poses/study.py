@@ -168,6 +168,8 @@ class Study(ABC):
         "the joints give way against the weight: does gravity point the other way in the base's axes?",
     )
     """Where in the sheet, and what to ask, where springs give way against what loads them."""
+    jump = "tracker_jump", "from here on all markers stand ({by}) mm off: the tracker's frame jumped"
+    """What a step of the residuals in the course of the file is: its name, and the words with its size."""
 
     def __init__(
         self, sheet: RobotSheet, machine: PoseMachine, data: PoseData, outliers: tuple[Outlier, ...] = ()

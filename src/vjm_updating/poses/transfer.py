@@ -8,16 +8,16 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.experiment.sheet import SheetError
-from vjm_updating.poses.families import DRIFT, Member
+from vjm_updating.poses.families import DRIFT, ZEROS, Member
 from vjm_updating.poses.forward import Forward
 from vjm_updating.poses.study import State, Study
 
 ROUNDS = 8
 SETTLED = 1e-4
 """Relative change of the mean distance that ends the rounds."""
-ZEROS = "joint_offset"
 ZERO = 10.0
-"""Of their units, 10 mrad or 1 mm: how well the joints' zeros of another series are known beforehand."""
+"""Of their units, 10 mrad, 1 mm or a tenth of the largest load: how well zeros of another series are known
+beforehand."""
 
 
 class Series:
@@ -55,9 +55,9 @@ class Series:
         known = self._study.all_members
         forward = self._study.forward_of(self._study.machine, self._study.data)
         # a drift is of the series in which it was seen
-        forward.members = [m for m in known if m.acts != DRIFT and (m.name in values or m.family == ZEROS)]
+        forward.members = [m for m in known if m.acts != DRIFT and (m.name in values or m.family in ZEROS)]
         z = np.array([values.get(m.name, 0.0) / m.unit for m in forward.members])
-        zeros = [i for i, m in enumerate(forward.members) if m.family == ZEROS]
+        zeros = [i for i, m in enumerate(forward.members) if m.family in ZEROS]
         if state.hypothesis.bent:
             forward = forward.with_machine(self._study.machine_of(state.hypothesis.bent))
         return refitted(self._study, forward, z, zeros)

@@ -38,7 +38,6 @@ differences of a hundred postures have standard errors of half a percent."""
 GEARS, SPRING = "gear_error", "point_spring"
 NO_FAMILY = 1_000_000
 """Number of members that are left out of a fit."""
-JUMP = "tracker_jump"
 JUMPS = 8.0
 """Significance of a jump of the tracker's frame: the largest of a thousand places stays below 5 without one."""
 SMALLEST_JUMP = 2.0
@@ -151,10 +150,11 @@ def judge(
     ):
         row = int(study.data.row[where])
         text = ", ".join(f"{v:.3g}" for v in jump_size(still, where))
+        name, words = study.jump
         jumped = Finding(
             Grade.DOUBTFUL,
             f"{study.data.file}, row {row}",
-            f"{JUMP}: from here on all markers stand ({text}) mm off: the tracker's frame jumped",
+            f"{name}: {words.format(by=text)}",
         )
     rest = _remainder(study, last, contrasts(study, last), jumped)
     before, after = (float(np.hypot(*state.errors.means[1:])) for state in (first, last))

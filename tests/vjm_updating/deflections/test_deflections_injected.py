@@ -277,3 +277,57 @@ def test_a_one_sided_joint_has_its_compliance_on_both_series(tmp_path):
     # the other series is predicted to its noise, whose distance is sqrt(8/π) of 0.01 mm
     assert after == pytest.approx(NOISE * np.sqrt(8.0 / np.pi), rel=0.3)
     assert before > 10.0 * after
+
+
+def test_a_force_sensors_zero_is_of_its_series(tmp_path):
+    zero, pairs = np.array([12.0, -18.0, 8.0]), []
+    for seed, by in ((51, 1.0), (52, -0.5)):
+        q, force = drawn(seed, postures=40)
+        d = noisy(displacement(compliant(), q, force), seed)
+        pairs.append(files(tmp_path / str(seed), columns_of(q, force - by * zero, d)))
+    found = diagnose_poses(*pairs[0], tmp_path / "out", beside=[pairs[1]])
+    assert set(found.causes) == {"joint_compliance", "load_zero"}
+    (rows,) = (family.members for family in found.families if family.name == "load_zero")
+    for row, truth in zip(rows, zero, strict=True):
+        assert abs(row.value - truth) < 4.0 * row.std
+    (tried,) = (row for step in found.ladder for row in step.tried if row.name == "load_zero" and row.pays)
+    assert tried.gain_beside is None
+    # its own zero is fitted to the other series, which is predicted to the noise
+    assert found.ladder[-1].beside_mm[0] == pytest.approx(NOISE * np.sqrt(8.0 / np.pi), rel=0.3)
+
+
+@pytest.fixture(scope="module")
+def in_order():
+    q, force = drawn(61, postures=30)
+    return q, force, noisy(displacement(compliant(), q, force), 61)
+
+
+def ordered(folder, q, force, d):
+    return files(folder, columns_of(q, force, d), sheet_text(test='order = "as taken"'))
+
+
+def test_joints_that_soften_in_the_course_of_the_file_are_a_drift(in_order, tmp_path):
+    q, force, d = in_order
+    still = calibrate_poses(*ordered(tmp_path / "still", q, force, d), tmp_path / "a")
+    assert still.halves.file > 0.8
+    assert not still.halves.differ
+    softer = compliant()
+    softer.own = 1.5 * softer.own
+    late = np.arange(len(q))[:, None] >= len(q) // 2
+    changed = np.where(late, noisy(displacement(softer, q, force), 61), d)
+    found = calibrate_poses(*ordered(tmp_path / "changed", q, force, changed), tmp_path / "b")
+    assert found.halves.differ
+    (said,) = (row.found for row in found.doubts if row.found.startswith("drift: "))
+    assert "joint_compliance.joint-1 by +" in said
+
+
+def test_a_change_of_the_unloaded_readings_is_named(in_order, tmp_path):
+    q, force, d = in_order
+    off = np.where(np.arange(len(q))[:, None] >= 35, [0.2, -0.3, 0.1], 0.0)
+    found = diagnose_poses(*ordered(tmp_path, q, force, d + off), tmp_path / "out")
+    (said,) = (row for row in found.doubts if row.found.startswith("reference_jump: "))
+    assert said.where == "readings.csv, row 37"  # the 36th reading, below a header
+    assert found.verdict == "unknown"
+    size = [float(v) for v in said.found.split("(")[1].split(")")[0].split(", ")]
+    # six springs take up some of a step in half of the readings
+    assert size == pytest.approx([0.2, -0.3, 0.1], abs=0.05)

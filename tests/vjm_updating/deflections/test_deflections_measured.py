@@ -107,5 +107,5 @@ def test_the_command_of_the_page(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "joint_compliance.joint-1" in out
     assert "the model file, read back" in out
-    names = {"calibration.json", "calibration.html", "calibrated-model.toml", "calibrated.urdf"}
+    names = {"calibration.json", "calibration.html", "calibrated-model.toml", "calibrated.urdf", "calibrated.xml"}
     assert {path.name for path in tmp_path.iterdir()} == names
