@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import eigh, null_space
 
 PER_BEAM = 32
-DEFLECTED = (0.005, 0.01, 0.02, 0.05, 0.1)
+DEFLECTED = (0.05, 0.03, 0.1, 0.02, 0.01, 0.005, 0.002)
 """Largest deflection, over the length, of the state with which a buckled path begins: the first that is found."""
 
 
@@ -130,7 +130,7 @@ class Column:
         h, angles = self.links, state[: len(self.links)]
         return float(h @ (np.cos(angles) - 1.0)), float(np.abs(np.cumsum(h * np.sin(angles))).max())
 
-    def buckled(self) -> tuple[np.ndarray, float]:
+    def buckled(self, far: float) -> tuple[np.ndarray, float] | None:
         """A state a little behind the buckling load, deflected by some hundredths of the length, and its load.
 
         The third order of the angles and the fourth of the load are left to Newton's method.
@@ -138,10 +138,13 @@ class Column:
         (load, second), (v, reaction) = self.critical(), self._mode()[1:]
         for share in DEFLECTED:
             size = share * float(np.sum(self.lengths))
+            if load + second * size**2 > 0.5 * (load + far):
+                continue
             found = self.solve(size * (np.append(v, reaction) if self.held else v), load + second * size**2)
-            if found is not None and self.deflections(found)[1] > 0.5 * size:
+            near = found is not None and 0.5 * size < self.deflections(found)[1] < 2.0 * size
+            if near and not self.unstable(found, load + second * size**2):
                 return found, load + second * size**2
-        raise AssertionError("the dense column's buckled path was not found")
+        return None
 
     def end(self, state: np.ndarray, load: float, far: float, steps: int = 80) -> tuple[float, dict[float, float]]:
         """Follow stable states by the load.
