@@ -22,8 +22,10 @@ from vjm_updating.poses.measurement import PoseMeasurement
 from vjm_updating.poses.study import State, Study
 from vjm_updating.poses.transfer import refitted
 
-FRAME = f"{FRAME_PIECE}', translation_mm"
-"""Of a piece that a calibration adds: an error of a frame is short, and known to be in mm."""
+FRAME = f"{FRAME_PIECE}',"
+"""Of a piece that a calibration adds: an error of a frame is small, and known to be in mm and degrees."""
+SAGS = "sag by"
+"""In what the rule says that stacks all parts in one line: of a machine with branches it means nothing."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,11 @@ def written(measurement: PoseMeasurement, study: Study, state: State, members: S
     chain = build_chain(content, "the calibrated model")
     known = {_said(one) for one in model_findings(measurement.document, "model")}
     new = [one for one in model_findings(content, "the calibrated model") if _said(one) not in known]
-    refusals = tuple(one for one in new if one.grade is not Grade.NOTED and FRAME not in one.where)
+    refusals = tuple(
+        one
+        for one in new
+        if one.grade is not Grade.NOTED and FRAME not in one.where and not (chain.after and SAGS in one.found)
+    )
     error = _error(measurement, study, chain)
     return Written(text, urdf_text(chain), state, without, left_out, error, refusals)
 
