@@ -6,6 +6,7 @@ hardly is. Each rule names part and key, what was found and the likely mistake.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -257,10 +258,13 @@ def springs(model: ModelFile) -> Iterator[Found]:
 
 def _sagging(model: ModelFile) -> Iterator[Found]:
     """Joints and beams whose own compliance lets the arm behind them fall, stretched out as far as it goes."""
-    weight = torque = 0.0
+    before = {part.name: previous.name for previous, part in itertools.pairwise(model.parts)}
+    # N and N mm of all that lies behind a part, each branch stretched out by itself
+    carried: dict[str, tuple[float, float]] = {}
     for part in reversed(model.parts):
         made = part.part()
         step, own = length_of(made), mass_of(made) * WEIGHT
+        weight, torque = carried.get(part.name, (0.0, 0.0))
         if isinstance(part, ActuatedTable | CoupledTable) and not part.slides:
             given = {
                 "compliance_rad_per_Nmm": part.compliance_rad_per_Nmm,
@@ -285,8 +289,9 @@ def _sagging(model: ModelFile) -> Iterator[Found]:
                     f"it bends by {printed(sag, 2)} rad under the weight of what it carries: is a length in cm "
                     "or m, EI or a modulus in another unit, or a mass in g?",
                 )
-        torque += weight * step + 0.5 * own * step
-        weight += own
+        on = before.get(part.name, "") if part.after is None else part.after
+        others = carried.get(on, (0.0, 0.0))
+        carried[on] = others[0] + weight + own, others[1] + torque + weight * step + 0.5 * own * step
 
 
 def masses(model: ModelFile) -> Iterator[Found]:
@@ -335,7 +340,7 @@ def angles(model: ModelFile) -> Iterator[Found]:
         if isinstance(part, BeamTable):
             yield from _turned(f"part '{part.name}', own_axes", part.own_axes)
             yield from _turned(f"part '{part.name}', section_axes", part.section_axes)
-        elif isinstance(part, Offset):
+        elif isinstance(part, Offset) and not part.source.startswith(CALIBRATED):
             yield from _turned(f"part '{part.name}', turns", part.turns)
 
 

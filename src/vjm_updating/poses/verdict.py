@@ -168,7 +168,8 @@ def judge(
     elif not causes:
         kind = "unknown" if rest.significant else "none"
     elif rest.significant:
-        lacking = rest.kind in CONTRADICTS or rest.share > FOLLOWS
+        # what markers share is friction, play or the tracker beside the causes, no other law of theirs
+        lacking = rest.kind in CONTRADICTS or (rest.kind != "shared" and rest.share > FOLLOWS)
         kind = "unknown" if lacking or explained < EXPLAINS else "partly"
     else:
         kind = "class" if alternatives else "named"

@@ -319,6 +319,31 @@ def test_a_fitted_correction_alone_between_two_joints_is_not_in_metres(vector, s
 
 
 @pytest.mark.parametrize(
+    ("source", "doubted"), [("a data sheet", True), ("calibrated: errors of the frame", False)]
+)
+def test_a_fitted_turn_that_is_a_twelfth_of_pi_in_degrees_is_not_in_radians(source, doubted, tmp_path):
+    turns = f"turns = [{{ turn_about = [0.0, 1.0, 0.0], angle_deg = {np.pi / 12.0} }}]"
+    piece = f'[[parts]]\nkind = "link"\nname = "frame"\ntranslation_mm = [500.0, 0.0, 0.0]\nsource = "{source}"\n'
+    first = BEAM.index("[[parts]]")
+    said = said_of(BEAM[:first] + piece + turns + "\n" + BEAM[first:], tmp_path)
+    assert any("in rad: give degrees" in line for line in said) is doubted, said
+
+
+@pytest.mark.parametrize(("after", "doubted"), [("", False), ("wrist", True), ("tool", True)])
+def test_a_joint_carries_the_branches_behind_it_alone(after, doubted, tmp_path):
+    """A shoulder of 3e-7 rad/(N mm) sags by 0.005 rad under its own arm, by 0.3 rad with 100 kg more."""
+    other = (
+        f'[[parts]]\nkind = "actuated"\nname = "other"\naxis = "z"\nafter = "{after}"\n'
+        '[[parts]]\nkind = "link"\nname = "heavy"\ntranslation_mm = [1000.0, 0.0, 0.0]\nmass_kg = 100.0\n'
+        "centre_of_mass_mm = [500.0, 0.0, 0.0]\n"
+    )
+    posture = BEAM.index("[postures]")
+    text = BEAM[:posture] + other + BEAM[posture:].replace("shoulder = 0.3", "shoulder = 0.3, other = 0.0")
+    said = said_of(text.replace("_Nmm = 1e-8", "_Nmm = 3e-7"), tmp_path)
+    assert [("'shoulder'" in line, "sag" in line) for line in said] == [(True, True)] * doubted, said
+
+
+@pytest.mark.parametrize(
     ("posture", "doubted"),
     [
         ("{ q1 = 2.356194490192345, q2 = -0.4 }", False),
