@@ -103,8 +103,6 @@ the joints' ranges, and of the clock, too."""
 
 ZEROS = ("joint_offset", "load_zero")
 """Zeros of encoders and of force sensors, which are set anew between series of a machine."""
-OF_SERIES = (*ZEROS, "tracker_drift")
-"""Families of a series and not of the machine."""
 CLOCK = ("tracker_drift", "temperature")
 """Of those, what follows the clock or the temperature."""
 

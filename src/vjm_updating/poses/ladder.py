@@ -4,8 +4,9 @@ A family is added where postures held out, at random and by region, are predicte
 both by a share of `LEAST_GAIN`, that of the first by `SURE` standard errors of the paired differences, that of the
 second not worse, and the evidence larger. Functions of the posture or the clock (`SECOND`) must save as much at the
 ends of what was measured. With other series of the machine beside, a family by which they are predicted worse is
-not added; what is of a series (`OF_SERIES`) says nothing of others. At the end each family that does not pay any
-more beside the others is taken out; one of the first order is never judged beside functions of the posture.
+not added, also where it is of its own series: there the others show what it does to the rest. At the end each
+family that does not pay any more beside the others is taken out; one of the first order is never judged beside
+functions of the posture.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.poses.ends import errors_at_ends
-from vjm_updating.poses.families import CLOCK, OF_SERIES, SECOND, TITLES
+from vjm_updating.poses.families import CLOCK, SECOND, TITLES
 from vjm_updating.poses.fit import Solution
 from vjm_updating.poses.study import Errors, Hypothesis, State, Study, couplings
 from vjm_updating.poses.transfer import Series
@@ -192,7 +193,7 @@ def climb(
             told(best.name)
             state = study.settle(step.state.hypothesis.plus(best.name), step.state)
             above = rung(study, best.name, state, (), series)
-            if series and best.family not in OF_SERIES:
+            if series:
                 gain = float(np.mean([saved(*pair) for pair in zip(step.beside, above.beside, strict=True)]))
                 trials[trials.index(best)] = replace(best, gain_beside=gain)
                 above = above if gain >= 0.0 else None
