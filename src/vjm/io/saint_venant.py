@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, lru_cache
+from typing import assert_never
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -67,6 +68,8 @@ class Quarter:
                 return [(0.0, yi, zi, zo), (yi, yo, 0.0, zo)]
             case Empty.SIDES:
                 return [(0.0, yi, 0.0, zi), (yi, yo, 0.0, zo)]
+            case _:
+                assert_never(self.empty)
 
     @property
     def area(self) -> float:
@@ -176,6 +179,8 @@ class _Mesh:
                 filled = (i >= self.inner[0]) | (j >= self.inner[1])
             case Empty.SIDES:
                 filled = (i >= self.inner[0]) | (j < self.inner[1])
+            case _:
+                assert_never(quarter.empty)
         i, j = i[filled], j[filled]
         points, self.weights, self.values, self.slopes = _element()
         self.size = np.diff(borders[0])[i], np.diff(borders[1])[j]
@@ -271,6 +276,8 @@ class _Mesh:
                 inner = ((row == at[0]) & (column <= at[1])) | ((column == at[1]) & (row <= at[0]))
             case Empty.SIDES:
                 inner = ((row == at[0]) & (column >= at[1])) | ((column == at[1]) & (row <= at[0]))
+            case _:
+                assert_never(self.empty)
         none, nothing = np.zeros_like(outer), np.zeros_like(self.y)
         right = self._nodal(2.0 + nothing, nothing, nothing)
         if self.empty is not Empty.CORE:

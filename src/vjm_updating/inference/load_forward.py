@@ -26,7 +26,17 @@ from vjm_updating.mechanisms.joint_motions import joint_motions
 from vjm_updating.mechanisms.load_table import Gauge, LoadTable, load_table
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of
 from vjm_updating.mechanisms.path_table import HalfRay
-from vjm_updating.mechanisms.series_elements import AlongLine, AtJoint, Behind, Element, History, Place, balance
+from vjm_updating.mechanisms.series_elements import (
+    AboutAxis,
+    AlongAxis,
+    AlongLine,
+    AtJoint,
+    Behind,
+    Element,
+    History,
+    Place,
+    balance,
+)
 from vjm_updating.observation.coordinate import Coordinate, instrument_errors
 from vjm_updating.observation.evaluation import Evaluation
 from vjm_updating.observation.observed import Observed
@@ -230,5 +240,8 @@ class LoadForward:
             case Behind(link=link):
                 # a foot's tip carries its link
                 return order.index(link or links_of(chain)[0]) <= body
-        # a drive before all joints, and the base, carry everything
-        return True
+            case AlongAxis() | AboutAxis():
+                # a drive before all joints, and the base, carry everything
+                return True
+            case _:
+                raise TypeError(f"a place of the kind {type(place).__name__} has no order among the parts")

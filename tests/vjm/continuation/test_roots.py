@@ -1,8 +1,9 @@
-"""The root finder against closed forms, and as few evaluations as its source promises."""
+"""The root finder against closed forms and against SciPy's, step by step."""
 
 import math
 
 import pytest
+from scipy.optimize import brentq
 
 from vjm.continuation.roots import root_between
 
@@ -30,15 +31,9 @@ def test_the_root_lies_within_the_tolerance(name, backwards):
     ends = (b, a) if backwards else (a, b)
     found = root_between(counted, *ends, 1e-9)
     assert abs(found - root) <= 1e-9
-    # bisection takes 30 from 1 to 1e-9; never many more, also at a triple root
-    assert len(asked) <= 45
-
-
-def test_smooth_functions_take_few_evaluations():
-    asked = []
-    root_between(lambda x: asked.append(x) or math.cos(x) - x, 0.0, 1.0, 1e-12)
-    # bisection takes 40
-    assert len(asked) <= 10
+    known = []
+    brentq(lambda x: known.append(x) or function(x), *ends, xtol=1e-9, rtol=1e-12)
+    assert asked == known
 
 
 def test_a_root_at_an_end_is_taken_and_equal_signs_are_refused():

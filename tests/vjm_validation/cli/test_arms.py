@@ -93,7 +93,8 @@ def test_every_posture_of_the_ur10_has_an_answer(validate):
 def test_what_no_arm_takes_is_refused(validate, words, said):
     result = validate("stiffness", *words, status=2)
     assert said in result.err
-    assert result.err.count("\n") == 1
+    # a chain whose parts have no mass is doubted under gravity before it is refused
+    assert len([line for line in result.err.splitlines() if "warning:" not in line]) == 1
 
 
 def test_weight_and_a_load_change_what_a_bent_arm_bears(validate):

@@ -200,7 +200,7 @@ def test_a_trees_equilibria_are_checked_and_its_rigid_directions_said(tmp_path):
 
 
 def test_a_run_that_looked_at_nothing_is_no_pass(tmp_path, capsys, monkeypatch):
-    nothing = OwnMachine(load_any_model.loaded("planar-2r")[0], False, 1.0, notes=["exudyn was left out"])
+    nothing = OwnMachine(load_any_model.loaded("planar-2r"), False, 1.0, notes=["exudyn was left out"])
     (row,) = own_acceptance(nothing)
     assert (row.passed, "exudyn was left out" in str(row.value)) == (None, True)
     assert [accepted(rows) for rows in ([], [row], [at_most("a", 1.0, 2.0), row])] == [False, False, True]

@@ -119,8 +119,7 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
         ModelFileError: the file is no model.
         ValueError: no such posture, direction or engine.
     """
-    machine = loaded(request.model)
-    machine, labels = in_postures(machine, request.postures)
+    machine, labels = in_postures(loaded(request.model), request.postures)
     for direction in request.directions:
         unit_of(direction)
     held = isinstance(machine, Chain) and not held_by_itself(machine)
