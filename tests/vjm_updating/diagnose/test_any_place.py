@@ -144,6 +144,7 @@ def found_in(
     return diagnose(data, sheet, folder / "out")
 
 
+@pytest.mark.slow
 def test_a_link_that_creeps_is_named(tmp_path: Path) -> None:
     assert names(found_in(tmp_path, linear_arm.arm("upper", "fore"), "upper", "creep", 0), "creep", "upper")
 

@@ -118,7 +118,7 @@ def test_a_lever_reads_the_same(tmp_path):
         (Joint(friction=3000.0), ["joint_friction"]),
         (Joint(gap=4e-4), ["actuator_backlash"]),
         (Joint(cubic=2e11), ["actuator_hardening"]),
-        (ALL, ["actuator_backlash", "actuator_hardening", "joint_friction"]),
+        pytest.param(ALL, ["actuator_backlash", "actuator_hardening", "joint_friction"], marks=pytest.mark.slow),
     ],
     ids=["nothing", "friction", "backlash", "hardening", "three"],
 )

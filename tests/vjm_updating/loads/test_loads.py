@@ -185,6 +185,7 @@ def test_rotations_and_moments_count(tmp_path):
         assert abs(rows[name].value - truth) < STANDARD_ERRORS * rows[name].std, name
 
 
+@pytest.mark.slow
 def test_a_support_that_the_sheet_names_is_there(tmp_path):
     """Taken for free, the tube would be a hundred times as stiff as steel: no model file admits that."""
     held = calibrated(tmp_path, Tube(clamp=5e-9, guided=True), MID, 4, force=300.0, held=("ry",))
