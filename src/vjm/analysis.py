@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 DEFAULTS = EngineOptions()
 NEARLY_NOTHING = 1e-6
 """mm: end of a path of which only the unloaded beginning is wanted."""
+NO_LOAD = 1e-9
+"""N: on a free end of which the equilibrium without loads is wanted; no arm moves by 1e-9 mm under it."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -279,6 +281,10 @@ def _traced(
     machine: Machine, solver: Engine, posture: str, control: str, values: tuple[float, ...]
 ) -> LoadedStiffness:
     """The stable equilibrium at the end of a straight path, by any engine that computes K^F."""
+    if control == WRENCH and not any(values) and isinstance(machine, Chain) and held_by_itself(machine):
+        # stressed springs move a free end without any load, while a path without a load would hold the pose
+        found = _traced(machine, solver, posture, control, (0.0, 0.0, NO_LOAD, 0.0, 0.0, 0.0))
+        return replace(found, wrench=np.zeros(6))
     path = trace_machine(solver, machine, _straight(posture, control, values))
     if any(values) and not path.complete:
         raise NoConvergenceError(f"the {control} is reached only to {path.points[-1].s:.1%}: {path.stopped}")

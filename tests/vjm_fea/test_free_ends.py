@@ -73,3 +73,50 @@ def test_what_cannot_move_is_infinitely_stiff():
     case = LoadCase("stretched", 1.0, "load", loads=(Load(WRENCHES["force"]),), free=COMPONENTS, steps=1)
     for engine in ("vjm", "exudyn"):
         assert np.all(np.isinf(vjm.trace(chain, case, engine=engine).points[0].stiffness))
+
+
+STRESSED = """
+format = 1
+name = "stressed"
+units = { length = "mm", force = "N", angle = "rad" }
+postures.bent = { turn = 0.3, slide = 20.0 }
+
+[[parts]]
+kind = "actuated"
+name = "turn"
+axis = "y"
+compliance_rad_per_Nmm = 1e-7
+
+[[parts]]
+kind = "beam"
+name = "upper"
+length_mm = 300.0
+
+[parts.section]
+shape = "round_tube"
+diameter_mm = 50.0
+wall_mm = 3.0
+youngs_modulus_MPa = 70000.0
+poissons_ratio = 0.33
+
+[[parts]]
+kind = "joint"
+name = "slide"
+axis = "z"
+motion = "slides"
+stiffness_N_per_mm = 100.0
+rest_mm = 10.0
+"""
+
+
+def test_without_a_load_a_stressed_machine_moves_its_free_end(tmp_path):
+    """The slide's spring is 10 mm from its rest: at its end nothing holds it, so that it goes there."""
+    (tmp_path / "stressed.toml").write_text(STRESSED)
+    machine = vjm.load(str(tmp_path / "stressed.toml"))
+    for engine in ("exudyn", "vjm"):
+        found = vjm.stiffness(machine, "bent", wrench=(0.0,) * 6, engine=engine)
+        assert np.all(found.wrench == 0.0)
+        # along the slide, which the turn of 0.3 rad about y has tilted: the shaft bears no force
+        expected = 10.0 * np.array([-np.sin(0.3), 0.0, -np.cos(0.3)])
+        # 1e-8 mm is what the load that stands for none, 1e-9 N, and both solvers' residuals come to
+        assert found.displacement[:3] == pytest.approx(expected, abs=1e-7), engine

@@ -210,6 +210,36 @@ class _Writer:
         if light:
             self._notes.doubtful.append(f"moving links without mass: {', '.join(light)}; they weigh nothing")
 
+    def _home(self) -> dict[str, float]:
+        """The posture nearest zero in which each joint, and each that follows it, is within its limits.
+
+        Raises:
+            ModelFileError: the limits of joints that follow one another leave none.
+        """
+        tables = {table["name"]: table for table in self._parts if table["kind"] in ("actuated", "coupled")}
+        # each joint's coordinate is a share of a driven one, and an offset
+        lead = {name: (name, 1.0, 0.0) for name in self._posture}
+        room = dict.fromkeys(self._posture, (-np.inf, np.inf))
+        for name, table in tables.items():
+            if name not in lead:
+                ((master, ratio),) = table["to"].items()
+                first, share, offset = lead[master]
+                own = table.get(OFFSET["turns"], 0.0) + table.get(OFFSET["slides"], 0.0)
+                lead[name] = (first, ratio * share, ratio * offset + own)
+            first, share, offset = lead[name]
+            limits = table.get(LIMITS["turns"]) or table.get(LIMITS["slides"])
+            if limits is None or share == 0.0:
+                continue
+            ends = sorted((limit - offset) / share for limit in limits)
+            room[first] = (max(room[first][0], ends[0]), min(room[first][1], ends[1]))
+        for name, (low, high) in room.items():
+            if low > high:
+                raise ModelFileError(
+                    f"{self._robot.file}: joint '{name}': its limits and those of the joints that follow it leave "
+                    "no posture: correct them"
+                )
+        return {name: float(np.clip(self._posture[name], *room[name])) for name in self._posture}
+
     def _with_ends(self) -> Imported:
         document: dict[str, Any] = {
             "format": 1,
@@ -218,7 +248,7 @@ class _Writer:
             "source": f"{self._robot.file}; compliances are placeholders, to be filled in",
             "units": {"length": "mm", "force": "N", "angle": "rad"},
             "parts": self._parts,
-            "postures": {"home": self._posture},
+            "postures": {"home": self._home()},
         }
         found = Imported(document, self._notes, self._fill, joints=self._label)
         if self._tips:

@@ -194,15 +194,17 @@ def _put_right(arm: _LoadedArm, ranges: Ranges, ways: Array, q: Array) -> Array:
         near, size = damped_search(of_row, starts, ranges.low, ranges.high, ranges.unit)
         good = (size < EXACT) & ranges.limits.kept(near)
         if not good.any():
-            best = near[int(np.argmin(size))]
-            missed = arm.model.reach * float(np.linalg.norm(of_row(best[None], np.zeros(1))[0, :3]))
+            within, missed = ranges.limits.kept(near), "no posture near it keeps the limits of coupled joints"
+            if within.any():
+                best = near[within][int(np.argmin(size[within]))]
+                away = arm.model.reach * float(np.linalg.norm(of_row(best[None], np.zeros(1))[0, :3]))
+                missed = f"the nearest posture within the joints' limits that was found misses it by {away:.4g} mm"
             free = ranges.without_limits()
             wide, wide_size = damped_search(of_row, starts, free.low, free.high, free.unit)
             said = least_beyond(ranges, wide[wide_size < EXACT])
             raise ReachError(
                 f"row {k + 1} of the path: {arm.model.chain.name}: out of reach of the loaded arm: "
-                f"{f'{said}; ' if said else ''}the nearest posture within the joints' limits misses the pose by "
-                f"{missed:.4g} mm"
+                f"{'; '.join(filter(None, (said, missed)))}"
             )
         apart = np.abs((near - q[k]) / ranges.unit).max(axis=1)
         found[k] = near[int(np.argmin(np.where(good, apart, np.inf)))]

@@ -124,7 +124,8 @@ def _postures(
     q, lost = _searched(model, ranges, position, rotation, index, starts)
     good = (np.linalg.norm(lost, axis=1) < FOUND) & ranges.limits.kept(q)
     if not good.any():
-        raise ReachError(_why_not(model, ranges, position, rotation, index, starts, lost))
+        within = lost[ranges.limits.kept(q)]
+        raise ReachError(_why_not(model, ranges, position, rotation, index, starts, within))
     return _distinct(q[good], ranges)
 
 
@@ -211,16 +212,32 @@ def _why_not(
     starts: Array,
     lost: Array,
 ) -> str:
-    """Which joints would have to go beyond their limits, or how near the nearest posture comes."""
+    """Which joints would have to go beyond their limits, and how near a posture comes that keeps all of them.
+
+    Args:
+        model: the machine.
+        ranges: of its joints.
+        position: wanted, and
+        rotation: likewise.
+        index: of the end frame.
+        starts: of the search.
+        lost: what postures within all limits, coupled ones too, leave of the pose.
+    """
+    free = ranges.without_limits()
+    q, left = _searched(model, free, position, rotation, index, starts)
+    said = least_beyond(ranges, q[np.linalg.norm(left, axis=1) < FOUND])
+    return f"{model.chain.name}: out of reach: {'; '.join(filter(None, (said, _missed(model, lost))))}"
+
+
+def _missed(model: TreeModel, lost: Array) -> str:
+    """How near the best of some postures comes; that there is none where none keeps the limits."""
+    if not len(lost):
+        return "no posture near it keeps the limits of coupled joints"
     nearest = lost[np.argmin(np.linalg.norm(lost, axis=1))]
     text = f"{np.linalg.norm(nearest[:3]) * model.reach:.4g} mm"
     if len(nearest) > 3:
         text += f" and {np.degrees(np.linalg.norm(nearest[3:])):.4g} degrees"
-    free = ranges.without_limits()
-    q, left = _searched(model, free, position, rotation, index, starts)
-    said = least_beyond(ranges, q[np.linalg.norm(left, axis=1) < FOUND])
-    missed = f"the nearest posture within the joints' limits misses the pose by {text}"
-    return f"{model.chain.name}: out of reach: {f'{said}; ' if said else ''}{missed}"
+    return f"the nearest posture within the joints' limits that was found misses it by {text}"
 
 
 def least_beyond(ranges: Ranges, q: Array) -> str:

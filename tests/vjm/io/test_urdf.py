@@ -188,6 +188,37 @@ def test_mimics_in_any_order(tmp_path, text):
     agrees(tmp_path, text)
 
 
+@pytest.mark.parametrize(
+    ("limits", "offset", "home"),
+    # the follower's limits, as it stands at offset + master; the master's own are ±2
+    [("-0.1 0.1", 0.5, -0.4), ("0.2 0.6", 0.0, 0.2), ("-1 1", 0.3, 0.0)],
+)
+def test_home_keeps_the_limits_of_what_follows(tmp_path, limits, offset, home):
+    low, high = limits.split()
+    follower = f'<mimic joint="j1" multiplier="1" offset="{offset}"/><limit lower="{low}" upper="{high}"/>'
+    text = arm(
+        j1=joint("j1", "base", "l1", more='<limit lower="-2" upper="2"/>'),
+        j2=joint("j2", "l1", "l2", more=follower),
+    )
+    (tmp_path / "robot.urdf").write_text(text)
+    document = import_urdf(tmp_path / "robot.urdf").document
+    assert document["postures"]["home"] == {"j1": pytest.approx(home, abs=1e-12)}
+    build_chain(document, "robot")
+
+
+def test_limits_that_leave_no_posture_are_refused(tmp_path):
+    follower = '<mimic joint="j1" offset="5"/><limit lower="-0.1" upper="0.1"/>'
+    text = arm(
+        j1=joint("j1", "base", "l1", more='<limit lower="-2" upper="2"/>'),
+        j2=joint("j2", "l1", "l2", more=follower),
+    )
+    (tmp_path / "robot.urdf").write_text(text)
+    with pytest.raises(
+        ModelFileError, match="joint 'j1': its limits and those of the joints that follow it leave no"
+    ):
+        import_urdf(tmp_path / "robot.urdf")
+
+
 def test_a_mimic_of_a_joint_off_the_way(tmp_path):
     text = arm(
         j1=joint("j1", "base", "l1", more=LIMIT + '<mimic joint="b" multiplier="3" offset="0.1"/>'),

@@ -29,7 +29,7 @@ def test_a_planar_arm_has_two_elbows():
 
 
 def test_out_of_reach_is_said_with_the_distance():
-    with pytest.raises(ReachError, match=r"out of reach.* misses the pose by 100 mm"):
+    with pytest.raises(ReachError, match=r"out of reach.* misses it by 100 mm"):
         postures_of(planar(), np.array([0.0, 1000.0, 0.0]))
 
 

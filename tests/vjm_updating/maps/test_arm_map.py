@@ -83,7 +83,7 @@ def test_a_point_beyond_a_joints_limits_has_no_value_and_says_which_and_by_how_m
     elbow = np.arccos((inside**2 - 500.0**2 - 400.0**2) / (2.0 * 500.0 * 400.0))
     assert over_places.why[1] == "ok"
     assert f"elbow = {elbow:.6g} exceeds its limit 2.6 by {elbow - 2.6:.4g} rad" in over_places.why[0]
-    assert "misses the pose by 20 mm" in over_places.why[0]
+    assert "misses it by 20 mm" in over_places.why[0]
     assert abs(over_places.q[1, 1]) < 2.6
 
 
