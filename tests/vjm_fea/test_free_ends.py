@@ -78,6 +78,8 @@ def test_what_cannot_move_is_infinitely_stiff():
 STRESSED = """
 format = 1
 name = "stressed"
+title = "A slide whose spring is under stress"
+source = "made up"
 units = { length = "mm", force = "N", angle = "rad" }
 postures.bent = { turn = 0.3, slide = 20.0 }
 
