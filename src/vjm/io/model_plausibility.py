@@ -42,6 +42,7 @@ from vjm.io.manipulator_file import KIND, LegTable, ManipulatorFile, leg_documen
 from vjm.io.matrix_plausibility import matrices
 from vjm.io.model_file import read_document
 from vjm.io.schema import BeamTable, ModelFile
+from vjm.io.sections import LONGEST_MM
 from vjm.model.parts import Beam
 
 TINY_MM, TINY_INSIDE_MM, LEAST_MM = 2.0, 0.5, 1e-3
@@ -345,7 +346,8 @@ def angles(model: ModelFile) -> Iterator[Found]:
 
 
 def _beyond(where: str, limits: list[float]) -> Iterator[Found]:
-    largest = max(abs(v) for v in limits)
+    # as a file writes that there is none on one side
+    largest = max((abs(v) for v in limits if abs(v) < LONGEST_MM), default=0.0)
     if largest > MANY_TURNS:
         found = f"{limits} is {printed(largest / (2.0 * np.pi), 3)} turns: is it in degrees? Give rad"
         yield Grade.DOUBTFUL, where, found

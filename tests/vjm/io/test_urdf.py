@@ -12,6 +12,7 @@ from helpers.urdf_arm import LIMIT, arm, imported, joint, link, parts, refusal, 
 
 from vjm.io.errors import ModelFileError
 from vjm.io.model_file import build_chain
+from vjm.io.model_plausibility import model_findings
 from vjm.io.urdf import import_urdf
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.model import TreeModel
@@ -186,6 +187,14 @@ def fingers(*names_and_mimics: tuple[str, str, str]) -> str:
 )  # fmt: skip
 def test_mimics_in_any_order(tmp_path, text):
     agrees(tmp_path, text)
+
+
+def test_a_limit_on_one_side_only_is_no_angle_in_degrees(tmp_path):
+    (tmp_path / "robot.urdf").write_text(arm(j2=joint("j2", "l1", "l2", more='<limit lower="-1" upper="INF"/>')))
+    document = import_urdf(tmp_path / "robot.urdf").document
+    (limits,) = [part["limits_rad"] for part in document["parts"] if part["name"] == "j2"]
+    assert limits[0] == -1.0
+    assert [one for one in model_findings(document, "robot") if "degrees" in one.found] == []
 
 
 @pytest.mark.parametrize(
