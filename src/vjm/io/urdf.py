@@ -310,13 +310,15 @@ class _Reader:
             if low or high:
                 self._notes.left_out.append(f"limits of joint '{raw.name}': it is continuous, and has none")
             return None, 0.0
+        absent = [key for key in ("lower", "upper") if key not in element.attributes]
         if low > high:
-            given = [key for key in ("lower", "upper") if key not in element.attributes]
-            lacking = f" ({given[0]} is not given, and so 0)" if given else ""
+            lacking = f" ({absent[0]} is not given, and so 0)" if absent else ""
             raise place.error(
                 f"has the limits {printed(low)} to {printed(high)} {'mm' if slides else 'rad'}, reversed{lacking}: "
                 "give lower below upper"
             )
+        if len(absent) == 1:
+            self._notes.doubtful.append(f"joint '{raw.name}' gives no {absent[0]} limit: 0, as the format has it")
         return usable_limits(
             low, high, raw.name, slides=slides, doubts=self._notes.doubtful, changed=self._notes.changed
         )

@@ -189,6 +189,14 @@ def test_mimics_in_any_order(tmp_path, text):
     agrees(tmp_path, text)
 
 
+def test_a_limit_that_is_not_given_is_zero_and_said(tmp_path):
+    (tmp_path / "robot.urdf").write_text(arm(j2=joint("j2", "l1", "l2", more='<limit upper="1.5"/>')))
+    found = import_urdf(tmp_path / "robot.urdf")
+    (limits,) = [part["limits_rad"] for part in found.document["parts"] if part["name"] == "j2"]
+    assert limits == [0.0, 1.5]
+    assert "joint 'j2' gives no lower limit: 0, as the format has it" in found.notes.doubtful
+
+
 def test_a_limit_on_one_side_only_is_no_angle_in_degrees(tmp_path):
     (tmp_path / "robot.urdf").write_text(arm(j2=joint("j2", "l1", "l2", more='<limit lower="-1" upper="INF"/>')))
     document = import_urdf(tmp_path / "robot.urdf").document
