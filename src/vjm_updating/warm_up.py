@@ -9,6 +9,7 @@ import numpy as np
 
 from vjm.io.model_file import load_chain
 from vjm.vjm_engine import VjmEngine
+from vjm_updating.inference.normal_equations import bounded_step
 from vjm_updating.mechanisms.column import column_force
 from vjm_updating.mechanisms.friction_loop import friction_torques
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
@@ -32,6 +33,9 @@ def main() -> None:
     yielding(0.5, 1e-6)(force, history)
     friction_torques(np.zeros((2, 1)), np.ones((2, 1, 1)), 1.0, history.begins, np.zeros((2, 1)))
     column_force(force, 100.0, 1e6)
+    # a step that its bounds cut short: two coordinates that act together
+    one, free = np.ones(2), np.zeros(2, dtype=bool)
+    bounded_step(np.eye(2) + 0.5, one, 0.0, free, free, 0.0 * one, 0.0 * one, 0.1 * one)
 
 
 if __name__ == "__main__":
