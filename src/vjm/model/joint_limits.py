@@ -43,7 +43,7 @@ def said_turned(name: str, value: float, *, passive: bool) -> str:
 
 @dataclass(frozen=True)
 class JointLimits:
-    """Limits of the k joints of a machine, passive and coupled ones too, whose coordinates follow from n that are given.
+    """Limits of the k joints of a machine, passive and coupled too, whose coordinates follow from n that are given.
 
     Attributes:
         names: of the k joints.
