@@ -90,7 +90,7 @@ def chain_bodies(chain: Chain) -> tuple[str, list[ChainBody]]:
         bodies.append(
             ChainBody(
                 child, name, _kind(moving), parent, before, axis,
-                moving.limits if isinstance(moving, HeldJoint) else None,
+                moving.limits if isinstance(moving, HeldJoint | PassiveJoint) else None,
                 _followed(moving, joints), part, mass,
                 part.centre_of_mass if mass and isinstance(part, RigidOffset | Beam) else None,
             )

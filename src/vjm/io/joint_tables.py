@@ -227,7 +227,7 @@ class JointTable(MovingTable):
     def part(self) -> parts.PassiveJoint | joints.SprungJoint:
         """The part that the table describes."""
         if not self.stiffness:
-            return parts.PassiveJoint(self.name, self.axis, self.slides)
+            return parts.PassiveJoint(self.name, self.axis, self.slides, limits=self.limits)
         preload = self.preload_N if self.slides else self.preload_Nmm
         return joints.SprungJoint(
             self.name, self.axis, self.slides, self.stiffness, preload, self.rest, limits=self.limits

@@ -43,7 +43,7 @@ def said_turned(name: str, value: float, *, passive: bool) -> str:
 
 @dataclass(frozen=True)
 class JointLimits:
-    """Limits of the k held joints of a machine, coupled ones too, whose coordinates follow from n that are given.
+    """Limits of the k joints of a machine, passive and coupled too, whose coordinates follow from n that are given.
 
     Attributes:
         names: of the k joints.
@@ -99,7 +99,7 @@ class JointLimits:
 
 
 def joint_limits(chain: Chain, given: Sequence[str] = ()) -> JointLimits:
-    """The limits of a machine's held joints.
+    """The limits of a machine's joints.
 
     Args:
         chain: the machine.
@@ -116,17 +116,16 @@ def joint_limits(chain: Chain, given: Sequence[str] = ()) -> JointLimits:
     given = tuple(given) or tuple(part.name for part in joints if not isinstance(part, CoupledJoint))
     share = {name: np.eye(len(given))[i] for i, name in enumerate(given)}
     offset = dict.fromkeys(given, 0.0)
-    held = [part for part in joints if isinstance(part, HeldJoint)]
-    for part in held:
+    for part in joints:
         if isinstance(part, CoupledJoint):
             share[part.name] = sum((ratio * share[name] for name, ratio in part.ratios), np.zeros(len(given)))
             offset[part.name] = part.offset + sum(ratio * offset[name] for name, ratio in part.ratios)
-    limits = [part.limits or (-np.inf, np.inf) for part in held]
+    limits = [part.limits or (-np.inf, np.inf) for part in joints]
     return JointLimits(
-        names=tuple(part.name for part in held),
-        units=tuple("mm" if part.slides else "rad" for part in held),
-        share=np.array([share[part.name] for part in held]).reshape(len(held), len(given)),
-        offset=np.array([offset[part.name] for part in held]),
+        names=tuple(part.name for part in joints),
+        units=tuple("mm" if part.slides else "rad" for part in joints),
+        share=np.array([share[part.name] for part in joints]).reshape(len(joints), len(given)),
+        offset=np.array([offset[part.name] for part in joints]),
         low=np.array([low for low, _ in limits]),
         high=np.array([high for _, high in limits]),
         given=given,

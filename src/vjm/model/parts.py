@@ -163,11 +163,13 @@ class PassiveJoint:
     Attributes:
         axis: unit vector ``(3,)`` in the chain frame.
         slides: along the axis; else it turns about it.
+        limits: of its coordinate in a posture, mm or rad.
     """
 
     name: str
     axis: Array
     slides: bool = False
+    limits: tuple[float, float] | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)

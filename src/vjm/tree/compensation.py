@@ -83,7 +83,8 @@ def compensated_arm(
         rotations: ``(g, 3, 3)`` wanted; None where the end may turn as it likes.
         wrenches: ``(g, 6)`` dead on the end, N, N mm, world axes.
         gravity: m/s².
-        start: coordinates ``(n,)`` near which the path begins; None for the posture of smallest coordinates.
+        start: coordinates ``(n,)`` near which the path begins, and which passive joints keep: nothing sets them.
+            None for the posture of smallest coordinates, and see `ranges_of`.
         end: name of the end frame; the first where it is empty.
 
     Raises:
@@ -103,8 +104,8 @@ def compensated_arm(
     unfound = np.flatnonzero(np.isnan(rigid).any(axis=1))
     if len(unfound):
         raise NoConvergenceError(f"{model.chain.name}: no stable equilibrium at row {1 + unfound[0]} of the path")
-    ways = _movable(model, q, index, rotations is not None)
-    ranges = ranges_of(model)
+    ranges = ranges_of(model, start)
+    ways = _movable(model, ranges, q, index, rotations is not None)
     q_linear = _linear(arm, ranges, ways, q)
     q_loaded = _put_right(arm, ranges, ways, q)
     return ArmCompensation(model.joints, q, q_linear, q_loaded, rigid, arm.errors(q_linear), arm.errors(q_loaded))
@@ -224,16 +225,16 @@ def _projected(ways: Array, error: Array) -> Array:
     return result
 
 
-def _movable(model: TreeModel, q: Array, index: int, turns: bool) -> Array:
-    """Projections ``(g, 6, 6)`` of errors on what the rigid arm's joints move: shifts over the reach, and turns.
+def _movable(model: TreeModel, ranges: Ranges, q: Array, index: int, turns: bool) -> Array:
+    """Projections ``(g, 6, 6)`` of errors on what the rigid arm's drives move: shifts over the reach, and turns.
 
     A stretched arm does not go outwards, and one beside it does: what joints move there counts too.
     """
     unit = np.repeat([1.0 / model.reach, 1.0], 3)
     shown = unit * (np.arange(6) < 3 if not turns else np.ones(6))
-    aside = ASIDE * ranges_of(model).unit * np.random.default_rng(0).choice([-1.0, 1.0], len(model.joints))
+    aside = ranges.driven * ASIDE * ranges.unit * np.random.default_rng(0).choice([-1.0, 1.0], len(model.joints))
     result = np.zeros((len(q), 6, 6))
-    for k, (J, J2) in enumerate(zip(_jacobian(model, q, index), _jacobian(model, q + aside, index), strict=True)):
+    for k, (J, J2) in enumerate(zip(*(_jacobian(model, ranges, at, index) for at in (q, q + aside)), strict=True)):
         U = _range(shown[:, None] * J)
         other = _range(shown[:, None] * J2)
         if other.shape[1] > U.shape[1]:
@@ -249,11 +250,10 @@ def _range(J: Array) -> Array:
     return U[:, s > SINGULAR * s[0]]
 
 
-def _jacobian(model: TreeModel, q: Array, index: int) -> Array:
-    """Derivative ``(g, 6, n)`` of the unloaded end by the joints in their units, by central differences."""
-    unit = ranges_of(model).unit
+def _jacobian(model: TreeModel, ranges: Ranges, q: Array, index: int) -> Array:
+    """Derivative ``(g, 6, n)`` of the unloaded end by what drives set, in units, by central differences."""
     columns = []
-    for shift in STEP * np.diag(unit):
+    for shift in STEP * np.diag(ranges.driven * ranges.unit):
         (R1, p1), (R0, p0) = (unloaded_frames(model, q + sign * shift) for sign in (1.0, -1.0))
         columns.append(difference(p1[:, index], R1[:, index], p0[:, index], R0[:, index]) / (2.0 * STEP))
     return np.stack(columns, axis=2)

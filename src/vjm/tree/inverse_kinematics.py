@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.model.joint_limits import JointLimits, joint_limits
-from vjm.model.joints import HeldJoint
+from vjm.model.joints import HeldJoint, SprungJoint
 from vjm.model.parts import PassiveJoint
 from vjm.rotations import Array
 from vjm.tree.damped_search import damped_search
@@ -35,7 +35,7 @@ class Ranges:
     """Where postures are looked for.
 
     Attributes:
-        low: lower bounds of the joints ``(n,)``, mm or rad.
+        low: lower bounds of the joints ``(n,)``, mm or rad; for passive ones, which nothing sets, their coordinate.
         high: upper ones.
         unit: of each: 1 rad, or the machine's reach in mm.
         turns: which of them turn.
@@ -48,6 +48,11 @@ class Ranges:
     turns: np.ndarray
     limits: JointLimits
 
+    @property
+    def driven(self) -> np.ndarray:
+        """Which joints ``(n,)`` a drive sets: not the passive ones."""
+        return np.asarray(self.high > self.low)
+
     def random(self, count: int, seed: int) -> Array:
         """Postures ``(count, n)``, the first one with every joint as near to zero as it goes."""
         q = self.low + (self.high - self.low) * np.random.default_rng(seed).random((count, len(self.low)))
@@ -58,17 +63,27 @@ class Ranges:
         """Joints that turn a whole turn either way of the middle of their limits, and slide as far as the reach."""
         middle = 0.5 * (self.low + self.high)
         wide = np.maximum(np.where(self.turns, 2.0 * np.pi, self.unit), 0.5 * (self.high - self.low))
+        wide = np.where(self.driven, wide, 0.0)
         return Ranges(middle - wide, middle + wide, self.unit, self.turns, self.limits)
 
 
-def ranges_of(model: TreeModel) -> Ranges:
-    """The ranges that the joints' limits leave; half a turn either way, and the reach, where there are none."""
+def ranges_of(model: TreeModel, held: Array | None = None) -> Ranges:
+    """The ranges that the joints' limits leave; half a turn either way, and the reach, where there are none.
+
+    Args:
+        model: the machine.
+        held: coordinates ``(n,)`` of a posture that passive joints keep, free or sprung; None for those of the
+            machine's first posture, or zero where it has none.
+    """
+    if held is None:
+        label = next(iter(model.chain.postures), None)
+        held = np.zeros(len(model.joints)) if label is None else model.posture(label)
     parts = {part.name: part for part in model.chain.parts}
     low, high, unit, turns = [], [], [], []
-    for name in model.joints:
+    for name, value in zip(model.joints, held, strict=True):
         part = parts[name]
         assert isinstance(part, HeldJoint | PassiveJoint)
-        own = part.limits if isinstance(part, HeldJoint) else None
+        own = (value, value) if isinstance(part, PassiveJoint | SprungJoint) else part.limits
         reach = model.reach if part.slides else np.pi
         low.append(own[0] if own is not None else -reach)
         high.append(own[1] if own is not None else reach)
@@ -93,6 +108,8 @@ def postures_of(
     model: TreeModel, position: Array, rotation: Array | None = None, end: str = "", seed: int = 0
 ) -> list[Array]:
     """Joint coordinates that put an end frame at a pose, by damped least squares from many random postures.
+
+    Passive joints keep the coordinates of the machine's first posture, see `ranges_of`.
 
     Args:
         model: the machine.
@@ -138,7 +155,8 @@ def followed(
         model: the machine.
         positions: ``(g, 3)`` wanted, mm, world.
         rotations: ``(g, 3, 3)`` wanted; None where the end may turn as it likes.
-        start: coordinates ``(n,)`` near which the path begins; None for the smallest.
+        start: coordinates ``(n,)`` near which the path begins, and which passive joints keep; None for the
+            smallest, and see `ranges_of`.
         end: name of the end frame; the first where it is empty.
 
     Returns:
@@ -147,7 +165,7 @@ def followed(
     Raises:
         ValueError: there is no such end frame.
     """
-    ranges, index = ranges_of(model), end_index(model, end)
+    ranges, index = ranges_of(model, start), end_index(model, end)
     drawn = ranges.random(DRAWN, 0)
     R, p = unloaded_frames(model, drawn)
     before = None if start is None else np.clip(start, ranges.low, ranges.high)

@@ -18,7 +18,7 @@ from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import Load
 from vjm.rotations import Array
 from vjm.tree.equilibria import equilibria, unloaded_frames
-from vjm.tree.inverse_kinematics import followed
+from vjm.tree.inverse_kinematics import followed, ranges_of
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_output.optional_page import why_not
@@ -55,12 +55,14 @@ def parsed_arm_grid(text: str, model: TreeModel) -> ArmGrid:
     Raises:
         ValueError: it makes no sense; one line that says what would.
     """
-    joints = set(model.joints)
+    joints = [name for name, driven in zip(model.joints, ranges_of(model).driven, strict=True) if driven]
     axes: dict[str, tuple[float, ...]] = {}
     for word in text.split(","):
         name, _, numbers = (piece.strip() for piece in word.partition("="))
         if (name not in joints and name not in TOOL) or not numbers:
-            known = f"x, y, z or a joint ({', '.join(model.joints)})"
+            if name in model.joints and name not in joints:
+                raise ValueError(f"--grid {text}: joint '{name}' is passive: nothing sets it; leave it out")
+            known = f"x, y, z or a joint ({', '.join(joints)})"
             raise ValueError(f"--grid {text}: '{word}' is not NAME=from:to:count with {known}")
         axes[name] = grid_axis(text, numbers)
     own = {name for name in axes if name in joints}
@@ -120,7 +122,7 @@ def map_arm(
         engine: that splits its beams.
         quantity: stiffness or deflection.
         grid: see `parsed_arm_grid`; what it leaves out stays as in the posture, the tool's direction too where the
-            machine has six joints or more.
+            machine has six drives or more. Passive joints stay.
         posture: label.
         wrench: ``(6,)`` on the end, N, N mm.
         gravity: m/s².
@@ -175,7 +177,8 @@ def _tool_rows(model: TreeModel, grid: ArmGrid, home: Array, index: int) -> tupl
     R, p = (frames[0, index] for frames in unloaded_frames(model, home))
     axes = [grid.axes.get(name, (float(p[k]),)) for k, name in enumerate(TOOL)]
     positions = np.array(list(product(*axes)))
-    rotations = np.tile(R, (len(positions), 1, 1)) if len(home) >= 6 else None
+    six = np.count_nonzero(ranges_of(model, home).driven) >= 6
+    rotations = np.tile(R, (len(positions), 1, 1)) if six else None
     rows, why = followed(model, positions, rotations, home, model.ends[index])
     return rows, [each.removeprefix(f"{model.chain.name}: ") for each in why]
 

@@ -104,3 +104,20 @@ def test_a_wrong_file_is_reported_in_one_line_that_names_the_key(change, words):
         built(wrong(change))
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith("robot.toml: ")
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ('kind = "joint"\nstiffness_Nmm_per_rad = 1e5', "has a spring.*: leave its stiffness out"),
+        ('kind = "actuated"', "is held at a coordinate.*: write kind = 'joint'"),
+    ],
+)
+def test_a_joint_of_a_leg_that_is_not_free_is_refused_by_file_leg_and_joint(table, words, tmp_path):
+    text = resources.files("vjm").joinpath("models", "orthoglide-chain.toml").read_text(encoding="utf-8")
+    (tmp_path / "leg.toml").write_text(text.replace('kind = "joint"', table, 1), encoding="utf-8")
+    robot = FOLDER.joinpath("orthoglide.toml").read_text(encoding="utf-8")
+    (tmp_path / "p.toml").write_text(robot.replace("orthoglide-chain", "leg.toml"), encoding="utf-8")
+    with pytest.raises(ModelFileError, match=f"^p.toml: leg 'x': joint 'q1' of chain 'leg.toml' {words}") as caught:
+        load_manipulator(tmp_path / "p.toml")
+    assert "\n" not in str(caught.value)

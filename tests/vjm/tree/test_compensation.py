@@ -12,7 +12,7 @@ from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.compensation import compensated_arm, difference
 from vjm.tree.equilibria import equilibria, unloaded_frames
-from vjm.tree.inverse_kinematics import ReachError
+from vjm.tree.inverse_kinematics import ReachError, postures_of
 from vjm.tree.model import TreeModel
 
 WEIGHT = (0.0, 0.0, -9.81)
@@ -212,3 +212,40 @@ def test_springs_under_stress_are_loads_of_the_linear_model_too():
     assert rigid / half_rigid == pytest.approx(2.0, rel=1e-2)
     assert linear / half_linear == pytest.approx(4.0, rel=5e-2)
     assert linear < 2e-3 * rigid
+
+
+def test_a_sprung_passive_joint_stays_where_the_posture_has_it_and_the_drives_are_solved_for():
+    """A shoulder, a passive hinge with a spring and a boom: by the triangle of shoulder, hinge and tool."""
+    L, p0, rest, k, turn, stretch = 300.0, 0.2, 0.1, 1e6, 1e-8, 1e-5
+    parts = (
+        ActuatedJoint("shoulder", AXES["z"], compliance=turn),
+        RigidOffset("arm", translation([L, 0.0, 0.0])),
+        SprungJoint("p", AXES["z"], stiffness=k, rest=rest, limits=(-0.3, 0.3)),
+        ActuatedJoint("boom", AXES["x"], slides=True, compliance=stretch, limits=(50.0, 400.0)),
+    )
+    held = {"-": {"shoulder": 0.1, "p": p0, "boom": 200.0}}
+    model = TreeModel(Chain("arm", parts, postures={"-": np.zeros(0)}, held=held))
+    r, phi, F = 520.0, 0.4, np.array([30.0, -80.0])
+    wanted = r * np.array([np.cos(phi), np.sin(phi)])
+
+    def triangle(p):
+        boom = np.sqrt(r**2 - (L * np.sin(p)) ** 2) - L * np.cos(p)
+        return np.array([phi - np.arctan2(boom * np.sin(p), L + boom * np.cos(p)), p, boom])
+
+    place, wrench = np.array([[*wanted, 0.0]]), np.array([[*F, 0.0, 0.0, 0.0, 0.0]])
+    assert postures_of(model, place[0])[0] == pytest.approx(triangle(p0), abs=1e-6)
+    bent = triangle(rest)
+    # the hinge's moment changes its angle by some 2e-2 rad, and this the moment by 1e-4 of it
+    for _ in range(20):
+        hinge = L * np.array([np.cos(bent[0]), np.sin(bent[0])])
+        arm = wanted - hinge
+        bent = triangle(rest + (arm[0] * F[1] - arm[1] * F[0]) / k)
+    along = np.array([np.cos(bent[0] + bent[1]), np.sin(bent[0] + bent[1])])
+    moment = wanted[0] * F[1] - wanted[1] * F[0]
+    drives = [bent[0] - turn * moment, p0, bent[2] - stretch * along @ F]
+    for start in (model.posture("-"), None):
+        found = compensated_arm(model, place, None, wrench, start=start)
+        assert found.q[0] == pytest.approx(triangle(p0), abs=1e-6)
+        # residuals end at 1e-10 of the reach
+        assert found.q_loaded[0] == pytest.approx(drives, abs=1e-6)
+        assert found.q_linear[0, 1] == p0

@@ -12,7 +12,7 @@ import pytest
 
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint
+from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
 from vjm.model.load_case import Load
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
@@ -160,3 +160,20 @@ def test_bad_words_are_refused(words, said, tmp_path, capsys):
     assert run(["map", "ur10", *words, "--out", str(tmp_path / "map")]) == 2
     assert said in capsys.readouterr().err
     assert not (tmp_path / "map" / "map.csv").exists()
+
+
+def test_a_grid_over_a_passive_joint_is_refused_and_tool_positions_leave_it_where_it_is():
+    parts = (
+        ActuatedJoint("j1", AXES["z"], compliance=1e-8),
+        RigidOffset("arm", translation([300.0, 0.0, 0.0])),
+        SprungJoint("p", AXES["z"], stiffness=1e6, rest=0.0),
+        ActuatedJoint("j2", AXES["x"], slides=True, compliance=1e-5),
+    )
+    held = {"bent": {"j1": 0.1, "p": 0.2, "j2": 200.0}}
+    chain = Chain("arm", parts, postures={"bent": np.zeros(0)}, held=held)
+    with pytest.raises(ValueError, match="joint 'p' is passive: nothing sets it"):
+        map_arm(chain, VjmEngine(), Quantity.STIFFNESS, "p=-1:1:3", "bent")
+    found = map_arm(chain, VjmEngine(), Quantity.STIFFNESS, "x=480:500:3,y=100", "bent")
+    assert found.why == ["ok"] * 3
+    assert list(found.q[:, 1]) == [0.2] * 3
+    assert found.tool[:, :2] == pytest.approx(np.array([[480.0, 100.0], [490.0, 100.0], [500.0, 100.0]]), abs=1e-5)

@@ -135,3 +135,20 @@ def test_a_driven_force_is_labelled_in_newtons():
 )
 def test_values_that_begin_with_a_minus_are_values(words, expected):
     assert joined(words.split()) == expected.split()
+
+
+@pytest.mark.parametrize("spring", ["", "stiffness_Nmm_per_rad = 1e5"])
+def test_limits_of_passive_joints_hold_by_label_and_by_numbers(spring, tmp_path):
+    template = tmp_path / "chain.toml"
+    validate("new", "chain", str(template))
+    free = 'name = "q1"\naxis = "z"\n'
+    text = template.read_text().replace(free, f"{free}limits_rad = [-0.5, 0.5]\n{spring}\n")
+    said = "out of reach: q1 = 0.6 exceeds its limit 0.5 by 0.1 rad"
+    template.write_text(text)
+    found = validate("stiffness", str(template), "--posture", "0.6,-0.6")
+    assert found.status == 2
+    assert said in found.err
+    template.write_text(text.replace("bent = { q1 = 0.4", "bent = { q1 = 0.6"))
+    found = validate("stiffness", str(template), "--posture", "bent")
+    assert found.status == 2
+    assert said in found.err
