@@ -11,7 +11,7 @@ from vjm_updating.experiment.channels import MOTION, unit_of
 from vjm_updating.experiment.checks import ALIKE as ONE_FACTOR
 from vjm_updating.experiment.checks import OPPOSITE, THOUSAND, ratio_of
 from vjm_updating.experiment.comparison import CLEAR, Comparison
-from vjm_updating.experiment.joint_levers import channels_of, expected
+from vjm_updating.experiment.joint_levers import channels_of, expected, one_sided
 from vjm_updating.experiment.mistaken_as import MistakenAs
 from vjm_updating.experiment.mistaken_columns import factors_of, turned_rows
 from vjm_updating.experiment.mistaken_rows import Mistaken, far_postures, mistaken_rows
@@ -79,6 +79,9 @@ def of_joint(c: Comparison) -> Iterator[Finding]:
     if c.measurement.sheet.kind != "joint":
         return
     motion, effort = channels_of(c.measurement)
+    if one_sided(c.measurement):
+        words = "the joint was loaded to one side only: backlash is not asked, load both sides to know it"
+        yield Finding(Grade.NOTED, f"{c.readings.file}: column {effort}", words)
     load, wanted = c.readings.values[effort], expected(c.measurement)
     known = ~np.isnan(load) & ~np.isnan(wanted)
     ratio, spread = ratio_of(load[known], wanted[known])

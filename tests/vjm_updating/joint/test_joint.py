@@ -12,10 +12,13 @@ from scipy.optimize import brentq
 
 from vjm.io.findings import ImplausibleError
 from vjm_updating.diagnose.command import diagnose
+from vjm_updating.diagnose.joint_test import JointTest
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.joint.command import DOCUMENT, MODEL, calibrate_joint
 from vjm_updating.mechanisms.joint_test import wound_up
+from vjm_updating.mechanisms.play import ActuatorBacklash
+from vjm_updating.observation.joint_readings import observe_joint
 
 CUBIC = 7e6 / 0.005**2
 ALL = Joint(stiffness=7e6, cubic=CUBIC, gap=3e-4, friction=2500.0)
@@ -61,6 +64,29 @@ def test_a_calibration_finds_what_the_joint_has(tmp_path, joint):
         assert abs(row.value - value) < STANDARD_ERRORS * row.std, name
         # a size that is not there is not found
         assert value or row.interval95[0] == 0.0
+
+
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_loads_to_one_side_do_not_know_backlash(tmp_path, turn):
+    """Friction turns the load's sign on the way back; that is no load to the other side."""
+    data, sheet = write(tmp_path, Joint(friction=3000.0), 3)
+    head, *rows = data.read_text().splitlines()
+    kept = [row for row in rows if turn * float(row.split(",")[2]) > 0.0]
+    assert min(turn * float(row.split(",")[3]) for row in kept) < -5.0 * np.hypot(60.0, 100.0)
+    data.write_text("\n".join([head, *kept]) + "\n")
+    document = calibrate_joint(data, sheet, tmp_path / "out")
+    rows = by_name(document)
+    assert "backlash" not in rows
+    for name, value in (("stiffness", 1e7), ("friction", 3000.0)):
+        assert abs(rows[name].value - value) < STANDARD_ERRORS * rows[name].std, name
+    assert "its backlash they cannot know" in document.identifiability.statement[0]
+    # what both commands say and keep
+    (note,) = considered(read_measurement(data, sheet))
+    assert "loaded to one side only" in str(note)
+    assert document.doubts[0].found == note.found
+    assert not any(
+        isinstance(e, ActuatorBacklash) for e in JointTest().effects(observe_joint(read_measurement(data, sheet)))
+    )
 
 
 def test_a_stiffness_is_known_no_better_than_the_cell(tmp_path):
