@@ -75,7 +75,7 @@ def a_thousand(c: Comparison) -> Iterator[Finding]:
 
 
 def of_joint(c: Comparison) -> Iterator[Finding]:
-    """Loads of a joint that are off by a thousand, have the other sign, or look like an angle in degrees."""
+    """Loads of a joint off by a thousand, with the other sign, to one side only, or by an angle in degrees."""
     if c.measurement.sheet.kind != "joint":
         return
     motion, effort = channels_of(c.measurement)
@@ -97,8 +97,11 @@ def of_joint(c: Comparison) -> Iterator[Finding]:
         )
         yield Finding(Grade.REFUSED, where, words)
     elif motion == MOTION[0] and abs(ratio * 180.0 / np.pi - 1.0) < SAME_GAIN:
-        words = f"is about 1/57 of what the model predicts for {motion}: is the angle in degrees?"
-        yield Finding(Grade.DOUBTFUL, where, words)
+        words = (
+            f"is about 1/57 of what the model predicts for {motion}: is the angle in degrees? Convert it to rad, "
+            "or give the model that compliance"
+        )
+        yield Finding(Grade.REFUSED, where, words)
 
 
 def _strange(c: Comparison, explained: list[Mistaken]) -> Iterator[Finding]:

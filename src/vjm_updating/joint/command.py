@@ -1,8 +1,8 @@
 """``validate calibrate`` of a test of one joint: stiffness, hardening, backlash and friction together.
 
 All four are looked for, whether or not a diagnosis would name them: a size that the readings do not need has an
-interval that reaches nothing. Backlash is left out where the loads go to one side only. The scales and zeros of cell
-and gauge are nuisances under the sheet's priors, so that a stiffness is known no better than the cell's scale.
+interval that reaches nothing. Backlash is left out where the loads go to one side only. The scales and zeros of
+cell and gauge are nuisances under the sheet's priors, so that a stiffness is known no better than the cell's scale.
 """
 
 from __future__ import annotations

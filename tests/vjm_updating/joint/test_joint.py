@@ -207,6 +207,24 @@ def test_torques_in_other_units_are_refused(tmp_path, factor, words):
         considered(read_measurement(data, sheet))
 
 
+def test_an_angle_in_degrees_is_no_finding_about_the_joint(tmp_path):
+    """57 times softer, which a calibration would fit: nothing is named and no model written."""
+    data, sheet = write(tmp_path, Joint(), 3)
+    head, *rows = data.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    turned = (",".join([*c[:2], f"{np.degrees(float(c[2])):.9g}", c[3]]) for c in cells)
+    data.write_text("\n".join([head, *turned]) + "\n")
+    for command in (calibrate_joint, diagnose):
+        with pytest.raises(ImplausibleError, match=r"is the angle in degrees\? Convert it to rad"):
+            command(data, sheet, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    # a joint that is that soft by its model is as good as any
+    model = tmp_path / "wrist.toml"
+    softer = f"compliance_rad_per_Nmm = {np.degrees(1e-7):.6g}"
+    model.write_text(model.read_text().replace("compliance_rad_per_Nmm = 1e-7", softer))
+    assert not considered(read_measurement(data, sheet))
+
+
 def test_a_lever_must_be_known(tmp_path):
     data, sheet = write(tmp_path, Joint(), 3)
     data.write_text(data.read_text().replace("torque_Nmm", "force_N"))
