@@ -15,7 +15,7 @@ from vjm_updating.diagnose.search import Search
 from vjm_updating.diagnose.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import unit_of
-from vjm_updating.experiment.joint_levers import levers_of
+from vjm_updating.experiment.joint_levers import levers_of, one_sided
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.joint_forward import JointForward
 from vjm_updating.inference.trust_region import best_fit
@@ -119,16 +119,17 @@ def without(search: Search, ranked: Ranked, effect: Effect) -> Ranked | None:
 
 
 def joint_effects(observed: Observed) -> list[Effect]:
-    """What a joint under test may have: another stiffness, hardening, backlash, friction."""
+    """What a joint under test may have: another stiffness, hardening, friction; backlash by loads to both sides."""
     joint = observed.measurement.drive
     lever, of_motion, of_load = levers_of(observed.measurement)
     compliance = observed.measurement.joint_compliance
     force = float(np.nanmax(np.abs(observed.wrench))) / of_load
     reach = float(np.abs(observed.pose[:, 0]).max()) * of_motion / lever
     own = drive_of(joint.name, slides=joint.slides, compliance=compliance, lever=lever, force=force)
+    backlash = [] if one_sided(observed.measurement) else [ActuatorBacklash(force, joint.name, own)]
     return [
         JointCompliance(joint.name, own),
         JointHardening(force, own.compliance, joint.name, own),
-        ActuatorBacklash(force, joint.name, own),
+        *backlash,
         DriveFriction(force * lever, reach, joint.slides, joint.name),
     ]

@@ -11,7 +11,7 @@ from vjm_updating.experiment.channels import MOTION, unit_of
 from vjm_updating.experiment.checks import ALIKE as ONE_FACTOR
 from vjm_updating.experiment.checks import OPPOSITE, THOUSAND, ratio_of
 from vjm_updating.experiment.comparison import CLEAR, Comparison
-from vjm_updating.experiment.joint_levers import channels_of, expected
+from vjm_updating.experiment.joint_levers import channels_of, expected, one_sided
 from vjm_updating.experiment.mistaken_as import MistakenAs
 from vjm_updating.experiment.mistaken_columns import factors_of, turned_rows
 from vjm_updating.experiment.mistaken_rows import Mistaken, far_postures, mistaken_rows
@@ -75,10 +75,13 @@ def a_thousand(c: Comparison) -> Iterator[Finding]:
 
 
 def of_joint(c: Comparison) -> Iterator[Finding]:
-    """Loads of a joint that are off by a thousand, have the other sign, or look like an angle in degrees."""
+    """Loads of a joint off by a thousand, with the other sign, to one side only, or by an angle in degrees."""
     if c.measurement.sheet.kind != "joint":
         return
     motion, effort = channels_of(c.measurement)
+    if one_sided(c.measurement):
+        words = "the joint was loaded to one side only: backlash is not asked, load both sides to know it"
+        yield Finding(Grade.NOTED, f"{c.readings.file}: column {effort}", words)
     load, wanted = c.readings.values[effort], expected(c.measurement)
     known = ~np.isnan(load) & ~np.isnan(wanted)
     ratio, spread = ratio_of(load[known], wanted[known])
@@ -94,8 +97,11 @@ def of_joint(c: Comparison) -> Iterator[Finding]:
         )
         yield Finding(Grade.REFUSED, where, words)
     elif motion == MOTION[0] and abs(ratio * 180.0 / np.pi - 1.0) < SAME_GAIN:
-        words = f"is about 1/57 of what the model predicts for {motion}: is the angle in degrees?"
-        yield Finding(Grade.DOUBTFUL, where, words)
+        words = (
+            f"is about 1/57 of what the model predicts for {motion}: is the angle in degrees? Convert it to rad, "
+            "or give the model that compliance"
+        )
+        yield Finding(Grade.REFUSED, where, words)
 
 
 def _strange(c: Comparison, explained: list[Mistaken]) -> Iterator[Finding]:

@@ -32,6 +32,22 @@ def levers_of(measurement: Measurement) -> tuple[float, float, float]:
     return length, of_motion, of_load
 
 
+def one_sided(measurement: Measurement) -> bool:
+    """Whether the joint was loaded to one side only, so that nothing shows the other end of its backlash.
+
+    A side counts where a load and a motion of its sign were read together. Friction alone turns the load's sign on
+    the way back, while the motion keeps its own.
+    """
+    sides = []
+    for name in channels_of(measurement):
+        read, own = measurement.readings.values[name], measurement.sheet.sigma(name)
+        # the largest of n standard normal deviations is near the root of 2 ln n
+        clear = np.hypot(own.noise, own.zero) * np.sqrt(2.0 * np.log(max(len(read), 2)))
+        sides.append(np.where(np.abs(read) > clear, np.sign(read), 0.0))
+    motion, load = sides
+    return not all(np.any((motion == side) & (load == side)) for side in (1.0, -1.0))
+
+
 def stiffness_of(measurement: Measurement) -> float:
     """Of the joint in the model at its lever, N/mm."""
     length, _, _ = levers_of(measurement)

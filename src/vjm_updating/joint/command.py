@@ -1,8 +1,8 @@
 """``validate calibrate`` of a test of one joint: stiffness, hardening, backlash and friction together.
 
 All four are looked for, whether or not a diagnosis would name them: a size that the readings do not need has an
-interval that reaches nothing. The scales and zeros of cell and gauge are nuisances under the sheet's
-priors, so that a stiffness is known no better than the cell's scale.
+interval that reaches nothing. Backlash is left out where the loads go to one side only. The scales and zeros of
+cell and gauge are nuisances under the sheet's priors, so that a stiffness is known no better than the cell's scale.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from vjm_updating.diagnose.joint_test import JointTest, joint_effects, together
 from vjm_updating.diagnose.preprocess import Prepared, prepare
 from vjm_updating.experiment import Measurement, read_measurement
 from vjm_updating.experiment.channels import unit_of
+from vjm_updating.experiment.joint_levers import one_sided
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.normal_equations import inverse
@@ -108,7 +109,7 @@ def _fitted(prepared: Prepared, kind: JointTest) -> Fit:
 
 def _document(measurement: Measurement, prepared: Prepared, fit: Fit) -> Calibration:
     fitter = prepared.fitter
-    found, joint = estimates(fitter, fit, 0.0), measurement.drive.name
+    found = estimates(fitter, fit, 0.0)
     return Calibration(
         title=measurement.sheet.test.title,
         model=measurement.chain.name,
@@ -123,9 +124,9 @@ def _document(measurement: Measurement, prepared: Prepared, fit: Fit) -> Calibra
         joint=_covariance(fitter, fit),
         identifiability=IdentifiabilityRow(
             statement=[
-                f"Loads in both directions see {joint}'s stiffness, hardening, backlash and friction. The "
-                "stiffness is known no better than the scales of cell and gauge, which count with the sheet's "
-                "tolerances."
+                _seen(measurement),
+                "The stiffness is known no better than the scales of cell and gauge, which count with the sheet's "
+                "tolerances.",
             ],
             directions=[],
             not_separable=[],
@@ -140,6 +141,13 @@ def _document(measurement: Measurement, prepared: Prepared, fit: Fit) -> Calibra
     )
 
 
+def _seen(measurement: Measurement) -> str:
+    joint = measurement.drive.name
+    if one_sided(measurement):
+        return f"Loads to one side see {joint}'s stiffness, hardening and friction; its backlash they cannot know."
+    return f"Loads in both directions see {joint}'s stiffness, hardening, backlash and friction."
+
+
 def _parameters(measurement: Measurement, found: Mapping[str, Estimate]) -> list[ParameterRow]:
     """Stiffness without load, hardening, backlash and friction; what shapes their laws is not among them."""
     joint = measurement.drive
@@ -151,11 +159,11 @@ def _parameters(measurement: Measurement, found: Mapping[str, Estimate]) -> list
     )
     c = found[f"actuator_hardening.{soft}"]
     stiff = Estimate(1.0 / c.value, c.std / c.value**2, 1.0 / max(c.high, 1e-300), 1.0 / max(c.low, 1e-300))
-    nominal = 1.0 / measurement.joint_compliance
+    nominal, lost = 1.0 / measurement.joint_compliance, found.get(f"actuator_backlash.{gap}")
     rows = [
         ("stiffness", "N mm/rad" if turns else "N/mm", nominal, stiff),
         ("stiffness_ratio", "1", 1.0, found["actuator_hardening.stiffness_ratio"]),
-        ("backlash", "rad" if turns else "mm", 0.0, found[f"actuator_backlash.{gap}"]),
+        *([] if lost is None else [("backlash", "rad" if turns else "mm", 0.0, lost)]),
         ("friction", "N mm" if turns else "N", 0.0, found[f"joint_friction.{slip}"]),
     ]
     return [

@@ -12,10 +12,13 @@ from scipy.optimize import brentq
 
 from vjm.io.findings import ImplausibleError
 from vjm_updating.diagnose.command import diagnose
+from vjm_updating.diagnose.joint_test import JointTest
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.joint.command import DOCUMENT, MODEL, calibrate_joint
 from vjm_updating.mechanisms.joint_test import wound_up
+from vjm_updating.mechanisms.play import ActuatorBacklash
+from vjm_updating.observation.joint_readings import observe_joint
 
 CUBIC = 7e6 / 0.005**2
 ALL = Joint(stiffness=7e6, cubic=CUBIC, gap=3e-4, friction=2500.0)
@@ -61,6 +64,29 @@ def test_a_calibration_finds_what_the_joint_has(tmp_path, joint):
         assert abs(row.value - value) < STANDARD_ERRORS * row.std, name
         # a size that is not there is not found
         assert value or row.interval95[0] == 0.0
+
+
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_loads_to_one_side_do_not_know_backlash(tmp_path, turn):
+    """Friction turns the load's sign on the way back; that is no load to the other side."""
+    data, sheet = write(tmp_path, Joint(friction=3000.0), 3)
+    head, *rows = data.read_text().splitlines()
+    kept = [row for row in rows if turn * float(row.split(",")[2]) > 0.0]
+    assert min(turn * float(row.split(",")[3]) for row in kept) < -5.0 * np.hypot(60.0, 100.0)
+    data.write_text("\n".join([head, *kept]) + "\n")
+    document = calibrate_joint(data, sheet, tmp_path / "out")
+    rows = by_name(document)
+    assert "backlash" not in rows
+    for name, value in (("stiffness", 1e7), ("friction", 3000.0)):
+        assert abs(rows[name].value - value) < STANDARD_ERRORS * rows[name].std, name
+    assert "its backlash they cannot know" in document.identifiability.statement[0]
+    # what both commands say and keep
+    (note,) = considered(read_measurement(data, sheet))
+    assert "loaded to one side only" in str(note)
+    assert document.doubts[0].found == note.found
+    assert not any(
+        isinstance(e, ActuatorBacklash) for e in JointTest().effects(observe_joint(read_measurement(data, sheet)))
+    )
 
 
 def test_a_stiffness_is_known_no_better_than_the_cell(tmp_path):
@@ -179,6 +205,24 @@ def test_torques_in_other_units_are_refused(tmp_path, factor, words):
     data.write_text("\n".join([head, *(",".join([*c[:3], f"{factor * float(c[3]):.6g}"]) for c in cells)]) + "\n")
     with pytest.raises(ImplausibleError, match=words):
         considered(read_measurement(data, sheet))
+
+
+def test_an_angle_in_degrees_is_no_finding_about_the_joint(tmp_path):
+    """57 times softer, which a calibration would fit: nothing is named and no model written."""
+    data, sheet = write(tmp_path, Joint(), 3)
+    head, *rows = data.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    turned = (",".join([*c[:2], f"{np.degrees(float(c[2])):.9g}", c[3]]) for c in cells)
+    data.write_text("\n".join([head, *turned]) + "\n")
+    for command in (calibrate_joint, diagnose):
+        with pytest.raises(ImplausibleError, match=r"is the angle in degrees\? Convert it to rad"):
+            command(data, sheet, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    # a joint that is that soft by its model is as good as any
+    model = tmp_path / "wrist.toml"
+    softer = f"compliance_rad_per_Nmm = {np.degrees(1e-7):.6g}"
+    model.write_text(model.read_text().replace("compliance_rad_per_Nmm = 1e-7", softer))
+    assert not considered(read_measurement(data, sheet))
 
 
 def test_a_lever_must_be_known(tmp_path):
