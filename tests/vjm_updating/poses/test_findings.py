@@ -23,7 +23,7 @@ from vjm_updating.poses.fit import Solution
 from vjm_updating.poses.halves import halves
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.knowable import LEAST_CHANGE, worst_over_mean
-from vjm_updating.poses.ladder import LEAST_EVIDENCE, LEAST_GAIN, SURE, Trial, chosen
+from vjm_updating.poses.ladder import LEAST_EVIDENCE, LEAST_GAIN, SURE, Trial, as_good, chosen, thinner
 from vjm_updating.poses.study import Errors, Hypothesis
 from vjm_updating.poses.verdict import at_bounds
 
@@ -224,6 +224,20 @@ def test_ends_are_fifths_of_every_range(springs):
         assert own.mean() == pytest.approx(0.2, abs=0.011)  # of 100 postures
         assert column[own].max() < column[~own].min()
     assert len(ends_of(study, clock_only=True)) == 2
+
+
+def test_masses_do_not_stand_for_the_compliances_that_they_act_through(tmp_path):
+    content = document(UR10)
+    for part, wrong in zip(
+        (p for p in content["parts"] if "mass_kg" in p), (1.0, 0.6, 1.4, 0.7, 1.4, 0.7), strict=False
+    ):
+        part["mass_kg"] *= wrong
+    q = drawn(8, 150)
+    _, study = prepared(*files(tmp_path, q, measured(compliant(2.0 * OWN), q), content=content))
+    state = study.settle(Hypothesis(("joint_compliance", "mass")))
+    # at the compliant state the masses' columns make up for the compliances; on a rigid machine they have none
+    assert as_good(study.tried(state, Hypothesis(("mass",)))[1], state)
+    assert thinner(study, state, "joint_compliance") is None
 
 
 def trial(**changes):
