@@ -17,6 +17,7 @@ from vjm.tree.equilibria import equilibria
 from vjm.tree.model import TreeModel
 from vjm_updating.poses.alignment import kabsch
 from vjm_updating.poses.command import calibrate_poses, diagnose_poses, prepared
+from vjm_updating.poses.contrasts import contrasts
 from vjm_updating.poses.ends import ends_of
 from vjm_updating.poses.families import SOFTEST
 from vjm_updating.poses.fit import Solution
@@ -214,6 +215,14 @@ def test_halves_cover_and_a_change_between_them_is_a_drift(springs, tmp_path):
     assert found.file < found.random
     assert found.members[0][0] in ("joint_compliance.joint-2", "joint_compliance.joint-3")
     assert found.members[0][1] > 3.0  # softer in the second half
+
+
+def test_one_side_is_asked_of_joints_whose_torque_changes(springs):
+    _, _, study, state = springs
+    asked = {one.name for one in contrasts(study, state) if one.kind == "one side"}
+    own = {m.part for m in study.members if m.family == "joint_compliance"}
+    assert asked == {f"size of the torque of {joint}, not its sign" for joint in own}
+    assert "joint-1" not in own  # upright
 
 
 def test_ends_are_fifths_of_every_range(springs):
