@@ -69,6 +69,8 @@ def contrasts(study: Study, state: State) -> list[Contrast]:
     left = y - Q @ (Q.T @ y)
     result: list[Contrast] = []
     columns: dict[tuple[str, str], list[int]] = {}
+    # columns are compared by their shapes: a torque that hardly changes has the shape of what makes it change
+    weighed = {m.part for m in study.members if m.family == "joint_compliance"}.intersection(study.data.joints)
     for i, member in enumerate(study.members):
         if member.family == "joint_offset" and member.part in study.data.joints:
             what = "angle" if member.part in study.machine.turning else "coordinate"
@@ -91,7 +93,7 @@ def contrasts(study: Study, state: State) -> list[Contrast]:
                 by_torque = blocks.J[:, [n + i]] * np.nan_to_num(torque)[blocks.posture][:, None]
                 result.append(_share(f"measured torque of {member.part}", "torque", left, Q, by_torque))
     for i, member in enumerate(study.members):
-        if member.family == "joint_offset" and member.part in study.data.joints:
+        if member.family == "joint_offset" and member.part in weighed:
             size = np.abs(state.at.torque[:, study.data.joints.index(member.part)])
             by_size = blocks.J[:, [n + i]] * size[blocks.posture][:, None]
             result.append(

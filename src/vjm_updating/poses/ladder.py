@@ -221,12 +221,24 @@ def chosen(trials: Sequence[Trial]) -> Trial | None:
     return None
 
 
-def superfluous(study: Study, state: State, name: str) -> bool:
-    """Whether a hypothesis without one of its families predicts what is held out as well."""
-    _, errors = study.tried(state, state.hypothesis.minus(name))
-    lost, sure = paired(errors.random, state.errors.random, state.sigma)
-    worse, _ = paired(errors.region, state.errors.region, state.sigma)
+def as_good(without: Errors, state: State) -> bool:
+    """Whether errors without one of a state's families are no worse held out than those of the state."""
+    lost, sure = paired(without.random, state.errors.random, state.sigma)
+    worse, _ = paired(without.region, state.errors.region, state.sigma)
     return (lost < LOST or sure < 2.0) and worse < LOST
+
+
+def thinner(study: Study, state: State, name: str) -> State | None:
+    """A state settled without one of its families; None where what is held out is then predicted worse.
+
+    The linear fit at the state only says whether to try: there a family borrows effects of the one left out, as
+    masses do of compliances, which are gone once the fit has settled.
+    """
+    without = state.hypothesis.minus(name)
+    if not as_good(study.tried(state, without)[1], state):
+        return None
+    settled = study.settle(without, state)
+    return settled if as_good(settled.errors, state) else None
 
 
 def first_order(hypothesis: Hypothesis) -> Hypothesis:
@@ -241,13 +253,15 @@ def _thinned(study: Study, steps: list[Step], series: Sequence[Series]) -> list[
     # beside functions of the posture, which imitate them, those of the first order would not show
     judged = state if bare == state.hypothesis else study.settle(bare, state)
     for name in bare.names[:-1]:
-        if superfluous(study, judged, name):
-            judged = study.settle(judged.hypothesis.minus(name), judged)
+        thinned = thinner(study, judged, name)
+        if thinned is not None:
+            judged = thinned
             state = study.settle(state.hypothesis.minus(name), state)
             dropped.append(name)
     for name in [name for name in state.hypothesis.families[:-1] if name in SECOND]:
-        if superfluous(study, state, name):
-            state = study.settle(state.hypothesis.minus(name), state)
+        thinned = thinner(study, state, name)
+        if thinned is not None:
+            state = thinned
             dropped.append(name)
     if not dropped:
         return steps

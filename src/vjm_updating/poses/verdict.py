@@ -22,7 +22,7 @@ from vjm_updating.poses.halves import Halves, halves
 from vjm_updating.poses.identifiability import MemberEstimate, estimates
 from vjm_updating.poses.ladder import ALIKE, LEAST_EVIDENCE, Step
 from vjm_updating.poses.plausibility import MORE_THAN_NOISE, missed, mistaken, weight_reversed
-from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Hypothesis, State, Study
+from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Errors, Hypothesis, State, Study
 from vjm_updating.poses.transfer import Series
 
 CONTRADICTS = ("one side", "torque")
@@ -259,11 +259,12 @@ def _alternatives(
     state, result = steps[-1].state, []
 
     def as_good(other: Hypothesis) -> bool:
-        _, errors = study.tried(state, other)
-        pairs = zip(errors.means[1:], state.errors.means[1:], strict=True)
-        if not all(one <= AS_GOOD * named for one, named in pairs):
+        if not _as_good(study.tried(state, other)[1], state):
             return False
-        settled = study.settle(other, state) if series else state
+        # the linear fit stands where compliances have effects that are gone once it has settled
+        settled = study.settle(other, state)
+        if not _as_good(settled.errors, state):
+            return False
         beside = [float(np.nanmean(one.distances(study, settled))) for one in series]
         return all(
             one <= AS_GOOD * float(np.nanmean(named)) for one, named in zip(beside, steps[-1].beside, strict=True)
@@ -287,6 +288,11 @@ def _alternatives(
     return tuple(dict.fromkeys(result))
 
 
+def _as_good(errors: Errors, state: State) -> bool:
+    """Whether both errors held out are no larger than those of a state by more than `AS_GOOD`."""
+    return all(one <= AS_GOOD * named for one, named in zip(errors.means[1:], state.errors.means[1:], strict=True))
+
+
 def _compensators(study: Study, state: State, causes: tuple[str, ...]) -> list[tuple[str, ...]]:
     """A spring between points in place of errors of the gears: the waves of one joint that bears weight alone.
 
@@ -303,8 +309,6 @@ def _compensators(study: Study, state: State, causes: tuple[str, ...]) -> list[t
         family[others] = NO_FAMILY
         alone = replace(blocks, family=family)
         solution = solve(alone, study.numbers(state.hypothesis), state.solution.sizes)
-        errors = study.errors(alone, solution, state.sigma)
-        pairs = zip(errors.means[1:], state.errors.means[1:], strict=True)
-        if all(one <= AS_GOOD * named for one, named in pairs):
+        if _as_good(study.errors(alone, solution, state.sigma), state):
             result.append(tuple(f"{SPRING}.{joint}" if name == GEARS else name for name in causes))
     return result

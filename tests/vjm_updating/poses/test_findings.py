@@ -17,13 +17,14 @@ from vjm.tree.equilibria import equilibria
 from vjm.tree.model import TreeModel
 from vjm_updating.poses.alignment import kabsch
 from vjm_updating.poses.command import calibrate_poses, diagnose_poses, prepared
+from vjm_updating.poses.contrasts import contrasts
 from vjm_updating.poses.ends import ends_of
 from vjm_updating.poses.families import SOFTEST
 from vjm_updating.poses.fit import Solution
 from vjm_updating.poses.halves import halves
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.knowable import LEAST_CHANGE, worst_over_mean
-from vjm_updating.poses.ladder import LEAST_EVIDENCE, LEAST_GAIN, SURE, Trial, chosen
+from vjm_updating.poses.ladder import LEAST_EVIDENCE, LEAST_GAIN, SURE, Trial, as_good, chosen, thinner
 from vjm_updating.poses.study import Errors, Hypothesis
 from vjm_updating.poses.verdict import at_bounds
 
@@ -216,6 +217,14 @@ def test_halves_cover_and_a_change_between_them_is_a_drift(springs, tmp_path):
     assert found.members[0][1] > 3.0  # softer in the second half
 
 
+def test_one_side_is_asked_of_joints_whose_torque_changes(springs):
+    _, _, study, state = springs
+    asked = {one.name for one in contrasts(study, state) if one.kind == "one side"}
+    own = {m.part for m in study.members if m.family == "joint_compliance"}
+    assert asked == {f"size of the torque of {joint}, not its sign" for joint in own}
+    assert "joint-1" not in own  # upright
+
+
 def test_ends_are_fifths_of_every_range(springs):
     _, _, study, _ = springs
     ends = ends_of(study)
@@ -224,6 +233,20 @@ def test_ends_are_fifths_of_every_range(springs):
         assert own.mean() == pytest.approx(0.2, abs=0.011)  # of 100 postures
         assert column[own].max() < column[~own].min()
     assert len(ends_of(study, clock_only=True)) == 2
+
+
+def test_masses_do_not_stand_for_the_compliances_that_they_act_through(tmp_path):
+    content = document(UR10)
+    for part, wrong in zip(
+        (p for p in content["parts"] if "mass_kg" in p), (1.0, 0.6, 1.4, 0.7, 1.4, 0.7), strict=False
+    ):
+        part["mass_kg"] *= wrong
+    q = drawn(8, 150)
+    _, study = prepared(*files(tmp_path, q, measured(compliant(2.0 * OWN), q), content=content))
+    state = study.settle(Hypothesis(("joint_compliance", "mass")))
+    # at the compliant state the masses' columns make up for the compliances; on a rigid machine they have none
+    assert as_good(study.tried(state, Hypothesis(("mass",)))[1], state)
+    assert thinner(study, state, "joint_compliance") is None
 
 
 def trial(**changes):
