@@ -217,6 +217,19 @@ def test_halves_cover_and_a_change_between_them_is_a_drift(springs, tmp_path):
     assert found.members[0][1] > 3.0  # softer in the second half
 
 
+def test_where_a_drift_is_found_the_remainder_and_the_next_step_follow_it(springs, tmp_path):
+    _, _, study, _ = springs
+    q, course = study.data.q, np.linspace(0.0, 1.0, len(study.data))[:, None]
+    # the joints soften evenly in the course of the file; deflections of milliradians are linear in them
+    y = (1.0 - course) * study.data.position[:, 0] + course * measured(compliant(2.0 * OWN), q)
+    found = diagnose_poses(*files(tmp_path, q, y), tmp_path / "out", only=("joint_compliance",))
+    assert [row.found for row in found.doubts if row.found.startswith("drift")]
+    assert found.remainder.kind == "drift"
+    # noise is a twentieth; outliers' weights, and joints that are not asked, take up some of the rest
+    assert found.remainder.share > 0.75
+    assert found.next.startswith("The halves of the file differ")
+
+
 def test_one_side_is_asked_of_joints_whose_torque_changes(springs):
     _, _, study, state = springs
     asked = {one.name for one in contrasts(study, state) if one.kind == "one side"}
