@@ -35,7 +35,8 @@ class Written:
         without: families for which it has none.
         left_out: what else it cannot hold, for people.
         error: mean distance in mm of the markers from the predictions of the file as read back.
-        refusals: what no machine is, in the file and not in the model that the sheet names; then it is not for use.
+        refusals: why it is not for use: what no machine is, in the file and not in the model that the sheet names,
+            or columns of the data that are not what they say.
     """
 
     text: str

@@ -129,6 +129,11 @@ def test_nothing_is_fitted_to_mistaken_columns(good, tmp_path):
     pair = files(tmp_path, scaled(good, "target.d", -1.0))
     found = diagnose_poses(*pair, tmp_path / "out")
     assert (found.verdict, found.causes) == ("unknown", [])
+    said = [row.found for row in found.doubts if "sign_reversed" in row.found]
+    assert len(said) == 1
+    assert said[0] in found.written.refused[0]
+    calibrate_poses(*pair, tmp_path / "fitted")
+    assert not [*tmp_path.glob("*/*-model.toml"), *tmp_path.glob("*/*.urdf"), *tmp_path.glob("*/calibrated.xml")]
     with pytest.raises(ImplausibleError, match="sign_reversed"):
         calibrate_poses(*pair, tmp_path / "out", strict=True)
 
