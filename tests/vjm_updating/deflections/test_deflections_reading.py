@@ -237,3 +237,18 @@ def test_a_mimic_stands_beside_its_master_and_keeps_its_limits(tmp_path):
     data.write_text(header + "\n".join(rows) + "\n")
     with pytest.raises(ValueError, match=r"readings\.csv: row 6, column 'level\.q_rad': .* of lift: correct"):
         read_test(data, sheet)
+
+
+def test_the_file_is_fitted_without_what_it_leaves_out(tmp_path):
+    # a first joint and a base that turn about one upright axis are one
+    hidden = compliant()
+    hidden.base = np.array([2e-9, 4e-9, 0.0])
+    q, force = drawn(21, postures=40)
+    d = displacement(hidden, q, force) + np.random.default_rng(4).normal(0.0, 0.01, force.shape)
+    pair = files(tmp_path, columns_of(q, force, d))
+    found = calibrate_poses(*pair, tmp_path / "out", families=("joint_compliance", "base_compliance"))
+    rows = {row.name: row for family in found.families for row in family.members}
+    assert not rows["base_compliance.base.z"].identifiable
+    assert "base-turn-z" not in (tmp_path / "out/calibrated-model.toml").read_text()
+    # the joint alone does what both did; the file is evaluated anew, by its own machine
+    assert found.written.file_mm == pytest.approx(found.written.judged_mm, rel=0.02)
