@@ -34,7 +34,7 @@ class Written:
         text: of the file, TOML.
         urdf: the same as a URDF.
         mjcf: the same as an MJCF file.
-        state: the fit without what the file has no word for, and without members that it leaves at the model's values.
+        state: the fit without what the file has no word for, or leaves at the model's values.
         without: families for which it has none.
         left_out: what else it cannot hold, for people.
         error: mean distance in mm of the markers from the predictions of the file as read back.
