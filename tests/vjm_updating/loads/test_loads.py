@@ -17,6 +17,8 @@ from vjm.io.model_file import build_chain
 from vjm.io.toml_parsing import parse_toml
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibrate.command import calibrate, prepare
+from vjm_updating.calibrate.document import NuisanceRow
+from vjm_updating.calibrate.results import strained
 from vjm_updating.diagnose.command import diagnose
 from vjm_updating.diagnose.kinds import kind_of
 from vjm_updating.diagnose.load_test import LoadTest
@@ -176,6 +178,27 @@ def test_one_gauge_leaves_the_tube_to_the_sheet(tmp_path):
     share = LENGTH / (3.0 * MODULUS * INERTIA)
     # reason: scales of 0.2 and 0.1 % and half a millimetre of length add an eighth
     assert clamp.std == pytest.approx(0.02 * share, rel=0.25)
+
+
+def test_a_promise_that_the_readings_refute_does_not_count(tmp_path):
+    """Two gauges under 35 N leave tube and clamp together; a quarter softer is beyond 2 % of the sheet by far."""
+    document = calibrated(tmp_path, Tube(clamp=1e-9, factor=1.25), MID, 4, force=35.0)
+    words = " ".join(document.identifiability.statement)
+    assert document.fit.fits
+    assert not document.parameters
+    assert "What the sheet promises of tube does not explain the readings as well" in words
+    (seen,) = (row for row in document.combinations if row.seen)
+    # the tube's factor by its logarithm, and a hundredth of the clamp's
+    assert abs(seen.value - np.log(1.25)) < STANDARD_ERRORS * seen.std
+
+
+def test_a_nuisance_beyond_its_tolerance_is_said():
+    rows = [
+        NuisanceRow(name="modulus tube", unit="1", value=value, std=0.01, sheet_std=0.02, from_data=0.5)
+        for value in (-0.18, 0.05)
+    ]
+    (words,) = strained(rows)
+    assert words.startswith("The fit takes modulus tube to -0.18, 9.0 of the sheet's standard deviations")
 
 
 def test_rotations_and_moments_count(tmp_path):
