@@ -298,6 +298,22 @@ def test_a_reaction_is_no_load(tmp_path):
         read_measurement(data, sheet)
 
 
+def test_a_fit_that_is_no_model_is_said_of_the_readings(tmp_path):
+    """Inches: the tube would be 25 times as stiff. No file of that name was written, and none was given."""
+    data, sheet = write(tmp_path, Tube(clamp=1e-9), MID, 4)
+    head, *rows = data.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    turned = (",".join([*c[:2], *(f"{float(x) / 25.4:.9g}" for x in c[2:])]) for c in cells)
+    data.write_text("\n".join([head, *turned]) + "\n")
+    with pytest.raises(
+        ValueError, match=r"readings.csv: the fit takes the model beyond .*youngs_modulus"
+    ) as caught:
+        calibrate(prepare(data, sheet), tmp_path / "out")
+    assert "calibrated-model" not in str(caught.value)
+    assert "Write it in MPa" not in str(caught.value)
+    assert not list((tmp_path / "out").glob("*"))
+
+
 def test_micrometres_are_refused(tmp_path):
     data, sheet = write(tmp_path, Tube(), TIP, 4)
     head, *rows = data.read_text().splitlines()
