@@ -59,7 +59,16 @@ def calibrated_text(measurement: Measurement, chain: Chain) -> str:
         ValueError: the calibrated machine is not one that a model file admits.
     """
     document = calibrated_document(measurement, chain)
-    build_chain(document, "calibrated-model.toml")
+    file = measurement.readings.file
+    try:
+        build_chain(document, file)
+    except ValueError as error:
+        # its remedy is for a file that somebody wrote: place and value are the fit's
+        _, *found = str(error).split(": ")
+        raise ValueError(
+            f"{file}: the fit takes the model beyond what a model file admits ({': '.join(found[:2])}): look for a "
+            "wrong unit or sign in the readings, or a support that the sheet does not name"
+        ) from None
     head = f"# Calibrated from {measurement.readings.file} with {measurement.sheet.file} by `validate calibrate`.\n"
     return head + toml_text(document)
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
@@ -13,7 +15,7 @@ from vjm_output.documents import as_json, doubt_rows
 from vjm_output.optional_page import page_of
 from vjm_updating.calibrate.design import parsed_ramps
 from vjm_updating.calibrate.document import Calibration
-from vjm_updating.calibrate.fit import Solution, solve
+from vjm_updating.calibrate.fit import MISFIT, Solution, solve
 from vjm_updating.calibrate.identifiability import identifiability
 from vjm_updating.calibrate.problem import Problem, problem_of, with_promises
 from vjm_updating.calibrate.results import results
@@ -118,10 +120,15 @@ def calibrate(
 def _told_apart(found: Solution) -> Solution:
     """A solution, or where its parameters are not told apart the one with beams as the sheet promises them.
 
-    The second counts where it explains the readings as well and each of its parameters has a number.
+    The second counts where it explains the readings as well and each of its parameters has a number. What the
+    nuisances' priors take is part of what explains: each promised beam adds one square of a standard normal to it,
+    whose sum is judged as the variance of residuals is.
     """
     if identifiability(found).separable.all() or (problem := with_promises(found.problem)) is None:
         return found
     other = solve(problem)
-    as_well = bool((other.whitening.spread <= found.whitening.spread).all())
-    return other if as_well and identifiability(other).separable.all() else found
+    n, more = len(other.problem.promised), float(np.sum(other.pulls**2) - np.sum(found.pulls**2))
+    within = more <= n * (1.0 + MISFIT * np.sqrt(2.0 / n))
+    if not within or not (other.whitening.spread <= found.whitening.spread).all():
+        return replace(found, refuted=other.problem.promised)
+    return other if identifiability(other).separable.all() else found

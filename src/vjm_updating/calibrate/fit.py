@@ -42,17 +42,26 @@ class Solution:
         forward: model of all readings, outliers included, on the branches that were found.
         fitter: of the readings that are no outliers, with the noise that was found.
         fit: the best.
+        refuted: beams that the readings tell from nothing else, though not as the sheet promises them.
     """
 
     problem: Problem
     forward: Calibrated
     fitter: Fitter
     fit: Fit
+    refuted: tuple[str, ...] = ()
 
     @property
     def z(self) -> Array:
         """The unknowns ``(n_z,)``."""
         return self.fit.at.z
+
+    @property
+    def pulls(self) -> Array:
+        """The nuisances ``(n_z − n_parameters,)`` in the sheet's standard deviations of each."""
+        own = self.problem.unknowns.parameters
+        result: Array = self.z[own:] / self.problem.unknowns.sigma[own:]
+        return result
 
     @cached_property
     def at(self) -> Evaluation:

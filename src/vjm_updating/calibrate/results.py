@@ -29,7 +29,7 @@ from vjm_updating.calibrate.document import (
     ParameterRow,
     PredictionsRow,
 )
-from vjm_updating.calibrate.fit import Solution
+from vjm_updating.calibrate.fit import MISFIT, Solution
 from vjm_updating.calibrate.identifiability import Identifiability, identifiability, in_words
 from vjm_updating.calibrate.parameters import MATRIX
 from vjm_updating.calibrate.profile import profile_interval
@@ -181,6 +181,16 @@ def _nuisances(fit: Solution, found: Identifiability) -> list[NuisanceRow]:
     return rows
 
 
+def strained(rows: Sequence[NuisanceRow]) -> list[str]:
+    """In words, the nuisances that lie further off than the sheet's tolerances let expect."""
+    return [
+        f"The fit takes {row.name} to {row.value:.3g}, {abs(row.value) / row.sheet_std:.1f} of the sheet's "
+        "standard deviations: doubt that tolerance, or what the model says."
+        for row in rows
+        if abs(row.value) > MISFIT * row.sheet_std
+    ]
+
+
 def _unit(nuisance: Coordinate) -> str:
     if nuisance.kind == Kind.ZERO:
         return nuisance.subject.rpartition("_")[2].replace("Nmm", "N mm")
@@ -225,6 +235,11 @@ def _identifiability(fit: Solution, found: Identifiability) -> IdentifiabilityRo
             f"The readings do not tell {', '.join(promised)} from what carries it: what the sheet promises of it "
             "counts, and it is not looked for. --fit says otherwise.",
         )
+    if fit.refuted:
+        words.append(
+            f"What the sheet promises of {', '.join(fit.refuted)} does not explain the readings as well, and does "
+            "not count."
+        )
     if not lost:
         words.append("Every parameter has a number of its own.")
     else:
@@ -239,6 +254,7 @@ def _identifiability(fit: Solution, found: Identifiability) -> IdentifiabilityRo
         DirectionRow(name=in_words(one, names), singular_value=one.singular_value, seen=one.seen)
         for one in found.directions
     ]
+    words += strained(_nuisances(fit, found))
     return IdentifiabilityRow(statement=words, directions=rows, not_separable=lost)
 
 

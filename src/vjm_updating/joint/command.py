@@ -30,6 +30,7 @@ from vjm_updating.calibrate.document import (
     PredictionsRow,
 )
 from vjm_updating.calibrate.fit import spread_of
+from vjm_updating.calibrate.results import strained
 from vjm_updating.diagnose.estimates import Estimate, estimates, nuisance_estimates
 from vjm_updating.diagnose.extended import extended_document
 from vjm_updating.diagnose.joint_test import JointTest, joint_effects, together
@@ -109,7 +110,7 @@ def _fitted(prepared: Prepared, kind: JointTest) -> Fit:
 
 def _document(measurement: Measurement, prepared: Prepared, fit: Fit) -> Calibration:
     fitter = prepared.fitter
-    found = estimates(fitter, fit, 0.0)
+    found, nuisances = estimates(fitter, fit, 0.0), _nuisances(fitter, fit)
     return Calibration(
         title=measurement.sheet.test.title,
         model=measurement.chain.name,
@@ -120,13 +121,14 @@ def _document(measurement: Measurement, prepared: Prepared, fit: Fit) -> Calibra
         parameters=_parameters(measurement, found),
         combinations=[],
         compliances=[],
-        nuisances=_nuisances(fitter, fit),
+        nuisances=nuisances,
         joint=_covariance(fitter, fit),
         identifiability=IdentifiabilityRow(
             statement=[
                 _seen(measurement),
                 "The stiffness is known no better than the scales of cell and gauge, which count with the sheet's "
                 "tolerances.",
+                *strained(nuisances),
             ],
             directions=[],
             not_separable=[],

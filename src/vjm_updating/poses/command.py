@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ from vjm_updating.poses.kinds import read_test
 from vjm_updating.poses.ladder import Step, climb, rung
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.next_postures import next_postures
-from vjm_updating.poses.plausibility import mistaken
+from vjm_updating.poses.plausibility import columns_mistaken, mistaken
 from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.study import (
     COUPLING,
@@ -120,12 +121,12 @@ def diagnose_poses(
     progress("verdict")
     verdict = judge(study, steps, findings, series)
     first, last = steps[0].state, steps[-1].state
-    common, model = _common(measurement, study, steps, verdict.members, begun)
+    common, model = _common(measurement, study, steps, verdict.members, begun, findings)
     found = rows.PoseDiagnosis(
         **common
         | {
             "beside": [one.name for one in series],
-            "doubts": doubt_rows([*verdict.findings, *model.refusals]),
+            "doubts": doubt_rows(_once([*verdict.findings, *model.refusals])),
             "halves": None if verdict.halves is None else _halves(verdict.halves),
         },
         verdict=verdict.kind,
@@ -188,11 +189,11 @@ def calibrate_poses(
     listed = None if candidates is None else test.candidates(candidates)
     steps = [rung(study, "", first, (), ()), rung(study, ", ".join(hypothesis.names), last, (), ())]
     members = estimates(study, last)
-    common, model = _common(measurement, study, steps, members, begun, listed)
+    common, model = _common(measurement, study, steps, members, begun, findings, listed)
     compared = halves(study, last, members)
     said = [*findings, *drifted(study, compared), *at_bounds(study, members), *model.refusals]
     found = rows.PoseCalibration(
-        **common | {"doubts": doubt_rows(said), "halves": None if compared is None else _halves(compared)}
+        **common | {"doubts": doubt_rows(_once(said)), "halves": None if compared is None else _halves(compared)}
     )
     progress("report")
     files = {CALIBRATION: as_json(found)}
@@ -227,6 +228,11 @@ def _write(
             (out / stale).unlink(missing_ok=True)
 
 
+def _once(findings: Sequence[Finding]) -> list[Finding]:
+    """Findings, each once, in their order."""
+    return list(dict.fromkeys(findings))
+
+
 def _halves(found: Halves) -> rows.HalvesRow:
     return rows.HalvesRow(random=found.random, file=found.file, differ=found.differ)
 
@@ -237,12 +243,15 @@ def _common(
     steps: Sequence[Step],
     members: Sequence[MemberEstimate],
     begun: float,
+    findings: Sequence[Finding],
     candidates: Candidates | None = None,
 ) -> tuple[dict[str, object], Written]:
     """What a calibration and a diagnosis say alike, and the model file."""
     last = steps[-1].state
     data, frames = study.data, last.frames
     model = written(measurement, study, last, members)
+    # what is fitted to columns that are not what they say is of no use
+    model = replace(model, refusals=(*columns_mistaken(findings), *model.refusals))
     bent = [f"{COUPLING}.{joint}" for joint in last.hypothesis.bent]
     member_rows = [
         rows.MemberRow(

@@ -48,7 +48,7 @@ class Contrast:
     Attributes:
         name: what the residual follows.
         kind: ``angle``, ``torque``, ``one side``, ``approach``, ``time``, ``region``, ``backlash``,
-            ``load`` or ``shared``.
+            ``load``, ``drift`` or ``shared``.
         share: of the squared residual that it explains.
         significance: standard deviations.
     """
@@ -62,11 +62,7 @@ class Contrast:
 def contrasts(study: Study, state: State) -> list[Contrast]:
     """All contrasts of a state's residuals, the largest share first."""
     blocks, n = state.blocks, state.blocks.nuisances
-    active = state.solution.active
-    y = blocks.y - blocks.J[:, active] @ state.solution.z[active]
-    F = blocks.J[:, :n]
-    Q = np.linalg.qr(F)[0]
-    left = y - Q @ (Q.T @ y)
+    left, Q = _left(state)
     result: list[Contrast] = []
     columns: dict[tuple[str, str], list[int]] = {}
     # columns are compared by their shapes: a torque that hardly changes has the shape of what makes it change
@@ -105,6 +101,23 @@ def contrasts(study: Study, state: State) -> list[Contrast]:
     if len(study.data.markers) > 1:
         result.append(shared(study, state))
     return sorted(result, key=lambda one: -one.share)
+
+
+def changed(study: Study, state: State) -> Contrast:
+    """Whether the members that were fitted change evenly in the course of the file."""
+    blocks, active = state.blocks, state.solution.active
+    left, Q = _left(state)
+    course = np.linspace(-1.0, 1.0, len(study.data))
+    members = blocks.J[:, active[active >= blocks.nuisances]]
+    return _share("course of the file", "drift", left, Q, members * course[blocks.posture][:, None])
+
+
+def _left(state: State) -> tuple[Array, Array]:
+    """Whitened residuals ``(rows,)`` beyond the nuisances, and an orthonormal basis ``(rows, n)`` of those."""
+    blocks, active = state.blocks, state.solution.active
+    y = blocks.y - blocks.J[:, active] @ state.solution.z[active]
+    Q = np.linalg.qr(blocks.J[:, : blocks.nuisances])[0]
+    return y - Q @ (Q.T @ y), Q
 
 
 def _smooth(q: Array) -> Array:

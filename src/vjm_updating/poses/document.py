@@ -118,7 +118,9 @@ class WrittenRow(Row):
     without: list[str] = Field(description="its families for which a model file has no word")
     refitted_mm: float = Field(description="of the hypothesis without them, fitted anew")
     file_mm: float = Field(description="by the file itself, only the frames fitted")
-    refused: list[str] = Field(description="what no machine is, for which the file was not written")
+    refused: list[str] = Field(
+        description="what no machine is, or columns that are mistaken, for which the file was not written"
+    )
 
 
 class HalvesRow(Row):

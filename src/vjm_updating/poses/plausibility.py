@@ -92,7 +92,12 @@ def judged(measurement: RobotMeasurement, found: Iterable[Finding], *, strict: b
 
 def mistaken(findings: Iterable[Finding]) -> bool:
     """Whether columns are not what they say, so that whatever is fitted to them means nothing."""
-    return any(isinstance(one, ColumnsMistaken) for one in findings)
+    return bool(columns_mistaken(findings))
+
+
+def columns_mistaken(findings: Iterable[Finding]) -> list[Finding]:
+    """Findings that columns are not what they say."""
+    return [one for one in findings if isinstance(one, ColumnsMistaken)]
 
 
 def missed(findings: Iterable[Finding]) -> bool:

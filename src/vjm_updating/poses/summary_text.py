@@ -76,6 +76,6 @@ def _not_known(found: PoseCalibration) -> list[str]:
 def _written(row: WrittenRow) -> list[str]:
     if row.refused:
         return [f"no model file was written: {row.refused[0]}"]
-    judged = f"{row.judged_mm:.4g} mm with all that was judged; " if row.without else ""
+    judged = f"{row.judged_mm:.4g} mm with all that was judged; "
     without = f" (a model file has no word for {', '.join(row.without)})" if row.without else ""
     return [f"the model file, read back: {judged}{row.file_mm:.4g} mm by the file{without}"]

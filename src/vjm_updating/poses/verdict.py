@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.io.findings import Finding, Grade
-from vjm_updating.poses.contrasts import LEAST_SHARED, NOTED, Contrast, abrupt, contrasts, jump, jump_size
+from vjm_updating.poses.contrasts import LEAST_SHARED, NOTED, Contrast, abrupt, changed, contrasts, jump, jump_size
 from vjm_updating.poses.families import SECOND
 from vjm_updating.poses.fit import solve
 from vjm_updating.poses.halves import Halves, halves
@@ -55,6 +55,8 @@ NEXT = {
     "the tracker. Approach "
     "the same postures from both sides, log measured joints, keep the order in which they were taken.",
     "time": "What is left follows the clock: fix a marker to the base and measure it again and again.",
+    "drift": "The halves of the file differ: repeat the first postures at the end, with a marker on the base, to "
+    "tell a change of the machine from one of the tracker.",
     "jump": "Measure a marker on the base before and after; cut the test at the jump and give each "
     "part its own file.",
     "angle": "What is left follows a joint's angle: turn that joint alone through its range in "
@@ -156,24 +158,30 @@ def judge(
             f"{study.data.file}, row {row}",
             f"{name}: {words.format(by=text)}",
         )
-    rest = _remainder(study, last, contrasts(study, last), jumped)
+    members = estimates(study, last)
+    compared = None if doubtful else halves(study, last, members)
+    differ = jumped is None and compared is not None and compared.differ
+    drift = [changed(study, last)] if differ else []
+    asked = sorted([*contrasts(study, last), *drift], key=lambda one: -one.share)
+    rest = _remainder(study, last, asked, jumped)
     before, after = (float(np.hypot(*state.errors.means[1:])) for state in (first, last))
     explained = 1.0 - after / before if before > 0.0 else 0.0
     causes = last.hypothesis.names
     alternatives = _alternatives(study, steps, causes, series)
-    members = estimates(study, last)
-    compared = None if doubtful else halves(study, last, members)
     if doubtful or jumped is not None or (rest.significant and missed(findings)):
         kind = "unknown"
     elif not causes:
         kind = "unknown" if rest.significant else "none"
     elif rest.significant:
-        # what markers share is friction, play or the tracker beside the causes, no other law of theirs
-        lacking = rest.kind in CONTRADICTS or (rest.kind != "shared" and rest.share > FOLLOWS)
+        # what markers share is friction, play or the tracker beside the causes, no other law of theirs; nor is a
+        # change in the course of the file
+        lacking = rest.kind in CONTRADICTS or (rest.kind not in ("shared", "drift") and rest.share > FOLLOWS)
         kind = "unknown" if lacking or explained < EXPLAINS else "partly"
     else:
         kind = "class" if alternatives else "named"
-    doing = NEXT["data"] if doubtful else NEXT["class" if kind == "class" else rest.kind]
+    # a drift that was found calls for a test, also where what it leaves is within the noise
+    follows = "drift" if differ and rest.kind == "none" else rest.kind
+    doing = NEXT["data"] if doubtful else NEXT["class" if kind == "class" else follows]
     said = [*findings]
     if jumped is not None:
         said.append(jumped)
@@ -233,7 +241,10 @@ def _remainder(study: Study, state: State, asked: Sequence[Contrast], jumped: Fi
             over, False, "none", f"what is left scatters by {over:.2f} times the noise that the sheet says"
         )
     noted = [c for c in asked if c.significance > NOTED and c.share > LEAST_SHARE]
+    # a change of the members moves the markers together, too
+    others = max((c.share for c in noted if c.kind not in ("shared", "drift")), default=0.0)
     ranked = (
+        *(c for c in noted if c.kind == "drift" and c.share >= others),
         *(c for c in noted if c.kind == "shared" and c.share > LEAST_SHARED),
         *(c for c in noted if c.kind == "one side" and c.significance > ONE_SIDE),
         *(c for c in noted if c.kind not in ("shared", "one side")),

@@ -16,11 +16,14 @@ from vjm.io.toml_text import toml_text
 from vjm.io.urdf_text import urdf_text
 from vjm.model.chain import Chain
 from vjm_updating.poses.calibrated import NO_WORD, calibrated_document
+from vjm_updating.poses.families import VALUE
+from vjm_updating.poses.fit import solve
 from vjm_updating.poses.identifiability import MemberEstimate, estimates
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.study import State, Study
 from vjm_updating.poses.transfer import refitted
+from vjm_updating.poses.verdict import NO_FAMILY
 
 
 @dataclass(frozen=True)
@@ -31,11 +34,12 @@ class Written:
         text: of the file, TOML.
         urdf: the same as a URDF.
         mjcf: the same as an MJCF file.
-        state: the fit without what the file has no word for.
+        state: the fit without what the file has no word for, or leaves at the model's values.
         without: families for which it has none.
         left_out: what else it cannot hold, for people.
         error: mean distance in mm of the markers from the predictions of the file as read back.
-        refusals: what no machine is, in the file and not in the model that the sheet names; then it is not for use.
+        refusals: why it is not for use: what no machine is, in the file and not in the model that the sheet names,
+            or columns of the data that are not what they say.
     """
 
     text: str
@@ -67,6 +71,7 @@ def written(
         families = tuple(name for name in state.hypothesis.families if name not in NO_WORD)
         state = study.settle(replace(state.hypothesis, families=families), state)
         members = estimates(study, state)
+    state, members = _as_in_file(study, state, members)
     document, left_out = calibrated_document(measurement, study, state, members)
     text = toml_text(document)
     content = parse_toml(text)
@@ -76,6 +81,24 @@ def written(
     refusals = tuple(one for one in new if one.grade is not Grade.NOTED)
     error = _error(study, chain)
     return Written(text, urdf_text(chain), mjcf_text(chain), state, without, left_out, error, refusals)
+
+
+def _as_in_file(
+    study: Study, state: State, members: Sequence[MemberEstimate]
+) -> tuple[State, list[MemberEstimate]]:
+    """A fit without the members that the file leaves at the model's values, which took a part of the others up."""
+    dropped = {row.name: row for row in members if not row.identifiable}
+    n, family = state.blocks.nuisances, state.blocks.family.copy()
+    held = [i for i, m in enumerate(study.members) if m.name in dropped and m.acts != VALUE]
+    if not held:
+        return state, list(members)
+    family[[n + i for i in held]] = NO_FAMILY
+    blocks = replace(state.blocks, family=family)
+    solution = solve(blocks, study.numbers(state.hypothesis), state.solution.sizes)
+    errors = study.errors(blocks, solution, state.sigma)
+    refit = replace(state, z=solution.z[n:], blocks=blocks, solution=solution, errors=errors)
+    names = {study.members[i].name for i in held}
+    return refit, [*estimates(study, refit), *(row for name, row in dropped.items() if name in names)]
 
 
 def _said(finding: Finding) -> tuple[str, str]:

@@ -129,6 +129,11 @@ def test_nothing_is_fitted_to_mistaken_columns(good, tmp_path):
     pair = files(tmp_path, scaled(good, "target.d", -1.0))
     found = diagnose_poses(*pair, tmp_path / "out")
     assert (found.verdict, found.causes) == ("unknown", [])
+    said = [row.found for row in found.doubts if "sign_reversed" in row.found]
+    assert len(said) == 1
+    assert said[0] in found.written.refused[0]
+    calibrate_poses(*pair, tmp_path / "fitted")
+    assert not [*tmp_path.glob("*/*-model.toml"), *tmp_path.glob("*/*.urdf"), *tmp_path.glob("*/calibrated.xml")]
     with pytest.raises(ImplausibleError, match="sign_reversed"):
         calibrate_poses(*pair, tmp_path / "out", strict=True)
 
@@ -232,3 +237,18 @@ def test_a_mimic_stands_beside_its_master_and_keeps_its_limits(tmp_path):
     data.write_text(header + "\n".join(rows) + "\n")
     with pytest.raises(ValueError, match=r"readings\.csv: row 6, column 'level\.q_rad': .* of lift: correct"):
         read_test(data, sheet)
+
+
+def test_the_file_is_fitted_without_what_it_leaves_out(tmp_path):
+    # a first joint and a base that turn about one upright axis are one
+    hidden = compliant()
+    hidden.base = np.array([2e-9, 4e-9, 0.0])
+    q, force = drawn(21, postures=40)
+    d = displacement(hidden, q, force) + np.random.default_rng(4).normal(0.0, 0.01, force.shape)
+    pair = files(tmp_path, columns_of(q, force, d))
+    found = calibrate_poses(*pair, tmp_path / "out", families=("joint_compliance", "base_compliance"))
+    rows = {row.name: row for family in found.families for row in family.members}
+    assert not rows["base_compliance.base.z"].identifiable
+    assert "base-turn-z" not in (tmp_path / "out/calibrated-model.toml").read_text()
+    # the joint alone does what both did; the file is evaluated anew, by its own machine
+    assert found.written.file_mm == pytest.approx(found.written.judged_mm, rel=0.02)

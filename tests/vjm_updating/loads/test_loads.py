@@ -17,6 +17,8 @@ from vjm.io.model_file import build_chain
 from vjm.io.toml_parsing import parse_toml
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibrate.command import calibrate, prepare
+from vjm_updating.calibrate.document import NuisanceRow
+from vjm_updating.calibrate.results import strained
 from vjm_updating.diagnose.command import diagnose
 from vjm_updating.diagnose.kinds import kind_of
 from vjm_updating.diagnose.load_test import LoadTest
@@ -178,6 +180,27 @@ def test_one_gauge_leaves_the_tube_to_the_sheet(tmp_path):
     assert clamp.std == pytest.approx(0.02 * share, rel=0.25)
 
 
+def test_a_promise_that_the_readings_refute_does_not_count(tmp_path):
+    """Two gauges under 35 N leave tube and clamp together; a quarter softer is beyond 2 % of the sheet by far."""
+    document = calibrated(tmp_path, Tube(clamp=1e-9, factor=1.25), MID, 4, force=35.0)
+    words = " ".join(document.identifiability.statement)
+    assert document.fit.fits
+    assert not document.parameters
+    assert "What the sheet promises of tube does not explain the readings as well" in words
+    (seen,) = (row for row in document.combinations if row.seen)
+    # the tube's factor by its logarithm, and a hundredth of the clamp's
+    assert abs(seen.value - np.log(1.25)) < STANDARD_ERRORS * seen.std
+
+
+def test_a_nuisance_beyond_its_tolerance_is_said():
+    rows = [
+        NuisanceRow(name="modulus tube", unit="1", value=value, std=0.01, sheet_std=0.02, from_data=0.5)
+        for value in (-0.18, 0.05)
+    ]
+    (words,) = strained(rows)
+    assert words.startswith("The fit takes modulus tube to -0.18, 9.0 of the sheet's standard deviations")
+
+
 def test_rotations_and_moments_count(tmp_path):
     """A moment at the tip, and what the tip turns and shifts by: both parts have numbers of their own."""
     rows = rows_of(calibrated(tmp_path, Tube(clamp=5e-9), ("my_Nmm", "ry_rad", "uz_mm"), 4, force=0.0, moment=4e4))
@@ -273,6 +296,22 @@ def test_a_reaction_is_no_load(tmp_path):
     data, sheet = write(tmp_path, Tube(), ("fz_N", "my_Nmm", "mid.uz_mm"), 4, moment=2e4, held=("z",))
     with pytest.raises(ValueError, match="fz_N is the reaction of what the sheet holds"):
         read_measurement(data, sheet)
+
+
+def test_a_fit_that_is_no_model_is_said_of_the_readings(tmp_path):
+    """Inches: the tube would be 25 times as stiff. No file of that name was written, and none was given."""
+    data, sheet = write(tmp_path, Tube(clamp=1e-9), MID, 4)
+    head, *rows = data.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    turned = (",".join([*c[:2], *(f"{float(x) / 25.4:.9g}" for x in c[2:])]) for c in cells)
+    data.write_text("\n".join([head, *turned]) + "\n")
+    with pytest.raises(
+        ValueError, match=r"readings.csv: the fit takes the model beyond .*youngs_modulus"
+    ) as caught:
+        calibrate(prepare(data, sheet), tmp_path / "out")
+    assert "calibrated-model" not in str(caught.value)
+    assert "Write it in MPa" not in str(caught.value)
+    assert not list((tmp_path / "out").glob("*"))
 
 
 def test_micrometres_are_refused(tmp_path):
