@@ -185,14 +185,14 @@ def difference(here: Path, there: Path, R: Array, *, whole: bool = True) -> floa
         )
     pairs = zip(events, turned_events, strict=True)
     changes = [_relative(np.array([a.force]), np.array([b.force])) for a, b in pairs if whole]
-    first = here.points[0].stiffness, there.points[0].stiffness
-    if whole and first[0] is not None and first[1] is not None:
-        finite = [bool(np.isfinite(K).all()) for K in first]
-        if finite[0] != finite[1]:
+    K, K_turned = here.points[0].stiffness, there.points[0].stiffness
+    if whole and K is not None and K_turned is not None:
+        finite = bool(np.isfinite(K).all())
+        if finite != bool(np.isfinite(K_turned).all()):
             raise NoConvergenceError("the stiffness is infinite in one of the two machines only")
-        if finite[0]:
+        if finite:
             # a machine that is rigid in some direction has none to compare
-            changes.append(_relative(rotate_matrix6(first[0], R), first[1]))
+            changes.append(_relative(rotate_matrix6(K, R), K_turned))
     # points that an event or an adaptive step has put elsewhere are not compared
     rows = [(i, int(np.argmin(np.abs(there.s - s)))) for i, s in enumerate(here.s)]
     rows = [(i, j) for i, j in rows if abs(here.s[i] - there.s[j]) <= SAME_PLACE * here.s[-1]]
