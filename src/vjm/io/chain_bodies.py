@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import assert_never
 
 import numpy as np
 
 from vjm.io.robot import HUGE, Kind
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
-from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
+from vjm.model.joints import CoupledJoint, HeldJoint
+from vjm.model.parts import Beam, Part, PassiveJoint, RigidOffset, deflects
 from vjm.rotations import Array, translation
 
 
@@ -127,23 +126,7 @@ def _followed(part: Part | None, joints: Mapping[str, HeldJoint]) -> Follows | N
 
 def elastic_parts(chain: Chain) -> list[str]:
     """Names of the parts that deflect."""
-    return [part.name for part in chain.parts if _elastic(part)]
-
-
-def _elastic(part: Part) -> bool:
-    match part:
-        case Beam() | SprungJoint():
-            return True
-        case ActuatedJoint():
-            return part.elastic
-        case CoupledJoint():
-            return part.compliance > 0.0 or any(part.lateral)
-        case Actuator() | Mount():
-            return part.compliance > 0.0
-        case RigidOffset() | PassiveJoint():
-            return False
-        case _:
-            assert_never(part)
+    return [part.name for part in chain.parts if deflects(part)]
 
 
 def not_rigid(chain: Chain, format_name: str) -> list[str]:
