@@ -1,4 +1,4 @@
-"""The README's table of speed and accuracy is what `make bench-table` writes, row by row."""
+"""The page's table of speed and accuracy is what `make bench-table` writes, row by row."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from benchmarks.readme_table import BEGIN, END, MEANING, markdown, with_table
+from benchmarks.bench_table import BEGIN, END, MEANING, markdown, with_table
 
 ROOT = Path(__file__).parents[1]
 ABOUT = {
@@ -60,10 +60,10 @@ def test_a_part_of_the_benchmarks_makes_no_table():
         markdown(found(another=1.0))
 
 
-def test_the_readme_has_the_marks_and_every_benchmark_with_a_requirement_a_row():
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert readme.count(BEGIN) == readme.count(END) == 1
-    assert "make bench-table" in readme
+def test_the_page_has_the_marks_and_every_benchmark_with_a_requirement_a_row():
+    page = (ROOT / "docs/how-well-it-works.md").read_text(encoding="utf-8")
+    assert page.count(BEGIN) == page.count(END) == 1
+    assert "make bench-table" in page
     said = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests/benchmarks").glob("test_*.py"))
     recorded = re.findall(r'record\(f?"([\w{}]+)"', said)
     patterns = [re.sub(r"\{\w+\}", r"\\w+", name) for name in recorded]
