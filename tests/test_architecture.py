@@ -245,7 +245,7 @@ def test_ordinary_names_are_let_through(text: str):
 
 PAGES = [
     ROOT / "README.md",
-    *sorted(page for folder in ("", "tutorials", "theory") for page in (ROOT / "docs" / folder).glob("*.md")),
+    *sorted(page for folder in ("", "tutorials", "theory", "how-well") for page in (ROOT / "docs" / folder).glob("*.md")),
 ]
 
 
@@ -260,10 +260,14 @@ def test_files_that_a_page_names_are_there(page: Path):
 
 
 def _program(link: Path) -> Path:
-    """What a link leads to; for a page of the gallery, which the builder makes, the program it is made of."""
-    if link.parent.name != "gallery_built":
+    """What a link leads to; for a page or figure of the gallery, which the builder makes, the program behind it."""
+    if "gallery_built" not in link.parts:
         return link
-    return link.parent.with_name("gallery") / f"{link.stem}.py"
+    folder = next(parent for parent in link.parents if parent.name == "gallery_built")
+    if link.stem == "index":
+        return folder.with_name("gallery") / "README.rst"
+    made = re.sub(r"^sphx_glr_(\w+?)_(\d+|thumb)$", r"\1", link.stem)
+    return folder.with_name("gallery") / f"{made}.py"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])

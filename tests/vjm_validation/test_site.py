@@ -19,7 +19,7 @@ DOCS = ROOT / "docs"
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     """The site without its gallery's figures."""
-    for module in ("sphinx", "myst_parser", "furo", "sphinx_gallery"):
+    for module in ("sphinx", "myst_parser", "furo", "sphinx_design", "sphinx_gallery"):
         pytest.importorskip(module)
     folder = tmp_path_factory.mktemp("site")
     done = subprocess.run(

@@ -1,0 +1,23 @@
+"""A part and its faces
+====================
+
+The foot of :doc:`/tutorials/part-to-spring` as ``validate show`` draws it: the numbers name its faces. This needs the
+extra ``solid``.
+"""
+
+from importlib.resources import files
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import matplotlib.pyplot as plt
+
+from vjm_validation.cli.main import run
+
+with TemporaryDirectory() as folder:
+    picture = Path(folder) / "foot.png"
+    run(["show", str(files("vjm_validation") / "examples/parts/slotted-foot.step"), "--out", str(picture)])
+    image = plt.imread(picture)
+figure, axes = plt.subplots(figsize=(7, 5), layout="constrained")
+axes.imshow(image)
+axes.axis("off")
+plt.show()
