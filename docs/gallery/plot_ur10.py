@@ -1,8 +1,8 @@
 """A robot and a laser tracker
 ===========================
 
-The readings of :doc:`/tutorials/ur10`: where a target on the flange of a UR10 was in every third of 1,495 postures, in
-the frame of the tracker.
+The readings of :doc:`/tutorials/ur10`: positions of a target on the flange of a UR10. They are of every
+third of 1,495 postures, in the frame of the tracker.
 """
 
 from importlib.resources import files
