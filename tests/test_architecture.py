@@ -245,7 +245,9 @@ def test_ordinary_names_are_let_through(text: str):
 
 PAGES = [
     ROOT / "README.md",
-    *sorted(page for folder in ("", "tutorials", "theory", "how-well") for page in (ROOT / "docs" / folder).glob("*.md")),
+    *sorted(
+        page for folder in ("", "tutorials", "theory", "how-well") for page in (ROOT / "docs" / folder).glob("*.md")
+    ),
 ]
 
 

@@ -1,8 +1,8 @@
 """A tube in a clamp
 =================
 
-The readings of :doc:`/tutorials/bench`: weights at the tip of a tube, and two dial gauges. The line is the tube in a
-rigid clamp, by beam theory. What the readings lie above it is the rotation of the clamp.
+The readings of :doc:`/tutorials/bench`: weights at the tip of a tube, and two dial gauges. The line is the tube
+in a rigid clamp, by beam theory. What the readings lie above it is the rotation of the clamp.
 """
 
 from importlib.resources import files

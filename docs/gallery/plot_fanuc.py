@@ -29,7 +29,7 @@ left = {
 figure, axes = plt.subplots(figsize=(8, 3.6), layout="constrained")
 order = np.argsort(left["rigid"])
 for label, size in left.items():
-    axes.plot(np.arange(1, 44), size[order], "o-", label=f"{label}: {size.mean():.2f} mm in the mean, nothing fitted here")
+    axes.plot(np.arange(1, 44), size[order], "o-", label=f"{label}: {size.mean():.2f} mm in the mean")
 axes.set(xlabel="posture, sorted by its displacement", ylabel="displacement not explained, mm", ylim=(0, None))
 axes.legend()
 plt.show()

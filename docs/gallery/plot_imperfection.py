@@ -1,8 +1,8 @@
 """A leg with a bow
 ================
 
-The leg of :doc:`/tutorials/buckling-leg` in compression: perfect, and with a bow at mid-span in the shape in which it
-buckles. The bow removes the sharp point, and the stiffness falls earlier.
+The leg of :doc:`/tutorials/buckling-leg` in compression: perfect, and with a bow at mid-span in the shape in
+which it buckles. The bow removes the sharp point, and the stiffness falls earlier.
 """
 
 from importlib.resources import files

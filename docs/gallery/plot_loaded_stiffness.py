@@ -1,8 +1,9 @@
 """Loaded and unloaded stiffness
 ==============================
 
-The stiffness along x of the paper's chain in posture B, by (18) at the loaded equilibrium and by (5) without load, see
-:doc:`/theory/stiffness`. In compression the chain loses most of its stiffness; the unloaded model cannot show it.
+The stiffness along x of the paper's chain in posture B, by (18) at the loaded equilibrium and by (5) without
+load, see :doc:`/theory/stiffness`. In compression the chain loses most of its stiffness; the unloaded model
+cannot show it.
 """
 
 import matplotlib.pyplot as plt

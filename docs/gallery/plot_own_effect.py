@@ -1,8 +1,8 @@
 """A disc spring that snaps through
 ================================
 
-The law of :doc:`/tutorials/own-effect`: the extension that the drive adds by the force on it. Around 1500 N it grows by
-0.02 mm; below and above it is stiff.
+The law of :doc:`/tutorials/own-effect`: the extension that the drive adds by the force on it. Around 1500 N it
+grows by 0.02 mm; below and above it is stiff.
 """
 
 import matplotlib.pyplot as plt

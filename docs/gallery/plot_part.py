@@ -1,8 +1,8 @@
 """A part and its faces
 ====================
 
-The foot of :doc:`/tutorials/part-to-spring` as ``validate show`` draws it: the numbers name its faces. This needs the
-extra ``solid``.
+The foot of :doc:`/tutorials/part-to-spring` as ``validate show`` draws it: the numbers name its faces. This
+needs the extra ``solid``.
 """
 
 from importlib.resources import files

@@ -1,8 +1,9 @@
 """The residual that a missing cause leaves
 ========================================
 
-Made-up readings of a machine with backlash in its drive, and the model without it. The residual has a step where the
-force changes its sign: a shape that noise does not have. :doc:`/diagnosis` asks which cause makes such a shape.
+Made-up readings of a machine with backlash in its drive, and the model without it. The residual has a step
+where the force changes its sign: a shape that noise does not have. :doc:`/diagnosis` asks which cause makes
+such a shape.
 """
 
 import matplotlib.pyplot as plt
@@ -29,7 +30,8 @@ left.set(xlabel="displacement along x, mm", ylabel="force, kN", xlim=(-1.6, 1.6)
 left.legend()
 right.axhspan(-2 * NOISE, 2 * NOISE, color="0.9", label="noise, ± 2 sigma")
 right.plot(read_at, readings - np.interp(read_at, s, force), ".", color="C1", label="reading − model")
-right.plot(read_at, np.interp(felt, s, force) - np.interp(read_at, s, force), color="C2", label="backlash of 0.04 mm")
+backlash = np.interp(felt, s, force) - np.interp(read_at, s, force)
+right.plot(read_at, backlash, color="C2", label="backlash of 0.04 mm")
 right.set(xlabel="displacement along x, mm", ylabel="residual, N")
 right.legend()
 plt.show()

@@ -1,8 +1,8 @@
 """The eigenvalue that passes zero
 ================================
 
-The smallest eigenvalue of the second variation along two load paths, see :doc:`/theory/stability`. It reaches zero at
-the critical point. Behind it the stable branch is followed, on which it is positive again.
+The smallest eigenvalue of the second variation along two load paths, see :doc:`/theory/stability`. It reaches
+zero at the critical point. Behind it the stable branch is followed, on which it is positive again.
 """
 
 import matplotlib.pyplot as plt

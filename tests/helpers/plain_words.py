@@ -103,7 +103,8 @@ class Page:
             if not block.cell and (n := words(block.text)) > PARAGRAPH:
                 found.append(f"a paragraph of {n} words: {begin} …")
             for pattern, term in _FORBIDDEN.items():
-                found += [f"“{m[0]}”, say {term}: … {_around(block.text, m)} …" for m in pattern.finditer(block.text)]
+                for match in pattern.finditer(block.text):
+                    found.append(f"“{match[0]}”, say {term}: … {_around(block.text, match)} …")
         return found
 
 

@@ -27,9 +27,7 @@ def test_a_source_has_prose(name: str):
 
 def test_long_sentences_and_paragraphs_are_found():
     word = "one two three four five six seven eight nine ten "
-    assert Page("", markdown(word * 4 + ".")).offences() == [
-        "sentences have 40.0 words in the mean, more than 25"
-    ]
+    assert Page("", markdown(word * 4 + ".")).offences() == ["sentences have 40.0 words in the mean, more than 25"]
     assert "a sentence of 41 words in: one two" in Page("", markdown(word * 4 + "eleven.")).offences()[1]
     short = Page("", markdown(("One " + word + ". ") * 11)).offences()
     assert short == ["a paragraph of 121 words: One one two three four five six seven …"]
@@ -48,6 +46,7 @@ def test_forbidden_words_are_found_in_prose_and_in_no_code():
 
 
 def test_sentences_end_where_a_reader_sees_it():
-    assert Block("It is 3.5 mm, by Code. Then e.g. Kennedy et al. 2001 found Code. (22) is so.").sentences == [6, 8, 3]
+    text = "It is 3.5 mm, by Code. Then e.g. Kennedy et al. 2001 found Code. (22) is so."
+    assert Block(text).sentences == [6, 8, 3]
     assert Block("A. Pashkevich found it at 2661 N. It is close.").sentences == [7, 3]
     assert Block("Is it? Yes! It is.").sentences == [2, 1, 2]
