@@ -41,7 +41,7 @@ FORBIDDEN = {
     r"ladder": "stepwise selection; verification hierarchy",
     r"yardsticks?": "reference",
     r"(what|all that) is left|lacking": "residual",
-    r"told apart": "distinguishable",
+    r"(tells?|told|telling)( \w+)? apart": "distinguishable",
     r"given sets": "third-party sets",
     r"swings?": "is a mechanism; oscillates",
     r"ways": "loading and unloading; directions",
