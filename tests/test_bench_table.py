@@ -69,3 +69,17 @@ def test_the_page_has_the_marks_and_every_benchmark_with_a_requirement_a_row():
     patterns = [re.sub(r"\{\w+\}", r"\\w+", name) for name in recorded]
     for name in MEANING:
         assert any(re.fullmatch(pattern, name) for pattern in patterns), name
+
+
+def test_the_readme_repeats_what_the_page_and_the_reference_report_say():
+    readme, page, report = (
+        (ROOT / name).read_text(encoding="utf-8")
+        for name in ("README.md", "docs/how-well-it-works.md", "reports/reference/README.md")
+    )
+    (speed,) = re.findall(r"is (\d+) times as fast", readme)
+    assert re.findall(r"^\| `speedup_vs_exudyn` \|.*?\| (\d+) \|", page, re.MULTILINE) == [speed]
+    (accuracy,) = re.findall(r"within ([\d.]+) % in force", readme)
+    assert f"Force at equal displacement differs by at most {accuracy} %" in report
+    for figure in ("force at equal displacement", "critical force", "critical displacement"):
+        (differs,) = re.findall(rf"^\| {figure} \| differs by ([\d.]+) % at most", page, re.MULTILINE)
+        assert f"{figure.capitalize()} differs by at most {differs} %" in report
