@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from vjm.model.closures import Closure, Coupling
 from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring, SprungJoint
 from vjm.model.parts import Actuator, Beam, Part, PassiveJoint, Placement, RigidOffset
 from vjm.rotations import Array
@@ -55,8 +54,6 @@ class Chain:
     after: Mapping[str, str] = field(default_factory=dict)
     point_springs: tuple[PointSpring, ...] = ()
     ends: Mapping[str, str] = field(default_factory=dict)
-    closures: tuple[Closure, ...] = ()
-    couplings: tuple[Coupling, ...] = ()
 
     def __repr__(self) -> str:
         parts = ", ".join(part.name for part in self.parts)
@@ -96,17 +93,6 @@ class Chain:
             for name in spring.parts:
                 if name not in before:
                     raise ValueError(f"{self.name}: spring '{spring.name}' is fixed to '{name}', which is no part")
-        for closure in self.closures:
-            for name in closure.parts:
-                if name not in before:
-                    raise ValueError(f"{self.name}: closure '{closure.name}' holds '{name}', which is no part")
-        passive = {joint.name for joint in self.joints}
-        for coupling in self.couplings:
-            for name, _ in coupling.terms:
-                if name not in passive:
-                    raise ValueError(
-                        f"{self.name}: coupling '{coupling.name}' names '{name}', which is no passive joint"
-                    )
 
     def _check_free_lengths(self) -> None:
         """Refuse a beam that no sliding joint before it pushes out.
@@ -193,8 +179,8 @@ class Chain:
 
     @property
     def is_tree(self) -> bool:
-        """Whether it has branches, closed loops, or springs between two parts."""
-        return bool(self.after or self.point_springs or self.closures or self.couplings)
+        """Whether it has branches, or springs between two parts."""
+        return bool(self.after or self.point_springs)
 
     def refuse_tree(self, what: str) -> None:
         """For whatever takes parts in series only.
