@@ -521,9 +521,7 @@ class Statics:
             row += [self.length] * 3 + ([] if c.turns else [1.0] * 3)
         passive = {part.name: part for part in self.chain.joints}
         for coupling in self.chain.couplings:
-            size = max(
-                abs(w) * (self.length if passive[name].slides else 1.0) for name, w in coupling.terms
-            )
+            size = max(abs(w) * (self.length if passive[name].slides else 1.0) for name, w in coupling.terms)
             unit.append(self.energy_unit / size)
             row.append(size)
         if self.held:
