@@ -3,7 +3,7 @@
 It shares no code with the package but the description of the parts. A `Statics` lists the one-degree joints of a
 `Chain` and their frames. Its unknowns are the coordinates, the reactions of beam-column springs, the wrenches of
 closures, the torques of couplings, and the wrench on an end whose pose is imposed. Newton's matrix is the exact
-derivative of all equations: each unknown is moved by an imaginary step, and Rodrigues' formula takes complex angles.
+derivative of all equations: each unknown moves by an imaginary step, and Rodrigues' formula takes complex angles.
 
 Dead forces, springs and weight have an `energy`, of kinematics alone: a test holds its gradient to the equations.
 """
@@ -683,6 +683,27 @@ class Statics:
         at = self._equations(steps, share)
         M = at.equations.imag.T / TINY / self.row[:, None]
         return at.equations[0].real / self.row, M, at
+
+    def first_step(self) -> tuple[float, float, np.ndarray]:
+        """Of the posture as drawn: how regular it is, and how far the first step of Newton's method goes.
+
+        Returns:
+            Smallest eigenvalue of the second variation without loads, in units of the machine; smallest singular
+            value of the constraints, their rows of length one; turns in rad and shifts per length ``(n,)``.
+        """
+        y = np.zeros(self.size)
+        y[: self.n] = self.start
+        _, M, _ = self._linearised(y, 0.0)
+        H, J = self._condensed(M)
+        J = J / np.linalg.norm(J, axis=1)[:, None]
+        values = np.linalg.svd(J, compute_uv=False) if len(J) else np.ones(1)
+        if len(J) > self.n or not values[-1] > 0.0:
+            return 0.0, 0.0, np.zeros(self.n)
+        N = null_space(J) if len(J) else np.eye(self.n)
+        least = np.linalg.eigvalsh(N.T @ (0.5 * (H + H.T)) @ N).min(initial=np.inf)
+        r, M, _ = self._linearised(y)
+        step = np.linalg.lstsq(M, r, rcond=None)[0]
+        return float(least), float(values[-1]), -step[: self.n]
 
     def _newton(self, y, share):
         """Equilibrium near ``y``; the last residual is that of rounding."""
