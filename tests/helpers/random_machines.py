@@ -1,8 +1,8 @@
-"""Random machines: trees under their weight, and machines of all kinds with closed loops under all kinds of loads."""
+"""Random machines: trees under their weight, and machines of all kinds with closed loops under all loads."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -90,7 +90,7 @@ def energy_of(chain: Chain, values: dict[str, float], loads=()) -> Energy:
 KINDS = ("chain", "arm", "tree", "platform", "four-bar", "strut", "gear", "mixed")
 """Of `random_case`, in the order of the seeds."""
 REGULAR = 1e-4
-"""Smallest eigenvalue, in units of the machine, and smallest singular value of constraints that count as regular."""
+"""Smallest eigenvalue, in units of the machine, and singular value of the constraints that count as regular."""
 WITHOUT_LOADS = 0.1
 """Largest turn, rad, by which springs under stress may move a machine from where it is drawn."""
 
