@@ -133,8 +133,10 @@ def test_its_equations_are_the_gradient_of_an_energy(kind: str):
     """Kinematics alone give the energy; wrenches of loops and couplings work on the gaps."""
     rng = np.random.default_rng(1)
     tried = 0
-    for seed in range(6):
+    for seed in range(40):
         statics = random_case(seed, kind).statics()
+        if tried == 2:
+            break
         if not statics.conservative or statics.laws:
             continue
         tried += 1
@@ -147,7 +149,7 @@ def test_its_equations_are_the_gradient_of_an_energy(kind: str):
         # sums of rounding of the largest terms
         unit = statics.unit[:n] / statics.energy_unit
         assert equations * unit == pytest.approx(gradient * unit, abs=1e-11 * np.abs(gradient * unit).max())
-    assert tried >= 1
+    assert tried == 2
 
 
 @pytest.mark.parametrize("kind", KINDS)
