@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from helpers.energy import Energy
 from helpers.virtual_work import Statics, with_support
 from vjm.model.chain import Chain
 from vjm.model.closures import Closure, Coupling
@@ -80,11 +79,6 @@ def _compliance(rng, length):
     A = rng.normal(size=(6, 6)) * 0.4 + np.eye(6)
     unit = np.repeat([length, 1.0], 3) * 10.0 ** rng.uniform(-4.5, -3.8)
     return A @ A.T * unit[:, None] * unit
-
-
-def energy_of(chain: Chain, values: dict[str, float], loads=()) -> Energy:
-    """The machine's energy under its weight."""
-    return Energy(chain, values, GRAVITY, loads)
 
 
 KINDS = ("chain", "arm", "tree", "platform", "four-bar", "strut", "gear", "mixed")
@@ -298,6 +292,11 @@ class _Maker:
         joint = _joint(self.rng, self.name("j"), self.scalar)
         if isinstance(joint, SprungJoint) and self.rng.random() < 0.5:
             joint = replace(joint, preload=0.0, rest=0.0)
+        if isinstance(joint, CoupledJoint):
+            # a radian for a hundred millimetres: by a radian for each it would turn over as its slide gives way
+            slides = {part.name for part in self.parts if getattr(part, "slides", False)}
+            ratios = tuple((name, ratio / (100.0 if name in slides else 1.0)) for name, ratio in joint.ratios)
+            joint = replace(joint, ratios=ratios)
         at = self.add(joint, behind)
         if not isinstance(joint, CoupledJoint):
             self.values[at] = float(self.rng.uniform(-40, 40) if joint.slides else self.rng.uniform(-2, 2))

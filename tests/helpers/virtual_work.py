@@ -771,26 +771,7 @@ class Statics:
         _, M, steps = self._linearised(y)
         at = self._equations(y[None])
         n, free = self.n, self.size - 6 * self.held
-        H, closed = self._condensed(M[:free, :free])
-        N = null_space(closed) if len(closed) else np.eye(n)
-        # an end is held by six more unknowns: the matrix without them, bordered for each end
-        stiffness, compliance = {}, {}
-        wrench_row = np.repeat([self.length, 1.0], 3)
-        wrench_unit = self.energy_unit / wrench_row
-        for name, site in self.ends.items():
-            if self.held and name:
-                continue
-            J = self._end_rows(steps, site)[:, :free] / wrench_row[:, None]
-            B = np.zeros((free + 6, free + 6))
-            B[:free, :free] = M[:free, :free]
-            B[free:, :free] = J
-            B[:n, free:] = -J[:, :n].T
-            stiffness[name] = np.full((6, 6), np.inf)
-            if np.linalg.matrix_rank(J[:, :n] @ N, tol=RIGID) == 6:
-                stiffness[name] = np.linalg.inv(B)[free:, free:] * wrench_unit[:, None] / wrench_row
-            if not self.held:
-                C = J @ np.linalg.solve(M[:free, :free], -B[:free, free:])
-                compliance[name] = C * wrench_row[:, None] / wrench_unit
+        both = {name: self._of_end(M, steps, site) for name, site in self.ends.items() if not (self.held and name)}
         H, closed = self._condensed(M)
         N = null_space(closed) if len(closed) else np.eye(n)
         reduced = N.T @ (0.5 * (H + H.T)) @ N
@@ -815,13 +796,39 @@ class Statics:
             wrench=y[free:] if self.held else self.applied[""],
             closures=closures,
             couplings=couplings,
-            stiffness=stiffness,
-            compliance=compliance,
+            stiffness={name: K for name, (K, _) in both.items()},
+            compliance={} if self.held else {name: C for name, (_, C) in both.items()},
             negative=int(np.count_nonzero(values < 0.0)),
             smallest=float(values[0]) if len(values) else np.inf,
             torques=self._torques(at.forces[0]),
             residual=residual,
         )
+
+    def stiffness_as_drawn(self, end: str = ""):
+        """K^F ``(6, 6)`` of an end in the posture as drawn, whether that is an equilibrium or not."""
+        y = np.zeros(self.size)
+        y[: self.n] = self.start
+        _, M, steps = self._linearised(y)
+        return self._of_end(M, steps, self.ends[end])[0]
+
+    def _of_end(self, M, steps: State, site: Site):
+        """K^F of an end and its compliance ``(6, 6)``; nan where a passive joint leaves none."""
+        n, free = self.n, self.size - 6 * self.held
+        unit = np.repeat([self.length, 1.0], 3)
+        H, closed = self._condensed(M[:free, :free])
+        N = null_space(closed) if len(closed) else np.eye(n)
+        # an end is held by six more unknowns: the matrix without those that hold it already, bordered
+        B = np.zeros((free + 6, free + 6))
+        B[:free, :free] = M[:free, :free]
+        B[free:] = np.pad(self._end_rows(steps, site)[:, :free] / unit[:, None], ((0, 0), (0, 6)))
+        B[:n, free:] = -B[free:, :n].T
+        K, C = np.full((6, 6), np.inf), np.full((6, 6), np.nan)
+        if np.linalg.matrix_rank(B[free:, :n] @ N, tol=RIGID) == 6:
+            K = np.linalg.inv(B)[free:, free:] * self.energy_unit / unit[:, None] / unit
+        if not self.held and np.abs(np.linalg.eigvals(N.T @ H @ N)).min(initial=np.inf) > RIGID:
+            C = -B[free:, :free] @ np.linalg.solve(B[:free, :free], B[:free, free:])
+            C = C * unit[:, None] * unit / self.energy_unit
+        return K, C
 
     def _condensed(self, M):
         """Scaled second derivatives ``(n, n)`` without reactions of springs, and the constraints' rows."""

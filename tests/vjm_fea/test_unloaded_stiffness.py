@@ -12,7 +12,7 @@ from importlib import resources
 
 import numpy as np
 import pytest
-from helpers.energy import Energy
+from helpers.virtual_work import Statics
 
 from vjm.engines import engine_by_name, trace_machine
 from vjm.io.manipulator_file import load_manipulator
@@ -77,13 +77,10 @@ def tree(**changes) -> Chain:
 
 def bridge() -> PointSpring:
     """Between the two beams' tips, at its free length as drawn, so that it is without force."""
-    chain = tree()
-    energy = Energy(chain, chain.held["p"], (0.0, 0.0, 0.0))
-    _, _, begin, _ = energy.places(np.zeros((1, energy.size)))
-    tips = [beam("side").tip, beam("tool").tip]
-    (R, p), (Q, q) = (begin[name] for name in ("side", "tool"))
-    a, b = p[0].real + R[0].real @ tips[0], q[0].real + Q[0].real @ tips[1]
-    return PointSpring("bridge", ("side", "tool"), np.array(tips), 50.0, float(np.linalg.norm(b - a)))
+    chain = tree(ends={"side": "side"})
+    drawn = Statics(chain, chain.held["p"]).drawn
+    length = float(np.linalg.norm(drawn[""][:3, 3] - drawn["side"][:3, 3]))
+    return PointSpring("bridge", ("side", "tool"), np.array([beam("side").tip, beam("tool").tip]), 50.0, length)
 
 
 def library(name: str) -> Chain:
@@ -169,8 +166,7 @@ def truth(name: str) -> np.ndarray:
     chain, posture = machine(name)
     values = dict(chain.held.get(posture, {}))
     values |= zip((part.name for part in chain.joints), chain.posture(posture).tolist(), strict=True)
-    energy = Energy(chain, values, (0.0, 0.0, 0.0))
-    return energy.stiffness(np.zeros(energy.size))
+    return Statics(chain, values).stiffness_as_drawn()
 
 
 def unloaded(engine: str, name: str) -> np.ndarray:
@@ -241,10 +237,9 @@ def test_platform_is_the_sum_of_its_legs_energies(engine: str):
     for leg, q, drive in zip(robot.legs, pose.q, pose.drives, strict=True):
         chain = replace(leg.chain, base=leg.driven_root(float(drive)) @ leg.chain.base)
         values = dict(zip((part.name for part in chain.joints), q.tolist(), strict=True))
-        energy = Energy(chain, values, (0.0, 0.0, 0.0))
         x, y, z = (pose.frames[0] @ leg.attachment)[:3, 3] - pose.frames[0][:3, 3]
         A = np.eye(6)
         A[:3, 3:] = -np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        K += A.T @ energy.stiffness(np.zeros(energy.size)) @ A
+        K += A.T @ Statics(chain, values).stiffness_as_drawn() @ A
     found = trace_machine(solver, robot, LoadCase(label, 1e-6, steps=1)).points[0].stiffness
     assert apart(found, K) < TOLERANCE.get(engine, ROUNDED)
