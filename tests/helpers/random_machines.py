@@ -204,7 +204,7 @@ class _Maker:
             carrier = next(part.name for part in reversed(self.parts) if not isinstance(part, Beam))
             self.springs.append(PointSpring("s", ("", carrier), points, float(rng.uniform(0.1, 2.0)), 20.0, 5.0))
         chain = self.closed(kind, ends)
-        # an end-effector whose joints are passive needs a hand
+        # a chain with passive joints bears nothing unless its end is held
         imposed = kind == "chain" or (kind != "tree" and rng.random() < 0.3)
         free: tuple[str, ...] = ()
         if imposed and rng.random() < 0.4:
