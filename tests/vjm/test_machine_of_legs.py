@@ -102,22 +102,28 @@ def test_parts_lie_where_the_legs_have_them(robot: tuple[Manipulator, Chain]) ->
         for name, T in leg_frames(inverse_kinematics(manipulator, displacement)).items():
             # a drive moves what lies behind it; before it, the leg's world of today moves with it
             leg = manipulator.leg(name.split("/")[0])
-            before = leg.drive is not None and name != f"{leg.name}/{leg.chain.parts[-1].name}" and (
-                [p.name for p in leg.chain.parts].index(name.split("/")[1])
-                < [p.name for p in leg.chain.parts].index(leg.drive.part)
+            before = (
+                leg.drive is not None
+                and name != f"{leg.name}/{leg.chain.parts[-1].name}"
+                and (
+                    [p.name for p in leg.chain.parts].index(name.split("/")[1])
+                    < [p.name for p in leg.chain.parts].index(leg.drive.part)
+                )
             )
             if not before:
                 assert apart(machine, there[name], T) < CLOSES, (label, name)
 
 
 def test_a_beam_too_long_leaves_a_gap_of_its_error() -> None:
-    manipulator = load_manipulator("orthoglide").with_errors({"y": {"bar": 0.5}})
+    manipulator = load_manipulator("orthoglide").with_errors({"y": {"link": 0.5}})
     machine = machine_of(manipulator)
     nominal = machine_of(replace(manipulator, errors={}))
     assert np.abs(gaps(nominal, "isotropic")).max() < CLOSES
     open_by = gaps(machine, "isotropic")
     names = [closure.name for closure in machine.closures]
-    assert np.linalg.norm(open_by[names.index("y"), :3]) * machine.characteristic_length == pytest.approx(0.5, rel=1e-6)
+    assert np.linalg.norm(open_by[names.index("y"), :3]) * machine.characteristic_length == pytest.approx(
+        0.5, rel=1e-6
+    )
     assert np.abs(np.delete(open_by, names.index("y"), axis=0)).max() < CLOSES
 
 

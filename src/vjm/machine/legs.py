@@ -110,7 +110,9 @@ def _parts(leg: Leg, too_long: Mapping[str, float], *, own_numbers: bool) -> lis
     """
     taken = next((part.name for part in leg.chain.parts if part.name in (ROOT, ATTACHMENT)), None)
     if taken is not None:
-        raise ValueError(f"leg '{leg.name}': '{taken}' is the name of what holds a leg: rename that part of its chain")
+        raise ValueError(
+            f"leg '{leg.name}': '{taken}' is the name of what holds a leg: rename that part of its chain"
+        )
     drive = leg.drive
     joint: list[Part] = []
     if drive is not None:
@@ -126,12 +128,13 @@ def _parts(leg: Leg, too_long: Mapping[str, float], *, own_numbers: bool) -> lis
             made = replace(made, length=length, free_length=free, own_segments=numbers.get(part.name))
         if isinstance(part, CoupledJoint) and isinstance(made, CoupledJoint):
             made = replace(made, ratios=tuple((_named(leg, name), ratio) for name, ratio in part.ratios))
-        driven = drive is not None and part.name == drive.part
-        if driven and not isinstance(part, RigidOffset):
-            result += joint
-        result.append(made)
-        if driven and isinstance(part, RigidOffset):
-            result += joint
+        if drive is None or part.name != drive.part:
+            result.append(made)
+        elif isinstance(part, RigidOffset) and not np.array_equal(part.transform, np.eye(4)):
+            # the drive acts where the rigid part ends
+            result += [made, *joint]
+        else:
+            result += [*joint, made]
     return result
 
 
