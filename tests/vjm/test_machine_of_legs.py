@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from vjm.io.manipulator_file import load_manipulator, manipulators
 from vjm.machine.legs import machine_of
 from vjm.model.chain import Chain
-from vjm.model.parts import Beam, RigidOffset
+from vjm.model.parts import Actuator, Beam, Mount, Part, RigidOffset
 from vjm.platform.closure import RigidPose
 from vjm.platform.manipulator import Manipulator
 from vjm.platform.rigid import inverse_kinematics
@@ -27,18 +28,21 @@ def frames_behind(machine: Chain, label: str) -> dict[str, Array]:
     values |= machine.held[label]
     frames, before = {"": machine.base}, ""
     for part in machine.parts:
-        T = frames[machine.after.get(part.name, before)]
-        if isinstance(part, RigidOffset):
-            T = T @ part.transform
-        elif isinstance(part, Beam):
-            T = T @ translation(part.tip)
-        elif part.name in values:
-            value = values[part.name]
-            slides = part.slides  # type: ignore[union-attr]
-            T = T @ (translation(value * part.axis) if slides else turn(part.axis, value))  # type: ignore[union-attr]
-        frames[part.name] = T
+        frames[part.name] = frames[machine.after.get(part.name, before)] @ through(part, values)
         before = part.name
     return frames
+
+
+def through(part: Part, values: Mapping[str, float]) -> Array:
+    """Frame ``(4, 4)`` behind a rigid part from before it, joints at coordinates by name."""
+    if isinstance(part, RigidOffset):
+        return part.transform
+    if isinstance(part, Beam):
+        return translation(part.tip)
+    if isinstance(part, Actuator | Mount):
+        return np.eye(4)
+    value = values[part.name]
+    return translation(value * part.axis) if part.slides else turn(part.axis, value)
 
 
 def gaps(machine: Chain, label: str) -> Array:
@@ -64,14 +68,7 @@ def leg_frames(pose: RigidPose) -> dict[str, Array]:
         values = dict(zip((joint.name for joint in leg.chain.joints), q, strict=True))
         T = pose.frame(leg.start) @ leg.driven_root(float(drive)) @ leg.chain.base
         for part in leg.chain.parts:
-            if isinstance(part, RigidOffset):
-                T = T @ part.transform
-            elif isinstance(part, Beam):
-                T = T @ translation(part.tip)
-            elif part.name in values:
-                q_ = values[part.name]
-                slides = part.slides  # type: ignore[union-attr]
-                T = T @ (translation(q_ * part.axis) if slides else turn(part.axis, q_))  # type: ignore[union-attr]
+            T = T @ through(part, values)
             result[f"{leg.name}/{part.name}"] = T
     return result
 

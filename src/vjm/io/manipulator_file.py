@@ -17,12 +17,12 @@ import numpy as np
 import pydantic
 from pydantic import Field, StringConstraints, model_validator
 
+from vjm.io.closure_tables import Poses, displacement
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
 from vjm.io.model_file import Entry, ModelDocument, _parse, build_chain, library, read_document
 from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM, rotation
 from vjm.io.sections import Table
 from vjm.model.chain import Chain
-from vjm.model.joint_limits import LARGEST_TURN
 from vjm.model.joints import HeldJoint, SprungJoint
 from vjm.platform.manipulator import BASE, PLATFORM, Coupling, Drive, Leg, Manipulator, drive_of
 from vjm.rotations import Array, frame
@@ -30,7 +30,6 @@ from vjm.rotations import Array, frame
 KIND = "manipulator"
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 """Of a robot; some begin with the number of their legs."""
-PoseMM = Annotated[list[float], Field(min_length=3, max_length=6)]
 
 
 class LegTable(Table):
@@ -94,9 +93,7 @@ class ManipulatorFile(Table):
     workspace: Workspace | None = None
     legs: list[LegTable] = Field(min_length=1)
     couplings: list[CouplingTable] = Field([])
-    poses: dict[Label, PoseMM] = Field(
-        min_length=1, description="displacement from home: x, y, z in mm, turns in rad"
-    )
+    poses: Poses = Field(min_length=1, description="displacement from home: x, y, z in mm, turns in rad")
 
 
 _TABLES: dict[str, type[Table]] = {
@@ -206,7 +203,7 @@ def build_manipulator(document: ModelDocument, folder: Path | Traversable) -> Ma
             name=table.name,
             legs=tuple(_leg(leg, chains[leg.chain]) for leg in table.legs),
             home=frame(rotation(table.platform.turns), table.platform.position_mm),
-            poses={label: _pose(label, numbers) for label, numbers in table.poses.items()},
+            poses={label: displacement(label, numbers) for label, numbers in table.poses.items()},
             couplings=tuple(
                 Coupling(c.name, tuple((term.leg, term.joint, term.weight) for term in c.terms))
                 for c in table.couplings
@@ -294,15 +291,6 @@ def _posture(table: LegTable, chain: Chain) -> Array:
         return chain.posture(table.posture)
     except KeyError as error:
         raise ValueError(f"leg '{table.name}': {error.args[0]}") from error
-
-
-def _pose(label: str, numbers: list[float]) -> Array:
-    if len(numbers) not in (3, 6):
-        raise ValueError(f"pose '{label}' must have 3 entries (mm) or 6 (mm, rad), got {len(numbers)}")
-    far = next((turn for turn in numbers[3:] if abs(turn) > LARGEST_TURN), None)
-    if far is not None:
-        raise ValueError(f"pose '{label}': a turn of {far:g} rad is beyond ±2π: is it in degrees?")
-    return np.array(numbers + [0.0] * (6 - len(numbers)), dtype=float)
 
 
 def _folder() -> Traversable:

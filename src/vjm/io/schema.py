@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from vjm.io import checks
+from vjm.io.closure_tables import ClosureTable, CouplingTable, Poses, displacement
 from vjm.io.drawn import DrawnTable
 from vjm.io.errors import printed
 from vjm.io.fields import Axis, Label, Matrix6, Turn, Turns, VectorMM, rotation
@@ -33,6 +34,7 @@ from vjm.io.joint_tables import (
 )
 from vjm.io.sections import LengthMM, StiffnessSection, Table
 from vjm.io.shapes import SHAPES, AnySection
+from vjm.machine.closing import closed
 from vjm.model import parts
 from vjm.model.chain import FOOT, Chain, pushed_out
 from vjm.model.joint_limits import joint_limits
@@ -198,6 +200,9 @@ class ModelFile(Table):
     )
     point_springs: list[PointSpringTable] = Field([])
     ends: dict[Label, Label] = Field({}, description="end frames by name: the part behind which each lies")
+    closures: list[ClosureTable] = Field([])
+    couplings: list[CouplingTable] = Field([])
+    poses: Poses = Field({}, description="of a machine with closures: the end-effector from the first posture")
 
     @model_validator(mode="after")
     def _chain(self) -> ModelFile:
@@ -215,6 +220,11 @@ class ModelFile(Table):
                 raise ValueError(f"part '{part.name}' has a bow, and {where}, which has no shape: give 2")
         for label in self.postures:
             self.given(label)
+        if self.poses and not (self.closures or self.couplings):
+            raise ValueError("has [poses] but no [[closures]]: give the joints' coordinates in [postures]")
+        for label in self.poses:
+            if label in self.postures:
+                raise ValueError(f"'{label}' is a posture and a pose: rename one")
         return self
 
     @property
@@ -244,6 +254,9 @@ class ModelFile(Table):
             after={part.name: part.after for part in self.parts if part.after is not None},
             point_springs=tuple(table.spring() for table in self.point_springs),
             ends=dict(self.ends),
+            closures=tuple(table.closure() for table in self.closures),
+            couplings=tuple(table.coupling(given) for table in self.couplings),
+            poses={label: displacement(label, numbers) for label, numbers in self.poses.items()},
             title=self.title,
             source=self.source,
             sha256=sha256,
@@ -262,7 +275,7 @@ class ModelFile(Table):
                 except ValueError as error:
                     raise ValueError(f"posture '{label}': {error}") from error
         checks.check_postures(chain)
-        return chain
+        return closed(chain) if chain.closes else chain
 
 
 _TABLES: dict[str, type[Table]] = {
@@ -281,6 +294,8 @@ _TABLES: dict[str, type[Table]] = {
     "actuated": ActuatedTable,
     "coupled": CoupledTable,
     "point_spring": PointSpringTable,
+    "closure": ClosureTable,
+    "coupling": CouplingTable,
     "stiffness": StiffnessSection,
     **SHAPES,
 }

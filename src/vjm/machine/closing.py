@@ -147,15 +147,15 @@ class Closing:
         """
         way = np.asarray(displacement, dtype=float)
         rows = np.asarray(components, dtype=bool)
-        driven = bool(np.any(~self.tree.passive))
+        # what has fewer freedoms takes only some poses: its way leads over those that are near the straight one
+        bound = self._freedom(self.home).shape[1] < np.count_nonzero(rows)
         nothing = np.zeros(len(self.home), dtype=bool)
         where = _words(way)
 
         def closed(q: Array, to: float) -> tuple[Array, float]:
-            # without drives only some poses can be taken at all: the way leads over those that are near
             aim = displaced(self.end, to * way)[None]
             there, left = self.solve(q[None], nothing, aim, rows)
-            if not driven and to < 1.0:
+            if bound and to < 1.0:
                 there, left = self.solve(there, nothing)
             return there[0], float(left[0])
 
@@ -208,6 +208,8 @@ class Closing:
             there, left = closed(q, to)
             moved = np.abs((there - q) / tree.unit)[tree.passive].max(initial=0.0)
             if left < CLOSED and moved <= LARGEST_TURN:
+                # the free motions turn along the way, where there are fewer than six
+                basis = _aligned(self._freedom(there), basis) if watch else basis
                 answers = self._rates(there, basis) if watch else None
                 if _turned_back(before, answers):
                     raise PoseError(
@@ -315,16 +317,47 @@ class Closing:
             redundant=int(len(J) - (J.shape[1] - free.shape[1])),
         )
 
-    def with_posture(self, label: str, q: Array) -> Chain:
-        """The machine with one posture more, at coordinates ``(n,)``."""
-        machine, passive = self.machine, self.tree.passive
-        values = dict(zip(self.tree.names, q.tolist(), strict=True))
-        held = {name: v for (name, v), p in zip(values.items(), passive, strict=True) if not p}
-        return replace(
-            machine,
-            postures={**machine.postures, label: q[passive].copy()},
-            held={**machine.held, label: held},
-        )
+    def posture(self, q: Array) -> tuple[Array, dict[str, float]]:
+        """Passive coordinates ``(n_q,)``, and held ones by name, of coordinates ``(n,)``; mm and rad."""
+        passive = self.tree.passive
+        values = zip(self.tree.names, q.tolist(), passive, strict=True)
+        return q[passive].copy(), {name: value for name, value, is_passive in values if not is_passive}
+
+
+def home_label(machine: Chain) -> str:
+    """Label of the posture from which a machine's poses are displaced."""
+    return machine.home or next(iter(machine.postures))
+
+
+def closed(machine: Chain) -> Chain:
+    """The machine with its loops closed in all its postures, and a posture for each of its poses.
+
+    Args:
+        machine: whose postures may be rounded: held joints stay where they are if the loops close so.
+
+    Raises:
+        PoseError: naming the posture or the pose in which the loops do not close, and why.
+    """
+    closings: dict[str, Closing] = {}
+    for label in machine.postures:
+        try:
+            closings[label] = Closing(machine, label)
+        except PoseError as error:
+            raise PoseError(f"posture '{label}': {error}") from error
+    stands = {label: closing.posture(closing.home) for label, closing in closings.items()}
+    home = closings[home_label(machine)]
+    for label, displacement in machine.poses.items():
+        if label in stands:
+            continue
+        try:
+            stands[label] = home.posture(home.displaced(displacement))
+        except PoseError as error:
+            raise PoseError(f"pose '{label}': {error}") from error
+    return replace(
+        machine,
+        postures={label: passive for label, (passive, _) in stands.items()},
+        held={label: held for label, (_, held) in stands.items()},
+    )
 
 
 def _words(displacement: Array) -> str:
@@ -356,6 +389,15 @@ def _span(A: Array) -> Array:
         return np.zeros((len(A), 0))
     U, s, _ = np.linalg.svd(A)
     result: Array = U[:, : int(np.count_nonzero(s > SINGULAR))]
+    return result
+
+
+def _aligned(basis: Array, other: Array) -> Array:
+    """The basis ``(6, f)`` of the same motions that is nearest to another; itself where the numbers differ."""
+    if basis.shape != other.shape:
+        return basis
+    U, _, Vt = np.linalg.svd(basis.T @ other)
+    result: Array = basis @ U @ Vt
     return result
 
 

@@ -40,6 +40,11 @@ class Chain:
         point_springs: springs between points of two parts.
         ends: end frames of a tree by name: the name of the part behind which each lies. Behind the last part lies
             the end-effector, whose name is empty.
+        closures: frames that are held together, which close loops.
+        couplings: of passive joints.
+        poses: displacements ``(6,)`` of the end-effector from home by label, mm and rad, for a machine whose
+            coordinates follow from them by its closures. `postures` and `held` have them under the same labels.
+        home: label of the posture from which poses are displaced; empty: the first.
     """
 
     name: str
@@ -57,6 +62,8 @@ class Chain:
     ends: Mapping[str, str] = field(default_factory=dict)
     closures: tuple[Closure, ...] = ()
     couplings: tuple[Coupling, ...] = ()
+    poses: Mapping[str, Array] = field(default_factory=dict)
+    home: str = ""
 
     def __repr__(self) -> str:
         parts = ", ".join(part.name for part in self.parts)
@@ -192,9 +199,14 @@ class Chain:
         return replace(self, parts=tuple(parts))
 
     @property
+    def closes(self) -> bool:
+        """Whether its joints' coordinates depend on one another: by loops, or by couplings of passive joints."""
+        return bool(self.closures or self.couplings)
+
+    @property
     def is_tree(self) -> bool:
         """Whether it has branches, closed loops, or springs between two parts."""
-        return bool(self.after or self.point_springs or self.closures or self.couplings)
+        return bool(self.after or self.point_springs or self.closes)
 
     def refuse_tree(self, what: str) -> None:
         """For whatever takes parts in series only.
@@ -203,7 +215,7 @@ class Chain:
             ValueError: the machine has branches, or springs between two parts.
         """
         if self.is_tree:
-            why = "branches" if self.after else "springs between two parts"
+            why = "closed loops" if self.closes else "branches" if self.after else "springs between two parts"
             raise ValueError(f"{self.name}: {what} is for parts in series, but it has {why}; engine vjm takes it")
 
     def refuse_prestress(self, what: str) -> None:
