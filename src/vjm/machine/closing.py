@@ -69,12 +69,13 @@ class Closing:
         end: frame ``(4, 4)`` of the end-effector at home.
     """
 
-    def __init__(self, machine: Chain, home: str | Mapping[str, float]) -> None:
+    def __init__(self, machine: Chain, home: str | Mapping[str, float], end: Array | None = None) -> None:
         """Close the machine at home.
 
         Args:
             machine: with closures or without.
             home: a label of its postures, or coordinates by the joints' names, mm or rad; both may be rounded.
+            end: frame ``(4, 4)`` of the end-effector at home, mm, where it is known better.
 
         Raises:
             PoseError: the loops do not close there.
@@ -85,9 +86,10 @@ class Closing:
         self.end = self.tree.end_motion(self.tree.state(q[None]))[0][0]
         self._refuse_open(q, HOME_GAP, "at home")
         # a rounded file: drives stand where it has them, where the loops close so
-        there, left = self.solve(q[None], ~self.tree.passive)
+        nothing, wanted = np.zeros(len(q), dtype=bool), None if end is None else end[None]
+        there, left = self.solve(q[None], ~self.tree.passive if end is None else nothing, wanted)
         if not left[0] < CLOSED:
-            there, left = self.solve(q[None], np.zeros(len(q), dtype=bool))
+            there, left = self.solve(q[None], nothing, wanted)
             if not left[0] < CLOSED:
                 self._refuse_open(there[0], CLOSED, "at home")
         self.home = there[0]
@@ -329,11 +331,12 @@ def home_label(machine: Chain) -> str:
     return machine.home or next(iter(machine.postures))
 
 
-def closed(machine: Chain) -> Chain:
+def closed(machine: Chain, end: Array | None = None) -> Chain:
     """The machine with its loops closed in all its postures, and a posture for each of its poses.
 
     Args:
         machine: whose postures may be rounded: held joints stay where they are if the loops close so.
+        end: frame ``(4, 4)`` of the end-effector at home, mm, where it is known better.
 
     Raises:
         PoseError: naming the posture or the pose in which the loops do not close, and why.
@@ -341,7 +344,7 @@ def closed(machine: Chain) -> Chain:
     closings: dict[str, Closing] = {}
     for label in machine.postures:
         try:
-            closings[label] = Closing(machine, label)
+            closings[label] = Closing(machine, label, end if label == home_label(machine) else None)
         except PoseError as error:
             raise PoseError(f"posture '{label}': {error}") from error
     stands = {label: closing.posture(closing.home) for label, closing in closings.items()}
