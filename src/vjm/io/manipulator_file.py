@@ -19,17 +19,37 @@ from pydantic import Field, StringConstraints, model_validator
 
 from vjm.io.closure_tables import Poses, displacement
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
-from vjm.io.model_file import Entry, ModelDocument, _parse, build_chain, library, read_document
+from vjm.io.joint_tables import Mass
+from vjm.io.model_file import Entry, ModelDocument, build_chain, library, parsed, read_document
 from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM, rotation
 from vjm.io.sections import Table
+from vjm.machine.legs import MachineLeg, joined, posed
 from vjm.model.chain import Chain
-from vjm.model.joints import HeldJoint, SprungJoint
+from vjm.model.joint_limits import joint_limits
+from vjm.model.joints import ActuatedJoint, HeldJoint, SprungJoint
+from vjm.model.parts import deflects
 from vjm.platform.manipulator import BASE, PLATFORM, Coupling, Drive, Leg, Manipulator, drive_of
 from vjm.rotations import Array, frame
 
 KIND = "manipulator"
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 """Of a robot; some begin with the number of their legs."""
+
+
+class PlatformTable(Base):
+    """The platform: its frame at home, and its mass."""
+
+    mass_kg: Mass = 0.0
+    centre_of_mass_mm: VectorMM = Field([0.0, 0.0, 0.0], description="in its frame")
+
+
+class BodyTable(Table):
+    """A body between legs: its mass."""
+
+    name: Label
+    source: str = ""
+    mass_kg: Mass
+    centre_of_mass_mm: VectorMM = Field([0.0, 0.0, 0.0], description="in its frame")
 
 
 class LegTable(Table):
@@ -46,7 +66,9 @@ class LegTable(Table):
     drive_turns_about: Axis | None = Field(None, description="of a drive that turns; else an actuator's axis")
     drive_home: float = Field(0.0, description="mm or rad")
     drive_limits: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
-    posture: list[float] | Label = Field([], description="passive coordinates at home, rad, or a posture's label")
+    posture: list[float] | Label = Field(
+        [], description="coordinates at home of the chain's joints, base to tool, rad or mm, or a posture's label"
+    )
 
 
 class Term(Table):
@@ -89,7 +111,8 @@ class ManipulatorFile(Table):
     title: str = Field(min_length=1)
     source: str = Field(min_length=1)
     units: Units
-    platform: Base = Base()
+    platform: PlatformTable = PlatformTable()
+    bodies: list[BodyTable] = Field([])
     workspace: Workspace | None = None
     legs: list[LegTable] = Field(min_length=1)
     couplings: list[CouplingTable] = Field([])
@@ -103,7 +126,8 @@ _TABLES: dict[str, type[Table]] = {
     "legs": LegTable,
     "couplings": CouplingTable,
     "workspace": Workspace,
-    "platform": Base,
+    "platform": PlatformTable,
+    "bodies": BodyTable,
 }
 
 
@@ -127,7 +151,7 @@ def _one_line(error: pydantic.ValidationError, content: Mapping[str, Any]) -> st
 def manipulators() -> list[Entry]:
     """The manipulators that come with the package, by name."""
     return [
-        Entry(file.name.removesuffix(".toml"), str(_parse(file.name, file.read_bytes()).content["title"]))
+        Entry(file.name.removesuffix(".toml"), str(parsed(file.name, file.read_bytes()).content["title"]))
         for file in _library_files()
     ]
 
@@ -148,8 +172,8 @@ def load_model(name_or_path: str | Path) -> Chain | Manipulator:
     """
     for file in _library_files():
         if isinstance(name_or_path, str) and file.name == f"{name_or_path}.toml":
-            document = _parse(file.name, file.read_bytes())
-            return build_manipulator(document, _folder() / "chains")
+            document = parsed(file.name, file.read_bytes())
+            return build_manipulator(document, library_folder() / "chains")
     path = Path(name_or_path)
     if isinstance(name_or_path, str) and not path.exists() and path.suffix != ".toml":
         names = [entry.name for entry in (*library(), *manipulators())]
@@ -176,6 +200,23 @@ def load_manipulator(name_or_path: str | Path) -> Manipulator:
     return model
 
 
+def read_table(document: ModelDocument) -> ManipulatorFile:
+    """A manipulator's document, checked.
+
+    Raises:
+        ModelFileError: it is none; one line that says how to mend it.
+    """
+    try:
+        return ManipulatorFile.model_validate(document.content)
+    except pydantic.ValidationError as error:
+        raise ModelFileError(f"{document.file}: {_one_line(error, document.content)}") from error
+
+
+def library_folder() -> Traversable:
+    """Where the library's manipulators lie, and in ``chains`` their legs."""
+    return resources.files("vjm").joinpath("models", "manipulators")
+
+
 def build_manipulator(document: ModelDocument, folder: Path | Traversable) -> Manipulator:
     """The manipulator of a document.
 
@@ -186,17 +227,15 @@ def build_manipulator(document: ModelDocument, folder: Path | Traversable) -> Ma
     Raises:
         ModelFileError: as `load_model`.
     """
-    file, content = document.file, document.content
-    try:
-        table = ManipulatorFile.model_validate(content)
-    except pydantic.ValidationError as error:
-        raise ModelFileError(f"{file}: {_one_line(error, content)}") from error
+    file, table = document.file, read_table(document)
+    if table.bodies or table.platform.mass_kg:
+        raise ModelFileError(f"{file}: masses of the platform and of bodies are not computed here: leave them out")
     chains: dict[str, Chain] = {}
     digest = hashlib.sha256(document.sha256.encode())
     try:
         for leg in table.legs:
             if leg.chain not in chains:
-                chains[leg.chain] = _chain(leg.chain, folder)
+                chains[leg.chain] = leg_chain(leg.chain, folder)
                 digest.update(chains[leg.chain].sha256.encode())
         box = table.workspace
         return Manipulator(
@@ -224,20 +263,25 @@ def leg_documents(name_or_path: str | Path) -> dict[str, ModelDocument]:
         ModelFileError: one of them is not there.
     """
     inside = isinstance(name_or_path, str) and any(f.name == f"{name_or_path}.toml" for f in _library_files())
-    folder = _folder() / "chains" if inside else Path(name_or_path).parent
+    folder = library_folder() / "chains" if inside else Path(name_or_path).parent
     legs = read_document(name_or_path).content.get("legs", [])
     return {name: _leg_document(name, folder) for name in dict.fromkeys(str(leg["chain"]) for leg in legs)}
 
 
-def _chain(name: str, folder: Path | Traversable) -> Chain:
+def leg_chain(name: str, folder: Path | Traversable, *, may_be_rigid: bool = False) -> Chain:
+    """The chain of a leg: a file of a folder, or of the library.
+
+    Raises:
+        ModelFileError: there is none, or it is no sane chain.
+    """
     document = _leg_document(name, folder)
-    return build_chain(document.content, document.file, document.sha256)
+    return build_chain(document.content, document.file, document.sha256, may_be_rigid=may_be_rigid)
 
 
 def _leg_document(name: str, folder: Path | Traversable) -> ModelDocument:
     file = folder / (name if name.endswith(".toml") else f"{name}.toml")
     if file.is_file():
-        document = _parse(file.name, file.read_bytes())
+        document = parsed(file.name, file.read_bytes())
         if document.content.get("kind") == KIND:
             raise ModelFileError(f"chain '{name}' is itself a manipulator: a leg needs a chain file")
         return document
@@ -266,13 +310,18 @@ def _leg(table: LegTable, chain: Chain) -> Leg:
         end=table.ends_on,
         root=frame(rotation(table.base.turns), table.base.position_mm),
         attachment=frame(rotation(table.attachment.turns), table.attachment.position_mm),
-        drive=_drive(table, chain),
+        drive=leg_drive(table, chain),
         coordinate=table.drive_home,
-        posture=_posture(table, chain),
+        posture=leg_posture(table, chain),
     )
 
 
-def _drive(table: LegTable, chain: Chain) -> Drive | None:
+def leg_drive(table: LegTable, chain: Chain) -> Drive | None:
+    """What drives a leg.
+
+    Raises:
+        ValueError: its limits are exchanged, or there is no such part.
+    """
     if table.drive is None:
         return None
     low, high = table.drive_limits or (-np.inf, np.inf)
@@ -284,7 +333,12 @@ def _drive(table: LegTable, chain: Chain) -> Drive | None:
         raise ValueError(f"leg '{table.name}': {error}") from error
 
 
-def _posture(table: LegTable, chain: Chain) -> Array:
+def leg_posture(table: LegTable, chain: Chain) -> Array:
+    """Passive coordinates ``(n_q,)`` of a leg at home.
+
+    Raises:
+        ValueError: its chain has no such posture.
+    """
     if isinstance(table.posture, list):
         return np.array(table.posture, dtype=float)
     try:
@@ -293,9 +347,5 @@ def _posture(table: LegTable, chain: Chain) -> Array:
         raise ValueError(f"leg '{table.name}': {error.args[0]}") from error
 
 
-def _folder() -> Traversable:
-    return resources.files("vjm").joinpath("models", "manipulators")
-
-
 def _library_files() -> list[Traversable]:
-    return sorted((f for f in _folder().iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
+    return sorted((f for f in library_folder().iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from vjm.io import checks
 from vjm.io.closure_tables import ClosureTable, CouplingTable, Poses, displacement
@@ -41,6 +41,10 @@ from vjm.model.joint_limits import joint_limits
 from vjm.rotations import frame
 
 __all__ = ["Axis", "BeamTable", "Label", "ModelFile", "Turn", "Turns", "VectorMM", "known_keys", "rotation"]
+
+
+MAY_BE_RIGID = "may be rigid"
+"""In the context of a validation: nothing needs to deflect."""
 
 
 class BeamTable(PartTable):
@@ -205,13 +209,14 @@ class ModelFile(Table):
     poses: Poses = Field({}, description="of a machine with closures: the end-effector from the first posture")
 
     @model_validator(mode="after")
-    def _chain(self) -> ModelFile:
+    def _chain(self, info: ValidationInfo) -> ModelFile:
         names = [part.name for part in self.parts]
         for name in names:
             if names.count(name) > 1:
                 places = " and ".join(str(i + 1) for i, other in enumerate(names) if other == name)
                 raise ValueError(f"part name '{name}' stands twice, as parts {places}: rename one")
-        if not any(parts.deflects(part.part()) for part in self.parts):
+        # a leg of a machine may be rigid
+        if MAY_BE_RIGID not in (info.context or ()) and not any(parts.deflects(part.part()) for part in self.parts):
             raise ValueError("nothing deflects: no part has kind = 'beam', and no joint a compliance; add one")
         for part in self.parts:
             one = self.springs.foot_segments if part.name == FOOT else self.springs.link_segments
