@@ -137,6 +137,17 @@ def _home(table: LegTable, chain: Chain) -> dict[str, float]:
     return values | dict(chain.held.get(table.posture, {}))
 
 
+def is_machine(name_or_path: str | Path) -> bool:
+    """Whether a file is one of legs on bodies, or of the machines that only `load_machine` reads.
+
+    Raises:
+        ModelFileError: there is no such file.
+    """
+    if name_or_path in [entry.name for entry in machines()]:
+        return True
+    return read_document(name_or_path).content.get("kind") == KIND
+
+
 def machines() -> list[Entry]:
     """The machines of the library that only `load_machine` reads, by name."""
     return [

@@ -23,11 +23,8 @@ from vjm.io.joint_tables import Mass
 from vjm.io.model_file import Entry, ModelDocument, build_chain, library, parsed, read_document
 from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM, rotation
 from vjm.io.sections import Table
-from vjm.machine.legs import MachineLeg, joined, posed
 from vjm.model.chain import Chain
-from vjm.model.joint_limits import joint_limits
-from vjm.model.joints import ActuatedJoint, HeldJoint, SprungJoint
-from vjm.model.parts import deflects
+from vjm.model.joints import HeldJoint, SprungJoint
 from vjm.platform.manipulator import BASE, PLATFORM, Coupling, Drive, Leg, Manipulator, drive_of
 from vjm.rotations import Array, frame
 

@@ -74,7 +74,7 @@ class Closing:
 
         Args:
             machine: with closures or without.
-            home: a label of its postures, or coordinates by the joints' names, mm or rad; both may be rounded.
+            home: a label of its postures, or coordinates by the joints' names, mm or rad; may be rounded.
             end: frame ``(4, 4)`` of the end-effector at home, mm, where it is known better.
 
         Raises:
@@ -82,6 +82,7 @@ class Closing:
         """
         self.machine = machine
         self.tree = RigidTree(machine)
+        self._six = np.repeat([self.tree.length, 1.0], 3)
         q = self.tree.posture(home) if isinstance(home, str) else self.tree.coordinates(home)
         self.end = self.tree.end_motion(self.tree.state(q[None]))[0][0]
         self._refuse_open(q, HOME_GAP, "at home")
@@ -92,6 +93,12 @@ class Closing:
             there, left = self.solve(q[None], nothing, wanted)
             if not left[0] < CLOSED:
                 self._refuse_open(there[0], CLOSED, "at home")
+                stands = self.tree.end_motion(self.tree.state(there))[0]
+                missed = self._said(difference(stands, stands if end is None else end[None])[0] / self._six)
+                raise PoseError(
+                    f"{machine.name}: with its loops closed at home the end-effector stays {missed} from its place; "
+                    f"check that place, and the coordinates at home"
+                )
         self.home = there[0]
         self.end = self.tree.end_motion(self.tree.state(there))[0][0]
 
@@ -122,7 +129,7 @@ class Closing:
             gap, J = tree.closing(q[active], state)
             if wanted is not None:
                 end, J_end = tree.end_motion(state)
-                miss = difference(wanted[active], end) / np.repeat([tree.length, 1.0], 3)
+                miss = difference(wanted[active], end) / self._six
                 gap = np.concatenate([gap, miss[:, rows]], axis=1)
                 J = np.concatenate([J, J_end[:, rows]], axis=1)
             size = np.abs(gap).max(axis=1, initial=0.0)
@@ -339,7 +346,7 @@ def closed(machine: Chain, end: Array | None = None) -> Chain:
         end: frame ``(4, 4)`` of the end-effector at home, mm, where it is known better.
 
     Raises:
-        PoseError: naming the posture or the pose in which the loops do not close, and why.
+        PoseError: naming the posture, or all poses, in which the loops do not close, and why.
     """
     closings: dict[str, Closing] = {}
     for label in machine.postures:
@@ -349,13 +356,16 @@ def closed(machine: Chain, end: Array | None = None) -> Chain:
             raise PoseError(f"posture '{label}': {error}") from error
     stands = {label: closing.posture(closing.home) for label, closing in closings.items()}
     home = closings[home_label(machine)]
+    unreached: list[str] = []
     for label, displacement in machine.poses.items():
         if label in stands:
             continue
         try:
             stands[label] = home.posture(home.displaced(displacement))
         except PoseError as error:
-            raise PoseError(f"pose '{label}': {error}") from error
+            unreached.append(f"pose '{label}': {error}")
+    if unreached:
+        raise PoseError("; ".join(unreached))
     return replace(
         machine,
         postures={label: passive for label, (passive, _) in stands.items()},
