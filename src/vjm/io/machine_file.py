@@ -18,8 +18,7 @@ from vjm.io.manipulator_file import (
     leg_chain,
     leg_drive,
     leg_posture,
-    library_folder,
-    manipulators,
+    legs_folder,
     read_table,
 )
 from vjm.io.model_file import Entry, ModelDocument, build_chain, parsed, read_document
@@ -47,16 +46,9 @@ def load_machine(name_or_path: str | Path) -> Chain:
         >>> len(machine.closures), list(machine.postures)
         (3, ['home', 'side', 'low'])
     """
-    for file in _library_files():
-        if isinstance(name_or_path, str) and file.name == f"{name_or_path}.toml":
-            document = parsed(file.name, file.read_bytes())
-            if document.content.get("kind") == KIND:
-                return build_machine(document, _folder() / "chains")
-            return build_chain(document.content, document.file, document.sha256)
     document = read_document(name_or_path)
     if document.content.get("kind") == KIND:
-        inside = isinstance(name_or_path, str) and name_or_path in {entry.name for entry in manipulators()}
-        return build_machine(document, library_folder() / "chains" if inside else Path(name_or_path).parent)
+        return build_machine(document, legs_folder(name_or_path))
     return build_chain(document.content, document.file, document.sha256)
 
 
@@ -156,9 +148,8 @@ def machines() -> list[Entry]:
     ]
 
 
-def _folder() -> Traversable:
-    return resources.files("vjm").joinpath("models", "machines")
-
-
 def _library_files() -> list[Traversable]:
-    return sorted((f for f in _folder().iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
+    return sorted(
+        (f for f in resources.files("vjm").joinpath("models", "machines").iterdir() if f.name.endswith(".toml")),
+        key=lambda f: f.name,
+    )

@@ -197,6 +197,15 @@ def load_manipulator(name_or_path: str | Path) -> Manipulator:
     return model
 
 
+def legs_folder(name_or_path: str | Path) -> Path | Traversable:
+    """Where the legs' chains lie of a model of the library or of a file."""
+    for folder in ("manipulators", "machines"):
+        inside = resources.files("vjm").joinpath("models", folder)
+        if isinstance(name_or_path, str) and inside.joinpath(f"{name_or_path}.toml").is_file():
+            return inside / "chains"
+    return Path(name_or_path).parent
+
+
 def read_table(document: ModelDocument) -> ManipulatorFile:
     """A manipulator's document, checked.
 
@@ -259,8 +268,7 @@ def leg_documents(name_or_path: str | Path) -> dict[str, ModelDocument]:
     Raises:
         ModelFileError: one of them is not there.
     """
-    inside = isinstance(name_or_path, str) and any(f.name == f"{name_or_path}.toml" for f in _library_files())
-    folder = library_folder() / "chains" if inside else Path(name_or_path).parent
+    folder = legs_folder(name_or_path)
     legs = read_document(name_or_path).content.get("legs", [])
     return {name: _leg_document(name, folder) for name in dict.fromkeys(str(leg["chain"]) for leg in legs)}
 

@@ -92,7 +92,7 @@ def read_document(name_or_path: str | Path) -> ModelDocument:
     """
     if isinstance(name_or_path, str):
         # a manipulator too, so that it can be said what it is
-        for file in (*_library_files(), *_library_files("manipulators")):
+        for file in (*_library_files(), *_library_files("manipulators"), *_library_files("machines")):
             if file.name == f"{name_or_path}.toml":
                 return parsed(file.name, file.read_bytes())
     path = Path(name_or_path)

@@ -165,7 +165,8 @@ def _listed(names: list[str]) -> str:
 
 def _posture(chain: Chain, label: str) -> str:
     values: dict[str, Any] = dict(chain.held.get(label, {}))
-    values |= zip((joint.name for joint in chain.joints), chain.posture(label), strict=True)
+    # where loops are closed the passive joints follow
+    values |= () if chain.closes else zip((joint.name for joint in chain.joints), chain.posture(label), strict=True)
     slides = {part.name for part in chain.parts if isinstance(part, HeldJoint | PassiveJoint) and part.slides}
     text = ", ".join(f"{k} {printed(float(v))} {'mm' if k in slides else 'rad'}" for k, v in values.items())
     return text or "no joints"

@@ -96,8 +96,8 @@ class Closing:
                 stands = self.tree.end_motion(self.tree.state(there))[0]
                 missed = self._said(difference(stands, stands if end is None else end[None])[0] / self._six)
                 raise PoseError(
-                    f"{machine.name}: with its loops closed at home the end-effector stays {missed} from its place; "
-                    f"check that place, and the coordinates at home"
+                    f"{machine.name}: with its loops closed at home the end-effector stays {missed} from its "
+                    f"place; check that place, and the coordinates at home"
                 )
         self.home = there[0]
         self.end = self.tree.end_motion(self.tree.state(there))[0][0]
@@ -264,8 +264,8 @@ class Closing:
         worst, gap = self._gaps(q)
         if left < 1e-6:
             return (
-                f"{name}: the pose {where} lies on another branch: on the way from home closure '{worst}' passes a "
-                f"dead point at {done:.0%}"
+                f"{name}: the pose {where} is out of reach on the branch of home: closure '{worst}' passes a dead "
+                f"point at {done:.0%} of the way"
             )
         if np.any(self.tree.passive) and not np.any(~self.tree.passive):
             return (

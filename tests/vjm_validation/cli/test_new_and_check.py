@@ -128,5 +128,5 @@ def test_a_platform_that_does_not_reach_its_pose_or_does_not_close_is_an_error(t
     file.write_text(text.replace("[0.0, -310.0, 0.0]", "[0.0, -31.0, 0.0]"))
     done = validate("check", str(file))
     assert done.status == 2
-    assert "leg 'y' does not close at home" in done.err
+    assert "closure 'y' does not close at home" in done.err
     assert len(done.err.splitlines()) == 1
