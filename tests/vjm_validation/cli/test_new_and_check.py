@@ -130,3 +130,15 @@ def test_a_platform_that_does_not_reach_its_pose_or_does_not_close_is_an_error(t
     assert done.status == 2
     assert "closure 'y' does not close at home" in done.err
     assert len(done.err.splitlines()) == 1
+
+
+def test_check_says_what_a_machine_with_loops_can_do():
+    done = validate("check", "palletiser")
+    assert done.status == 0
+    rows = dict(line.strip().split("  ", 1) for line in done.out.splitlines() if "  " in line.strip())
+    rows = {name: value.strip() for name, value in rows.items()}
+    # a planar loop of four hinges: three of its six rows say what its plane says already
+    assert rows["closed loops"] == "1: parallelogram"
+    assert rows["freedom"] == "3 of the end-effector, 3 held joints"
+    assert rows["redundant constraints"] == "3"
+    assert rows["idle motions"] == "none"
