@@ -44,7 +44,7 @@ def load_machine(name_or_path: str | Path) -> Chain:
     Example:
         >>> machine = load_machine("delta")
         >>> len(machine.closures), list(machine.postures)
-        (3, ['home', 'side', 'low'])
+        (5, ['home', 'side', 'low'])
     """
     document = read_document(name_or_path)
     if document.content.get("kind") == KIND:
