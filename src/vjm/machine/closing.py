@@ -169,8 +169,7 @@ class Closing:
             return there[0], float(left[0])
 
         q = self._followed(closed, where, watch=True)
-        self._refuse_singular(q)
-        self._refuse_beyond_limits(q)
+        self.refuse_unfit(q)
         return q
 
     def held(self, values: Mapping[str, float]) -> Array:
@@ -275,15 +274,25 @@ class Closing:
         short = f"closure '{worst}' stays {self._said(gap)} open" if len(gap) else "the end-effector stays short"
         return f"{name}: the pose {where} is out of reach: {short} (the way from home ends at {done:.0%})"
 
+    def refuse_unfit(self, q: Array) -> None:
+        """Refuse coordinates ``(n,)`` that are singular or beyond limits.
+
+        Raises:
+            PoseError: saying how the end-effector is loose, or which joints are beyond.
+        """
+        self._refuse_singular(q)
+        self._refuse_beyond_limits(q)
+
     def _refuse_beyond_limits(self, q: Array) -> None:
         said = joint_limits(self.machine, self.tree.names).said(q)
         if said:
             raise PoseError(f"{self.machine.name}: out of reach: {said}")
 
     def _refuse_singular(self, q: Array) -> None:
-        loose = self.mobility(q).loose
-        if loose.shape[1] == 0 or bool(np.all(self.tree.passive)):
-            # a mechanism without drives is loose by its nature
+        found = self.mobility(q)
+        loose = found.loose
+        if loose.shape[1] <= max(0, found.freedom - int(np.count_nonzero(~self.tree.passive))):
+            # what has fewer drives than freedoms is loose by its nature
             return
         said = [f"{c} {v:.2g}" for c, v in zip(COMPONENTS, loose[:, 0], strict=True) if abs(v) > 0.05]
         raise PoseError(
@@ -352,6 +361,7 @@ def closed(machine: Chain, end: Array | None = None) -> Chain:
     for label in machine.postures:
         try:
             closings[label] = Closing(machine, label, end if label == home_label(machine) else None)
+            closings[label].refuse_unfit(closings[label].home)
         except PoseError as error:
             raise PoseError(f"posture '{label}': {error}") from error
     stands = {label: closing.posture(closing.home) for label, closing in closings.items()}

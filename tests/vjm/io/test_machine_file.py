@@ -217,6 +217,14 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path: Path, old: str, new: str, s
     assert "\n" not in str(error.value)
 
 
+def test_a_home_beyond_a_drives_limits_is_refused(tmp_path: Path) -> None:
+    limited = 'drive = "bar"\ndrive_limits = [0.1, 0.5]'
+    with pytest.raises(
+        ModelFileError, match=r"posture 'home': mixed: out of reach: on = .* is below its limit 0\.1"
+    ):
+        load_machine(mixed(tmp_path, 'drive = "bar"', limited))
+
+
 def test_what_manipulators_do_not_compute_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ModelFileError, match=r"mixed\.toml: masses of the platform and of bodies"):
         load_manipulator(mixed(tmp_path))
