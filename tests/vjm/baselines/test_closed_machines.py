@@ -9,6 +9,7 @@ import pytest
 from helpers.closed_machines import MACHINES, apart, four_bar, palletiser, truth, two_legs, y_tree
 
 from vjm.baselines import LinearEngine, MsaEngine, UnloadedJacobianEngine
+from vjm.baselines.frozen_geometry import FrozenGeometry
 from vjm.limits import LIMITS
 from vjm.model.closures import Coupling
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
@@ -87,14 +88,32 @@ def test_a_rigid_parallelogram_keeps_its_head_level():
     )
 
 
-def test_frozen_geometry_of_a_loop_is_that_of_differences():
-    """K^F on the frozen geometry is the slope of its own wrench."""
-    path = UnloadedJacobianEngine(points=201).trace(two_legs(), LoadCase("p", 8.0, "z"))
+def test_frozen_geometry_of_a_loop_integrates_its_own_stiffness():
+    path = UnloadedJacobianEngine(points=201).trace(two_legs(), LoadCase("p", 8.0, "x"))
     force, s = path.force, path.s
     slopes = (force[2:] - force[:-2]) / (s[2:] - s[:-2])
-    # central differences of 200 steps
-    assert slopes == pytest.approx(path.tangent[1:-1], rel=1e-4)
-    assert abs(path.tangent[-1] / path.tangent[0] - 1.0) > 1e-3
+    # central differences of 200 steps: 2e-8 measured
+    assert slopes == pytest.approx(path.tangent[1:-1], rel=1e-6)
+    assert path.tangent[-1] / path.tangent[0] > 1.05
+
+
+@pytest.mark.parametrize("make", [y_tree, two_legs, four_bar])
+def test_hessians_are_differences_of_jacobians(make):
+    chain, step = make(), 1e-5
+    q, wrench = chain.posture("p"), np.array([3.0, -2.0, 5.0, 700.0, -300.0, 400.0])
+
+    def geometry(posture):
+        return FrozenGeometry("vjm-linear", chain.at("p"), posture)
+
+    here = geometry(q)
+    passive = [i for i in range(len(here.unit)) if not here.stiffness()[i].any()]
+    for find in (lambda g: g.end, lambda g: g.find(chain.beams[0].name, 1.0)):
+        H = here.hessian(find(here), wrench)
+        assert len(passive) == len(q)
+        for column, d in zip(passive, step * np.eye(len(q)), strict=True):
+            ahead, behind = (g.jacobian(find(g)).T @ wrench for g in (geometry(q + d), geometry(q - d)))
+            # central differences: the square of the step
+            assert H[:, column] == pytest.approx((ahead - behind) / (2.0 * step), abs=1e-7 * np.abs(H).max())
 
 
 # --- what is refused ------------------------------------------------------------------------------
