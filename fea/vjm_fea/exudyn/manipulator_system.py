@@ -64,27 +64,17 @@ class ManipulatorSystem(ExudynSystem):
         """
         robot = pose.manipulator
         self._begin(mesh)
-        self._points = NO_POINTS
-        self._open = None
-        ground = Rigid(-1, self.assembly.rigid(items.ObjectGround()), np.eye(4))
-        self._bodies = {BASE: ground}
+        self._bodies = {BASE: self._ground}
         for name in robot.bodies:
             # in the world's axes, as an end-effector's node is
             T = frame(p=pose.frame(name)[:3, 3])
             self._bodies[name] = self._carrier(self._node(T), T)
-        self.tool = self._bodies[PLATFORM].node
         self.couplings: list[list[Hinge]] = [[] for _ in robot.couplings]
         for i, leg in enumerate(robot.legs):
             self._add_leg(pose, leg, i)
-        self._chain = replace(robot.legs[0].chain, name=robot.name)
-        self.end = self._frame = pose.frames[0]
+        self._frame = pose.frames[0]
         self._rigid = self._bodies[PLATFORM]
-        self.end_condition = self._add_hand(end_condition) if end_condition else self.tool
-        self.reference = np.array([np.concatenate([T[:3, 3], quaternion(T[:3, :3])]) for T in self._frames])
-        self.connected = sorted(self._connected)
-        self.leaders = leaders_of(len(self._frames), self._locked, {self.tool, self.end_condition})
-        self.pieces = [replace(p, body=self._leader(p.body)) for p in self.pieces]
-        self.assembly.close()
+        self._finish(robot.name, end_condition)
 
     def _add_leg(self, pose: RigidPose, leg: Leg, index: int) -> None:
         robot = pose.manipulator

@@ -1,4 +1,4 @@
-"""A chain in a posture as a system of Exudyn: nodes, geometrically exact beams, joints, springs.
+"""Parts of a machine in a posture as a system of Exudyn: nodes, geometrically exact beams, joints, springs.
 
 A joint acts between markers on two nodes, at the joint's place. Where beams meet at an angle or end on an arm
 several nodes belong to one rigid piece: one of them leads, and the others go with it. The coordinates are those of
@@ -35,7 +35,7 @@ Connect = Callable[[Item], None]
 
 
 class ExudynSystem:
-    """The assembled system and where things are in it.
+    """A system to which parts are added, and where things are in it.
 
     Attributes:
         assembly: the systems of Exudyn.
@@ -65,51 +65,17 @@ class ExudynSystem:
         self.constraints: list[LinearConstraint] = []
         self._own: dict[str, tuple[RelativeMotion, int]] = {}
         self._waiting: list[Callable[[], None]] = []
-
-    def __init__(
-        self,
-        chain: Chain,
-        q: Array,
-        mesh: Mesh,
-        points: Mapping[str, tuple[float, ...]] = NO_POINTS,
-        end_condition: Sequence[PassiveJoint] = (),
-    ) -> None:
-        """Assemble a chain.
-
-        Args:
-            chain: the machine.
-            q: its passive joints' coordinates.
-            mesh: of its beams.
-            points: fractions of its beams at which there has to be a node, by name.
-            end_condition: joints between the end-effector and the support, see `vjm.model.end_condition`.
-
-        Raises:
-            ValueError: a beam without a section, or another number of joints.
-        """
-        if len(q) != len(chain.joints):
-            raise ValueError(
-                f"{chain.name}: {len(chain.joints)} passive joints but {len(q)} coordinates in the posture"
-            )
-        self._begin(mesh)
-        self._chain, self._points = chain, points
-        self._frame = chain.base
-        self._rigid = Rigid(-1, self.assembly.rigid(items.ObjectGround()), np.eye(4))
         self._open: Connect | None = None
-        angles = iter(np.asarray(q, dtype=float))
-        parts = list(chain.parts)
-        while parts:
-            part = parts.pop(0)
-            behind = parts[0] if parts else None
-            if not isinstance(part, PassiveJoint):
-                self._add(part)
-            elif isinstance(behind, PassiveJoint) and crossing(part, behind):
-                parts.pop(0)
-                self._add_universal(part, next(angles), behind, next(angles))
-            else:
-                self._add_joint(part, next(angles))
+        self._points: Mapping[str, tuple[float, ...]] = {}
+        self._marked: Mapping[str, tuple[float, ...]] = {}
+        self._sections: dict[tuple[str, float], Rigid] = {}
+        self._ground = Rigid(-1, self.assembly.rigid(items.ObjectGround()), np.eye(4))
+
+    def _finish(self, name: str, end_condition: Sequence[PassiveJoint]) -> None:
+        """Hold what the last part ends on by the support, and assemble."""
+        self._name, self.end = name, self._frame
         # an end-effector on a piece whose node lies elsewhere gets a node of its own, locked to it
         self.tool = self._at(frame(p=self._frame[:3, 3])).node
-        self.end = self._frame
         self.end_condition = self._add_hand(end_condition) if end_condition else self.tool
         self.reference = np.array([np.concatenate([T[:3, 3], quaternion(T[:3, :3])]) for T in self._frames])
         self.connected = sorted(self._connected)
@@ -156,6 +122,7 @@ class ExudynSystem:
         section = beam.effective_section()
         root = self._frame @ beam.section_in_chain
         node = self._at(root).node
+        self._sections[beam.name, 0.0] = self._rigid
         self._mark(beam.name, 0.0, root)
         self._node_piece(beam, 0, grid, root)
         for i, (start, stop) in enumerate(pairwise(grid.tolist()), start=1):
@@ -168,7 +135,10 @@ class ExudynSystem:
                 items.ObjectBeamGeometricallyExact(nodeNumbers=[node, following], length=h, sectionData=data)
             )
             node = following
-            self._rigid = self._carrier(node, T) if stop == 1.0 else Rigid(node, None, T)
+            # where nothing but elements meet, a node carries no markers
+            carries = stop == 1.0 or stop in self._marked.get(beam.name, ())
+            self._rigid = self._carrier(node, T) if carries else Rigid(node, None, T)
+            self._sections[beam.name, stop] = self._rigid
             self._mark(beam.name, stop, T)
             self._node_piece(beam, i, grid, T)
         self._frame = self._frame @ translation(beam.tip)
@@ -364,7 +334,7 @@ class ExudynSystem:
         """
         if not part:
             return Place(self._leader(self.tool), self.end[:3, 3])
-        return find(self._chain.name, self.pieces, part, at)
+        return find(self._name, self.pieces, part, at)
 
     def _mark(self, part: str, fraction: float, T: Array | None = None) -> None:
         label = StationLabel(part, fraction)

@@ -102,15 +102,21 @@ class _Assembly:
         unit: of the unknowns: the machine's length for shifts, 1 for turns.
     """
 
-    def __init__(self, chain: Chain, posture: Array, points: Mapping[str, tuple[float, ...]]) -> None:
+    def __init__(
+        self, chain: Chain, posture: Array, points: Mapping[str, tuple[float, ...]], *, stressed: bool = False
+    ) -> None:
         """Set a machine up.
 
         Args:
             chain: its held joints at the coordinates of a posture.
             posture: passive coordinates ``(n_q,)`` rad or mm.
             points: fractions of beams at which there has to be a node, by name.
+            stressed: whether springs and closures may be under stress in the posture, which is left out here.
+
+        Raises:
+            ValueError: they may not, but are.
         """
-        self.chain = chain
+        self.chain, self._stressed = chain, stressed
         self.length = chain.characteristic_length
         self.K = np.zeros((0, 0))
         self.unit: list[float] = []
@@ -145,6 +151,10 @@ class _Assembly:
             lambda part, at: self._place(part, at).within(n),
             [(mass, node.within(n)[:3]) for mass, node in self.weights],
         )
+
+    def shape(self) -> Array:
+        """Shifts ``(3 k, n)`` of the ends of all parts."""
+        return np.vstack([node.within(len(self.K))[:3] for node in self._ends.values()])
 
     # --- unknowns -----------------------------------------------------------------------------------------
 
@@ -331,7 +341,8 @@ class _Assembly:
         a, b = (self._carrying(part, point) for part, point in zip(spring.parts, spring.points, strict=True))
         way = b.T[:3, 3] - a.T[:3, 3]
         length = float(np.linalg.norm(way))
-        refuse_stretched(LABEL, self.chain, spring, length)
+        if not self._stressed:
+            refuse_stretched(LABEL, self.chain, spring, length)
         row = (way / length if length else way) @ (b.within(n) - a.within(n))[:3]
         self.K += spring.stiffness * np.outer(row, row)
 
@@ -342,12 +353,14 @@ class _Assembly:
             self._ends[part].behind(T) if part else _Node(T, np.zeros((6, 0)))
             for part, T in zip(closure.parts, closure.frames, strict=True)
         )
-        refuse_open(LABEL, self.chain, closure, a.T, b.T)
+        if not self._stressed:
+            refuse_open(LABEL, self.chain, closure, a.T, b.T)
         return (b.within(n) - a.within(n))[: closure.rows]
 
     def _coupled(self, coupling: Coupling, coordinates: Mapping[str, float]) -> Array:
         """Row ``(1, n)`` of a coupling."""
-        refuse_uncoupled(LABEL, coupling, coordinates)
+        if not self._stressed:
+            refuse_uncoupled(LABEL, coupling, coordinates)
         row = np.zeros((1, len(self.K)))
         for name, weight in coupling.terms:
             row[0, self._own[name]] += weight
@@ -367,6 +380,25 @@ def msa_machine(chain: Chain, posture: Array, load_case: LoadCase | None = None)
         ValueError: see `vjm.limits`, or a point that the machine does not have.
     """
     refuse(LABEL, chain)
+    return _Assembly(chain, posture, _points(chain, load_case)).machine()
+
+
+def geometry(chain: Chain, posture: Array) -> tuple[LinearMachine, Array]:
+    """A machine without the stress that its posture may put it under, to tell what its joints and closures leave.
+
+    Args:
+        chain: as for `msa_machine`.
+        posture: passive coordinates ``(n_q,)`` rad or mm.
+
+    Returns:
+        The machine, and the shifts ``(3 k, n)`` of the ends of its parts by its unknowns.
+    """
+    assembly = _Assembly(chain, posture, _points(chain, None), stressed=True)
+    return assembly.machine(), assembly.shape()
+
+
+def _points(chain: Chain, load_case: LoadCase | None) -> dict[str, tuple[float, ...]]:
+    """Fractions of beams at which there has to be a node, by name."""
     points: dict[str, set[float]] = {}
     for load in load_case.loads if load_case is not None else ():
         points.setdefault(load.part, set()).add(load.at)
@@ -375,7 +407,7 @@ def msa_machine(chain: Chain, posture: Array, load_case: LoadCase | None = None)
             for beam in chain.beams:
                 if beam.name == name:
                     points.setdefault(name, set()).add(beam.fraction_of(point))
-    return _Assembly(chain, posture, {part: tuple(sorted(at)) for part, at in points.items()}).machine()
+    return {part: tuple(sorted(at)) for part, at in points.items()}
 
 
 def msa_stiffness(chain: Chain, posture: Array) -> Array:

@@ -90,7 +90,7 @@ def held(model: LumpedModel, load_case: LoadCase) -> EndCondition:
             f"{chain.name}, posture {load_case.posture} is singular: some of its passive joints move without "
             f"moving the tool; choose another posture"
         )
-    free = _in_order(load_case)
+    free = in_order(load_case)
     while free:
         joints = tuple(PassiveJoint(f"support-{name}", AXES[name[-1]], slides=len(name) == 1) for name in free)
         there = type(model)(_extended(chain, load_case.posture, tool, joints))
@@ -151,7 +151,7 @@ def _checked(end_condition: EndCondition, movable: bool, load_case: LoadCase) ->
     raise rigid_direction(f"{end_condition.model.chain.name}, posture {load_case.posture}")
 
 
-def _in_order(load_case: LoadCase) -> list[str]:
+def in_order(load_case: LoadCase) -> list[str]:
     """The free components: hinges first. Of three hinges the one along the ramp is in the middle.
 
     Three hinges lock where the middle one turns by a right angle, and a chain twists less than it bends.
