@@ -17,7 +17,7 @@ from vjm.rotations import AXES, rotation_from_vector
 from vjm_fea.opensees import OpenSeesEngine, available
 from vjm_fea.opensees.backend import opensees
 from vjm_fea.opensees.beams import Beams, Element
-from vjm_fea.opensees.system import ChainSystem
+from vjm_fea.opensees.system import MachineSystem
 
 from .odd_parts import OddParts
 
@@ -84,7 +84,7 @@ def test_tip_compliance_of_a_cantilever_is_beam_theory(element, elements):
 @needs_opensees
 def test_rigid_motion_costs_nothing(orthoglide):
     """Turned by a large angle and shifted as a whole, from wherever the elements were before."""
-    system = ChainSystem(orthoglide, orthoglide.posture("D"), 4)
+    system = MachineSystem(orthoglide, orthoglide.posture("D"), 4)
     beams = Beams(system.lines, Element.BOWED)
     for vector in ([1.2, -0.7, 2.0], [0.3, 3.0, 0.0], [-0.1, 0.2, -0.05]):
         moved = system.nodes @ rotation_from_vector(vector).T + [10.0, -20.0, 30.0] - system.nodes

@@ -8,11 +8,11 @@ import numpy as np
 
 from vjm.model.chain import Chain
 from vjm.model.closures import Closure, Coupling
-from vjm.model.joints import PointSpring
-from vjm.model.parts import Beam, Part, PassiveJoint
+from vjm.model.joints import HeldJoint, PointSpring
+from vjm.model.parts import Part, PassiveJoint
 from vjm.rotations import Array, frame
 from vjm_fea.common.mesh import Mesh
-from vjm_fea.common.points import NEAR, NO_POINTS, Place
+from vjm_fea.common.points import NEAR, NO_POINTS, Place, spring_points
 from vjm_fea.exudyn.backend import items
 from vjm_fea.exudyn.bodies import Rigid, between
 from vjm_fea.exudyn.joint_kinds import axes_with, crossing
@@ -56,7 +56,7 @@ class MachineSystem(ExudynSystem):
                 f"{chain.name}: {len(chain.joints)} passive joints but {len(q)} coordinates in the posture"
             )
         self._begin(mesh)
-        self._marked = _spring_points(chain)
+        self._marked = spring_points(chain)
         self._points = {
             part: tuple(sorted({*points.get(part, ()), *self._marked.get(part, ())}))
             for part in {*points, *self._marked}
@@ -104,7 +104,7 @@ class MachineSystem(ExudynSystem):
                 self._add(part)
             if part.name in seen_again:
                 self._ends[part.name] = (self._frame, self._at())
-            if part.name in fixed and part.name in {joint.name for joint in (*chain.joints, *chain.held_joints)}:
+            if part.name in fixed and isinstance(part, PassiveJoint | HeldJoint):
                 # what is fixed to a joint is fixed behind it
                 self._begins[part.name] = (self._frame, self._at())
             last = part.name
@@ -171,14 +171,3 @@ class MachineSystem(ExudynSystem):
             T, rigid = self._ends[self._end_frames[part]]
             return Place(self._leader(rigid.node), T[:3, 3])
         return super().find(part, at)
-
-
-def _spring_points(chain: Chain) -> dict[str, tuple[float, ...]]:
-    """Fractions of beams at which springs between points are fixed, by name."""
-    beams: dict[str, Beam] = {beam.name: beam for beam in chain.beams}
-    found: dict[str, set[float]] = {}
-    for spring in chain.point_springs:
-        for part, point in zip(spring.parts, spring.points, strict=True):
-            if part in beams:
-                found.setdefault(part, set()).add(beams[part].fraction_of(point))
-    return {part: tuple(sorted(at)) for part, at in found.items()}

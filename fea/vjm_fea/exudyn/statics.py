@@ -22,7 +22,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import bsr_array
 
-from vjm.baselines.linear_machine import independent_rows
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array, skew
 from vjm_fea.common.applied_loads import loading_of
@@ -140,20 +139,8 @@ class Statics(BeamStatics):
         J = self._carried(J, full)
         rotary = np.tile([False] * 3 + [True] * 3, bodies)
         unit, _ = self._scale(np.diag(J)[: self.motions], rotary, length, self.energy)
-        reach = np.linalg.norm(J[: self.motions, self.motions :] * unit[:, None], axis=0)
-        # a joint's free axis has a multiplier, zero, but no reach
-        force = np.where(reach > 0.0, self.energy / np.where(reach > 0.0, reach, 1.0), np.sqrt(self.energy))
-        self.unit = np.concatenate([unit, force])
-        self.free = np.setdiff1d(self.free, self._redundant(J[: self.motions, self.motions :]))
-
-    def _redundant(self, reach: Array) -> np.ndarray:
-        """Multipliers whose conditions ``(m, c)`` follow from others: loops of rigid links in a plane have such.
-
-        What the links bear by them is not determined, and here it is nothing.
-        """
-        felt = np.flatnonzero(reach.any(axis=0))
-        kept = felt[independent_rows((reach[:, felt] * self.unit[: self.motions, None]).T)]
-        return self.motions + np.setdiff1d(felt, kept)
+        self.unit = unit
+        self._add_multipliers(J[: self.motions, self.motions :])
 
     def _lead(self, system: ExudynSystem) -> None:
         """Who leads whom: the ground is a last body, which does not move."""

@@ -66,10 +66,12 @@ class ExudynSystem:
         self._own: dict[str, tuple[RelativeMotion, int]] = {}
         self._waiting: list[Callable[[], None]] = []
         self._open: Connect | None = None
+        self._frame = np.eye(4)
         self._points: Mapping[str, tuple[float, ...]] = {}
         self._marked: Mapping[str, tuple[float, ...]] = {}
         self._sections: dict[tuple[str, float], Rigid] = {}
         self._ground = Rigid(-1, self.assembly.rigid(items.ObjectGround()), np.eye(4))
+        self._rigid = self._ground
 
     def _finish(self, name: str, end_condition: Sequence[PassiveJoint]) -> None:
         """Hold what the last part ends on by the support, and assemble."""
