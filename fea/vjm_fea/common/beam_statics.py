@@ -74,22 +74,24 @@ class BeamStatics(ABC):
         plain = energy / np.where(turns, 1.0, length**2)
         return np.sqrt(energy / np.where(stiffness > NEGLIGIBLE * plain, stiffness, plain)), energy
 
-    def _add_multipliers(self, reach: Array) -> None:
+    def _add_multipliers(self, J: Array) -> None:
         """Units of the multipliers, and which of them are solved for.
 
         Conditions may follow from others: loops of rigid links in a plane have such. What the links bear by them is
         not determined, and here it is nothing.
 
         Args:
-            reach: forces ``(m, c)`` on the motions by each multiplier in the reference configuration.
+            J: ``(m + c, m + c)`` derivative of `_inner` in the reference configuration.
         """
-        scaled = reach * self.unit[: self.motions, None]
+        scaled = J[: self.motions, self.motions :] * self.unit[: self.motions, None]
         size = np.linalg.norm(scaled, axis=0)
-        # a joint's free axis has a multiplier, zero, but no reach
+        # a joint's free axis may have a multiplier without reach that an equation of its own sets to zero
+        set_to_zero = np.flatnonzero((size == 0.0) & (np.diag(J)[self.motions :] != 0.0))
         force = np.where(size > 0.0, self.energy / np.where(size > 0.0, size, 1.0), np.sqrt(self.energy))
         self.unit = np.concatenate([self.unit, force])
         felt = np.flatnonzero(size)
-        dependent = np.setdiff1d(felt, felt[independent_rows(scaled[:, felt].T)])
+        solved = np.union1d(felt[independent_rows(scaled[:, felt].T)], set_to_zero)
+        dependent = np.setdiff1d(np.arange(len(size)), solved)
         self.free = np.setdiff1d(self.free, self.motions + dependent)
 
     # --- an engine's own ----------------------------------------------------------------------------------

@@ -140,7 +140,7 @@ class Statics(BeamStatics):
         rotary = np.tile([False] * 3 + [True] * 3, bodies)
         unit, _ = self._scale(np.diag(J)[: self.motions], rotary, length, self.energy)
         self.unit = unit
-        self._add_multipliers(J[: self.motions, self.motions :])
+        self._add_multipliers(J)
 
     def _lead(self, system: ExudynSystem) -> None:
         """Who leads whom: the ground is a last body, which does not move."""

@@ -86,7 +86,7 @@ class Statics(BeamStatics):
         turns = np.append(np.tile([False] * 3 + [True] * 3, bodies), ~system.slides)
         J = self._stiffness(self.initial, None)[0]
         self.unit, self.energy = self._scale(np.diag(J)[: self.motions], turns, length)
-        self._add_multipliers(J[: self.motions, self.motions :])
+        self._add_multipliers(J)
 
     def number_unit(self, length: float) -> Array:
         """Units ``(k,)`` in which an arc measures joints' coordinates; it does not measure multipliers."""
