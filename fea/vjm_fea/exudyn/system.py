@@ -119,7 +119,6 @@ class ExudynSystem:
                 assert_never(part)
 
     def _add_beam(self, beam: Beam) -> None:
-        beam.refuse_bow("exudyn")
         grid = self.mesh.grid(self._points.get(beam.name, ()))
         section = beam.effective_section()
         root = self._frame @ beam.section_in_chain

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vjm.model.closures import Closure, Coupling
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring, SprungJoint
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring
 from vjm.model.parts import Actuator, Beam, Part, PassiveJoint, Placement, RigidOffset
 from vjm.rotations import Array
 
@@ -205,19 +205,6 @@ class Chain:
         if self.is_tree:
             why = "branches" if self.after else "springs between two parts"
             raise ValueError(f"{self.name}: {what} is for parts in series, but it has {why}; engine vjm takes it")
-
-    def refuse_prestress(self, what: str) -> None:
-        """For whatever knows no force in the posture as drawn; the held joints stand at coordinates.
-
-        Raises:
-            ValueError: a sprung joint is under stress there.
-        """
-        for part in self.parts:
-            if isinstance(part, SprungJoint) and part.stretch:
-                raise ValueError(
-                    f"joint '{part.name}': its spring is under stress in this posture, which {what} does not know: "
-                    f"it is linear about a machine without forces; engine vjm takes it"
-                )
 
     @property
     def characteristic_length(self) -> float:

@@ -127,16 +127,6 @@ def _movable(model: LumpedModel, k: Kinematics) -> bool:
     return bool(values[0] > DEPENDENT**2 * values[-1])
 
 
-def refuse_rigid(model: LumpedModel, posture: str) -> None:
-    """For whatever holds the whole pose of a chain and asks for its stiffness.
-
-    Raises:
-        ValueError: the chain is rigid in some direction, so that its stiffness is infinite there.
-    """
-    if not _drawn(model, posture)[2]:
-        raise rigid_direction(f"{model.chain.name}, posture {posture}")
-
-
 def rigid_direction(where: str) -> ValueError:
     """What is said of a chain that is held in a direction in which it does not deflect."""
     return ValueError(
