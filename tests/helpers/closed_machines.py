@@ -33,7 +33,8 @@ def closed(chain, name, part, other="", turns=False):
     _, _, _, end = energy.places(np.zeros((1, energy.size)))
     A, B = (frame(R[0].real, p[0].real) for R, p in (end[part], end[other]))
     there = np.linalg.inv(B if other else np.eye(4)) @ A
-    return replace(chain, closures=(*chain.closures, Closure(name, (part, other), np.array([np.eye(4), there]), turns)))
+    closure = Closure(name, (part, other), np.array([np.eye(4), there]), turns)
+    return replace(chain, closures=(*chain.closures, closure))
 
 
 def y_tree():
@@ -95,8 +96,8 @@ def palletiser():
     """A rigid parallelogram, held three times over across its plane, that carries an elastic forearm."""
     parts = (
         offset("pillar", 0.0, 0.0, 200.0), ActuatedJoint("main", Y, compliance=2e-8),
-        offset("arm", 0.0, 0.0, 400.0, mass=3.0), PassiveJoint("elbow", Y), offset("head", 80.0, 0.0, 0.0, mass=1.0),
-        PassiveJoint("pin", Y), offset("rod", 0.0, 0.0, -400.0, mass=0.5), PassiveJoint("foot", Y),
+        offset("arm", 0.0, 0.0, 400.0, mass=3.0), PassiveJoint("elbow", Y),
+        offset("head", 80.0, 0.0, 0.0, mass=1.0), PassiveJoint("pin", Y), offset("rod", 0.0, 0.0, -400.0, mass=0.5), PassiveJoint("foot", Y),
         beam("forearm", 350.0, (0.0, 0.2, 0.1)),
     )  # fmt: skip
     chain = Chain("palletiser", parts, postures={"p": np.array([-0.4, 0.4, -0.4])}, held={"p": {"main": 0.4}},

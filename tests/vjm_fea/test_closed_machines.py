@@ -1,4 +1,4 @@
-"""Finite elements of machines with branches and closed loops: against the energy, and the virtual joint method's."""
+"""Finite elements of machines with branches and closed loops: against the energy and one another."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_small_loads_and_weights_move_it_as_a_linear_model(engine, name):
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda engine: engine.label)
 @pytest.mark.parametrize("name", ["bridged_tree", "four_bar", "two_legs", "coupled"])
 def test_loaded_stiffness_is_that_of_differences(engine, name):
-    """Far from where it is linear, the wrench's slope is the stiffness, closures, couplings and springs among it."""
+    """Far from where it is linear, the wrench's slope is the stiffness, that of closures, couplings and springs too."""
     chain = MACHINES[name]().rigid_in_shear()
     to = np.array([4.0, -3.0, 5.0, 0.02, -0.01, 0.03])
     load_case = LoadCase("p", 1.0, tuple(to), steps=4)

@@ -49,8 +49,8 @@ def hand_joints(chain: Chain, load_case: LoadCase) -> tuple[PassiveJoint, ...]:
         hinges = [name for name in free if len(name) == 2]
         if shifted > STILL * turned[3:].max() or not hinges:
             raise ValueError(
-                f"{where}: with {', '.join(load_case.free)} free the chain is a mechanism: it moves without straining "
-                f"a spring; hold one of them"
+                f"{where}: with {', '.join(load_case.free)} free the chain is a mechanism: it moves without "
+                f"straining a spring; hold one of them"
             )
         free.remove(max(hinges, key=lambda name: float(turned[COMPONENTS.index(name)])))
 

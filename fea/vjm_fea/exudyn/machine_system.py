@@ -28,7 +28,8 @@ error of assembly, which a joint pulls shut."""
 class MachineSystem(ExudynSystem):
     """The assembled system of a tree of parts, its closures, couplings and springs between points.
 
-    A weld makes one rigid piece of two; a ball joint, and a weld that the posture leaves open, are joints of Exudyn.
+    A weld makes one rigid piece of two. A ball joint, and a weld that the posture leaves open, are joints of
+    Exudyn.
     """
 
     def __init__(
@@ -153,7 +154,8 @@ class MachineSystem(ExudynSystem):
             T, rigid = self._begins[part]
             if part in self._beams:
                 fraction = self._beams[part].fraction_of(point)
-                rigid = next(r for (name, at), r in self._sections.items() if name == part and abs(at - fraction) < NEAR)
+                sections = ((at, r) for (name, at), r in self._sections.items() if name == part)
+                rigid = next(r for at, r in sections if abs(at - fraction) < NEAR)
             places.append(T[:3, :3] @ point + T[:3, 3])
             markers.append(self._marker(rigid, frame(p=places[-1])))
         length = float(np.linalg.norm(places[1] - places[0]))

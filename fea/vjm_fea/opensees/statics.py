@@ -266,7 +266,7 @@ def _apart(a: Moving, b: Moving, held: Held) -> Array:
 
 
 def _pull(spring: PointSpring, a: Moving, b: Moving) -> tuple[float, Array, float]:
-    """Force of a spring between points in N, the direction ``(3,)`` from the first to the second, and mm between."""
+    """Force of a spring between points in N, the direction ``(3,)`` to the second one, and mm between."""
     way = b.position - a.position
     length = float(np.linalg.norm(way))
     along = way / length if length else np.zeros(3)

@@ -1,8 +1,8 @@
 """A machine in a posture as bodies, linkages and rows of beam elements.
 
 Bodies are the beams' nodes and the support of the end-effector, each with six motions. The nodes at which a beam
-begins are no bodies of their own: a linkage carries them, over the rigid pieces and joints before it. Frames that are
-held together, the end-effector and its support among them, are conditions beside the motions.
+begins are no bodies of their own: a linkage carries them, over the rigid pieces and joints before it. Frames that
+are held together, the end-effector and its support among them, are conditions beside the motions.
 """
 
 from __future__ import annotations

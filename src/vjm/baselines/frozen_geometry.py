@@ -54,9 +54,7 @@ class FrozenGeometry:
         self._place_joints(self._drive @ x)
         self.end = Site(built.last, built.rigid)
         self.closures = [
-            (tuple(Site(site.joint, site.frame @ T) for site, T in zip(sites, closure.frames, strict=True)), closure)
-            for closure in chain.closures
-            for sites in [[built.ends[part] if part else Site(-1, np.eye(4)) for part in closure.parts]]
+            (tuple(map(self._behind_part, closure.parts, closure.frames)), closure) for closure in chain.closures
         ]
         self.point_springs = [
             [
@@ -66,6 +64,11 @@ class FrozenGeometry:
             ]
             for spring in chain.point_springs
         ]
+
+    def _behind_part(self, part: str, transform: Array) -> Site:
+        """A frame ``(4, 4)`` on from a part's end, from the world where it has no name."""
+        site = self._built.ends[part] if part else Site(-1, np.eye(4))
+        return Site(site.joint, site.frame @ transform)
 
     def _place_joints(self, values: Array) -> None:
         """Frames behind the joints, their axes, and which joints lie before which."""
@@ -101,7 +104,7 @@ class FrozenGeometry:
         return result
 
     def hessian(self, site: Site, wrench: Array) -> Array:
-        """Derivative ``(n, n)`` of ``Jᵀ w`` at a constant wrench ``w`` (6,), as `Kinematics.force_hessian` has it."""
+        """Derivative ``(n, n)`` of ``Jᵀ w`` at a constant wrench ``w`` (6,), see `Kinematics.force_hessian`."""
         way = np.flatnonzero(self._way[site.joint + 1])
         columns = self._columns(site)[:, way]
         turning = np.where(self._rotary[way, None], self._axes[way], 0.0)

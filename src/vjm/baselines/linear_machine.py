@@ -125,8 +125,9 @@ class LinearMachine:
             raise rigid_direction(self.name)
         neutral = self.neutral(rows)
         free = neutral / self.unit[:, None]
-        worked = np.abs(free.T @ (forces * self.unit[:, None])).max(initial=0.0)
-        if worked > DEPENDENT * np.abs(free).max(initial=0.0) * np.abs(forces * self.unit[:, None]).max(initial=0.0):
+        works = forces * self.unit[:, None]
+        least = DEPENDENT * np.abs(free).max(initial=0.0) * np.abs(works).max(initial=0.0)
+        if np.abs(free.T @ works).max(initial=0.0) > least:
             raise ValueError(f"{self.name}: under these loads it moves without straining a spring; hold it")
         B = np.vstack([rows, self.independent, (neutral / self.scale[:, None] ** 2).T])
         b = np.zeros((len(B), forces.shape[1]))

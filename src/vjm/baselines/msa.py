@@ -15,6 +15,7 @@ from typing import assert_never
 
 import numpy as np
 
+from vjm.baselines.elements import beam_element, rigid_arm
 from vjm.baselines.linear import straight_path
 from vjm.baselines.linear_machine import LinearMachine, refuse_open, refuse_stretched, refuse_uncoupled
 from vjm.continuation.path import Path
@@ -23,8 +24,8 @@ from vjm.model.chain import Chain
 from vjm.model.closures import Closure, Coupling
 from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring, SprungJoint, joint_axes
 from vjm.model.load_case import LoadCase
-from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset, Section
-from vjm.rotations import Array, frame, rotate_matrix6, skew, translation, turn
+from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
+from vjm.rotations import Array, frame, rotate_matrix6, translation, turn
 from vjm.threads import single_threaded
 
 LABEL = "msa"
@@ -32,51 +33,9 @@ NEAR = 1e-9
 """Difference of two fractions of a beam that are one."""
 
 
-def beam_element(section: Section, length: float) -> Array:
-    """Stiffness ``(12, 12)`` of a straight beam between two nodes, section axes, x from node 1 to node 2.
-
-    Timoshenko's with ``Φ = 12 EI/(GA L²)``, Bernoulli's where GA is infinite; Przemieniecki, *Theory of Matrix
-    Structural Analysis* (1968), eq. (5.116).
-    """
-    K = np.zeros((12, 12))
-    L = length
-
-    def add(dofs: list[int], block: list[list[float]]) -> None:
-        K[np.ix_(dofs, dofs)] += np.array(block)
-
-    a, t = section.EA / L, section.GJ / L
-    add([0, 6], [[a, -a], [-a, a]])
-    add([3, 9], [[t, -t], [-t, t]])
-    for EI, GA, v, r, sign in (
-        (section.EIz, section.GAy, 1, 5, 1.0),
-        (section.EIy, section.GAz, 2, 4, -1.0),
-    ):
-        phi = 12.0 * EI / (GA * L**2)
-        b = EI / ((1.0 + phi) * L**3)
-        m = sign * 6.0 * L * b
-        near, far = (4.0 + phi) * L**2 * b, (2.0 - phi) * L**2 * b
-        add(
-            [v, r, v + 6, r + 6],
-            [
-                [12.0 * b, m, -12.0 * b, m],
-                [m, near, -m, far],
-                [-12.0 * b, -m, 12.0 * b, -m],
-                [m, far, -m, near],
-            ],
-        )
-    return K
-
-
-def rigid_arm(offset: Array) -> Array:
-    """Displacement transport ``(6, 6)``: of a point ``offset`` (3,) away on a rigid body, from the body's."""
-    A = np.eye(6)
-    A[:3, 3:] = -skew(offset)
-    return A
-
-
 @dataclass(frozen=True)
 class _Node:
-    """A place on a rigid piece: its frame ``(4, 4)`` in the posture, and its displacement by the unknowns ``(6, n)``.
+    """A place on a rigid piece: its frame ``(4, 4)`` in the posture, its displacement by the unknowns ``(6, n)``.
 
     Unknowns that were added later do not move it: their columns are left out.
     """
@@ -177,7 +136,7 @@ class _Assembly:
         self._free(motion[:, None], [slides], None if compliance is None else np.array([[1.0 / compliance]]))
 
     def _deflect(self, compliance: Array, axes: Array) -> None:
-        """Let the node move by a compliance ``(6, 6)`` in axes ``(3, 3)`` of the chain frame, rigid where it is 0."""
+        """Let the node move by a compliance ``(6, 6)`` in axes ``(3, 3)`` of the chain frame; 0 is rigid."""
         gives = compliance.any(axis=0)
         directions = np.asarray(np.kron(np.eye(2), self._node.T[:3, :3] @ axes)[:, gives], dtype=float)
         stiffness = np.asarray(np.linalg.inv(compliance[np.ix_(gives, gives)]), dtype=float)
@@ -421,6 +380,7 @@ def msa_stiffness(chain: Chain, posture: Array) -> Array:
         ValueError: a spring is under stress in the posture, or the machine is rigid in some direction.
 
     Example:
+        >>> from vjm.model.parts import Section
         >>> beam = Beam("beam", 100.0, section=Section(1e6, 1e9, 1e9, 1e9))
         >>> float(round(msa_stiffness(Chain("cantilever", (beam,)), np.zeros(0))[0, 0]))
         10000

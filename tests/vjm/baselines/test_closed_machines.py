@@ -46,9 +46,7 @@ def test_loads_on_parts_and_weight_move_both_models_alike(name):
     # a beam of one spring has its whole weight on its root, elements on their nodes: as many springs as
     # show the difference by the square of their number
     exact = loads(MsaEngine(), chain, load_case).displacement
-    coarse, fine = (
-        loads(LinearEngine(), chain.refined(n), load_case).displacement for n in (4, 8)
-    )
+    coarse, fine = (loads(LinearEngine(), chain.refined(n), load_case).displacement for n in (4, 8))
     size = np.abs(exact).reshape(2, 3).max(axis=1).repeat(3)
     assert np.abs((coarse - exact) / size).max() < 1e-2
     assert np.abs((fine - exact) / size).max() < 0.3 * np.abs((coarse - exact) / size).max() + 1e-9
@@ -56,8 +54,8 @@ def test_loads_on_parts_and_weight_move_both_models_alike(name):
 
 @pytest.mark.parametrize("engine", LINEAR, ids=by_label)
 @pytest.mark.parametrize("make", [y_tree, four_bar, two_legs])
-def test_work_on_the_end_effector_is_reciprocal(engine, make):
-    """Betti: a load on a part moves the end-effector as a load there moves the part; K times the pose is the wrench."""
+def test_pose_and_wrench_go_both_ways(engine, make):
+    """The wrench that an imposed pose takes brings the free end-effector to that pose."""
     chain = make()
     pose = LoadCase("p", 0.1, (0.3, -0.2, 0.5, 1e-3, 2e-3, -1e-3), steps=1)
     held = engine.trace(chain, pose).points[-1]
@@ -77,9 +75,9 @@ def test_a_component_that_is_free_bears_nothing():
 
 def test_a_rigid_parallelogram_keeps_its_head_level():
     """The arm gives way about its own axis, and the head is carried along without a turn."""
-    point = MsaEngine().trace(
-        palletiser(), LoadCase("p", 1.0, "load", free=COMPONENTS, loads=(Load((50.0, 0.0, 0.0, 0.0, 0.0, 0.0), "head"),))
-    ).points[-1]
+    push = Load((50.0, 0.0, 0.0, 0.0, 0.0, 0.0), "head")
+    load_case = LoadCase("p", 1.0, "load", free=COMPONENTS, loads=(push,))
+    point = MsaEngine().trace(palletiser(), load_case).points[-1]
     assert np.abs(point.displacement[3:]).max() < 1e-12
     # the load's moment about the drive, over its stiffness, times the arm
     turned = 50.0 * 400.0 * np.cos(0.4) * 2e-8
