@@ -98,7 +98,9 @@ class LinearMachine:
     def neutral(self, held: Array) -> Array:
         """Motions ``(n, k)`` that strain nothing and keep to the conditions and to the held rows ``(h, n)``."""
         rows = np.vstack([self.independent, held]) * self.scale
-        rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+        size = np.linalg.norm(rows, axis=1, keepdims=True)
+        # a row of zeros holds nothing
+        rows = rows / np.where(size > 0.0, size, 1.0)
         K = self.stiffness * self.scale[:, None] * self.scale
         _, values, V = np.linalg.svd(np.vstack([K, rows]))
         rank = np.count_nonzero(values > NEUTRAL * values[0])
