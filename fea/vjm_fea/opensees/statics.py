@@ -235,8 +235,9 @@ class Statics(BeamStatics):
         for held, (a, b), wrench, where in self._pairs(state, multipliers):
             for point, sign in ((a, -1.0), (b, 1.0)):
                 K[np.ix_(point.motions, point.motions)] += sign * point.hessian(wrench)
-                K[np.ix_(where, point.motions)] += sign * point.jacobian[: held.rows]
                 K[np.ix_(point.motions, where)] += sign * point.jacobian[: held.rows].T
+            for point, rate in zip((a, b), _apart_rates(a, b, held), strict=True):
+                K[np.ix_(where, point.motions)] += (rate @ point.jacobian)[: held.rows]
         for i, row in enumerate(self.system.rows, start=len(K) - len(self.system.rows)):
             K[i, joints] += row.weights
             K[joints, i] += row.weights
@@ -263,6 +264,19 @@ def _apart(a: Moving, b: Moving, held: Held) -> Array:
     D = b.rotation @ held.turned @ a.rotation.T
     turn = 0.5 * np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
     return np.concatenate([b.position - a.position, turn])
+
+
+def _apart_rates(a: Moving, b: Moving, held: Held) -> Array:
+    """Derivative ``(2, 6, 6)`` of `_apart` by shift and small turn of either frame.
+
+    ``[ω] D + Dᵀ [ω]`` is the cross-product matrix of ``(tr D − D) ω``.
+    """
+    D = b.rotation @ held.turned @ a.rotation.T
+    rates = np.zeros((2, 6, 6))
+    rates[0, :3, :3], rates[1, :3, :3] = -np.eye(3), np.eye(3)
+    rates[0, 3:, 3:] = -0.5 * (np.trace(D) * np.eye(3) - D.T)
+    rates[1, 3:, 3:] = 0.5 * (np.trace(D) * np.eye(3) - D)
+    return rates
 
 
 def _pull(spring: PointSpring, a: Moving, b: Moving) -> tuple[float, Array, float]:
