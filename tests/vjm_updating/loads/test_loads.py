@@ -336,7 +336,8 @@ def test_no_model_is_written_from_loads_in_pounds(tmp_path):
     data, sheet = write(tmp_path, Tube(clamp=1e-9), MID, 4)
     head, *rows = data.read_text().splitlines()
     cells = [row.split(",") for row in rows]
-    turned = (",".join([posture, f"{float(force) / 4.4482216152605:.9g}", *read]) for posture, force, *read in cells)
+    pounds = ([posture, f"{float(force) / 4.4482216152605:.9g}", *read] for posture, force, *read in cells)
+    turned = [",".join(row) for row in pounds]
     data.write_text("\n".join([head, *turned]) + "\n")
     out = tmp_path / "out"
     out.mkdir()

@@ -52,7 +52,11 @@ def calibrate_(
         str, Parameter(help="Predicted figure to make certain next, such as D:compression:F_cr.")
     ] = "",
     force: Annotated[
-        bool, Parameter(negative="", help="Write the calibrated model also where it does not explain the readings, or these are mistaken.")
+        bool,
+        Parameter(
+            negative="",
+            help="Write the calibrated model also where it does not explain the readings, or these are mistaken.",
+        ),
     ] = False,
     json: Annotated[bool, Parameter(negative="", help="Print calibration.json and nothing else.")] = False,
     strict: Strict = False,
