@@ -77,8 +77,8 @@ def narrowed(covariance: Array, weight: Array, spread: Array) -> float:
     """What it costs that readings have narrowed the shapes of laws down (Laplace's approximation of the evidence).
 
     The prior of each is Cauchy's, whose density at its middle is 1/(π s). So a direction in which the readings'
-    own precision is p, in units of ``1/s²``, costs ``log(p π/2)`` where p is large. A direction that the readings do
-    not see costs nothing, for its posterior is its prior: ``log(1 + p π/2)`` is both.
+    own precision is p, in units of ``1/s²``, costs ``log(p π/2)`` where p is large. A direction that they do not
+    see costs nothing, for its posterior is its prior: ``log(1 + p π/2)`` is both.
 
     Args:
         covariance: of the shapes' coordinates ``(k, k)``, their priors included.

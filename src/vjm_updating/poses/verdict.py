@@ -51,8 +51,8 @@ NEXT = {
     "none": "What is left is noise: no further test is needed to find causes.",
     "rivals": "What is left is noise. Whether the families act that are within the noise of being added, only more "
     "postures can tell.",
-    "surer": "What is left is noise: no further test is needed to find causes. The postures that are proposed would "
-    "make the numbers more certain.",
+    "surer": "What is left is noise: no further test is needed to find causes. The postures that are proposed "
+    "would make the numbers more certain.",
     "class": "These postures cannot tell the families apart that are as good: measure the postures below, with "
     "another load on the hand; a gear's error stays, what bends does not.",
     "shared": "What is left moves all markers together: friction or play in what carries them, or "
