@@ -37,7 +37,7 @@ from vjm_updating.poses.study import (
     couplings,
 )
 from vjm_updating.poses.transfer import Series
-from vjm_updating.poses.verdict import at_bounds, drifted, judge
+from vjm_updating.poses.verdict import NEXT, at_bounds, drifted, judge
 from vjm_updating.poses.written import Written, written
 
 DIAGNOSIS, DIAGNOSIS_PAGE, EXTENDED = "diagnosis.json", "diagnosis.html", "extended-model.toml"
@@ -140,7 +140,7 @@ def diagnose_poses(
         shared_correlation_before=correlations(study, first),
         shared_correlation_after=correlations(study, last),
         remainder=rows.RemainderRow(**vars(verdict.remainder)),
-        next=verdict.next,
+        next=NEXT["certain"] if verdict.next == NEXT["none"] and common["next_postures"] else verdict.next,
     )  # fmt: skip
     progress("report")
     _write(

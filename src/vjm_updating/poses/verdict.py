@@ -49,7 +49,9 @@ LEAST_SHARE = 0.03
 
 NEXT = {
     "none": "Nothing calls for another test.",
-    "class": "These postures cannot tell the families apart that are as good: measure the postures below, with "
+    "certain": "What is left is noise: no cause calls for another test. The postures proposed make the members and "
+    "the predictions more certain.",
+    "class": "These postures cannot tell the families apart that are as good: measure the postures proposed, with "
     "another load on the hand; a gear's error stays, what bends does not.",
     "shared": "What is left moves all markers together: friction or play in what carries them, or "
     "the tracker. Approach "

@@ -19,7 +19,7 @@ from vjm_updating.poses.command import calibrate_poses, diagnose_poses, prepared
 from vjm_updating.poses.contrasts import contrasts
 from vjm_updating.poses.ends import ends_of
 from vjm_updating.poses.families import SOFTEST
-from vjm_updating.poses.halves import halves
+from vjm_updating.poses.halves import chance, halves
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.knowable import LEAST_CHANGE, worst_over_mean
 from vjm_updating.poses.ladder import as_good, thinner
@@ -103,6 +103,14 @@ def test_a_joint_whose_torque_hardly_changes_is_not_asked(springs):
         assert (name in asked) == (torque[:, k].std() >= LEAST_CHANGE * torque.std(axis=0).max()), name
     assert {"joint-2", "joint-3"} <= asked
     assert "its torque hardly changes" in reason["joint_compliance.joint-1"]
+
+
+def test_chance_is_that_of_mean_squares():
+    rng = np.random.default_rng(4)
+    squares = rng.chisquare(10.0, 4000) / 10.0
+    # quantiles of chi² with ten degrees of freedom over ten, by tables
+    assert chance(1.831, squares) == pytest.approx(0.05, rel=0.1)
+    assert chance(2.959, squares) == pytest.approx(0.001, rel=0.3)
 
 
 def bearing_of(study):
@@ -193,8 +201,10 @@ def test_a_joint_that_wants_to_be_stiffer_than_rigid_is_a_finding(springs, tmp_p
     assert [one.where for one in said] == ["readings.csv, joint_compliance.joint-3"]
     assert "stiffer than rigid" in said[0].found
     row = next(row for row in estimates(study, state) if row.name == "joint_compliance.joint-3")
-    assert (row.value, row.low) == (0.0, 0.0)
-    assert row.high > 0.0
+    # the most probable value is the bound; the estimate is the mean of what lies within
+    assert row.at_bound
+    assert row.low == 0.0
+    assert row.low < row.value < row.high
 
 
 def test_halves_cover_and_a_change_between_them_is_a_drift(springs, tmp_path):

@@ -85,6 +85,12 @@ CSV = "joint-1.q_rad,joint-2.q_rad,target.x_mm,target.y_mm,target.z_mm\n0.1,0.2,
             None,
             "row 2, column target.x_std_mm: a standard deviation is not negative",
         ),
+        (
+            CSV.replace(",target.z_mm", "").replace("1,2,3", "1,2"),
+            None,
+            "readings.csv: column 'target.z_mm' is missing: without it the tracker's frame cannot be found: add it",
+        ),
+        (CSV.replace("1,2,3", "1,,3"), None, "readings.csv: column 'target.y_mm' is blank"),
         (CSV, ("noise_mm", "nose_mm"), "sheet.toml: "),
         (
             CSV,
