@@ -210,7 +210,7 @@ def test_a_joint_that_wants_to_be_stiffer_than_rigid_is_a_finding(springs, tmp_p
 def test_halves_cover_and_a_change_between_them_is_a_drift(springs, tmp_path):
     _, _, study, state = springs
     still = halves(study, state, estimates(study, state))
-    # 19 halvings of one test, of two members and more: not independent
+    # 60 halvings of one test, of two members and more: not independent
     assert still.random > 0.8
     assert not still.differ
     q, y = study.data.q, study.data.position[:, 0]
