@@ -26,7 +26,7 @@ class MemberEstimate:
 
     Attributes:
         name: of the member.
-        value: mean of its marginal distribution, in ``unit``, the model's own included.
+        value: in ``unit``, the model's own included.
         std: standard deviation.
         low: and
         high: ends of the 95 % interval of its marginal distribution, within the bounds.
@@ -34,7 +34,7 @@ class MemberEstimate:
         learnt: share of its prior variance that the data took away.
         identifiable: whether they say anything of it.
         one_with: members and frames with which it is one.
-        at_bound: whether the most probable value is its physical bound.
+        at_bound: whether it stands at its physical bound.
         pull: standard deviations by which its best value without bounds lies beyond the bound.
     """
 
@@ -68,7 +68,7 @@ def estimates(study: Study, state: State) -> list[MemberEstimate]:
         sd = float(marginal.std[place])
         value, low, high = (
             member.nominal + float(v) * member.unit
-            for v in (marginal.mean[place], marginal.low[place], marginal.high[place])
+            for v in (solution.z[unknown], marginal.low[place], marginal.high[place])
         )
         result.append(
             MemberEstimate(

@@ -30,8 +30,6 @@ class Marginal:
     """Marginal distributions of the p active unknowns, in their units.
 
     Attributes:
-        mean: ``(p,)`` of the posterior within the bounds: between its 37 and 63 % quantiles, for its density is
-            log-concave (Grünbaum, Pacific Journal of Mathematics 10, 1257, 1960).
         std: ``(p,)`` standard deviations.
         low: ``(p,)`` and
         high: ``(p,)`` ends of the 95 % intervals; of a member at its bound from there on.
@@ -39,7 +37,6 @@ class Marginal:
             where it does not.
     """
 
-    mean: Array
     std: Array
     low: Array
     high: Array
@@ -65,20 +62,20 @@ def marginals(blocks: Blocks, solution: Solution) -> Marginal:
     pull = np.maximum(np.maximum((low - mean) / sd, (mean - high) / sd), 0.0)
     near = np.flatnonzero(((mean - low) < FAR * sd) | ((high - mean) < FAR * sd))
     if not len(near):
-        return Marginal(mean, sd, mean - 1.96 * sd, mean + 1.96 * sd, pull)
+        return Marginal(sd, mean - 1.96 * sd, mean + 1.96 * sd, pull)
     x = truncated_draws(mean[near], C[np.ix_(near, near)], low[near], high[near], solution.z[active][near])
     G = np.linalg.solve(C[np.ix_(near, near)], C[near]).T
     rest = np.maximum(np.diag(C) - np.einsum("ij,ij->i", G, C[:, near]), 0.0)
     draws = mean + (x - mean[near]) @ G.T
     draws += np.random.default_rng(SEED).normal(size=draws.shape) * np.sqrt(rest)
     draws[:, near] = x
-    middle = mean + G @ (x.mean(axis=0) - mean[near])
     ends = np.quantile(draws, [LOW, HIGH], axis=0)
     at_low = solution.z[active] <= low
     at_high = solution.z[active] >= high
     ends[0] = np.where(at_low, low, np.where(at_high, np.quantile(draws, 1.0 - ONE_SIDED, axis=0), ends[0]))
     ends[1] = np.where(at_high, high, np.where(at_low, np.quantile(draws, ONE_SIDED, axis=0), ends[1]))
-    return Marginal(middle, draws.std(axis=0), ends[0], ends[1], pull)
+    z = solution.z[active]
+    return Marginal(draws.std(axis=0), np.minimum(ends[0], z), np.maximum(ends[1], z), pull)
 
 
 def truncated_draws(mean: Array, C: Array, low: Array, high: Array, start: Array) -> Array:
