@@ -34,7 +34,7 @@ help:
 	@echo 'make test       ruff, mypy and the tests that are not slow'
 	@echo 'make test-all   ruff, mypy and all tests'
 	@echo 'make bench      the benchmarks; writes bench.json'
-	@echo 'make bench-table  the table in README.md from bench.json'
+	@echo 'make bench-table  the table in docs/how-well-it-works.md from bench.json'
 	@echo 'make blind      hides causes in made-up readings and scores their diagnoses ($$ARGS; --sample is quick)'
 	@echo 'make fuzz       mutated files for every loader ($$SECONDS; an hour, from $$SEED)'
 	@echo 'make lint       ruff and mypy only'
@@ -70,11 +70,11 @@ bench: $(VENV)/.test $(VENV)/.project
 
 # From the whole of bench.json, which `make bench` wrote without ARGS.
 bench-table: $(VENV)/.project
-	PYTHONPATH=tests $(BIN)/python tests/benchmarks/readme_table.py
+	PYTHONPATH=tests $(BIN)/python tests/benchmarks/bench_table.py
 
 # An interrupted campaign goes on where it was.
 blind: $(VENV)/.project
-	PYTHONPATH=tests $(BIN)/python -m hidden_effects --readme README.md $(ARGS)
+	PYTHONPATH=tests $(BIN)/python -m hidden_effects --renew docs/how-well-it-works.md $(ARGS)
 
 # Mutated files for every loader, for SECONDS (an hour).
 fuzz: $(VENV)/.project

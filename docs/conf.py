@@ -1,6 +1,6 @@
 """The documentation's site: ``make docs``, or ``sphinx-build -W docs FOLDER``.
 
-With ``VJM_DOCS_QUICK=1`` the gallery's scripts are listed and not run.
+With ``VJM_DOCS_QUICK=1`` the gallery's scripts are listed and not run, so that the pages lack their figures.
 """
 
 from __future__ import annotations
@@ -26,7 +26,13 @@ LOG = logging.getLogger(__name__)
 project = "vjm-stiffness"
 author = "the authors of vjm-stiffness"
 release = version = vjm.__version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_gallery.gen_gallery"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_design",
+    "sphinx_gallery.gen_gallery",
+]
 exclude_patterns = ["gallery/README.rst", "gallery/*.py", "schemas"]
 html_theme = "furo"
 html_title = f"vjm-stiffness {release}"
@@ -36,12 +42,15 @@ myst_heading_anchors = 4
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
 nitpicky = False
-suppress_warnings = ["config.cache"]
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+QUICK = os.environ.get("VJM_DOCS_QUICK") == "1"
+suppress_warnings = ["config.cache", *(["image.not_readable"] if QUICK else [])]
 sphinx_gallery_conf = {
     "examples_dirs": "gallery",
     "gallery_dirs": "gallery_built",
     "filename_pattern": r"/plot_",
-    "plot_gallery": os.environ.get("VJM_DOCS_QUICK") != "1",
+    "plot_gallery": not QUICK,
     "abort_on_example_error": True,
     "download_all_examples": False,
     "show_memory": False,

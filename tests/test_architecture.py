@@ -48,6 +48,14 @@ MAY_IMPORT = {
 ROOMS = ("rotations", "kernels", "model", "statics", "sensitivity", "tree", "continuation", "platform", "baselines")
 
 LONGEST_MODULE = 400
+LONGER = {
+    "src/vjm/baselines/msa.py": "one assembly of elements, bodies, joints and conditions",
+    "src/vjm/machine/closing.py": "Newton's method that closes loops, with every message on how it fails",
+    "src/vjm_updating/poses/readings.py": "one table of columns, with every message on what is wrong with it",
+    "src/vjm_updating/poses/study.py": "one study: its halves use what the study holds",
+    "tests/helpers/virtual_work.py": "an independent solver that shares nothing with any other module",
+}
+"""Modules that are longer, and why that is one concept."""
 
 # Paths of one machine and hosts of package registries: true where they were written and nowhere else.
 LOCAL_NAMES = re.compile(
@@ -216,7 +224,10 @@ def test_modules_fit_in_one_reading():
         for folder in folders
         for path in folder.rglob("*.py")
     }
-    assert {name: length for name, length in lengths.items() if length > LONGEST_MODULE} == {}
+    long = {name: length for name, length in lengths.items() if length > LONGEST_MODULE}
+    assert {name: length for name, length in long.items() if name not in LONGER} == {}
+    # a reason that is needed no more goes
+    assert sorted(long) == sorted(LONGER)
 
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="git knows which files count; this is no checkout")
@@ -245,7 +256,9 @@ def test_ordinary_names_are_let_through(text: str):
 
 PAGES = [
     ROOT / "README.md",
-    *sorted(page for folder in ("", "tutorials", "theory") for page in (ROOT / "docs" / folder).glob("*.md")),
+    *sorted(
+        page for folder in ("", "tutorials", "theory", "how-well") for page in (ROOT / "docs" / folder).glob("*.md")
+    ),
 ]
 
 
@@ -260,10 +273,14 @@ def test_files_that_a_page_names_are_there(page: Path):
 
 
 def _program(link: Path) -> Path:
-    """What a link leads to; for a page of the gallery, which the builder makes, the program it is made of."""
-    if link.parent.name != "gallery_built":
+    """What a link leads to; for a page or figure of the gallery, which the builder makes, the program behind it."""
+    if "gallery_built" not in link.parts:
         return link
-    return link.parent.with_name("gallery") / f"{link.stem}.py"
+    folder = next(parent for parent in link.parents if parent.name == "gallery_built")
+    if link.stem == "index":
+        return folder.with_name("gallery") / "README.rst"
+    made = re.sub(r"^sphx_glr_(\w+?)_(\d+|thumb)$", r"\1", link.stem)
+    return folder.with_name("gallery") / f"{made}.py"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])

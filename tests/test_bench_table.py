@@ -1,4 +1,4 @@
-"""The README's table of speed and accuracy is what `make bench-table` writes, row by row."""
+"""The page's table of speed and accuracy is what `make bench-table` writes, row by row."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from benchmarks.readme_table import BEGIN, END, MEANING, markdown, with_table
+from benchmarks.bench_table import BEGIN, END, MEANING, markdown, with_table
 
 ROOT = Path(__file__).parents[1]
 ABOUT = {
@@ -60,12 +60,26 @@ def test_a_part_of_the_benchmarks_makes_no_table():
         markdown(found(another=1.0))
 
 
-def test_the_readme_has_the_marks_and_every_benchmark_with_a_requirement_a_row():
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert readme.count(BEGIN) == readme.count(END) == 1
-    assert "make bench-table" in readme
+def test_the_page_has_the_marks_and_every_benchmark_with_a_requirement_a_row():
+    page = (ROOT / "docs/how-well-it-works.md").read_text(encoding="utf-8")
+    assert page.count(BEGIN) == page.count(END) == 1
+    assert "make bench-table" in page
     said = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests/benchmarks").glob("test_*.py"))
     recorded = re.findall(r'record\(f?"([\w{}]+)"', said)
     patterns = [re.sub(r"\{\w+\}", r"\\w+", name) for name in recorded]
     for name in MEANING:
         assert any(re.fullmatch(pattern, name) for pattern in patterns), name
+
+
+def test_the_readme_repeats_what_the_page_and_the_reference_report_say():
+    readme, page, report = (
+        (ROOT / name).read_text(encoding="utf-8")
+        for name in ("README.md", "docs/how-well-it-works.md", "reports/reference/README.md")
+    )
+    (speed,) = re.findall(r"is (\d+) times as fast", readme)
+    assert re.findall(r"^\| `speedup_vs_exudyn` \|.*?\| (\d+) \|", page, re.MULTILINE) == [speed]
+    (accuracy,) = re.findall(r"within ([\d.]+) % in force", readme)
+    assert f"Force at equal displacement differs by at most {accuracy} %" in report
+    for figure in ("force at equal displacement", "critical force", "critical displacement"):
+        (differs,) = re.findall(rf"^\| {figure} \| differs by ([\d.]+) % at most", page, re.MULTILINE)
+        assert f"{figure.capitalize()} differs by at most {differs} %" in report

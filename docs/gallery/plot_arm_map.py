@@ -1,8 +1,8 @@
 """From a URDF to a stiffness map
 ===============================
 
-The tutorial :doc:`/tutorials/urdf-arm` as a program: an arm from a URDF, the compliance of its gears, one load, and
-a map over two joints.
+The tutorial :doc:`/tutorials/urdf-arm` as a program: an arm from a URDF, the compliance of its gears, one load,
+and a map over two joints.
 """
 
 # %%

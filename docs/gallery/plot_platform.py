@@ -1,8 +1,8 @@
 """Stiffness of a platform under load
 ==================================
 
-The Orthoglide at three poses: the stiffness along x against a force along x. The platform's stiffness is the sum of
-its legs' loaded stiffnesses, see :doc:`/theory/platforms`.
+The Orthoglide at three poses, with a force along x: its stiffness along x. The platform's stiffness is the sum
+of its legs' loaded stiffnesses. See :doc:`/theory/platforms`.
 """
 
 import matplotlib.pyplot as plt

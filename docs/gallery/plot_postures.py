@@ -1,8 +1,8 @@
 """Four postures in compression
 ============================
 
-In A and C the straight chain buckles sharply. In B and D the foot stands across the load, and the stiffness bends
-over.
+In A and C the straight chain buckles sharply. In B and D the foot stands across the load, and the
+stiffness falls smoothly, in a knee.
 """
 
 import matplotlib.pyplot as plt

@@ -1,8 +1,8 @@
 """Which way a chain buckles is decided by the lumping
 ===================================================
 
-The paper's chain with one spring in the link buckles when it is pulled. The same chain with sixteen springs buckles
-when it is pushed, as beams do. See :doc:`/tutorials/table2`.
+The paper's chain with one spring in the link buckles when it is pulled. The same chain with sixteen springs
+buckles when it is pushed, as beams do. See :doc:`/tutorials/table2`.
 """
 
 import matplotlib.pyplot as plt

@@ -1,4 +1,4 @@
-"""Text between two marks in a page: tables that commands write into the README."""
+"""Text between two marks in a page: tables that commands write into docs/how-well-it-works.md."""
 
 from __future__ import annotations
 

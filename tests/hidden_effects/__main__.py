@@ -1,4 +1,4 @@
-"""``python -m hidden_effects``: the campaign, its score, its page and the README's table."""
+"""``python -m hidden_effects``: the campaign, its score, its page and the table in docs/how-well-it-works.md."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vjm.io.files import check_writable, write_whole
 from vjm_output import terminal
 
 PUBLISHED = 35
-"""Seed of the campaign in the README; sets of others were looked at while the finder was developed."""
+"""Seed of the published campaign; sets of others were looked at while the finder was developed."""
 SAMPLE, SAMPLE_DESIGNS = 0.03, 6
 """Share of a whole campaign that `--sample` makes, and the designs that it has."""
 OK, BAD_INPUT, INTERRUPTED = 0, 2, 130
@@ -38,7 +38,7 @@ def campaign(
     seed: Annotated[int, Parameter(help="Of the campaign; another one has other designs and sets.")] = PUBLISHED,
     only_make: Annotated[bool, Parameter(negative="", help="Make the sets and diagnose none.")] = False,
     only_score: Annotated[bool, Parameter(negative="", help="Score what is finished and go no further.")] = False,
-    readme: Annotated[Path | None, Parameter(help="README whose table is renewed.")] = None,
+    renew: Annotated[Path | None, Parameter(help="Page whose table is renewed.")] = None,
 ) -> int:
     """Make the sets, diagnose them, write score.json, blind.html and blind.md; go on where it was cut off."""
     if jobs < 1 or seed < 0:
@@ -76,8 +76,8 @@ def campaign(
     write_whole(out / "score.json", json.dumps(document, indent=1))
     write_whole(out / "blind.html", page(held, development))
     write_whole(out / "blind.md", markdown(held, part))
-    if readme is not None:
-        write_whole(readme, with_table(readme.read_text(encoding="utf-8"), held, part))
+    if renew is not None:
+        write_whole(renew, with_table(renew.read_text(encoding="utf-8"), held, part))
     console = terminal.console()
     console.print(markdown(held, part), soft_wrap=True, markup=False)
     console.print(f"page: {out / 'blind.html'}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""The score's headline figures, each beside what is asked of it: the same rows for page, README and terminal."""
+"""The score's headline figures, each beside what is asked of it: the same rows for both pages and the terminal."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from helpers.marked_text import renewed
 
 BEGIN, END = "<!-- blind: begin -->", "<!-- blind: end -->"
-"""Between these the README's table stands."""
+"""Between these the table in docs/how-well-it-works.md stands."""
 _DASH = "–"
 
 
@@ -117,9 +117,9 @@ def markdown(score: dict[str, Any], part: Part = Part()) -> str:
     return "\n".join(lines) + "\n"
 
 
-def with_table(readme: str, score: dict[str, Any], part: Part = Part()) -> str:
-    """A README with the table between its marks; unchanged where it has none."""
-    return renewed(readme, BEGIN, END, markdown(score, part))
+def with_table(page: str, score: dict[str, Any], part: Part = Part()) -> str:
+    """A page with the table between its marks; unchanged where it has none."""
+    return renewed(page, BEGIN, END, markdown(score, part))
 
 
 def _rate(name: str, asked: str, rate: dict[str, Any], meets: Callable[[float], bool]) -> Row:

@@ -19,7 +19,7 @@ DOCS = ROOT / "docs"
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     """The site without its gallery's figures."""
-    for module in ("sphinx", "myst_parser", "furo", "sphinx_gallery"):
+    for module in ("sphinx", "myst_parser", "furo", "sphinx_design", "sphinx_gallery"):
         pytest.importorskip(module)
     folder = tmp_path_factory.mktemp("site")
     done = subprocess.run(
@@ -55,3 +55,23 @@ def test_formulas_ask_nobody_for_a_script(site):
     page = (site / "theory/stiffness.html").read_text()
     assert page.count("<math") > 20
     assert re.findall(r"<script[^>]*https?:", page) == []
+
+
+def test_pages_for_learning_have_a_figure():
+    pages = [page for folder in ("tutorials", "theory", "how-well") for page in (DOCS / folder).glob("*.md")]
+    assert len(pages) > 20
+    assert [page.name for page in pages if "![" not in page.read_text(encoding="utf-8")] == []
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 120
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    ["model-file", "tutorials/urdf-arm", "tutorials/ur10", "how-well-it-works"],
+    ids=["describe an arm", "its stiffness map", "calibrate from a tracker", "how right that is"],
+)
+def test_the_landing_page_leads_there(site, wanted):
+    body = (site / "index.html").read_text(encoding="utf-8").partition("<article")[2].partition("</article>")[0]
+    assert f'href="{wanted}.html"' in body

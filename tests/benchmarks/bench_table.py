@@ -1,4 +1,4 @@
-"""``make bench-table``: the README's table of speed and accuracy from ``bench.json``."""
+"""``make bench-table``: the table of speed and accuracy in docs/how-well-it-works.md from ``bench.json``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from helpers.marked_text import renewed
 from vjm.io.files import write_whole
 
 BEGIN, END = "<!-- bench: begin -->", "<!-- bench: end -->"
-"""Between these the README's table stands."""
+"""Between these the table stands."""
 MEANING = {
     "table2_16004_equilibria_s": "the paper's experiment whole: 4 postures, 16 004 displacements; equilibrium, "
     "loaded stiffness and stability at each",
@@ -67,7 +67,7 @@ def markdown(found: list[dict[str, Any]]) -> str:
         raise ValueError(f"bench.json: no row {', '.join(missing)}: run `make bench` whole, without ARGS")
     unknown = [name for name, row in rows.items() if row["requirement"] and name not in MEANING]
     if unknown:
-        raise ValueError(f"tests/benchmarks/readme_table.py: say in MEANING what {', '.join(unknown)} is")
+        raise ValueError(f"tests/benchmarks/bench_table.py: say in MEANING what {', '.join(unknown)} is")
     lines = ["| row | is | measured | required | |", "| --- | --- | --- | --- | --- |"]
     for name, meaning in MEANING.items():
         row = rows[name]
@@ -81,9 +81,9 @@ def markdown(found: list[dict[str, Any]]) -> str:
     return "\n".join([*lines, "", f"Medians, one thread, on a machine with {machine}."]) + "\n"
 
 
-def with_table(readme: str, found: list[dict[str, Any]]) -> str:
-    """A README with the table between its marks."""
-    return renewed(readme, BEGIN, END, markdown(found))
+def with_table(page: str, found: list[dict[str, Any]]) -> str:
+    """The page with the table between its marks."""
+    return renewed(page, BEGIN, END, markdown(found))
 
 
 def _number(value: float) -> str:
@@ -94,9 +94,9 @@ def _number(value: float) -> str:
 
 
 if __name__ == "__main__":
-    readme = Path("README.md")
+    page = Path("docs/how-well-it-works.md")
     try:
         measured = json.loads(Path("bench.json").read_text(encoding="utf-8"))
-        write_whole(readme, with_table(readme.read_text(encoding="utf-8"), measured))
+        write_whole(page, with_table(page.read_text(encoding="utf-8"), measured))
     except (OSError, ValueError, KeyError) as error:
         sys.exit(f"error: {error}")

@@ -1,0 +1,52 @@
+"""Pages are plain: short sentences, short paragraphs, the field's terms."""
+
+from __future__ import annotations
+
+import pytest
+from helpers.plain_words import SOURCES, Block, Page, markdown
+
+ENFORCED = (
+    "pages",
+    "gallery",
+)
+"""Sources that have to be plain; every other one joins by its name here."""
+
+
+@pytest.mark.parametrize(
+    "page", [page for name in ENFORCED for page in SOURCES[name]()], ids=lambda page: page.name
+)
+def test_a_page_is_plain(page: Page):
+    assert page.offences() == []
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_a_source_has_prose(name: str):
+    read = list(SOURCES[name]())
+    assert sum(len(block.text.split()) for page in read for block in page.blocks) > 200
+
+
+def test_long_sentences_and_paragraphs_are_found():
+    word = "one two three four five six seven eight nine ten "
+    assert Page("", markdown(word * 4 + ".")).offences() == ["sentences have 40.0 words in the mean, more than 25"]
+    assert "a sentence of 41 words in: one two" in Page("", markdown(word * 4 + "eleven.")).offences()[1]
+    short = Page("", markdown(("One " + word + ". ") * 11)).offences()
+    assert short == ["a paragraph of 121 words: One one two three four five six seven …"]
+    assert Page("", markdown(("One " + word + ".\n\n") * 11)).offences() == []
+
+
+def test_forbidden_words_are_found_in_prose_and_in_no_code():
+    prose = Page("", markdown("The link gives way.\n\n| a |\n| --- |\n| It is wild. |\n\n- An *eased* part"))
+    assert [line.split(",")[0] for line in prose.offences()] == ["“gives way”", "“wild”", "“eased”"]
+    code = "`wild` and\n\n    validate wild\n\n```text\nwild\n```\n\n[a link](wild.md) and ![](wild.png) $wild$"
+    assert Page("", markdown(code)).offences() == []
+    assert len(Page("", markdown("An {term}`eased part <part>`.")).offences()) == 1
+    nested = "::::{grid}\n:::{grid-item-card} Title\n:link: wild\nIt is wild.\n:::\n::::"
+    assert len(Page("", markdown(nested)).offences()) == 1
+    assert len(Page("", markdown("```{glossary}\nterm\n  It is wild.\n```")).offences()) == 1
+
+
+def test_sentences_end_where_a_reader_sees_it():
+    text = "It is 3.5 mm, by Code. Then e.g. Kennedy et al. 2001 found Code. (22) is so."
+    assert Block(text).sentences == [6, 8, 3]
+    assert Block("A. Pashkevich found it at 2661 N. It is close.").sentences == [7, 3]
+    assert Block("Is it? Yes! It is.").sentences == [2, 1, 2]
