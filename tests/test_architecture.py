@@ -48,6 +48,14 @@ MAY_IMPORT = {
 ROOMS = ("rotations", "kernels", "model", "statics", "sensitivity", "tree", "continuation", "platform", "baselines")
 
 LONGEST_MODULE = 400
+LONGER = {
+    "src/vjm/baselines/msa.py": "one assembly of elements, bodies, joints and conditions",
+    "src/vjm/machine/closing.py": "Newton's method that closes loops, with every message on how it fails",
+    "src/vjm_updating/poses/readings.py": "one table of columns, with every message on what is wrong with it",
+    "src/vjm_updating/poses/study.py": "one study: its halves use what the study holds",
+    "tests/helpers/virtual_work.py": "an independent solver that shares nothing with any other module",
+}
+"""Modules that are longer, and why that is one concept."""
 
 # Paths of one machine and hosts of package registries: true where they were written and nowhere else.
 LOCAL_NAMES = re.compile(
@@ -216,7 +224,10 @@ def test_modules_fit_in_one_reading():
         for folder in folders
         for path in folder.rglob("*.py")
     }
-    assert {name: length for name, length in lengths.items() if length > LONGEST_MODULE} == {}
+    long = {name: length for name, length in lengths.items() if length > LONGEST_MODULE}
+    assert {name: length for name, length in long.items() if name not in LONGER} == {}
+    # a reason that is needed no more goes
+    assert sorted(long) == sorted(LONGER)
 
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="git knows which files count; this is no checkout")

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from vjm.engines import EngineOptions, engine_by_name
     from vjm.errors import NoConvergenceError
     from vjm.io.errors import ModelFileError
-    from vjm.io.manipulator_file import load_model as load
+    from vjm.io.machine_file import load_model as load
     from vjm.io.path_files import read_curve, write_curve
     from vjm.loaded_stiffness import LoadedStiffness
     from vjm.model.chain import Chain
@@ -58,7 +58,7 @@ _HOME = {
     "buckling": "vjm.analysis",
     "engine_by_name": "vjm.engines",
     "in_posture": "vjm.postures",
-    "load": "vjm.io.manipulator_file:load_model",
+    "load": "vjm.io.machine_file:load_model",
     "read_curve": "vjm.io.path_files",
     "stiffness": "vjm.analysis",
     "trace": "vjm.analysis",

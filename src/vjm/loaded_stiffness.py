@@ -194,6 +194,7 @@ def of_free_end(
         raise NoConvergenceError(f"{chain.name}, posture {posture}: the equilibrium under these loads is unstable")
     unloaded = equilibria(model, q)
     (K, C, rigid), (K0, C0, _) = (_of_end(each, index, model.reach) for each in (at, unloaded))
+    passive = {joint.name for joint in chain.joints}
     return LoadedStiffness(
         model=chain.name,
         model_sha256=chain.sha256,
@@ -212,7 +213,11 @@ def of_free_end(
         loaded_compliance=C,
         unloaded_compliance=C0,
         rigid=rigid,
-        torques=dict(zip(model.joints, at.torques[0].tolist(), strict=True)),
+        torques={
+            name: torque
+            for name, torque in zip(model.joints, at.torques[0].tolist(), strict=True)
+            if name not in passive
+        },
     )
 
 

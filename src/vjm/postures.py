@@ -9,6 +9,7 @@ from typing import TypeAlias, overload
 import numpy as np
 
 from vjm.io.checks import check_postures
+from vjm.machine.closing import Closing, home_label
 from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits, said_turned
 from vjm.model.joints import HeldJoint, SprungJoint
@@ -32,8 +33,9 @@ def in_posture(machine: Chain | Manipulator, posture: Posture) -> tuple[Chain | 
     Args:
         machine: see `vjm.load`.
         posture: a label of the machine's; or coordinates in mm and rad of its joints, from base to tool
-            without coupled ones; or by the joints' names. Of a manipulator: a label, or its platform's ``x, y, z``
-            from home in mm and perhaps ``rx, ry, rz`` in rad.
+            without coupled ones; or by the joints' names. Of a machine with closed loops: a label, or by name all
+            held joints, which the passive ones follow, or its end-effector's ``x, y, z`` from home in mm and
+            perhaps ``rx, ry, rz`` in rad.
 
     Returns:
         The machine itself for a label; else one that has the posture too.
@@ -58,9 +60,38 @@ def in_posture(machine: Chain | Manipulator, posture: Posture) -> tuple[Chain | 
         return machine, label
     if isinstance(posture, str) and posture in machine.postures:
         return machine, posture
+    if machine.closes:
+        return _closed_in(machine, posture)
     values = _values(machine, posture)
     label = _label(values.values())
     return _standing(machine, label, values), label
+
+
+def _closed_in(machine: Chain, posture: Posture) -> tuple[Chain, str]:
+    """A machine with closed loops that has a posture, and its label.
+
+    Raises:
+        ValueError: no such posture, or the loops do not close there.
+    """
+    held = [part.name for part in machine.held_joints]
+    known = f"give a label ({', '.join(machine.postures)}), x,y,z in mm, or by name {', '.join(held) or 'no joint'}"
+    if isinstance(posture, str):
+        posture = _parsed(machine, posture, known)
+    closing = Closing(machine, home_label(machine))
+    if isinstance(posture, Mapping):
+        values = {name: float(value) for name, value in posture.items()}
+        label = ",".join(f"{name}={value:.12g}" for name, value in values.items())
+        q = closing.held(values)
+    else:
+        numbers = np.array(posture, dtype=float)
+        if len(numbers) not in (3, 6) or not np.all(np.isfinite(numbers)):
+            raise ValueError(f"{machine.name}: {len(numbers)} coordinates are no pose of it: {known}")
+        label = _label(numbers)
+        q = closing.displaced(np.concatenate([numbers, np.zeros(6 - len(numbers))]))
+    passive, stands = closing.posture(q)
+    return replace(
+        machine, postures={**machine.postures, label: passive}, held={**machine.held, label: stands}
+    ), label
 
 
 def _label(values: Iterable[float]) -> str:

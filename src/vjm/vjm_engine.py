@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,6 @@ from vjm.continuation.arc_length import trace
 from vjm.continuation.imperfections import buckling_shape
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Path
-from vjm.model.assembly import WideCouplingError
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
@@ -61,14 +59,7 @@ class VjmEngine:
         Raises:
             ValueError: a beam that is to be split has no section, or there is none of a name.
         """
-        split = self.split(chain)
-        if not split.is_tree:
-            with suppress(WideCouplingError):
-                return LumpedModel(split)
-        # imported when it is asked for: dense linear algebra, which no chain needs
-        from vjm.tree.lumped_tree import LumpedTree
-
-        return LumpedTree(split)
+        return LumpedModel(self.split(chain))
 
     def split(self, chain: Chain) -> Chain:
         """The chain with its beams split into this engine's springs.

@@ -10,6 +10,7 @@ import numpy as np
 from vjm.continuation.load_grid import trace_grid
 from vjm.io.manipulator_file import load_manipulator
 from vjm.io.model_file import load_chain
+from vjm.kernels.derivatives import frame_derivatives
 from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint
 from vjm.model.load_case import ARC, Load, LoadCase
@@ -19,7 +20,6 @@ from vjm.platform.batch_equilibria import packed_machine, platforms, weakest
 from vjm.rotations import AXES
 from vjm.sensitivity.gradients import wrench_sensitivity
 from vjm.statics.equilibrium import TOLERANCE
-from vjm.tree.derivatives import frame_derivatives
 from vjm.tree.equilibria import equilibria, sensitivities, unloaded_frames
 from vjm.tree.model import TreeModel
 from vjm.vjm_engine import VjmEngine
@@ -33,7 +33,7 @@ def main() -> None:
     wrench_sensitivity(engine, chain, path, [compliance_factor(chain, "link")])
     problem = engine.problem(chain, load_case)
     grid = trace_grid(problem, np.linspace(0.0, 0.1, 5))
-    problem.model.compiled_series.correct(
+    problem.model.compiled.correct(
         problem.target(0.0), load_case.direction, grid.s, grid.x, grid.wrench, TOLERANCE, 2
     )
     follower = Load((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), "link", 0.5, follower=True)
@@ -43,7 +43,8 @@ def main() -> None:
     unloaded_frames(found.model, found.q)
     sensitivities(found, [orientation(hinge, "link", "x")], wrench=np.ones(6))
     model = found.model
-    arrays, commands, naturals = model.arrays((0.0, 0.0, 0.0)), model.values(found.q), model.naturals(found.q)
+    arrays = model.arrays((0.0, 0.0, 0.0), moments=True)
+    commands, naturals = model.values(found.q), model.naturals(found.q)
     frame_derivatives(arrays, commands, naturals, np.ones((1, 1, 6)), found.x)
     machine = packed_machine(load_manipulator("orthoglide"), VjmEngine())
     platforms(machine, np.zeros((1, 6)), np.zeros(6))

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import FrameType
 
 from fuzz.mutations import mutated
-from vjm.io.manipulator_file import load_model
+from vjm.io.machine_file import load_model
 from vjm.io.model_file import build_chain
 from vjm.io.model_plausibility import findings_of
 from vjm.io.robot_file import Description, import_robot

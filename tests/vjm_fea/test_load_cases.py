@@ -229,7 +229,7 @@ def test_load_cases_that_make_no_sense_are_refused_by_name(engine):
         trace(load=Load(force, "lever"))
     with pytest.raises(ValueError, match=r"part 'link' has points from 0 to 1 of its length, not at 1\.5"):
         trace(load=Load(force, "link", 1.5))
-    with pytest.raises(ValueError, match="builds no imperfection into them"):
+    with pytest.raises(ValueError, match="does not take imperfections"):
         trace(imperfection=0.1)
     arm = RigidOffset("arm", translation([10.0, 0.0, 0.0]))
     chain = Chain("on an arm", (arm, *cantilever().parts), postures={"-": np.zeros(0)})

@@ -107,7 +107,7 @@ def test_a_platform_let_go_in_part_moves_as_in_exudyn(name, axis, to, free):
 
 
 def test_exudyn_builds_no_bows():
-    with pytest.raises(ValueError, match="builds no imperfection"):
+    with pytest.raises(ValueError, match="does not take imperfections"):
         EXUDYN.problem(load_manipulator("orthoglide"), LoadCase("Q1", 1.0, imperfection=0.1))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import overload
 
-from vjm.io.manipulator_file import load_model
+from vjm.io.machine_file import load_model
 from vjm.model.chain import Chain
 from vjm.platform.manipulator import Machine
 from vjm.postures import in_posture
@@ -19,7 +19,7 @@ def loaded(name_or_path: str, *, shear: bool = True) -> Machine:
         shear: whether the shear stiffness that it states counts.
 
     Raises:
-        ModelFileError: see `vjm.io.manipulator_file.load_model`.
+        ModelFileError: see `vjm.io.machine_file.load_model`.
     """
     model = load_model(name_or_path)
     return model if shear else model.rigid_in_shear()

@@ -34,18 +34,6 @@ ON_PATH = 1e-11
 """Error of the condition beside equilibrium, in units of turns and of the chain's length."""
 
 
-def refuse_imperfection(label: str, load_case: LoadCase) -> None:
-    """Refuse what elements cannot do.
-
-    Raises:
-        ValueError: the load case has an imperfection.
-    """
-    if load_case.imperfection:
-        raise ValueError(
-            f"{label} meshes straight beams and builds no imperfection into them: leave it out, or use vjm"
-        )
-
-
 class BeamProblem:
     """A meshed chain under a load case: `vjm.continuation.arc_length.ArcProblem` for finite elements.
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vjm.baselines.linear_machine import independent_rows
 from vjm.loaded_stiffness import rigid_wrenches
 from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.rotations import Array, rotation_from_vector
@@ -72,6 +73,26 @@ class BeamStatics(ABC):
             energy = float(np.exp(np.mean(np.log(turning[turning > NEGLIGIBLE * np.max(turning)]))))
         plain = energy / np.where(turns, 1.0, length**2)
         return np.sqrt(energy / np.where(stiffness > NEGLIGIBLE * plain, stiffness, plain)), energy
+
+    def _add_multipliers(self, J: Array) -> None:
+        """Units of the multipliers, and which of them are solved for.
+
+        Conditions may follow from others: loops of rigid links in a plane have such. What the links bear by them is
+        not determined, and here it is nothing.
+
+        Args:
+            J: ``(m + c, m + c)`` derivative of `_inner` in the reference configuration.
+        """
+        scaled = J[: self.motions, self.motions :] * self.unit[: self.motions, None]
+        size = np.linalg.norm(scaled, axis=0)
+        # a joint's free axis may have a multiplier without reach that an equation of its own sets to zero
+        set_to_zero = np.flatnonzero((size == 0.0) & (np.diag(J)[self.motions :] != 0.0))
+        force = np.where(size > 0.0, self.energy / np.where(size > 0.0, size, 1.0), np.sqrt(self.energy))
+        self.unit = np.concatenate([self.unit, force])
+        felt = np.flatnonzero(size)
+        solved = np.union1d(felt[independent_rows(scaled[:, felt].T)], set_to_zero)
+        dependent = np.setdiff1d(np.arange(len(size)), solved)
+        self.free = np.setdiff1d(self.free, self.motions + dependent)
 
     # --- an engine's own ----------------------------------------------------------------------------------
 

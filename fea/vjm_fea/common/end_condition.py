@@ -7,25 +7,52 @@ from dataclasses import replace
 
 import numpy as np
 
+from vjm.baselines.msa import geometry
 from vjm.model.chain import Chain
-from vjm.model.end_condition import held, refuse_rigid
-from vjm.model.load_case import LoadCase
-from vjm.model.lumped import LumpedModel
+from vjm.model.end_condition import in_order, rigid_direction
+from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.model.parts import Beam, PassiveJoint
-from vjm.rotations import Array
-from vjm.vjm_engine import VjmEngine
+from vjm.rotations import AXES, Array
+
+STILL = 1e-9
+"""Largest shift of a point in the machine's lengths, over the end-effector's turn, that is none."""
 
 
 def hand_joints(chain: Chain, load_case: LoadCase) -> tuple[PassiveJoint, ...]:
     """Joints between the end-effector and the support, from the end-effector; see `vjm.model.end_condition`.
 
+    Hinges that the machine's own last joints make superfluous are left out.
+
+    Args:
+        chain: the machine, its held joints at the coordinates of the load case's posture.
+        load_case: what is held.
+
     Raises:
-        ValueError: what is free makes the chain a mechanism, or it is rigid in a direction in which it is held.
+        ValueError: what is free makes the machine a mechanism, or it is rigid in a direction in which it is held.
     """
-    if load_case.free:
-        return held(LumpedModel(chain), load_case).joints
-    refuse_rigid(VjmEngine().model(_as_meshed(chain)), load_case.posture)
-    return ()
+    where = f"{chain.name}, posture {load_case.posture}"
+    machine, shape = geometry(_as_meshed(chain), chain.posture(load_case.posture))
+    free, all_held = in_order(load_case), machine.end
+    if free and machine.neutral(all_held).shape[1]:
+        raise ValueError(
+            f"{where} is singular: some of its passive joints move without moving the tool; choose another posture"
+        )
+    while True:
+        held = all_held[[i for i, name in enumerate(COMPONENTS) if name not in free]]
+        if machine.rigid(held):
+            raise rigid_direction(where)
+        loose = machine.neutral(held) if free else np.zeros((len(machine.unit), 0))
+        if not loose.shape[1]:
+            return tuple(PassiveJoint(f"support-{name}", AXES[name[-1]], slides=len(name) == 1) for name in free)
+        motion = loose[:, 0]
+        turned, shifted = np.abs(all_held @ motion), np.abs(shape @ motion).max() / machine.length
+        hinges = [name for name in free if len(name) == 2]
+        if shifted > STILL * turned[3:].max() or not hinges:
+            raise ValueError(
+                f"{where}: with {', '.join(load_case.free)} free the chain is a mechanism: it moves without "
+                f"straining a spring; hold one of them"
+            )
+        free.remove(max(hinges, key=lambda name: float(turned[COMPONENTS.index(name)])))
 
 
 def _as_meshed(chain: Chain) -> Chain:

@@ -159,7 +159,7 @@ class Tangent:
     def _modal(self, device: Array | None) -> tuple[Array, Array]:
         """Stiffness ``(k, k)`` on the motions that the constraints leave, and their basis ``(f, k)``."""
         moving = self.free[self.free < self.motions]
-        C = self.J[np.ix_(moving, np.arange(self.motions, len(self.J)))]
+        C = self.J[np.ix_(moving, self.free[self.free >= self.motions])]
         # a joint's free axis is a multiplier without a constraint
         C = C[:, np.any(C != 0.0, axis=0)]
         if device is not None:

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase, PointControl
+from vjm.model.parts import Beam
 from vjm.rotations import Array, skew
 
 NO_POINTS: Mapping[str, tuple[float, ...]] = {}
@@ -85,6 +87,17 @@ def wanted(load_case: LoadCase) -> dict[str, tuple[float, ...]]:
     if isinstance(load_case.control, PointControl):
         places.append((load_case.control.part, load_case.control.at))
     return {part: tuple(sorted({at for name, at in places if name == part})) for part, _ in places if part}
+
+
+def spring_points(chain: Chain) -> dict[str, tuple[float, ...]]:
+    """Fractions of beams at which springs between points are fixed, by name."""
+    beams: dict[str, Beam] = {beam.name: beam for beam in chain.beams}
+    found: dict[str, set[float]] = {}
+    for spring in chain.point_springs:
+        for part, point in zip(spring.parts, spring.points, strict=True):
+            if part in beams:
+                found.setdefault(part, set()).add(beams[part].fraction_of(point))
+    return {part: tuple(sorted(at)) for part, at in found.items()}
 
 
 @dataclass(frozen=True)

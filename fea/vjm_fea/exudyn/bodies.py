@@ -51,7 +51,9 @@ def leaders_of(count: int, locked: Iterable[tuple[int, int]], first: Iterable[in
     """
     leaders = list(range(count))
     for a, b in locked:
-        old, new = leaders[b], leaders[a] if a >= 0 else -1
+        old, new = leaders[b] if b >= 0 else -1, leaders[a] if a >= 0 else -1
+        if old == -1:
+            old, new = new, old
         leaders = [new if leader == old else leader for leader in leaders]
     for node in first:
         old = leaders[node]

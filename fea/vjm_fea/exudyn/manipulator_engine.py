@@ -10,6 +10,7 @@ import numpy as np
 from vjm.continuation.arc_length import trace
 from vjm.continuation.path import Equilibrium, Path
 from vjm.errors import NoConvergenceError
+from vjm.limits import refuse
 from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.model.parts import PassiveJoint
 from vjm.platform.closure import RigidPose
@@ -21,7 +22,7 @@ from vjm.platform.rigid_legs import refuse_rigid_legs
 from vjm.rotations import AXES, Array
 from vjm.threads import single_threaded
 from vjm.vjm_engine import VjmEngine
-from vjm_fea.common.beam_problem import BeamProblem, refuse_imperfection
+from vjm_fea.common.beam_problem import BeamProblem
 from vjm_fea.common.branches import TINY
 from vjm_fea.common.mesh import Mesh
 from vjm_fea.exudyn.manipulator_statics import ManipulatorStatics
@@ -46,7 +47,8 @@ class ManipulatorExudynProblem(BeamProblem):
             RigidLegError: a leg does not deflect in all directions.
             ValueError: a beam without a section, or a load case that only chains know.
         """
-        refuse_imperfection(label, load_case)
+        for leg in manipulator.legs:
+            refuse(label, leg.chain, load_case)
         held, _, _ = on_platform(load_case)
         if pose is None:
             pose = inverse_kinematics(manipulator, manipulator.displacement(load_case.posture))

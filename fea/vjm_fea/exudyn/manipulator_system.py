@@ -14,10 +14,6 @@ from vjm.platform.closure import RigidPose
 from vjm.platform.manipulator import BASE, PLATFORM, Leg
 from vjm.rotations import Array, frame
 from vjm_fea.common.mesh import Mesh
-from vjm_fea.common.points import NO_POINTS
-from vjm_fea.common.quaternions import quaternion
-from vjm_fea.exudyn.backend import items
-from vjm_fea.exudyn.bodies import Rigid, leaders_of
 from vjm_fea.exudyn.joint_kinds import crossing
 from vjm_fea.exudyn.system import ExudynSystem
 
@@ -64,27 +60,17 @@ class ManipulatorSystem(ExudynSystem):
         """
         robot = pose.manipulator
         self._begin(mesh)
-        self._points = NO_POINTS
-        self._open = None
-        ground = Rigid(-1, self.assembly.rigid(items.ObjectGround()), np.eye(4))
-        self._bodies = {BASE: ground}
+        self._bodies = {BASE: self._ground}
         for name in robot.bodies:
             # in the world's axes, as an end-effector's node is
             T = frame(p=pose.frame(name)[:3, 3])
             self._bodies[name] = self._carrier(self._node(T), T)
-        self.tool = self._bodies[PLATFORM].node
         self.couplings: list[list[Hinge]] = [[] for _ in robot.couplings]
         for i, leg in enumerate(robot.legs):
             self._add_leg(pose, leg, i)
-        self._chain = replace(robot.legs[0].chain, name=robot.name)
-        self.end = self._frame = pose.frames[0]
+        self._frame = pose.frames[0]
         self._rigid = self._bodies[PLATFORM]
-        self.end_condition = self._add_hand(end_condition) if end_condition else self.tool
-        self.reference = np.array([np.concatenate([T[:3, 3], quaternion(T[:3, :3])]) for T in self._frames])
-        self.connected = sorted(self._connected)
-        self.leaders = leaders_of(len(self._frames), self._locked, {self.tool, self.end_condition})
-        self.pieces = [replace(p, body=self._leader(p.body)) for p in self.pieces]
-        self.assembly.close()
+        self._finish(robot.name, end_condition)
 
     def _add_leg(self, pose: RigidPose, leg: Leg, index: int) -> None:
         robot = pose.manipulator

@@ -23,6 +23,11 @@ def is_coupled(compliance: Array | None) -> TypeGuard[Array]:
     return compliance is not None and bool(np.any(compliance - np.diag(np.diag(compliance))))
 
 
+def _angle(y: Any, x: Any) -> Any:  # noqa: ANN401  real, or complex for exact derivatives
+    """Polar angle of a point, up to half a turn either way."""
+    return 2.0 * np.arctan(y / (np.sqrt(x * x + y * y) + x))
+
+
 @dataclass(frozen=True)
 class RelativeMotion:
     """How far two nodes have moved from one another since the reference configuration, as (22) counts it.
@@ -84,7 +89,7 @@ class RelativeMotion:
         before, behind = (turn @ T[:3, :3] for turn, T in zip(R, self.frames, strict=True))
         turn, way = before.T @ behind, p[1] - p[0]
         b = np.arcsin(turn[0, 2])
-        a, c = np.arctan(-turn[1, 2] / turn[2, 2]), np.arctan(-turn[0, 1] / turn[0, 0])
+        a, c = _angle(-turn[1, 2], turn[2, 2]), _angle(-turn[0, 1], turn[0, 0])
         rates = np.array(
             [
                 [1.0, 0.0, np.sin(b)],
@@ -122,17 +127,19 @@ class MatrixSpring(RelativeMotion):
 
 @dataclass(frozen=True)
 class LinearConstraint:
-    """A weighted sum of relative coordinates that is zero: a rigid direction, or a joint that follows others.
+    """A weighted sum of relative coordinates and a number that is zero: a rigid direction, or coupled joints.
 
     Attributes:
         terms: relative motions, the coordinate of each that counts, and its weight.
+        offset: the number, mm or rad.
     """
 
     terms: tuple[tuple[RelativeMotion, int, float], ...]
+    offset: float = 0.0
 
     def error(self, places: Array) -> float:
         """By which the sum is not zero, mm or rad."""
-        return sum(weight * float(motion.coordinates(places)[k]) for motion, k, weight in self.terms)
+        return self.offset + sum(weight * float(motion.coordinates(places)[k]) for motion, k, weight in self.terms)
 
 
 def held_by(

@@ -1,15 +1,16 @@
-"""A chain meshed with Exudyn under a load case, as a problem that can be followed."""
+"""A machine meshed with Exudyn under a load case, as a problem that can be followed."""
 
 from __future__ import annotations
 
+from vjm.limits import refuse
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase, PointControl
-from vjm_fea.common.beam_problem import BeamProblem, refuse_imperfection
+from vjm_fea.common.beam_problem import BeamProblem
 from vjm_fea.common.end_condition import hand_joints
 from vjm_fea.common.mesh import Mesh
 from vjm_fea.common.points import wanted
+from vjm_fea.exudyn.machine_system import MachineSystem
 from vjm_fea.exudyn.statics import Statics
-from vjm_fea.exudyn.system import ExudynSystem
 
 TOLERANCE = 1e-11
 """Scaled residual at which an equilibrium counts as found: a thousand times what rounding leaves of it."""
@@ -25,16 +26,15 @@ class ExudynProblem(BeamProblem):
     statics: Statics
 
     def __init__(self, chain: Chain, load_case: LoadCase, mesh: Mesh, label: str) -> None:
-        """Mesh a chain in a posture.
+        """Mesh a machine in a posture.
 
         Raises:
             ValueError: a beam without a section, or without shear stiffness where the element needs one; a load on
                 no point of the chain; a load case that the engine does not know.
         """
-        refuse_imperfection(label, load_case)
-        chain.refuse_tree(label)
+        refuse(label, chain, load_case)
         chain = chain.at(load_case.posture)
-        system = ExudynSystem(
+        system = MachineSystem(
             chain, chain.posture(load_case.posture), mesh, wanted(load_case), hand_joints(chain, load_case)
         )
         control = load_case.control

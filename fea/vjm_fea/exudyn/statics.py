@@ -139,10 +139,8 @@ class Statics(BeamStatics):
         J = self._carried(J, full)
         rotary = np.tile([False] * 3 + [True] * 3, bodies)
         unit, _ = self._scale(np.diag(J)[: self.motions], rotary, length, self.energy)
-        reach = np.linalg.norm(J[: self.motions, self.motions :] * unit[:, None], axis=0)
-        # a joint's free axis has a multiplier, zero, but no reach
-        force = np.where(reach > 0.0, self.energy / np.where(reach > 0.0, reach, 1.0), np.sqrt(self.energy))
-        self.unit = np.concatenate([unit, force])
+        self.unit = unit
+        self._add_multipliers(J)
 
     def _lead(self, system: ExudynSystem) -> None:
         """Who leads whom: the ground is a last body, which does not move."""

@@ -1,4 +1,4 @@
-"""A chain in a posture as a system of Exudyn: nodes, geometrically exact beams, joints, springs.
+"""Parts of a machine in a posture as a system of Exudyn: nodes, geometrically exact beams, joints, springs.
 
 A joint acts between markers on two nodes, at the joint's place. Where beams meet at an angle or end on an arm
 several nodes belong to one rigid piece: one of them leads, and the others go with it. The coordinates are those of
@@ -16,18 +16,18 @@ from typing import assert_never
 import numpy as np
 
 from vjm.continuation.path import StationLabel
-from vjm.model.chain import FOOT, Chain
+from vjm.model.chain import FOOT
 from vjm.model.joints import ActuatedJoint, CoupledJoint, ElementarySpring, HeldJoint, elementary_springs
 from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
 from vjm.rotations import Array, frame, inverse_frame, translation, turn
 from vjm_fea.common.end_condition import joint_axes
 from vjm_fea.common.mesh import Mesh, lumped_mass
-from vjm_fea.common.points import NO_POINTS, Piece, Place, find
+from vjm_fea.common.points import Piece, Place, find
 from vjm_fea.common.quaternions import quaternion
 from vjm_fea.exudyn.assembly import Assembly
 from vjm_fea.exudyn.backend import Item, exu, items
 from vjm_fea.exudyn.bodies import Rigid, Station, between, leaders_of
-from vjm_fea.exudyn.joint_kinds import PRISMATIC, REVOLUTE, UNIVERSAL, axes_with, crossing
+from vjm_fea.exudyn.joint_kinds import PRISMATIC, REVOLUTE, UNIVERSAL, axes_with
 from vjm_fea.exudyn.matrix_spring import LinearConstraint, MatrixSpring, RelativeMotion, held_by, is_coupled
 
 Connect = Callable[[Item], None]
@@ -35,7 +35,7 @@ Connect = Callable[[Item], None]
 
 
 class ExudynSystem:
-    """The assembled system and where things are in it.
+    """A system to which parts are added, and where things are in it.
 
     Attributes:
         assembly: the systems of Exudyn.
@@ -65,51 +65,19 @@ class ExudynSystem:
         self.constraints: list[LinearConstraint] = []
         self._own: dict[str, tuple[RelativeMotion, int]] = {}
         self._waiting: list[Callable[[], None]] = []
-
-    def __init__(
-        self,
-        chain: Chain,
-        q: Array,
-        mesh: Mesh,
-        points: Mapping[str, tuple[float, ...]] = NO_POINTS,
-        end_condition: Sequence[PassiveJoint] = (),
-    ) -> None:
-        """Assemble a chain.
-
-        Args:
-            chain: the machine.
-            q: its passive joints' coordinates.
-            mesh: of its beams.
-            points: fractions of its beams at which there has to be a node, by name.
-            end_condition: joints between the end-effector and the support, see `vjm.model.end_condition`.
-
-        Raises:
-            ValueError: a beam without a section, or another number of joints.
-        """
-        if len(q) != len(chain.joints):
-            raise ValueError(
-                f"{chain.name}: {len(chain.joints)} passive joints but {len(q)} coordinates in the posture"
-            )
-        self._begin(mesh)
-        self._chain, self._points = chain, points
-        self._frame = chain.base
-        self._rigid = Rigid(-1, self.assembly.rigid(items.ObjectGround()), np.eye(4))
         self._open: Connect | None = None
-        angles = iter(np.asarray(q, dtype=float))
-        parts = list(chain.parts)
-        while parts:
-            part = parts.pop(0)
-            behind = parts[0] if parts else None
-            if not isinstance(part, PassiveJoint):
-                self._add(part)
-            elif isinstance(behind, PassiveJoint) and crossing(part, behind):
-                parts.pop(0)
-                self._add_universal(part, next(angles), behind, next(angles))
-            else:
-                self._add_joint(part, next(angles))
+        self._frame = np.eye(4)
+        self._points: Mapping[str, tuple[float, ...]] = {}
+        self._marked: Mapping[str, tuple[float, ...]] = {}
+        self._sections: dict[tuple[str, float], Rigid] = {}
+        self._ground = Rigid(-1, self.assembly.rigid(items.ObjectGround()), np.eye(4))
+        self._rigid = self._ground
+
+    def _finish(self, name: str, end_condition: Sequence[PassiveJoint]) -> None:
+        """Hold what the last part ends on by the support, and assemble."""
+        self._name, self.end = name, self._frame
         # an end-effector on a piece whose node lies elsewhere gets a node of its own, locked to it
         self.tool = self._at(frame(p=self._frame[:3, 3])).node
-        self.end = self._frame
         self.end_condition = self._add_hand(end_condition) if end_condition else self.tool
         self.reference = np.array([np.concatenate([T[:3, 3], quaternion(T[:3, :3])]) for T in self._frames])
         self.connected = sorted(self._connected)
@@ -151,11 +119,11 @@ class ExudynSystem:
                 assert_never(part)
 
     def _add_beam(self, beam: Beam) -> None:
-        beam.refuse_bow("exudyn")
         grid = self.mesh.grid(self._points.get(beam.name, ()))
         section = beam.effective_section()
         root = self._frame @ beam.section_in_chain
         node = self._at(root).node
+        self._sections[beam.name, 0.0] = self._rigid
         self._mark(beam.name, 0.0, root)
         self._node_piece(beam, 0, grid, root)
         for i, (start, stop) in enumerate(pairwise(grid.tolist()), start=1):
@@ -168,7 +136,10 @@ class ExudynSystem:
                 items.ObjectBeamGeometricallyExact(nodeNumbers=[node, following], length=h, sectionData=data)
             )
             node = following
-            self._rigid = self._carrier(node, T) if stop == 1.0 else Rigid(node, None, T)
+            # where nothing but elements meet, a node carries no markers
+            carries = stop == 1.0 or stop in self._marked.get(beam.name, ())
+            self._rigid = self._carrier(node, T) if carries else Rigid(node, None, T)
+            self._sections[beam.name, stop] = self._rigid
             self._mark(beam.name, stop, T)
             self._node_piece(beam, i, grid, T)
         self._frame = self._frame @ translation(beam.tip)
@@ -364,7 +335,7 @@ class ExudynSystem:
         """
         if not part:
             return Place(self._leader(self.tool), self.end[:3, 3])
-        return find(self._chain.name, self.pieces, part, at)
+        return find(self._name, self.pieces, part, at)
 
     def _mark(self, part: str, fraction: float, T: Array | None = None) -> None:
         label = StationLabel(part, fraction)

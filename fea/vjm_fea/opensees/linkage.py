@@ -7,7 +7,7 @@ pieces, however they are made up.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,21 +33,21 @@ class Joint:
 
 @dataclass(frozen=True)
 class Linkage:
-    """What leads from a body to a node that it carries.
+    """What leads from a body to a rigid piece behind joints, and to a node where that carries one.
 
     Attributes:
         near: number of the body; None for the ground.
         near_position: its reference position ``(3,)``, mm.
-        node: number of the node at the far end.
+        joints: from the body to the piece.
+        node: number of the node at the far end; None where there is none.
         node_position: its reference position ``(3,)``, mm.
-        joints: from the body to the node.
     """
 
     near: int | None
     near_position: Array
-    node: int
-    node_position: Array
     joints: tuple[Joint, ...]
+    node: int | None = None
+    node_position: Array = field(default_factory=lambda: np.zeros(3))
 
     def posed(self, position: Array, rotation: Array, q: Array) -> Posed:
         """The linkage with its near body at a place.

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from vjm.limits import refuse
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase, PointControl
-from vjm_fea.common.beam_problem import BeamProblem, refuse_imperfection
+from vjm_fea.common.beam_problem import BeamProblem
 from vjm_fea.common.end_condition import hand_joints
-from vjm_fea.common.points import wanted
+from vjm_fea.common.points import spring_points, wanted
 from vjm_fea.opensees.beams import Beams, Element
 from vjm_fea.opensees.statics import Statics
-from vjm_fea.opensees.system import ChainSystem
+from vjm_fea.opensees.system import MachineSystem
 
 TOLERANCE = 1e-13
 """Scaled residual at which an equilibrium counts as found: some hundred times what rounding leaves of it."""
@@ -32,13 +33,12 @@ class OpenSeesProblem(BeamProblem):
             ValueError: there is no beam, or one without a section; a load on no point of the chain; a load case
                 that the engine does not know.
         """
-        refuse_imperfection(label, load_case)
-        chain.refuse_tree(label)
-        if not chain.beams:
-            raise ValueError(f"{chain.name}: there is no beam to mesh")
+        refuse(label, chain, load_case)
         chain = chain.at(load_case.posture)
         q, points = chain.posture(load_case.posture), wanted(load_case)
-        system = ChainSystem(chain, q, elements, points, hand_joints(chain, load_case))
+        for part, at in spring_points(chain).items():
+            points[part] = (*points.get(part, ()), *at)
+        system = MachineSystem(chain, q, elements, points, hand_joints(chain, load_case))
         control = load_case.control
         watched = system.find(control.part, control.at) if isinstance(control, PointControl) else None
         length = chain.characteristic_length

@@ -1,7 +1,8 @@
-"""Residual and tangent of a chain of corotational beams in independent motions.
+"""Residual and tangent of a machine of corotational beams, with its conditions.
 
 The motions are the shifts and small turns of the bodies in world axes and the joints' coordinates. Nodes that a
-linkage carries move with it, by the principle of virtual work their forces are the bodies' and the joints'.
+linkage carries move with it, by the principle of virtual work their forces are the bodies' and the joints'. Frames
+that are held together bear a wrench between them, and joints that are coupled a torque: these are multipliers.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vjm.errors import NoConvergenceError
+from vjm.model.joints import PointSpring
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 from vjm_fea.common.applied_loads import loading_of
@@ -22,7 +24,7 @@ from vjm_fea.common.points import Moving, Place, on_body
 from vjm_fea.common.states import States
 from vjm_fea.opensees.beams import Beams
 from vjm_fea.opensees.linkage import Posed
-from vjm_fea.opensees.system import ChainSystem
+from vjm_fea.opensees.system import SUPPORT, Held, MachineSystem
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class Statics(BeamStatics):
         system: bodies, linkages and stations.
     """
 
-    def __init__(self, system: ChainSystem, beams: Beams, length: float, load_case: LoadCase) -> None:
+    def __init__(self, system: MachineSystem, beams: Beams, length: float, load_case: LoadCase) -> None:
         """Evaluate a system under a load case's loads.
 
         Args:
@@ -66,25 +68,31 @@ class Statics(BeamStatics):
         self._beams = beams
         self.applied_loads = loading_of(load_case, system.find, system.pieces)
         self.share = 1.0
-        bodies, joints = len(system.carriers) + 1, len(system.stiffness)
-        self.states = States(bodies, joints)
+        bodies, joints = len(system.carriers) + 1, len(system.slides)
+        multipliers = sum(held.rows for held in system.held) + len(system.rows)
+        self.states = States(bodies, joints + multipliers)
         self.motions = 6 * bodies + joints
         at_rest = np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], bodies)
-        self.initial = np.concatenate([at_rest, np.zeros(joints + 1)])
-        self.end_condition, self.hand_reference, self.tool = system.end_condition, np.zeros(3), system.find("", 1.0)
+        self.initial = np.concatenate([at_rest, np.zeros(joints + multipliers + 1)])
+        self.end_condition, self.hand_reference, self.tool = bodies - 1, np.zeros(3), system.find("", 1.0)
         self.held = 6 * self.end_condition + np.arange(6)
-        self.free = np.setdiff1d(np.arange(self.motions), self.held)
+        self.free = np.setdiff1d(np.arange(self.motions + multipliers), self.held)
         carriers = np.array(system.carriers, dtype=int)
         self._carried_rows = (6 * carriers[:, None] + np.arange(6)).ravel()
         self._carrier_of = {int(node): i for i, node in enumerate(carriers)}
-        self._end_of = {link.node: (i, len(link.joints)) for i, link in enumerate(system.linkages)}
+        self._end_of = {
+            link.node: (i, len(link.joints)) for i, link in enumerate(system.linkages) if link.node is not None
+        }
         turns = np.append(np.tile([False] * 3 + [True] * 3, bodies), ~system.slides)
-        stiffness = np.diag(self._stiffness(self.initial, None)[0])
-        self.unit, self.energy = self._scale(stiffness, turns, length)
+        J = self._stiffness(self.initial, None)[0]
+        self.unit, self.energy = self._scale(np.diag(J)[: self.motions], turns, length)
+        self._add_multipliers(J)
 
     def number_unit(self, length: float) -> Array:
-        """Units ``(k,)`` in which an arc measures joints' coordinates."""
-        return np.where(self.system.slides, length, 1.0)
+        """Units ``(k,)`` in which an arc measures joints' coordinates; it does not measure multipliers."""
+        unit = np.full(self.states.others, np.inf)
+        unit[: len(self.system.slides)] = np.where(self.system.slides, length, 1.0)
+        return unit
 
     # --- places -------------------------------------------------------------------------------------------
 
@@ -109,21 +117,16 @@ class Statics(BeamStatics):
                 position, R = position + bodies[linkage.near, :3], matrices[linkage.near]
             there = linkage.posed(position, R, q)
             posed.append(there)
+            if linkage.node is None:
+                continue
             displacement[linkage.node] = there.node_position - linkage.node_position
             rotation[linkage.node] = Rotation.from_matrix(there.turns[-1]).as_rotvec()
         return Configuration(displacement, rotation, tuple(posed))
 
     def shape(self, state: Array) -> Array:
         """Positions ``(k, 3)`` of the stations, mm, world."""
-        at = self.configuration(state)
-        return np.array(
-            [
-                s.position + at.displacement[s.node]
-                if s.node is not None
-                else at.linkages[s.linkage[0]].place(s.position, s.linkage[1])
-                for s in self.system.stations
-            ]
-        )
+        points = self.points(state, [station.place for station in self.system.stations])
+        return np.array([point.position for point in points])
 
     def points(self, state: Array, places: Sequence[Place]) -> list[Moving]:
         """Points at a state."""
@@ -134,6 +137,12 @@ class Statics(BeamStatics):
         return [self._point(place, linkages, bodies, turns) for place in places]
 
     def _point(self, place: Place, linkages: tuple[Posed, ...], bodies: Array, turns: Array) -> Moving:
+        if place.body is None:
+            return Moving(
+                place.position, np.eye(3), np.zeros(0, dtype=int), np.zeros((6, 0)), lambda _: np.zeros((0, 0))
+            )
+        if place.body == SUPPORT:
+            return on_body(self.held, place.position + bodies[-1, :3], turns[-1], np.zeros(3))
         if place.body in self._carrier_of:
             i = self._carrier_of[place.body]
             reference = self.system.nodes[place.body]
@@ -165,27 +174,112 @@ class Statics(BeamStatics):
         J[self._carried_rows, np.arange(len(self._carried_rows))] = 1.0
         for posed in at.linkages:
             node = posed.linkage.node
+            if node is None:
+                continue
             own = posed.jacobian(posed.node_position, len(posed.axes))
             J[6 * node : 6 * node + 6, self._motions_of(posed)] = own
         return J
 
+    def _coordinates(self, state: Array) -> tuple[Array, Array]:
+        """Joint coordinates ``(k,)`` and multipliers ``(c,)``."""
+        numbers, k = self.states.numbers(state), len(self.system.slides)
+        return numbers[:k], numbers[k:]
+
+    def _pairs(self, state: Array, multipliers: Array) -> list[tuple[Held, list[Moving], Array, np.ndarray]]:
+        """Frames held together: their two points, the wrench ``(6,)`` between them, and their multipliers."""
+        found, first = [], 0
+        for held in self.system.held:
+            wrench = np.zeros(6)
+            wrench[: held.rows] = multipliers[first : first + held.rows]
+            where = self.motions + np.arange(first, first + held.rows)
+            found.append((held, self.points(state, held.places), wrench, where))
+            first += held.rows
+        return found
+
     def _inner(self, state: Array) -> Array:
-        at = self.configuration(state)
-        r: Array = self._jacobian(at).T @ self._beams.forces(at.displacement, at.rotation).ravel()
-        r[6 * self.states.bodies :] += self.system.stiffness * self.states.numbers(state)
+        at, (q, multipliers) = self.configuration(state), self._coordinates(state)
+        r = np.zeros(self.motions + len(multipliers))
+        r[: self.motions] = self._jacobian(at).T @ self._beams.forces(at.displacement, at.rotation).ravel()
+        joints = slice(6 * self.states.bodies, self.motions)
+        r[joints] += self.system.stiffness @ (q - self.system.natural)
+        for held, (a, b), wrench, where in self._pairs(state, multipliers):
+            r[b.motions] += b.jacobian.T @ wrench
+            r[a.motions] -= a.jacobian.T @ wrench
+            r[where] = _apart(a, b, held)[: held.rows]
+        for i, row in enumerate(self.system.rows, start=len(r) - len(self.system.rows)):
+            r[joints] += row.weights * multipliers[i - self.motions]
+            r[i] = row.weights @ q + row.offset
+        for spring, places in self.system.springs:
+            a, b = self.points(state, places)
+            pull, along, _ = _pull(spring, a, b)
+            r[b.motions] += b.jacobian[:3].T @ (pull * along)
+            r[a.motions] -= a.jacobian[:3].T @ (pull * along)
         return r
 
     def _stiffness(self, state: Array, like: Tangent | None) -> tuple[Array, Array | None]:
-        at = self.configuration(state)
+        at, (_, multipliers) = self.configuration(state), self._coordinates(state)
         J = self._jacobian(at)
         forces = self._beams.forces(at.displacement, at.rotation)
-        K: Array = J.T @ self._beams.tangent(at.displacement, at.rotation) @ J
+        K = np.zeros((self.motions + len(multipliers),) * 2)
+        K[: self.motions, : self.motions] = J.T @ self._beams.tangent(at.displacement, at.rotation) @ J
         for posed in at.linkages:
-            motions = self._motions_of(posed)
             node = posed.linkage.node
+            if node is None:
+                continue
+            motions = self._motions_of(posed)
             K[np.ix_(motions, motions)] += posed.geometric_stiffness(
                 forces[node], posed.node_position, len(posed.axes)
             )
-        joints = np.arange(6 * self.states.bodies, len(K))
+        joints = slice(6 * self.states.bodies, self.motions)
         K[joints, joints] += self.system.stiffness
+        for held, (a, b), wrench, where in self._pairs(state, multipliers):
+            for point, sign in ((a, -1.0), (b, 1.0)):
+                K[np.ix_(point.motions, point.motions)] += sign * point.hessian(wrench)
+                K[np.ix_(point.motions, where)] += sign * point.jacobian[: held.rows].T
+            for point, rate in zip((a, b), _apart_rates(a, b, held), strict=True):
+                K[np.ix_(where, point.motions)] += (rate @ point.jacobian)[: held.rows]
+        for i, row in enumerate(self.system.rows, start=len(K) - len(self.system.rows)):
+            K[i, joints] += row.weights
+            K[joints, i] += row.weights
+        for spring, places in self.system.springs:
+            self._add_pull(K, spring, *self.points(state, places))
         return K, None
+
+    def _add_pull(self, K: Array, spring: PointSpring, a: Moving, b: Moving) -> None:
+        """A spring between points: its stiffness along its line, and its force as that turns."""
+        pull, along, length = _pull(spring, a, b)
+        across = pull / length * (np.eye(3) - np.outer(along, along)) if length else np.zeros((3, 3))
+        own = spring.stiffness * np.outer(along, along) + across
+        ends = ((a, -1.0), (b, 1.0))
+        for one, sign in ends:
+            K[np.ix_(one.motions, one.motions)] += sign * one.hessian(np.concatenate([pull * along, np.zeros(3)]))
+            for other, its in ends:
+                K[np.ix_(one.motions, other.motions)] += sign * its * one.jacobian[:3].T @ own @ other.jacobian[:3]
+
+
+def _apart(a: Moving, b: Moving, held: Held) -> Array:
+    """Shift and turn ``(6,)`` between two frames that are to be one; the turn is right where it is small."""
+    D = b.rotation @ held.turned @ a.rotation.T
+    turn = 0.5 * np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
+    return np.concatenate([b.position - a.position, turn])
+
+
+def _apart_rates(a: Moving, b: Moving, held: Held) -> Array:
+    """Derivative ``(2, 6, 6)`` of `_apart` by shift and small turn of either frame.
+
+    ``[ω] D + Dᵀ [ω]`` is the cross-product matrix of ``(tr D − D) ω``.
+    """
+    D = b.rotation @ held.turned @ a.rotation.T
+    rates = np.zeros((2, 6, 6))
+    rates[0, :3, :3], rates[1, :3, :3] = -np.eye(3), np.eye(3)
+    rates[0, 3:, 3:] = -0.5 * (np.trace(D) * np.eye(3) - D.T)
+    rates[1, 3:, 3:] = 0.5 * (np.trace(D) * np.eye(3) - D)
+    return rates
+
+
+def _pull(spring: PointSpring, a: Moving, b: Moving) -> tuple[float, Array, float]:
+    """Force of a spring between points in N, the direction ``(3,)`` to the second one, and mm between."""
+    way = b.position - a.position
+    length = float(np.linalg.norm(way))
+    along = way / length if length else np.zeros(3)
+    return spring.stiffness * (length - spring.free_length) + spring.preload, along, length

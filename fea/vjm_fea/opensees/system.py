@@ -1,28 +1,32 @@
-"""A chain in a posture as bodies, linkages and rows of beam elements.
+"""A machine in a posture as bodies, linkages and rows of beam elements.
 
-Bodies are the beams' nodes and the support of the end-effector, each with six motions. The nodes at which a
-rigid piece or a joint begins or ends are no bodies of their own: a linkage carries them. The last beam's tip hangs
-on the support, over the joints of what is free of the end-effector's pose, so that an imposed pose is one body
-held, and no constraint is left that would need a multiplier.
+Bodies are the beams' nodes and the support of the end-effector, each with six motions. The nodes at which a beam
+begins are no bodies of their own: a linkage carries them, over the rigid pieces and joints before it. Frames that
+are held together, the end-effector and its support among them, are conditions beside the motions.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import assert_never
 
 import numpy as np
 
 from vjm.continuation.path import StationLabel
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint, elementary_springs
-from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
+from vjm.model.closures import Closure
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring, SprungJoint, joint_axes
+from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
 from vjm.rotations import Array, translation, turn
 from vjm_fea.common.mesh import grid, lumped_mass
 from vjm_fea.common.points import NO_POINTS, Piece, Place, find
 from vjm_fea.opensees.beams import Line
 from vjm_fea.opensees.linkage import Joint, Linkage
+
+Body = int | tuple[int, int] | None
+"""What carries a point: a beam's node by its number, a linkage by its number and that of its rigid piece, or None
+for the ground."""
 
 
 @dataclass(frozen=True)
@@ -31,31 +35,68 @@ class Station:
 
     Attributes:
         label: of its row.
-        position: in the reference configuration ``(3,)``, mm.
-        node: on which it is; None where it is on a linkage.
-        linkage: number of the linkage on which it is, and of that one's rigid piece from the base's side.
+        place: where it is, and on what.
     """
 
     label: StationLabel
-    position: Array
-    node: int | None = None
-    linkage: tuple[int, int] = (0, 0)
+    place: Place
 
 
-class ChainSystem:
-    """Where everything is in the reference configuration: the given posture, unloaded and free of stress.
+@dataclass(frozen=True)
+class Held:
+    """Two frames that are held together.
 
     Attributes:
-        lines: rows of beam elements, from base to tool.
+        places: of their origins; without a body on the ground.
+        turned: rotation ``(3, 3)`` from the first frame to the second in the reference configuration, world axes.
+        rows: 6 of a weld, 3 of a ball joint.
+    """
+
+    places: tuple[Place, Place]
+    turned: Array
+    rows: int
+
+
+SUPPORT = "support"
+"""What carries the support's point."""
+
+
+@dataclass(frozen=True)
+class CoordinateRow:
+    """A weighted sum of joint coordinates from the posture, and a number, that is zero."""
+
+    weights: Array
+    offset: float
+
+
+@dataclass
+class _Here:
+    """Where the next part begins: the body from which joints lead on, and the frame behind them."""
+
+    frame: Array
+    near: int | None
+    near_position: Array
+    joints: tuple[Joint, ...] = ()
+    node: int | None = None
+    """The node that is there, where no joint lies behind it."""
+
+
+class MachineSystem:
+    """Where everything is in the reference configuration: the given posture, its closures where it has them.
+
+    Attributes:
+        lines: rows of beam elements.
         nodes: reference positions ``(n, 3)`` of their nodes, mm.
         carriers: node of every body but the last, which is the support.
-        linkages: from base to tool; the last leads from the support back over the end-effector to the last beam's
-            tip.
-        stiffness: of the joints' coordinates ``(k,)``, N/mm; zero for passive ones.
+        linkages: to the nodes at which beams begin, and to rigid pieces.
+        stiffness: of the joints' coordinates ``(k, k)``, N, mm, rad; zero for passive ones.
+        natural: coordinates ``(k,)`` at which their springs are free of stress.
         slides: which of the joints' coordinates ``(k,)`` are shifts.
-        stations: in the order along the chain.
-        pieces: where points and masses are; on a node by its number, else on a linkage by its number and that of
-            its rigid piece.
+        held: frames that are held together, the end-effector's and its support's among them.
+        rows: conditions on joint coordinates alone: couplings.
+        springs: springs between points, and the two places of each.
+        stations: in the order of the parts.
+        pieces: where points and masses are.
         end: frame ``(4, 4)`` of the end-effector.
     """
 
@@ -67,7 +108,7 @@ class ChainSystem:
         points: Mapping[str, tuple[float, ...]] = NO_POINTS,
         end_condition: Sequence[PassiveJoint] = (),
     ) -> None:
-        """Set out a chain.
+        """Set out a machine.
 
         Args:
             chain: the machine.
@@ -87,125 +128,198 @@ class ChainSystem:
             )
         self._elements, self._points, self._chain = elements, points, chain
         self.pieces: list[Piece] = []
-        self._frame = chain.base
-        self._stiffness: list[float] = []
-        self._slides: list[bool] = []
-        self._open: list[Joint] = []
-        """Joints behind the last beam."""
-        self._start: tuple[int | None, Array] = (None, chain.base[:3, 3])
-        """Body from which they lead on, and its reference position."""
-        self._count = 0
         self.lines: list[Line] = []
         self.carriers: list[int] = []
         self.linkages: list[Linkage] = []
         self.stations: list[Station] = []
-        angles = iter(np.asarray(q, dtype=float))
+        self._count = 0
+        self._slides: list[bool] = []
+        self._springs: list[tuple[int, Array, Array]] = []
+        self._own: dict[str, int] = {}
+        self._following: list[tuple[dict[int, float], float]] = []
+        self._linked: dict[tuple[int, ...], int] = {}
+        values = dict(zip((joint.name for joint in chain.joints), np.asarray(q, dtype=float).tolist(), strict=True))
+        world = _Here(np.eye(4), None, np.zeros(3))
+        begins, ends = {"": world}, {"": world}
+        base, last = _Here(chain.base, None, chain.base[:3, 3]), ""
         for part in chain.parts:
-            match part:
-                case RigidOffset():
-                    self._mark(part.name, 0.0)
-                    self._add_piece(part)
-                    self._frame = self._frame @ part.transform
-                case Actuator() | Mount():
-                    if part.compliance > 0.0:
-                        slides = isinstance(part, Actuator) or part.slides
-                        self._add_joint(part.axis, slides=slides, stiffness=1.0 / part.compliance)
-                case ActuatedJoint() | SprungJoint() | CoupledJoint():
-                    self._frame = self._frame @ part.motion(part.held_at)
-                    for spring in elementary_springs(part, "opensees"):
-                        if spring.stretch:
-                            raise ValueError(f"joint '{part.name}': opensees does not know preloads")
-                        self._add_joint(spring.axis, slides=spring.slides, stiffness=1.0 / spring.compliance)
-                case PassiveJoint():
-                    angle = next(angles)
-                    self._add_joint(part.axis, slides=part.slides)
-                    move = translation(part.axis * angle) if part.slides else turn(part.axis, angle)
-                    self._frame = self._frame @ move
-                case Beam():
-                    self._add_beam(part)
-                case _:
-                    assert_never(part)
+            where = chain.after.get(part.name, last)
+            self._here = begins[part.name] = ends[where] if where else base
+            self._add(part, values)
+            if isinstance(part, PassiveJoint | HeldJoint):
+                begins[part.name] = self._here
+            ends[part.name], last = self._here, part.name
+        self._ends = {end: ends[behind] for end, behind in chain.ends.items()}
+        self.end = self._here.frame
+        self._tool = Place(self._body(), self.end[:3, 3])
         for joint in end_condition:
             # along the world's axes, through the end-effector's reference point
-            self._add_joint(self._frame[:3, :3].T @ joint.axis, slides=joint.slides)
-        self._hang_on_end_condition()
-        self._tool_piece = len(end_condition)
+            self._add_joint(self.end[:3, :3].T @ joint.axis, slides=joint.slides)
+        support = (Place(self._body(), self.end[:3, 3]), Place(SUPPORT, self.end[:3, 3]))
+        self.held = [Held(support, np.eye(3), 6), *(self._closed(closure, ends) for closure in chain.closures)]
+        self.springs: list[tuple[PointSpring, list[Place]]] = [
+            (spring, [self._fixed(*end, begins) for end in zip(spring.parts, spring.points, strict=True)])
+            for spring in chain.point_springs
+        ]
+        for coupling in chain.couplings:
+            off = sum(weight * values[name] for name, weight in coupling.terms) - coupling.total
+            self._following.append(({self._own[name]: weight for name, weight in coupling.terms}, off))
+        self._close()
+
+    def _close(self) -> None:
+        """Arrays of what was collected part by part."""
         self.nodes = np.vstack([line.positions for line in self.lines])
-        self.stiffness = np.array(self._stiffness)
         self.slides = np.array(self._slides, dtype=bool)
-        self.end = self._frame
+        k = len(self.slides)
+        self.stiffness, self.natural = np.zeros((k, k)), np.zeros(k)
+        for first, stiffness, natural in self._springs:
+            where = slice(first, first + len(natural))
+            self.stiffness[where, where], self.natural[where] = stiffness, natural
+        self.rows = []
+        for weights, offset in self._following:
+            row = np.zeros(k)
+            row[list(weights)] = list(weights.values())
+            self.rows.append(CoordinateRow(row, offset))
 
-    @property
-    def end_condition(self) -> int:
-        """Number of the support's body, which is the end-effector's where nothing of its pose is free."""
-        return len(self.carriers)
+    # --- parts --------------------------------------------------------------------------------------------
 
-    def _add_joint(self, axis: Array, *, slides: bool, stiffness: float = 0.0) -> None:
-        position, world = self._frame[:3, 3], self._frame[:3, :3] @ axis
-        self._open.append(Joint(len(self._stiffness), position, world, slides))
-        self._stiffness.append(stiffness)
+    def _add(self, part: Part, values: Mapping[str, float]) -> None:
+        match part:
+            case RigidOffset():
+                self._mark(part.name, 0.0)
+                T = self._here.frame
+                centre = T[:3, :3] @ part.centre_of_mass + T[:3, 3]
+                self.pieces.append(
+                    Piece(part.name, 0.0, 1.0, self._body(), T[:3, 3], T[:3, :3] @ part.transform[:3, 3], part.mass,
+                          centre)
+                )  # fmt: skip
+                self._move(part.transform)
+            case Actuator() | Mount():
+                if part.compliance > 0.0:
+                    self._add_spring(part.axis, isinstance(part, Actuator) or part.slides, part.compliance)
+            case ActuatedJoint() | SprungJoint() | CoupledJoint():
+                self._move(part.motion(part.held_at))
+                self._add_held(part)
+            case PassiveJoint():
+                self._own[part.name] = self._add_joint(part.axis, slides=part.slides)
+                value = values[part.name]
+                self._move(translation(part.axis * value) if part.slides else turn(part.axis, value))
+            case Beam():
+                self._add_beam(part)
+            case _:
+                assert_never(part)
+
+    def _move(self, transform: Array) -> None:
+        here = self._here
+        self._here = _Here(here.frame @ transform, here.near, here.near_position, here.joints, here.node)
+
+    def _add_joint(self, axis: Array, *, slides: bool) -> int:
+        """A joint with a coordinate of its own; the coordinate's number."""
+        here, number = self._here, len(self._slides)
+        joint = Joint(number, here.frame[:3, 3], here.frame[:3, :3] @ axis, slides)
+        self._here = _Here(here.frame, here.near, here.near_position, (*here.joints, joint))
         self._slides.append(slides)
+        return number
+
+    def _add_spring(self, axis: Array, slides: bool, compliance: float, stretch: float = 0.0) -> int:
+        number = self._add_joint(axis, slides=slides)
+        self._springs.append((number, np.array([[1.0 / compliance]]), np.array([stretch])))
+        return number
+
+    def _add_held(self, joint: ActuatedJoint | SprungJoint | CoupledJoint) -> None:
+        """What deflects in a held joint, as the virtual joint method has it."""
+        match joint:
+            case SprungJoint():
+                self._own[joint.name] = self._add_spring(
+                    joint.axis, joint.slides, 1.0 / joint.stiffness, joint.stretch
+                )
+            case ActuatedJoint(matrix=matrix) if matrix is not None:
+                gives = np.flatnonzero(matrix.any(axis=0))
+                numbers = [self._add_joint(np.eye(3)[k % 3], slides=k < 3) for k in gives.tolist()]
+                if numbers:
+                    stiffness = np.asarray(np.linalg.inv(matrix[np.ix_(gives, gives)]), dtype=float)
+                    self._springs.append((numbers[0], stiffness, np.zeros(len(numbers))))
+            case ActuatedJoint() | CoupledJoint():
+                others = dict(joint.ratios) if isinstance(joint, CoupledJoint) and joint.as_bent else {}
+                sprung = {self._own[name]: ratio for name, ratio in others.items() if name in self._own}
+                if sprung:
+                    number = self._add_joint(joint.axis, slides=joint.slides)
+                    self._following.append((sprung | {number: -1.0}, 0.0))
+                for axis, compliance in zip(joint_axes(joint.axis).T, joint.lateral, strict=False):
+                    if compliance > 0.0:
+                        self._add_spring(axis, False, compliance)
+                if joint.compliance > 0.0:
+                    self._own[joint.name] = self._add_spring(joint.axis, joint.slides, joint.compliance)
+            case _:
+                assert_never(joint)
 
     def _add_beam(self, beam: Beam) -> None:
-        beam.refuse_bow("opensees")
         section = beam.effective_section()
-        root = self._frame @ beam.section_in_chain
+        here = self._here
+        root = here.frame @ beam.section_in_chain
         fractions = grid(self._elements, self._points.get(beam.name, ()))
         positions = root[:3, 3] + np.outer(fractions * beam.length, root[:3, 0])
         self.lines.append(Line(positions, root[:3, 2], section))
-        body, near_position = self._start
         first = self._count
-        self.linkages.append(Linkage(body, near_position, first, positions[0], tuple(self._open)))
-        self._open = []
+        self.linkages.append(Linkage(here.near, here.near_position, here.joints, first, positions[0]))
         self.carriers += range(first + 1, first + len(positions))
         self._count += len(positions)
         for i, fraction in enumerate(fractions.tolist()):
-            self.stations.append(Station(StationLabel(beam.name, fraction), positions[i], node=first + i))
+            place = Place(first + i, positions[i])
+            self.stations.append(Station(StationLabel(beam.name, fraction), place))
             mass, offset = lumped_mass(beam, fractions, i)
             centre = positions[i] + offset * root[:3, 0]
             self.pieces.append(
-                Piece(beam.name, fraction, fraction, first + i, positions[i], np.zeros(3), mass, centre)
+                Piece(beam.name, fraction, fraction, place.body, positions[i], np.zeros(3), mass, centre)
             )
-        self._start = (len(self.carriers) - 1, positions[-1])
-        self._frame = self._frame @ translation(beam.tip)
+        tip = first + len(positions) - 1
+        self._here = _Here(here.frame @ translation(beam.tip), len(self.carriers) - 1, positions[-1], (), tip)
         if np.any(beam.end_offset):
             self._mark(beam.name, 1.0 + float(np.linalg.norm(beam.end_offset)) / beam.length)
 
-    def _hang_on_end_condition(self) -> None:
-        """Let the support carry the last beam's tip: its linkage, and the coordinates, turned round."""
-        position = self._frame[:3, 3]
-        joints = tuple(replace(joint, axis=-joint.axis) for joint in reversed(self._open))
-        tip = self.carriers.pop()
-        self.linkages.append(Linkage(self.end_condition, position, tip, self._start[1], joints))
-        last, count = len(self.linkages) - 1, len(joints)
-        self.stations = [
-            replace(s, linkage=(last, count - s.linkage[1])) if s.node is None and s.linkage[0] == last else s
-            for s in self.stations
-        ]
-        self.pieces = [
-            replace(p, body=(last, count - p.body[1])) if isinstance(p.body, tuple) and p.body[0] == last else p
-            for p in self.pieces
-        ]
+    # --- places -------------------------------------------------------------------------------------------
 
-    def _add_piece(self, offset: RigidOffset) -> None:
-        body = (len(self.linkages), len(self._open))
-        root, along = self._frame[:3, 3], self._frame[:3, :3] @ offset.transform[:3, 3]
-        on_ground = self._start[0] is None and not self._open
-        centre = root + self._frame[:3, :3] @ offset.centre_of_mass
-        self.pieces.append(
-            Piece(offset.name, 0.0, 1.0, None if on_ground else body, root, along, offset.mass, centre)
-        )
+    def _body(self, here: _Here | None = None) -> Body:
+        """What carries a place, by default the present one."""
+        here = self._here if here is None else here
+        if not here.joints:
+            return here.node
+        # a joint is on one way only
+        key = tuple(joint.coordinate for joint in here.joints)
+        if key not in self._linked:
+            self._linked[key] = len(self.linkages)
+            self.linkages.append(Linkage(here.near, here.near_position, here.joints))
+        return self._linked[key], len(here.joints)
+
+    def _mark(self, part: str, fraction: float) -> None:
+        place = Place(self._body(), self._here.frame[:3, 3])
+        self.stations.append(Station(StationLabel(part, fraction), place))
+
+    def _closed(self, closure: Closure, ends: Mapping[str, _Here]) -> Held:
+        """A closure's two frames where the posture has them."""
+        sides = [ends[part] for part in closure.parts]
+        first, second = (here.frame @ T for here, T in zip(sides, closure.frames, strict=True))
+        places = [Place(self._body(here), T[:3, 3]) for here, T in zip(sides, (first, second), strict=True)]
+        return Held((places[0], places[1]), second[:3, :3] @ first[:3, :3].T, closure.rows)
+
+    def _fixed(self, part: str, point: Array, begins: Mapping[str, _Here]) -> Place:
+        """A point ``(3,)`` of a part, in the frame where the part begins, see `PointSpring`."""
+        here = begins[part]
+        where = here.frame[:3, :3] @ point + here.frame[:3, 3]
+        beam = next((beam for beam in self._chain.beams if beam.name == part), None)
+        if beam is None:
+            return Place(self._body(here), where)
+        return Place(find(part, self.pieces, part, beam.fraction_of(point)).body, where)
 
     def find(self, part: str, at: float) -> Place:
-        """The point of a part at a fraction of its elastic length; of the end-effector where it has no name.
+        """The point of a part at a fraction of its elastic length, or an end frame; no name: the end-effector.
 
         Raises:
             ValueError: the part has no such point.
         """
         if not part:
-            return Place((len(self.linkages) - 1, self._tool_piece), self.end[:3, 3])
+            return self._tool
+        if part in self._ends:
+            here = self._ends[part]
+            return Place(self._body(here), here.frame[:3, 3])
         return find(self._chain.name, self.pieces, part, at)
-
-    def _mark(self, part: str, fraction: float) -> None:
-        at = (len(self.linkages), len(self._open))
-        self.stations.append(Station(StationLabel(part, fraction), self._frame[:3, 3], linkage=at))

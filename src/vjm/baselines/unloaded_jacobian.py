@@ -18,21 +18,118 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.linalg import null_space
 
-from vjm.baselines.linear import linear_model
+from vjm.baselines.frozen_geometry import FrozenGeometry
 from vjm.continuation.path import Equilibrium, Event, EventKind, Path
 from vjm.errors import NoConvergenceError
+from vjm.limits import refuse
 from vjm.model.chain import Chain
-from vjm.model.load_case import LoadCase, refuse_unless_pose_only
-from vjm.model.lumped import LumpedModel
+from vjm.model.end_condition import rigid_direction
+from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
-from vjm.statics.equilibrium import Configuration
-from vjm.statics.stability import stability
-from vjm.statics.stiffness import loaded_stiffness
 from vjm.threads import single_threaded
 
 RELATIVE_TOLERANCE = 1e-8
 """Of the integration, four orders below the 1e-4 to which events are promised."""
+
+
+class FrozenMachine:
+    """A machine on the geometry of its unloaded posture, under any forces.
+
+    *Forces* are ``(6 + r + s,)``: the wrench on the end-effector, the multipliers of the r independent conditions
+    that close loops, and the forces of the s springs between points.
+
+    Attributes:
+        unloaded: forces, all zero.
+        force_unit: of the forces: typical ones.
+    """
+
+    def __init__(self, geometry: FrozenGeometry) -> None:
+        """Set a machine up.
+
+        Raises:
+            ValueError: it is rigid in some direction, or moves without straining a spring.
+        """
+        self._geometry, self._machine = geometry, geometry.machine()
+        machine = self._machine
+        if machine.rigid(machine.end):
+            raise rigid_direction(machine.name)
+        if machine.neutral(machine.end).shape[1]:
+            raise ValueError(
+                f"{machine.name}: a part of it moves without straining a spring and without the end-effector, so "
+                f"that its stability is not determined; hold that part"
+            )
+        self._rows = np.vstack([machine.end, machine.independent])
+        self._null = null_space(self._rows * machine.unit)
+        self._stretching, self._springs = geometry.stretching()
+        self._held = [np.zeros(0, dtype=int)] * len(geometry.closures)
+        first = 0
+        for i, (_, closure) in enumerate(geometry.closures):
+            kept = machine.kept
+            self._held[i] = kept[(kept >= first) & (kept < first + closure.rows)] - first
+            first += closure.rows
+        energy, length = machine.energy, machine.length
+        self.force_unit = np.concatenate(
+            [
+                np.repeat([energy / length, energy], 3),
+                energy / np.linalg.norm(machine.independent * machine.unit, axis=1),
+                np.full(len(self._springs), energy / length),
+            ]
+        )
+        self.unloaded = np.zeros(len(self.force_unit))
+
+    def tangent(self, forces: Array) -> Array:
+        """``K − H`` ``(n, n)`` by the coordinates."""
+        geometry, (wrench, multipliers, pulls) = self._geometry, self._split(forces)
+        reactions = self._rows.T @ forces[: len(self._rows)] - self._stretching.T @ pulls
+        A = geometry.stiffness(reactions) + (self._stretching.T * self._springs) @ self._stretching
+        A -= geometry.hessian(geometry.end, wrench)
+        first = 0
+        for ((a, b), _), held in zip(geometry.closures, self._held, strict=True):
+            between = np.zeros(6)
+            between[held] = multipliers[first : first + len(held)]
+            first += len(held)
+            A -= geometry.hessian(b, between) - geometry.hessian(a, between)
+        for (a, b), row, pull in zip(geometry.point_springs, self._stretching, pulls, strict=True):
+            way = geometry.place(b)[:3, 3] - geometry.place(a)[:3, 3]
+            length = float(np.linalg.norm(way))
+            along = np.concatenate([pull * way / length, np.zeros(3)])
+            apart = (geometry.jacobian(b) - geometry.jacobian(a))[:3]
+            # a line turns by what its ends part across it
+            A += geometry.hessian(b, along) - geometry.hessian(a, along)
+            A += pull / length * (apart.T @ apart - np.outer(row, row))
+        return A
+
+    def _split(self, forces: Array) -> tuple[Array, Array, Array]:
+        rows = len(self._rows)
+        return forces[:6], forces[6:rows], forces[rows:]
+
+    def rate(self, forces: Array) -> Array:
+        """Change of the forces ``(6 + r + s, 6)`` by a displacement of the end-effector."""
+        machine, h = self._machine, len(self._rows)
+        scale = np.concatenate([machine.scale, 1.0 / np.linalg.norm(self._rows * machine.scale, axis=1)])
+        A = np.block([[self.tangent(forces), self._rows.T], [self._rows, np.zeros((h, h))]])
+        n = len(machine.unit)
+        imposed = np.eye(len(A), 6, -n) * scale[:, None]
+        x = scale[:, None] * np.linalg.solve(A * scale[:, None] * scale, imposed)
+        return np.vstack([-x[n:], self._springs[:, None] * (self._stretching @ x[:n])])
+
+    def end_stiffness(self, forces: Array) -> Array:
+        """``K^F`` ``(6, 6)`` of (18) on the frozen geometry."""
+        return self.rate(forces)[:6]
+
+    def stability(self, forces: Array) -> tuple[float, int]:
+        """Smallest eigenvalue of ``K − H`` where the pose and the closures are held, and number of negative ones.
+
+        In units of the machine's energy; nan and none where nothing is left to move.
+        """
+        if not self._null.shape[1]:
+            return float("nan"), 0
+        machine = self._machine
+        A = self.tangent(forces) * machine.unit[:, None] * machine.unit / machine.energy
+        values = np.linalg.eigvalsh(self._null.T @ (0.5 * (A + A.T)) @ self._null)
+        return float(values[0]), int(np.count_nonzero(values < 0.0))
 
 
 @dataclass(frozen=True)
@@ -49,51 +146,47 @@ class UnloadedJacobianEngine:
         Raises:
             NoConvergenceError: the integration failed.
         """
-        refuse_unless_pose_only(self.label, load_case)
+        refuse(self.label, chain, load_case)
         started = time.perf_counter()
-        model = linear_model(self.label, chain, load_case.posture)
-        x0 = model.configuration(chain.posture(load_case.posture))
+        posture = load_case.posture
+        machine = FrozenMachine(FrozenGeometry(self.label, chain.at(posture), chain.posture(posture)))
         direction = load_case.direction
 
-        def at(wrench: Array) -> Configuration[LumpedModel]:
-            return Configuration(model, x0, wrench, 0.0, 0)
+        def eigenvalue(_: float, forces: Array) -> float:
+            return machine.stability(forces)[0]
 
-        def eigenvalue(_: float, wrench: Array) -> float:
-            return stability(at(wrench)).eigenvalue
+        half = 0.5 * float(direction @ machine.end_stiffness(machine.unloaded) @ direction)
 
-        half = 0.5 * float(direction @ loaded_stiffness(at(np.zeros(6))) @ direction)
-
-        def excess_stiffness(_: float, wrench: Array) -> float:
-            return float(direction @ loaded_stiffness(at(wrench)) @ direction) - half
+        def excess_stiffness(_: float, forces: Array) -> float:
+            return float(direction @ machine.end_stiffness(forces) @ direction) - half
 
         for event in (eigenvalue, excess_stiffness):
             event.terminal = True  # type: ignore[attr-defined]
             event.direction = -1  # type: ignore[attr-defined]
         solution = solve_ivp(
-            lambda _, wrench: loaded_stiffness(at(wrench)) @ direction,
+            lambda _, forces: machine.rate(forces) @ direction,
             (0.0, load_case.length),
-            np.zeros(6),
+            machine.unloaded,
             rtol=RELATIVE_TOLERANCE,
-            atol=RELATIVE_TOLERANCE * model.wrench_scale,
+            atol=RELATIVE_TOLERANCE * machine.force_unit,
             events=(eigenvalue, excess_stiffness),
             dense_output=True,
             max_step=load_case.length / 50.0,
         )
-        wrench_at = solution.sol
-        if not solution.success or wrench_at is None or solution.y_events is None:
+        forces_at = solution.sol
+        if not solution.success or forces_at is None or solution.y_events is None:
             raise NoConvergenceError(f"{self.label}: the integration failed: {solution.message}")
 
-        def point(s: float, wrench: Array) -> Equilibrium:
-            frozen = at(wrench)
-            K = loaded_stiffness(frozen)
-            verdict = stability(frozen)
+        def point(s: float, forces: Array) -> Equilibrium:
+            K = machine.end_stiffness(forces)
+            smallest, negative = machine.stability(forces)
             return Equilibrium(
                 s=s,
                 displacement=load_case.displacement(s),
-                wrench=wrench,
+                wrench=forces[:6],
                 tangent=float(direction @ K @ direction),
-                eigenvalue=verdict.eigenvalue,
-                unstable=verdict.unstable,
+                eigenvalue=smallest,
+                unstable=negative,
                 iterations=0,
                 residual=0.0,
                 shape=np.empty((0, 3)),
@@ -106,16 +199,16 @@ class UnloadedJacobianEngine:
         end = float(solution.t[-1])
         for kind, states in zip((EventKind.BIFURCATION, EventKind.BEND_OVER), solution.y_events, strict=True):
             if len(states):
-                force = float(direction @ states[0])
+                force = float(direction @ states[0][:6])
                 before = None
                 if kind is EventKind.BIFURCATION:
-                    before = point(0.99 * end, wrench_at(0.99 * end)).tangent
+                    before = point(0.99 * end, forces_at(0.99 * end)).tangent
                 events = (Event(kind, end, force, stiffness_before=before),)
                 stopped = f"frozen geometry says nothing beyond its first event, the {kind}"
                 break
         # stop short of the event itself, where the frozen stiffness may be infinite
         last = end * (1.0 - 1e-6) if events else end
-        points = tuple(point(float(s), wrench_at(s)) for s in np.linspace(0.0, last, self.points))
+        points = tuple(point(float(s), forces_at(s)) for s in np.linspace(0.0, last, self.points))
         return Path(
             self.label, chain.name, load_case, points, events, stopped=stopped,
             seconds=time.perf_counter() - started, model_sha256=chain.sha256,

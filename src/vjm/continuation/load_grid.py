@@ -75,7 +75,7 @@ def trace_grid(problem: LumpedProblem, grid: Array, known: Sequence[Turn] = ()) 
         known: where the same path changed its branch on another grid; these are not looked for again.
     """
     grid = np.asarray(grid, dtype=float)
-    compiled, n = problem.model.compiled_series, problem.model.size
+    compiled, n = problem.model.compiled, problem.model.size
     pieces: list[tuple[Array, ...]] = []
     turns: list[Turn] = []
     rest = problem.at_rest()

@@ -203,7 +203,7 @@ def check_postures(chain: Chain) -> None:
     names = [joint.name for joint in chain.joints]
     if not names:
         return
-    if chain.after or chain.point_springs:
+    if chain.is_tree:
         return  # a tree is judged where its equilibrium is sought
     # a bow asks for more springs than one, and moves no joint
     straight = tuple(replace(part, bow=(0.0, 0.0)) if isinstance(part, Beam) else part for part in chain.parts)

@@ -17,12 +17,13 @@ import numpy as np
 import pydantic
 from pydantic import Field, StringConstraints, model_validator
 
-from vjm.io.errors import ModelFileError, did_you_mean, one_line
-from vjm.io.model_file import Entry, ModelDocument, _parse, build_chain, library, read_document
+from vjm.io.closure_tables import Poses, displacement
+from vjm.io.errors import ModelFileError, one_line
+from vjm.io.joint_tables import Mass
+from vjm.io.model_file import Entry, ModelDocument, build_chain, parsed, read_document
 from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM, rotation
 from vjm.io.sections import Table
 from vjm.model.chain import Chain
-from vjm.model.joint_limits import LARGEST_TURN
 from vjm.model.joints import HeldJoint, SprungJoint
 from vjm.platform.manipulator import BASE, PLATFORM, Coupling, Drive, Leg, Manipulator, drive_of
 from vjm.rotations import Array, frame
@@ -30,7 +31,22 @@ from vjm.rotations import Array, frame
 KIND = "manipulator"
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 """Of a robot; some begin with the number of their legs."""
-PoseMM = Annotated[list[float], Field(min_length=3, max_length=6)]
+
+
+class PlatformTable(Base):
+    """The platform: its frame at home, and its mass."""
+
+    mass_kg: Mass = 0.0
+    centre_of_mass_mm: VectorMM = Field([0.0, 0.0, 0.0], description="in its frame")
+
+
+class BodyTable(Table):
+    """A body between legs: its mass."""
+
+    name: Label
+    source: str = ""
+    mass_kg: Mass
+    centre_of_mass_mm: VectorMM = Field([0.0, 0.0, 0.0], description="in its frame")
 
 
 class LegTable(Table):
@@ -47,7 +63,9 @@ class LegTable(Table):
     drive_turns_about: Axis | None = Field(None, description="of a drive that turns; else an actuator's axis")
     drive_home: float = Field(0.0, description="mm or rad")
     drive_limits: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
-    posture: list[float] | Label = Field([], description="passive coordinates at home, rad, or a posture's label")
+    posture: list[float] | Label = Field(
+        [], description="coordinates at home of the chain's joints, base to tool, rad or mm, or a posture's label"
+    )
 
 
 class Term(Table):
@@ -90,13 +108,12 @@ class ManipulatorFile(Table):
     title: str = Field(min_length=1)
     source: str = Field(min_length=1)
     units: Units
-    platform: Base = Base()
+    platform: PlatformTable = PlatformTable()
+    bodies: list[BodyTable] = Field([])
     workspace: Workspace | None = None
     legs: list[LegTable] = Field(min_length=1)
     couplings: list[CouplingTable] = Field([])
-    poses: dict[Label, PoseMM] = Field(
-        min_length=1, description="displacement from home: x, y, z in mm, turns in rad"
-    )
+    poses: Poses = Field(min_length=1, description="displacement from home: x, y, z in mm, turns in rad")
 
 
 _TABLES: dict[str, type[Table]] = {
@@ -106,7 +123,8 @@ _TABLES: dict[str, type[Table]] = {
     "legs": LegTable,
     "couplings": CouplingTable,
     "workspace": Workspace,
-    "platform": Base,
+    "platform": PlatformTable,
+    "bodies": BodyTable,
 }
 
 
@@ -130,8 +148,18 @@ def _one_line(error: pydantic.ValidationError, content: Mapping[str, Any]) -> st
 def manipulators() -> list[Entry]:
     """The manipulators that come with the package, by name."""
     return [
-        Entry(file.name.removesuffix(".toml"), str(_parse(file.name, file.read_bytes()).content["title"]))
+        Entry(file.name.removesuffix(".toml"), str(parsed(file.name, file.read_bytes()).content["title"]))
         for file in _library_files()
+    ]
+
+
+def machines() -> list[Entry]:
+    """The machines with closed loops that come with the package, by name."""
+    folder = resources.files("vjm").joinpath("models", "machines")
+    files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
+    return [
+        Entry(file.name.removesuffix(".toml"), str(parsed(file.name, file.read_bytes()).content["title"]))
+        for file in files
     ]
 
 
@@ -140,43 +168,42 @@ def manipulator_schema() -> dict[str, Any]:
     return ManipulatorFile.model_json_schema()
 
 
-def load_model(name_or_path: str | Path) -> Chain | Manipulator:
-    """The chain or the manipulator of a file.
-
-    Args:
-        name_or_path: a name of the library or a path to a TOML file.
-
-    Raises:
-        ModelFileError: no such file or model, no TOML, or no sane machine; one line that says how to mend it.
-    """
-    for file in _library_files():
-        if isinstance(name_or_path, str) and file.name == f"{name_or_path}.toml":
-            document = _parse(file.name, file.read_bytes())
-            return build_manipulator(document, _folder() / "chains")
-    path = Path(name_or_path)
-    if isinstance(name_or_path, str) and not path.exists() and path.suffix != ".toml":
-        names = [entry.name for entry in (*library(), *manipulators())]
-        if name_or_path not in names:
-            raise ModelFileError(
-                f"no model '{name_or_path}' in the library, which has {', '.join(names)}"
-                f"{did_you_mean(name_or_path, names)}"
-            )
-    document = read_document(name_or_path)
-    if document.content.get("kind") == KIND:
-        return build_manipulator(document, path.parent)
-    return build_chain(document.content, document.file, document.sha256)
-
-
 def load_manipulator(name_or_path: str | Path) -> Manipulator:
-    """The manipulator of a file, see `load_model`.
+    """The manipulator of a file: legs from a base to a platform, see `vjm.io.machine_file.load_model`.
 
     Raises:
-        ModelFileError: as `load_model`, or it is a single chain.
+        ModelFileError: as `vjm.io.machine_file.load_model`, or it is a single chain, or more than such legs.
     """
-    model = load_model(name_or_path)
-    if isinstance(model, Chain):
+    document = read_document(name_or_path)
+    if document.content.get("kind") != KIND:
         raise ModelFileError(f"{name_or_path}: is a single chain, and this needs a manipulator (kind = '{KIND}')")
-    return model
+    return build_manipulator(document, legs_folder(name_or_path))
+
+
+def legs_folder(name_or_path: str | Path) -> Path | Traversable:
+    """Where the legs' chains lie of a model of the library or of a file."""
+    for folder in ("manipulators", "machines"):
+        inside = resources.files("vjm").joinpath("models", folder)
+        if isinstance(name_or_path, str) and inside.joinpath(f"{name_or_path}.toml").is_file():
+            return inside / "chains"
+    return Path(name_or_path).parent
+
+
+def read_table(document: ModelDocument) -> ManipulatorFile:
+    """A manipulator's document, checked.
+
+    Raises:
+        ModelFileError: it is none; one line that says how to mend it.
+    """
+    try:
+        return ManipulatorFile.model_validate(document.content)
+    except pydantic.ValidationError as error:
+        raise ModelFileError(f"{document.file}: {_one_line(error, document.content)}") from error
+
+
+def library_folder() -> Traversable:
+    """Where the library's manipulators lie, and in ``chains`` their legs."""
+    return resources.files("vjm").joinpath("models", "manipulators")
 
 
 def build_manipulator(document: ModelDocument, folder: Path | Traversable) -> Manipulator:
@@ -187,26 +214,24 @@ def build_manipulator(document: ModelDocument, folder: Path | Traversable) -> Ma
         folder: where the chain files lie that are not of the library.
 
     Raises:
-        ModelFileError: as `load_model`.
+        ModelFileError: as `vjm.io.machine_file.load_model`.
     """
-    file, content = document.file, document.content
-    try:
-        table = ManipulatorFile.model_validate(content)
-    except pydantic.ValidationError as error:
-        raise ModelFileError(f"{file}: {_one_line(error, content)}") from error
+    file, table = document.file, read_table(document)
+    if table.bodies or table.platform.mass_kg:
+        raise ModelFileError(f"{file}: masses of the platform and of bodies are not computed here: leave them out")
     chains: dict[str, Chain] = {}
     digest = hashlib.sha256(document.sha256.encode())
     try:
         for leg in table.legs:
             if leg.chain not in chains:
-                chains[leg.chain] = _chain(leg.chain, folder)
+                chains[leg.chain] = leg_chain(leg.chain, folder)
                 digest.update(chains[leg.chain].sha256.encode())
         box = table.workspace
         return Manipulator(
             name=table.name,
             legs=tuple(_leg(leg, chains[leg.chain]) for leg in table.legs),
             home=frame(rotation(table.platform.turns), table.platform.position_mm),
-            poses={label: _pose(label, numbers) for label, numbers in table.poses.items()},
+            poses={label: displacement(label, numbers) for label, numbers in table.poses.items()},
             couplings=tuple(
                 Coupling(c.name, tuple((term.leg, term.joint, term.weight) for term in c.terms))
                 for c in table.couplings
@@ -226,21 +251,25 @@ def leg_documents(name_or_path: str | Path) -> dict[str, ModelDocument]:
     Raises:
         ModelFileError: one of them is not there.
     """
-    inside = isinstance(name_or_path, str) and any(f.name == f"{name_or_path}.toml" for f in _library_files())
-    folder = _folder() / "chains" if inside else Path(name_or_path).parent
+    folder = legs_folder(name_or_path)
     legs = read_document(name_or_path).content.get("legs", [])
     return {name: _leg_document(name, folder) for name in dict.fromkeys(str(leg["chain"]) for leg in legs)}
 
 
-def _chain(name: str, folder: Path | Traversable) -> Chain:
+def leg_chain(name: str, folder: Path | Traversable, *, may_be_rigid: bool = False) -> Chain:
+    """The chain of a leg: a file of a folder, or of the library.
+
+    Raises:
+        ModelFileError: there is none, or it is no sane chain.
+    """
     document = _leg_document(name, folder)
-    return build_chain(document.content, document.file, document.sha256)
+    return build_chain(document.content, document.file, document.sha256, may_be_rigid=may_be_rigid)
 
 
 def _leg_document(name: str, folder: Path | Traversable) -> ModelDocument:
     file = folder / (name if name.endswith(".toml") else f"{name}.toml")
     if file.is_file():
-        document = _parse(file.name, file.read_bytes())
+        document = parsed(file.name, file.read_bytes())
         if document.content.get("kind") == KIND:
             raise ModelFileError(f"chain '{name}' is itself a manipulator: a leg needs a chain file")
         return document
@@ -269,13 +298,18 @@ def _leg(table: LegTable, chain: Chain) -> Leg:
         end=table.ends_on,
         root=frame(rotation(table.base.turns), table.base.position_mm),
         attachment=frame(rotation(table.attachment.turns), table.attachment.position_mm),
-        drive=_drive(table, chain),
+        drive=leg_drive(table, chain),
         coordinate=table.drive_home,
-        posture=_posture(table, chain),
+        posture=leg_posture(table, chain),
     )
 
 
-def _drive(table: LegTable, chain: Chain) -> Drive | None:
+def leg_drive(table: LegTable, chain: Chain) -> Drive | None:
+    """What drives a leg.
+
+    Raises:
+        ValueError: its limits are exchanged, or there is no such part.
+    """
     if table.drive is None:
         return None
     low, high = table.drive_limits or (-np.inf, np.inf)
@@ -287,7 +321,12 @@ def _drive(table: LegTable, chain: Chain) -> Drive | None:
         raise ValueError(f"leg '{table.name}': {error}") from error
 
 
-def _posture(table: LegTable, chain: Chain) -> Array:
+def leg_posture(table: LegTable, chain: Chain) -> Array:
+    """Passive coordinates ``(n_q,)`` of a leg at home.
+
+    Raises:
+        ValueError: its chain has no such posture.
+    """
     if isinstance(table.posture, list):
         return np.array(table.posture, dtype=float)
     try:
@@ -296,18 +335,5 @@ def _posture(table: LegTable, chain: Chain) -> Array:
         raise ValueError(f"leg '{table.name}': {error.args[0]}") from error
 
 
-def _pose(label: str, numbers: list[float]) -> Array:
-    if len(numbers) not in (3, 6):
-        raise ValueError(f"pose '{label}' must have 3 entries (mm) or 6 (mm, rad), got {len(numbers)}")
-    far = next((turn for turn in numbers[3:] if abs(turn) > LARGEST_TURN), None)
-    if far is not None:
-        raise ValueError(f"pose '{label}': a turn of {far:g} rad is beyond ±2π: is it in degrees?")
-    return np.array(numbers + [0.0] * (6 - len(numbers)), dtype=float)
-
-
-def _folder() -> Traversable:
-    return resources.files("vjm").joinpath("models", "manipulators")
-
-
 def _library_files() -> list[Traversable]:
-    return sorted((f for f in _folder().iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
+    return sorted((f for f in library_folder().iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import pydantic
 
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
-from vjm.io.schema import ModelFile, known_keys
+from vjm.io.schema import MAY_BE_RIGID, ModelFile, known_keys
 from vjm.io.solid_compliance import expanded, solid_key_schema
 from vjm.io.toml_parsing import parse_toml
 from vjm.model.chain import Chain
@@ -69,7 +69,7 @@ def load_chain(name_or_path: str | Path) -> Chain:
 def library() -> list[Entry]:
     """The models that come with the package, by name."""
     return [
-        Entry(file.name.removesuffix(".toml"), str(_parse(file.name, file.read_bytes()).content["title"]))
+        Entry(file.name.removesuffix(".toml"), str(parsed(file.name, file.read_bytes()).content["title"]))
         for file in _library_files()
     ]
 
@@ -92,9 +92,9 @@ def read_document(name_or_path: str | Path) -> ModelDocument:
     """
     if isinstance(name_or_path, str):
         # a manipulator too, so that it can be said what it is
-        for file in (*_library_files(), *_library_files("manipulators")):
+        for file in (*_library_files(), *_library_files("manipulators"), *_library_files("machines")):
             if file.name == f"{name_or_path}.toml":
-                return _parse(file.name, file.read_bytes())
+                return parsed(file.name, file.read_bytes())
     path = Path(name_or_path)
     if not path.exists():
         files = (*_library_files(), *_library_files("manipulators"))
@@ -110,17 +110,18 @@ def read_document(name_or_path: str | Path) -> ModelDocument:
         raw = path.read_bytes()
     except OSError as error:
         raise ModelFileError(f"{path}: cannot be read: {error.strerror}") from error
-    document = _parse(path.name, raw)
+    document = parsed(path.name, raw)
     return document._replace(content=expanded(document.content, path.parent, path.name))
 
 
-def build_chain(content: Mapping[str, Any], file: str, sha256: str = "") -> Chain:
+def build_chain(content: Mapping[str, Any], file: str, sha256: str = "", *, may_be_rigid: bool = False) -> Chain:
     """The chain of a model document, such as one that a test sheet has changed.
 
     Args:
         content: as TOML gives it; not changed.
         file: name for messages.
         sha256: of the file, kept in the chain.
+        may_be_rigid: whether nothing needs to deflect, as in a leg of a machine.
 
     Raises:
         ModelFileError: as `load_chain`.
@@ -128,7 +129,8 @@ def build_chain(content: Mapping[str, Any], file: str, sha256: str = "") -> Chai
     if content.get("kind") == "manipulator":
         raise ModelFileError(f"{file}: is a whole manipulator, and this takes one chain: give the file of a leg's")
     try:
-        return ModelFile.model_validate(content).chain(sha256)
+        context = {MAY_BE_RIGID} if may_be_rigid else set()
+        return ModelFile.model_validate(content, context=context).chain(sha256)
     except pydantic.ValidationError as error:
         raise ModelFileError(f"{file}: {one_line(error, content, known_keys)}") from error
     except ValueError as error:
@@ -140,7 +142,12 @@ def _library_files(*folder: str) -> list[Traversable]:
     return sorted((file for file in files if file.name.endswith(".toml")), key=lambda file: file.name)
 
 
-def _parse(file: str, raw: bytes) -> ModelDocument:
+def parsed(file: str, raw: bytes) -> ModelDocument:
+    """The document of a file's bytes.
+
+    Raises:
+        ModelFileError: it is no TOML.
+    """
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

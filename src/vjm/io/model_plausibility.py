@@ -77,7 +77,7 @@ def findings_of(name_or_path: str | Path) -> list[Finding]:
     """What is implausible about a model of the library or a file, chain or manipulator, refusals first.
 
     Raises:
-        ModelFileError: see `vjm.io.manipulator_file.load_model`.
+        ModelFileError: see `vjm.io.machine_file.load_model`.
     """
     document = read_document(name_or_path)
     if document.content.get("kind") != KIND:
@@ -124,7 +124,7 @@ def weight_findings(name_or_path: str | Path) -> list[Finding]:
     """What is implausible about a chain under its own weight: that it has none.
 
     Raises:
-        ModelFileError: see `vjm.io.manipulator_file.load_model`.
+        ModelFileError: see `vjm.io.machine_file.load_model`.
     """
     document = read_document(name_or_path)
     if document.content.get("kind") == KIND:

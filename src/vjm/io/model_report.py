@@ -12,6 +12,7 @@ import pydantic
 from vjm.io.errors import ModelFileError, every_line, printed
 from vjm.io.model_file import build_chain, read_document
 from vjm.io.schema import ModelFile, known_keys
+from vjm.machine.closing import Closing, home_label
 from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
 from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset, Section
@@ -97,8 +98,23 @@ def summary_of(chain: Chain) -> list[tuple[str, str]]:
     rows += [("deflects", f"{name}: {how}") for name, how in elastic_parts(chain)]
     rows += [(f"posture {label}", _posture(chain, label)) for label in chain.postures]
     rows += [("end frame", f"{name}, behind {part}") for name, part in chain.ends.items()]
+    rows += mobility_rows(chain) if chain.closes else []
     rows += [("point spring", f"{one.name}: {printed(one.stiffness)} N/mm") for one in chain.point_springs]
     return rows
+
+
+def mobility_rows(machine: Chain) -> list[tuple[str, str]]:
+    """What the rigid machine can do at home, and by what its loops are held more than they need."""
+    closing = Closing(machine, home_label(machine))
+    found = closing.mobility(closing.home)
+    drives = int(np.count_nonzero(~closing.tree.passive))
+    idle = "; ".join(", ".join(group) for group in found.idle)
+    return [
+        ("closed loops", _listed([closure.name for closure in machine.closures])),
+        ("freedom", f"{found.freedom} of the end-effector, {drives} held joints"),
+        ("redundant constraints", str(found.redundant)),
+        ("idle motions", f"{found.idle_freedom}: {idle}" if idle else "none"),
+    ]
 
 
 def elastic_parts(chain: Chain) -> list[tuple[str, str]]:
@@ -149,7 +165,8 @@ def _listed(names: list[str]) -> str:
 
 def _posture(chain: Chain, label: str) -> str:
     values: dict[str, Any] = dict(chain.held.get(label, {}))
-    values |= zip((joint.name for joint in chain.joints), chain.posture(label), strict=True)
+    # where loops are closed the passive joints follow
+    values |= () if chain.closes else zip((joint.name for joint in chain.joints), chain.posture(label), strict=True)
     slides = {part.name for part in chain.parts if isinstance(part, HeldJoint | PassiveJoint) and part.slides}
     text = ", ".join(f"{k} {printed(float(v))} {'mm' if k in slides else 'rad'}" for k, v in values.items())
     return text or "no joints"

@@ -12,9 +12,10 @@ from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from vjm.io import checks
+from vjm.io.closure_tables import ClosureTable, CouplingTable, Poses, displacement
 from vjm.io.drawn import DrawnTable
 from vjm.io.errors import printed
 from vjm.io.fields import Axis, Label, Matrix6, Turn, Turns, VectorMM, rotation
@@ -33,12 +34,17 @@ from vjm.io.joint_tables import (
 )
 from vjm.io.sections import LengthMM, StiffnessSection, Table
 from vjm.io.shapes import SHAPES, AnySection
+from vjm.machine.closing import closed
 from vjm.model import parts
 from vjm.model.chain import FOOT, Chain, pushed_out
 from vjm.model.joint_limits import joint_limits
 from vjm.rotations import frame
 
 __all__ = ["Axis", "BeamTable", "Label", "ModelFile", "Turn", "Turns", "VectorMM", "known_keys", "rotation"]
+
+
+MAY_BE_RIGID = "may be rigid"
+"""In the context of a validation: nothing needs to deflect."""
 
 
 class BeamTable(PartTable):
@@ -198,15 +204,19 @@ class ModelFile(Table):
     )
     point_springs: list[PointSpringTable] = Field([])
     ends: dict[Label, Label] = Field({}, description="end frames by name: the part behind which each lies")
+    closures: list[ClosureTable] = Field([])
+    couplings: list[CouplingTable] = Field([])
+    poses: Poses = Field({}, description="of a machine with closures: the end-effector from the first posture")
 
     @model_validator(mode="after")
-    def _chain(self) -> ModelFile:
+    def _chain(self, info: ValidationInfo) -> ModelFile:
         names = [part.name for part in self.parts]
         for name in names:
             if names.count(name) > 1:
                 places = " and ".join(str(i + 1) for i, other in enumerate(names) if other == name)
                 raise ValueError(f"part name '{name}' stands twice, as parts {places}: rename one")
-        if not any(parts.deflects(part.part()) for part in self.parts):
+        # a leg of a machine may be rigid
+        if MAY_BE_RIGID not in (info.context or ()) and not any(parts.deflects(part.part()) for part in self.parts):
             raise ValueError("nothing deflects: no part has kind = 'beam', and no joint a compliance; add one")
         for part in self.parts:
             one = self.springs.foot_segments if part.name == FOOT else self.springs.link_segments
@@ -215,6 +225,11 @@ class ModelFile(Table):
                 raise ValueError(f"part '{part.name}' has a bow, and {where}, which has no shape: give 2")
         for label in self.postures:
             self.given(label)
+        if self.poses and not (self.closures or self.couplings):
+            raise ValueError("has [poses] but no [[closures]]: give the joints' coordinates in [postures]")
+        for label in self.poses:
+            if label in self.postures:
+                raise ValueError(f"'{label}' is a posture and a pose: rename one")
         return self
 
     @property
@@ -244,6 +259,9 @@ class ModelFile(Table):
             after={part.name: part.after for part in self.parts if part.after is not None},
             point_springs=tuple(table.spring() for table in self.point_springs),
             ends=dict(self.ends),
+            closures=tuple(table.closure() for table in self.closures),
+            couplings=tuple(table.coupling(given) for table in self.couplings),
+            poses={label: displacement(label, numbers) for label, numbers in self.poses.items()},
             title=self.title,
             source=self.source,
             sha256=sha256,
@@ -262,7 +280,7 @@ class ModelFile(Table):
                 except ValueError as error:
                     raise ValueError(f"posture '{label}': {error}") from error
         checks.check_postures(chain)
-        return chain
+        return closed(chain) if chain.closes else chain
 
 
 _TABLES: dict[str, type[Table]] = {
@@ -281,6 +299,8 @@ _TABLES: dict[str, type[Table]] = {
     "actuated": ActuatedTable,
     "coupled": CoupledTable,
     "point_spring": PointSpringTable,
+    "closure": ClosureTable,
+    "coupling": CouplingTable,
     "stiffness": StiffnessSection,
     **SHAPES,
 }

@@ -1,157 +1,76 @@
-"""Compiled entry points: what Python calls, each with a model and its workspace in flat buffers."""
+"""Compiled entry points for one machine at one state after another; see `vjm.kernels.arrays` for the arrays."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from vjm.kernels.arrays import Floats, Ints, MachineArrays, Work
+from vjm.kernels.border import solve
 from vjm.kernels.compilation import entry, kernel
-from vjm.kernels.factorization import bunch_parlett_solve, jacobi
-from vjm.kernels.packed_model import Floats, Ints, PackedModel, Workspace, model_of, work_of
-from vjm.kernels.recursion import apply_loads, forward_kinematics, pose_error
-from vjm.kernels.unsymmetric import linearise, solve
+from vjm.kernels.factorization import jacobi
+from vjm.kernels.newton import CONVERGED, UNSTABLE, newton
+from vjm.kernels.statics import act, carried, force_on, place
+from vjm.kernels.substitution import load, move
 
-CONVERGED, DIVERGED, SINGULAR, UNSTABLE = 0, 1, 2, 3
-"""How an iteration or a march ends."""
-
-
-@kernel
-def newton_step(model: PackedModel, work: Workspace, x: Floats, force: Floats) -> None:
-    """Move a state by the solution of its factored system."""
-    solve(model, work, work.residual, work.gap)
-    for i in range(len(x)):
-        x[i] += work.step[i]
-    m0, m1, m2, r0, r1, r2 = force[3], force[4], force[5], work.gap[3], work.gap[4], work.gap[5]
-    for i in range(6):
-        force[i] += work.right[i]
-    # the moment turns with nothing: the half of its coupling that is not symmetric
-    force[3] -= 0.5 * (m1 * r2 - m2 * r1)
-    force[4] -= 0.5 * (m2 * r0 - m0 * r2)
-    force[5] -= 0.5 * (m0 * r1 - m1 * r0)
-
-
-@kernel
-def iterate(
-    model: PackedModel,
-    work: Workspace,
-    target: Floats,
-    x: Floats,
-    force: Floats,
-    tolerance: float,
-    max_iterations: int,
-) -> tuple[int, int, float, int]:
-    """See `newton`."""
-    R_to, p_to = target[:9].reshape((3, 3)), target[9:]
-    error, negative = np.inf, -1
-    for iteration in range(max_iterations + 1):
-        forward_kinematics(model, x, work)
-        if not pose_error(work, R_to, p_to) and tolerance < np.inf:
-            return DIVERGED, iteration, error, -1
-        negative = linearise(model, x, force, work)
-        error, heavy = 0.0, 1.0
-        for i in range(len(work.residual)):
-            error = max(error, abs(work.residual[i]))
-        for i in range(6):
-            error = max(error, abs(work.gap[i]))
-            heavy = max(heavy, abs(force[i]))
-            for k in range(len(work.acting)):
-                heavy = max(heavy, abs(work.acting[k, i]))
-        error /= heavy
-        if error < tolerance and negative >= 0:
-            return CONVERGED, iteration, error, negative
-        if not error < 1e6:
-            return DIVERGED, iteration, error, -1
-        if negative < 0:
-            return SINGULAR, iteration, error, -1
-        if iteration == max_iterations:
-            break
-        newton_step(model, work, x, force)
-    return DIVERGED, max_iterations, error, negative
+WELL_BELOW = 0.01
+"""Share of the tolerance below which a march leaves a residual as it is."""
 
 
 @entry
-def newton(
-    integers: Ints,
-    numbers: Floats,
-    work_integers: Ints,
-    work_numbers: Floats,
-    target: Floats,
-    x: Floats,
-    force: Floats,
-    tolerance: float,
-    max_iterations: int,
-) -> tuple[int, int, float, int]:
-    """Equilibrium with the end-effector at a frame, from ``x`` (n,) and ``force`` (6,), both overwritten.
+def solve_state(
+    model: MachineArrays, work: Work, command: Floats, natural: Floats, x: Floats, end_wrench: Floats,
+    tolerance: float, most: int,
+) -> tuple[int, int, float, int]:  # fmt: skip
+    """`vjm.kernels.newton.newton` under all loads."""
+    return newton(model, command, natural, x, end_wrench, 1.0, False, tolerance, most, work)
 
-    Args:
-        integers: see `vjm.kernels.packed_model.Buffers`.
-        numbers: likewise.
-        work_integers: likewise.
-        work_numbers: likewise.
-        target: ``(12,)`` the frame: rotation row by row, then position.
-        x: coordinates.
-        force: wrench.
-        tolerance: scaled residual at which it ends; infinite to factor at the state that is given.
-        max_iterations: after which it gives up.
 
-    Returns:
-        How it ended, iterations, scaled residual, and the number of negative eigenvalues there. The factors in
-        the workspace are those of the state returned.
+@kernel
+def answer(model: MachineArrays, work: Work, forces: Floats, gap: Floats) -> None:
+    """Solve ``(K − H) δx − Jᵀ δλ = forces`` (n,), ``J δx = gap`` (f,) with the present factors.
+
+    Writes ``work.step`` (n,), and the closures' wrenches in ``work.y``, before their moments' correction.
     """
-    model = model_of(integers, numbers)
-    work = work_of(integers, work_integers, work_numbers)
-    return iterate(model, work, target, x, force, tolerance, max_iterations)
-
-
-@entry
-def respond(
-    integers: Ints, numbers: Floats, work_integers: Ints, work_numbers: Floats, load: Floats, gap: Floats
-) -> None:
-    """`vjm.kernels.unsymmetric.solve` with the present factors."""
-    model = model_of(integers, numbers)
-    solve(model, work_of(integers, work_integers, work_numbers), load, gap)
-
-
-@entry
-def place_loads(integers: Ints, numbers: Floats, work_integers: Ints, work_numbers: Floats, x: Floats) -> None:
-    """Kinematics at ``x`` (n,): where the loads act, and how."""
-    forward_kinematics(model_of(integers, numbers), x, work_of(integers, work_integers, work_numbers))
-
-
-@entry
-def load_forces(
-    integers: Ints, numbers: Floats, work_integers: Ints, work_numbers: Floats, wrenches: Floats, out: Floats
-) -> None:
-    """Generalised forces ``out`` (n,) of ``wrenches`` (l, 6) on the loaded points, at the state last visited."""
-    model = model_of(integers, numbers)
-    work = work_of(integers, work_integers, work_numbers)
-    apply_loads(model, work, wrenches)
-    out[:] = 0.0
-    for j in range(len(model.rotary)):
-        out[model.coordinate[j]] += model.factor[j] * work.hung[j, 3]
+    load(model, forces, gap, work)
+    solve(model, work)
+    move(model, False, work)
 
 
 @kernel
-def loaded_stiffness(model: PackedModel, work: Workspace, force: Floats, K: Floats) -> None:
-    """Write ``K^F`` (6, 6) of (18) with the present factors, under the wrench ``force`` (6,)."""
-    if len(model.turning):
-        load, gap = np.zeros(len(work.step)), np.zeros(6)
+def corrected(model: MachineArrays, work: Work, wrench: Floats) -> None:
+    """Change of the closures' wrenches ``(f,)`` in world axes: a moment turns with nothing."""
+    for i in range(model.size[2]):
+        wrench[i] = work.y[i]
+    for k in range(len(model.closure_rows)):
+        if model.closure_rows[k] == 6:
+            joint = max(model.closure_joint[k, 0], model.closure_joint[k, 1])
+            second = model.closure_joint[k, 1]
+            u = model.carrier[second] if second >= 0 else model.carrier[joint]
+            at = model.closure_first[k] + 3
+            for a in range(3):
+                b, c = (a + 1) % 3, (a + 2) % 3
+                m_b, m_c = work.wrench[at + b], work.wrench[at + c]
+                wrench[at + a] -= 0.5 * (m_b * work.turn[u, c] - m_c * work.turn[u, b])
+
+
+@entry
+def respond(model: MachineArrays, work: Work, forces: Floats, gap: Floats, wrench: Floats) -> None:
+    """`answer`, with the change of the closures' wrenches ``(f,)`` in world axes."""
+    answer(model, work, forces, gap)
+    corrected(model, work, wrench)
+
+
+@kernel
+def closure_stiffness(model: MachineArrays, work: Work, closure: int, K: Floats) -> None:
+    """Write ``K^F`` (6, 6) of (18) of a weld to the ground with the present factors."""
+    first = model.closure_first[closure]
+    for i in range(6):
+        work.right[:] = 0.0
+        work.right[first + i] = 1.0
+        solve(model, work)
         for j in range(6):
-            gap[:] = 0.0
-            gap[j] = 1.0
-            solve(model, work, load, gap)
-            for i in range(6):
-                K[i, j] = work.right[i]
-    else:
-        # the workspace that held T is free behind its factorisation
-        B = work.T[:, :6]
-        B[:, :] = 0.0
-        for i in range(6):
-            B[i, i] = 1.0
-        bunch_parlett_solve(work.F, work.swaps, work.pivots, B)
-        for i in range(6):
-            for j in range(6):
-                K[i, j] = B[i, j]
-    m0, m1, m2 = 0.5 * force[3], 0.5 * force[4], 0.5 * force[5]
+            K[j, i] = work.y[first + j]
+    m0, m1, m2 = 0.5 * work.wrench[first + 3], 0.5 * work.wrench[first + 4], 0.5 * work.wrench[first + 5]
     K[3, 4] += m2
     K[3, 5] -= m1
     K[4, 3] -= m2
@@ -161,35 +80,68 @@ def loaded_stiffness(model: PackedModel, work: Workspace, force: Floats, K: Floa
 
 
 @entry
-def end_stiffness(
-    integers: Ints, numbers: Floats, work_integers: Ints, work_numbers: Floats, force: Floats, K: Floats
+def end_stiffness(model: MachineArrays, work: Work, K: Floats) -> None:
+    """``K^F`` (6, 6) of (18) of the first closure with the present factors."""
+    closure_stiffness(model, work, 0, K)
+
+
+@entry
+def generalised(model: MachineArrays, work: Work, wrenches: Floats, out: Floats) -> None:
+    """Generalised forces ``out`` (n,) of ``wrenches`` (l, 6) on the loaded points, at the state last visited."""
+    m = len(model.parent)
+    S = np.zeros((m, 15))
+    out[:] = 0.0
+    for k in range(len(model.load_joint)):
+        act(S, model.load_joint[k], work.point, k, wrenches, k, 1.0)
+    for j in range(m - 1, -1, -1):
+        i, c = model.parent[j], model.coordinate[j]
+        if c >= 0:
+            out[c] += model.factor[j] * force_on(S, j, model.rotary[j], work.w, work.o)
+        if i >= 0:
+            for a in range(15):
+                S[i, a] += S[j, a]
+
+
+@entry
+def positions(
+    model: MachineArrays, work: Work, command: Floats, x: Floats, joint: Ints, offset: Floats, out: Floats
 ) -> None:
-    """``K^F`` (6, 6) of (18) with the present factors."""
-    model = model_of(integers, numbers)
-    loaded_stiffness(model, work_of(integers, work_integers, work_numbers), force, K)
+    """World positions ``(k, 3)`` of points fixed behind joints at coordinates ``x`` (n,); the bodies are placed."""
+    place(model, command, x, work)
+    for k in range(len(joint)):
+        carried(work.R, work.p, joint[k], offset[k], out[k])
+
+
+@kernel
+def inverse(model: MachineArrays, work: Work, v: Floats, forces: Floats, gap: Floats, out: Floats) -> None:
+    """The inverse second variation on what the closures leave, times ``v`` (n,), both scaled by the units."""
+    for i in range(len(v)):
+        forces[i] = v[i] * model.energy[0] / model.unit[i]
+    answer(model, work, forces, gap)
+    for i in range(len(v)):
+        out[i] = work.step[i] / model.unit[i]
+
+
+@entry
+def inverse_times(model: MachineArrays, work: Work, vectors: Floats, out: Floats) -> None:
+    """`inverse` of each row of ``vectors`` (k, n)."""
+    forces, gap = np.empty(len(model.unit)), np.zeros(model.size[2])
+    for k in range(len(vectors)):
+        inverse(model, work, vectors[k], forces, gap, out[k])
 
 
 @entry
 def nearest(
-    integers: Ints,
-    numbers: Floats,
-    work_integers: Ints,
-    work_numbers: Floats,
-    vector: Floats,
-    basis: Floats,
-    tolerance: float,
-    restarts: int,
+    model: MachineArrays, work: Work, vector: Floats, basis: Floats, tolerance: float, restarts: int
 ) -> float:
-    """Eigenvalue nearest zero of the second variation on the null space of J, with the present factors.
+    """Eigenvalue nearest zero of the second variation on what the closures leave, with the present factors.
 
     Lanczos's method with the inverse, whose eigenvalues fall off fast; every new vector is made orthogonal to all
     others. It ends when the residual's square, which bounds the relative error, is below the tolerance.
 
     Args:
-        integers: see `vjm.kernels.packed_model.Buffers`.
-        numbers: likewise.
-        work_integers: likewise.
-        work_numbers: likewise.
+        model: the machine.
+        work: at a state.
         vector: ``(n,)`` to start from, with a share of the mode sought; becomes that mode.
         basis: ``(k, n)`` written.
         tolerance: relative.
@@ -198,18 +150,15 @@ def nearest(
     Returns:
         The eigenvalue; nan where the factors are singular to the last digit.
     """
-    model = model_of(integers, numbers)
-    work = work_of(integers, work_integers, work_numbers)
-    gap = np.zeros(6)
     k, n = basis.shape
     T = np.zeros((k, k))
+    forces, gap, image = np.empty(n), np.zeros(model.size[2]), np.empty(n)
     value = np.nan
     for _ in range(restarts):
         T[:, :] = 0.0
         _copy_unit(vector, basis[0])
         for j in range(k):
-            solve(model, work, basis[j], gap)
-            image = work.step
+            inverse(model, work, basis[j], forces, gap, image)
             # twice, as Kahan says, against rounding
             for _turn in range(2):
                 for r in range(j, -1, -1):
@@ -232,10 +181,10 @@ def nearest(
             for r in range(1, j + 1):
                 if abs(A[r, r]) > abs(A[best, best]):
                     best = r
-            inverse = A[best, best]
-            lacking = left * V[j, best] / inverse
-            if lacking * lacking <= tolerance or j == k - 1 or left <= 1e-14 * abs(inverse):
-                value = 1.0 / inverse
+            largest = A[best, best]
+            lacking = left * V[j, best] / largest
+            if lacking * lacking <= tolerance or j == k - 1 or left <= 1e-14 * abs(largest):
+                value = 1.0 / largest
                 for i in range(n):
                     vector[i] = 0.0
                 for r in range(j + 1):
@@ -258,3 +207,163 @@ def _copy_unit(v: Floats, out: Floats) -> None:
     size = np.sqrt(size)
     for i in range(len(v)):
         out[i] = v[i] / size
+
+
+@entry
+def arnoldi(
+    model: MachineArrays, work: Work, device: Floats, held: Floats, begin: int, basis: Floats, H: Floats
+) -> int:
+    """Extend a basis of the space that the inverse tangent makes of its first vector, with the present factors.
+
+    Args:
+        model: the machine.
+        work: at a state.
+        device: ``(n,)`` scaled forces of a device that holds one motion more, over its own work on ``held``; empty
+            where there is none.
+        held: ``(n,)`` what the device's unit load moves, scaled.
+        begin: so many of its vectors have been multiplied.
+        basis: ``(k + 1, n)`` the first ``begin + 1`` given, orthonormal.
+        H: ``(k + 1, k)`` the products in the basis, Hessenberg's form.
+
+    Returns:
+        How many vectors have been multiplied: k, or fewer where the space is exhausted.
+    """
+    n = basis.shape[1]
+    forces, gap, image = np.empty(n), np.zeros(model.size[2]), np.empty(n)
+    for j in range(begin, H.shape[1]):
+        inverse(model, work, basis[j], forces, gap, image)
+        if len(device):
+            s = 0.0
+            for i in range(n):
+                s += device[i] * image[i]
+            for i in range(n):
+                image[i] -= s * held[i]
+        size = 0.0
+        for i in range(n):
+            size += image[i] * image[i]
+        # twice, as Kahan says, against rounding
+        for _turn in range(2):
+            for r in range(j + 1):
+                along = 0.0
+                for i in range(n):
+                    along += basis[r, i] * image[i]
+                for i in range(n):
+                    image[i] -= along * basis[r, i]
+                H[r, j] += along
+        left = 0.0
+        for i in range(n):
+            left += image[i] * image[i]
+        if not left > 1e-28 * size:
+            return j + 1
+        left = np.sqrt(left)
+        H[j + 1, j] = left
+        for i in range(n):
+            basis[j + 1, i] = image[i] / left
+    return H.shape[1]
+
+
+@kernel
+def _aim(model: MachineArrays, R_0: Floats, p_0: Floats, direction: Floats, s: float) -> None:
+    """Set the first closure's frame on the ground to a displacement s from a pose."""
+    R, p = model.closure_R[0, 0], model.closure_p[0, 0]
+    angle = np.sqrt(direction[3] ** 2 + direction[4] ** 2 + direction[5] ** 2)
+    for a in range(3):
+        p[a] = p_0[a] + s * direction[a]
+    if angle == 0.0:
+        R[:, :] = R_0
+        return
+    w0, w1, w2 = direction[3] / angle, direction[4] / angle, direction[5] / angle
+    c, sine = np.cos(angle * s), np.sin(angle * s)
+    for b in range(3):
+        r0, r1, r2 = R_0[0, b], R_0[1, b], R_0[2, b]
+        d = (1.0 - c) * (w0 * r0 + w1 * r1 + w2 * r2)
+        R[0, b] = c * r0 + sine * (w1 * r2 - w2 * r1) + d * w0
+        R[1, b] = c * r1 + sine * (w2 * r0 - w0 * r2) + d * w1
+        R[2, b] = c * r2 + sine * (w0 * r1 - w1 * r0) + d * w2
+
+
+@entry
+def march(
+    model: MachineArrays, work: Work, command: Floats, natural: Floats, end_wrench: Floats, R_0: Floats,
+    p_0: Floats, direction: Floats, s: Floats, origin: float, along: bool, tolerance: float, most: int, x: Floats,
+    wrench: Floats, K: Floats, error: Floats, iterations: Ints, negative: Ints,
+) -> tuple[int, int]:  # fmt: skip
+    """Equilibria, stiffness and stability along a grid of displacements of the first closure.
+
+    Along the grid each is predicted from up to four before it, and the march ends where one is unstable; behind a
+    bifurcation a branch is smooth in the root of the distance from it, and is predicted in that. Otherwise each is
+    found from its own start near by, and nothing is said of stability between.
+
+    Args:
+        model: the machine; its first closure's frame on the ground is overwritten.
+        work: written.
+        command: ``(m,)``.
+        natural: ``(n,)``.
+        end_wrench: ``(e, 6)``.
+        R_0: ``(3, 3)`` and
+        p_0: ``(3,)`` the unloaded pose.
+        direction: ``(6,)`` displacement per unit of s.
+        s: ``(g,)`` the grid.
+        origin: where the branch begins at a bifurcation, before the grid; −inf where it does not.
+        along: whether from one to the next, the first one being given.
+        tolerance: scaled residual at which an equilibrium counts as found.
+        most: iterations of Newton's method.
+        x: ``(g, n)`` coordinates and
+        wrench: ``(g, f)`` closures' wrenches; the first given and the others written, or all overwritten.
+        K: ``(g, 6, 6)`` loaded stiffness.
+        error: ``(g,)`` scaled residuals.
+        iterations: ``(g,)``.
+        negative: ``(g,)`` numbers of negative eigenvalues.
+
+    Returns:
+        How it ended, and the number of points that are good.
+    """
+    at = np.sqrt(s - origin) if np.isfinite(origin) else s
+    n, f = x.shape[1], wrench.shape[1]
+    for i in range(len(s)):
+        begins = along and i == 0
+        if along and i > 0:
+            order = min(i, 4)
+            x[i] = 0.0
+            wrench[i] = 0.0
+            for k in range(order):
+                weight = 1.0
+                for other in range(order):
+                    if other != k:
+                        weight *= (at[i] - at[i - 1 - other]) / (at[i - 1 - k] - at[i - 1 - other])
+                for c in range(n):
+                    x[i, c] += weight * x[i - 1 - k, c]
+                for c in range(f):
+                    wrench[i, c] += weight * wrench[i - 1 - k, c]
+        _aim(model, R_0, p_0, direction, s[i])
+        for c in range(f):
+            work.wrench[c] = wrench[i, c]
+        # of the first point only the factors are wanted
+        how, iterations[i], error[i], negative[i] = newton(
+            model, command, natural, x[i], end_wrench, 1.0, False, np.inf if begins else tolerance,
+            0 if begins else most, work,
+        )  # fmt: skip
+        for c in range(f):
+            wrench[i, c] = work.wrench[c]
+        if how != CONVERGED:
+            return how, i
+        closure_stiffness(model, work, 0, K[i])
+        if along and i > 0:
+            if negative[i] > 0:
+                return UNSTABLE, i
+            # once more with the factors at hand: extrapolation multiplies what is left of the error by 15 a point
+            if error[i] > WELL_BELOW * tolerance:
+                _step(model, work, x[i], wrench[i])
+    return CONVERGED, len(s)
+
+
+@kernel
+def _step(model: MachineArrays, work: Work, x: Floats, wrench: Floats) -> None:
+    """One step more with the residual and the factors at hand."""
+    change = np.empty(model.size[2])
+    answer(model, work, work.r, work.gap)
+    corrected(model, work, change)
+    for i in range(len(x)):
+        x[i] += work.step[i]
+    for i in range(len(change)):
+        wrench[i] += change[i]

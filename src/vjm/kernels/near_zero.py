@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vjm.kernels.packed_model import Buffers
-from vjm.kernels.unsymmetric import arnoldi
+from vjm.kernels.arrays import MachineArrays, Work
+from vjm.kernels.entry_points import arnoldi
 from vjm.rotations import Array
 
 SIZES = (8, 12, 16, 24, 32, 48)
@@ -32,13 +32,14 @@ class NearZero(NamedTuple):
     motion: Array
 
 
-def near_zero(buffers: Buffers, start: Array, device: Array, held: Array) -> NearZero | None:
+def near_zero(model: MachineArrays, work: Work, start: Array, device: Array, held: Array) -> NearZero | None:
     """Eigenvalues nearest zero with the present factors, by Arnoldi's method with the inverse.
 
     Args:
-        buffers: of the model, factored.
+        model: the machine.
+        work: factored at a state.
         start: vector ``(n,)`` with a share of every mode.
-        device: see `vjm.kernels.unsymmetric.arnoldi`; empty without.
+        device: see `vjm.kernels.entry_points.arnoldi`; empty without.
         held: likewise.
 
     Returns:
@@ -50,7 +51,7 @@ def near_zero(buffers: Buffers, start: Array, device: Array, held: Array) -> Nea
     basis[0] = start / np.linalg.norm(start)
     done = 0
     for size in sizes:
-        reached = arnoldi(*buffers, device, held, done, basis, H[:, :size])
+        reached = arnoldi(model, work, device, held, done, basis, H[:, :size])
         if not np.all(np.isfinite(H[: reached + 1, :reached])):
             return None
         inverse, vectors = np.linalg.eig(H[:reached, :reached])

@@ -1,4 +1,4 @@
-"""How a chain becomes one-degree joints between rigid links.
+"""How a machine becomes one-degree joints between rigid links.
 
 A six-dimensional spring is six joints in the order of (22), Tx Ty Tz Rx Ry Rz, or, symmetric about its middle,
 nine: Rx Ry Rz Tx Ty Tz Rz Ry Rx, where each turn is half of the spring's coordinate. So a coordinate drives one
@@ -16,11 +16,33 @@ from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint, joint_axes
 from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, Placement, RigidOffset
 from vjm.model.springs import BeamColumnSpring, LinearSpring, Spring
-from vjm.rotations import AXES, Array, frame, rotation_from_vector, translation
+from vjm.rotations import AXES, Array, frame, inverse_frame, rotation_from_vector, translation
+
+NEAR = 1e-9
+"""Difference of two fractions of a beam that are one."""
 
 
-class WideCouplingError(ValueError):
-    """A coupling as bent spans more than one block of springs."""
+@dataclass(frozen=True)
+class Site:
+    """A frame on a body: behind a joint (−1: the base), ``(4, 4)`` mm from there."""
+
+    joint: int
+    frame: Array
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A straight stretch of a part on one rigid body.
+
+    Attributes:
+        start: fraction of the part's elastic length at which it begins.
+        stop: and ends.
+        site: the frame where the part begins, carried along by this body.
+    """
+
+    start: float
+    stop: float
+    site: Site
 
 
 @dataclass(frozen=True)
@@ -54,7 +76,7 @@ class Piece:
         mass: kg.
         centre: fraction at which its weight acts.
         weight_at: position ``(3,)`` mm at which it acts, where that is off the stretch.
-        grows: joint of a beam that grows; the mass is then that of 1 mm, see `vjm.tree.arrays`.
+        grows: joint of a beam that grows; the mass is then that of 1 mm, see `vjm.kernels.arrays`.
     """
 
     part: str
@@ -81,14 +103,12 @@ class Piece:
 
 DEFINITE = 1e-12
 """Smallest eigenvalue of a compliance scaled to a unit diagonal; less is rounding."""
-LARGEST_BLOCK = 6
-"""Coordinates of one block of springs in the kernels."""
 NOWHERE = np.eye(4)
 """The transform between joints that meet in a point; shared, never written to."""
 
 
 class Assembly:
-    """The joints and bodies of a chain, base to tool, as lists.
+    """The joints and bodies of a machine, parents before children, as lists.
 
     Attributes:
         rotary: whether each joint turns.
@@ -96,6 +116,9 @@ class Assembly:
         before: rigid transform ``(4, 4)`` before each joint.
         coordinate: which coordinate drives it.
         factor: and how much of it.
+        parent: joint before each joint, −1 for the base.
+        begins: where each part begins, held joints behind what deflects in them, by name.
+        ends: where each part ends.
         rigid: transform behind the last joint.
         size: number of coordinates.
         passive: indices of the passive joints' coordinates.
@@ -108,6 +131,13 @@ class Assembly:
     """
 
     def __init__(self, chain: Chain) -> None:
+        self._beams = {beam.name: beam for beam in chain.beams}
+        self._stretches: dict[str, list[Stretch]] = {}
+        self._drawn = np.eye(4)
+        self.parent: list[int] = []
+        self.begins: dict[str, Site] = {"": Site(-1, np.eye(4))}
+        self.ends: dict[str, Site] = {"": Site(-1, chain.base)}
+        self._last, self._open = -1, ""
         self.rotary: list[bool] = []
         self.axis: list[Array] = []
         self.before: list[Array] = []
@@ -124,14 +154,47 @@ class Assembly:
         self.stations: list[Station] = []
         self.pieces: list[Piece] = []
         for part in chain.parts:
-            self._begin(part)
+            site = self.ends[chain.after.get(part.name, self._open)]
+            self._last, self.rigid = site.joint, site.frame
+            self._open, self._drawn = part.name, np.eye(4)
+            self.begins[part.name] = site
             first = self.size
             self._add(part)
             self.spans[part.name] = range(first, self.size)
             (self.passive if isinstance(part, PassiveJoint) else self.elastic).extend(self.spans[part.name])
+            self.ends[part.name] = Site(self._last, self.rigid)
 
-    def _begin(self, part: Part) -> None:
-        """Called before a part is added: a chain goes on where it is."""
+    def carrying(self, part: str, point: Array) -> Site:
+        """The frame where a part begins, as the body carries it on which a point of the part lies.
+
+        A beam carries a point with the cross-section at which it lies, see `PointSpring`.
+
+        Args:
+            part: its name; empty for the base.
+            point: ``(3,)`` mm, in the frame where the part begins as drawn.
+
+        Raises:
+            ValueError: the beam has no shape there, or no fixed length.
+        """
+        beam = self._beams.get(part)
+        if beam is None:
+            return self.begins[part]
+        if beam.free_length:
+            raise ValueError(
+                f"part '{part}' comes out of its root, so that no point of it lies at one place along it: fix the "
+                f"spring to the part before or behind it"
+            )
+        fraction = float(np.clip(beam.section_in_chain[:3, 0] @ point / beam.length, 0.0, 1.0))
+        if beam.segments is None and NEAR < fraction < 1.0 - NEAR:
+            raise ValueError(
+                f"it is fixed at {fraction:.3g} of the length of part '{part}', which is one spring here without "
+                f"a shape between its ends: take an engine that splits it, such as vjm-8"
+            )
+        # of two bodies that meet in a cross-section the further one, as for loads
+        for stretch in reversed(self._stretches[part]):
+            if stretch.start - NEAR <= fraction <= stretch.stop + NEAR:
+                return stretch.site
+        raise AssertionError(f"no body carries {fraction} of the beam '{part}'")
 
     def _add(self, part: Part) -> None:
         match part:
@@ -155,6 +218,7 @@ class Assembly:
 
     def _add_passive(self, joint: PassiveJoint) -> None:
         self._coordinate_joint(joint.axis, rotary=not joint.slides)
+        self.begins[joint.name] = Site(self._last, self.rigid)
 
     def _hold(self, joint: HeldJoint) -> None:
         """Stand at the joint's coordinate."""
@@ -182,6 +246,7 @@ class Assembly:
             case _:
                 assert_never(joint)
         self._piece(joint.name, 1.0, 1.0, np.zeros(3))
+        self.begins[joint.name] = Site(self._last, self.rigid)
 
     def _add_sprung(self, joint: SprungJoint) -> None:
         self._own_spring(joint, 1.0 / joint.stiffness)
@@ -201,30 +266,7 @@ class Assembly:
                 )
             coordinate = self._own[name]
             if coordinate is not None:
-                self._merge(coordinate, joint.name)
                 self._joint(joint.axis, coordinate, ratio, rotary=not joint.slides)
-
-    def _merge(self, coordinate: int, joint: str) -> None:
-        """Make one block of all springs from a coordinate on: a block's joints stand together in the kernels.
-
-        Raises:
-            WideCouplingError: there is more between than fits a block.
-        """
-        merged: list[Array] = []
-        first = self.size
-        while first > coordinate:
-            spring = self.springs.pop()
-            first -= len(spring.unloaded)
-            merged.insert(0, spring.unloaded)
-            if not isinstance(spring, LinearSpring) or self.size - first > LARGEST_BLOCK:
-                first = -1
-                break
-        if first < 0 or any(coordinate < c for c in self.passive):
-            raise WideCouplingError(
-                f"joint '{joint}': between it and what it is coupled to lie more than {LARGEST_BLOCK} spring "
-                f"coordinates, a passive joint or a beam: vjm takes it, else write coupling = 'as commanded'"
-            )
-        self.springs.append(LinearSpring(_side_by_side(merged)))
 
     def _add_beam(self, beam: Beam) -> None:
         own = frame(beam.own_frame)
@@ -273,7 +315,7 @@ class Assembly:
         self._move(own.T)
 
     def _move(self, transform: Array) -> None:
-        self.rigid = self.rigid @ transform
+        self.rigid, self._drawn = self.rigid @ transform, self._drawn @ transform
 
     def _turn(self, vector: Array) -> None:
         if vector.any():
@@ -285,12 +327,13 @@ class Assembly:
         self.size += 1
 
     def _joint(self, axis: Array, coordinate: int, factor: float, *, rotary: bool) -> None:
+        self.parent.append(self._last)
         self.before.append(self.rigid)
         self.axis.append(np.asarray(axis, dtype=float))
         self.rotary.append(rotary)
         self.coordinate.append(coordinate)
         self.factor.append(factor)
-        self.rigid = NOWHERE
+        self.rigid, self._last = NOWHERE, len(self.rotary) - 1
 
     def _spring_of_22(self, compliance: Array, part: str) -> None:
         """Translations, then rotations, as (22) has them; those that do not deflect are left out.
@@ -337,22 +380,14 @@ class Assembly:
         root, R = self.rigid[:3, 3].copy(), self.rigid[:3, :3]
         fraction = start + lever * (stop - start)
         weight_at = None if centre is None else root + R @ centre
-        self.pieces.append(Piece(part, start, stop, self.last, root, R @ along, mass, fraction, weight_at))
+        self.pieces.append(Piece(part, start, stop, self._last, root, R @ along, mass, fraction, weight_at))
+        carried = Site(self._last, self.rigid @ inverse_frame(self._drawn))
+        self._stretches.setdefault(part, []).append(Stretch(start, stop, carried))
 
     @property
     def last(self) -> int:
-        """Index of the last joint, −1 at the base."""
-        return len(self.rotary) - 1
+        """Index of the last joint before the end of the last part, −1 at the base."""
+        return self._last
 
     def _mark(self, part: str, fraction: float) -> None:
-        self.stations.append(Station(part, fraction, self.last, self.rigid[:3, 3].copy()))
-
-
-def _side_by_side(blocks: list[Array]) -> Array:
-    """Stiffness of springs that know nothing of one another: their blocks on the diagonal."""
-    size = sum(len(block) for block in blocks)
-    stiffness, at = np.zeros((size, size)), 0
-    for block in blocks:
-        stiffness[at : at + len(block), at : at + len(block)] = block
-        at += len(block)
-    return stiffness
+        self.stations.append(Station(part, fraction, self._last, self.rigid[:3, 3].copy()))

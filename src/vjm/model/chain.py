@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring, SprungJoint
+from vjm.model.closures import Closure, Coupling
+from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring
 from vjm.model.parts import Actuator, Beam, Part, PassiveJoint, Placement, RigidOffset
 from vjm.rotations import Array
 
@@ -39,6 +40,11 @@ class Chain:
         point_springs: springs between points of two parts.
         ends: end frames of a tree by name: the name of the part behind which each lies. Behind the last part lies
             the end-effector, whose name is empty.
+        closures: frames that are held together, which close loops.
+        couplings: of passive joints.
+        poses: displacements ``(6,)`` of the end-effector from home by label, mm and rad, for a machine whose
+            coordinates follow from them by its closures. `postures` and `held` have them under the same labels.
+        home: label of the posture from which poses are displaced; empty: the first.
     """
 
     name: str
@@ -54,6 +60,10 @@ class Chain:
     after: Mapping[str, str] = field(default_factory=dict)
     point_springs: tuple[PointSpring, ...] = ()
     ends: Mapping[str, str] = field(default_factory=dict)
+    closures: tuple[Closure, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+    poses: Mapping[str, Array] = field(default_factory=dict)
+    home: str = ""
 
     def __repr__(self) -> str:
         parts = ", ".join(part.name for part in self.parts)
@@ -93,6 +103,17 @@ class Chain:
             for name in spring.parts:
                 if name not in before:
                     raise ValueError(f"{self.name}: spring '{spring.name}' is fixed to '{name}', which is no part")
+        for closure in self.closures:
+            for name in closure.parts:
+                if name not in before:
+                    raise ValueError(f"{self.name}: closure '{closure.name}' holds '{name}', which is no part")
+        passive = {joint.name for joint in self.joints}
+        for coupling in self.couplings:
+            for name, _ in coupling.terms:
+                if name not in passive:
+                    raise ValueError(
+                        f"{self.name}: coupling '{coupling.name}' names '{name}', which is no passive joint"
+                    )
 
     def _check_free_lengths(self) -> None:
         """Refuse a beam that no sliding joint before it pushes out.
@@ -178,32 +199,14 @@ class Chain:
         return replace(self, parts=tuple(parts))
 
     @property
+    def closes(self) -> bool:
+        """Whether its joints' coordinates depend on one another: by loops, or by couplings of passive joints."""
+        return bool(self.closures or self.couplings)
+
+    @property
     def is_tree(self) -> bool:
-        """Whether it has branches, or springs between two parts."""
-        return bool(self.after or self.point_springs)
-
-    def refuse_tree(self, what: str) -> None:
-        """For whatever takes parts in series only.
-
-        Raises:
-            ValueError: the machine has branches, or springs between two parts.
-        """
-        if self.is_tree:
-            why = "branches" if self.after else "springs between two parts"
-            raise ValueError(f"{self.name}: {what} is for parts in series, but it has {why}; engine vjm takes it")
-
-    def refuse_prestress(self, what: str) -> None:
-        """For whatever knows no force in the posture as drawn; the held joints stand at coordinates.
-
-        Raises:
-            ValueError: a sprung joint is under stress there.
-        """
-        for part in self.parts:
-            if isinstance(part, SprungJoint) and part.stretch:
-                raise ValueError(
-                    f"joint '{part.name}': its spring is under stress in this posture, which {what} does not know: "
-                    f"it is linear about a machine without forces; engine vjm takes it"
-                )
+        """Whether it has branches, closed loops, or springs between two parts."""
+        return bool(self.after or self.point_springs or self.closes)
 
     @property
     def characteristic_length(self) -> float:

@@ -14,8 +14,9 @@ from functools import lru_cache
 import numpy as np
 
 from vjm.model.chain import Chain
+from vjm.model.kinematics import Kinematics
 from vjm.model.load_case import COMPONENTS, LoadCase
-from vjm.model.lumped import Kinematics, LumpedModel
+from vjm.model.lumped import LumpedModel
 from vjm.model.parts import PassiveJoint, RigidOffset
 from vjm.rotations import AXES, Array, displacement_between, frame, inverse_frame, translation, turn
 
@@ -85,12 +86,12 @@ def held(model: LumpedModel, load_case: LoadCase) -> EndCondition:
     chain = model.chain
     q = chain.posture(load_case.posture)
     tool, rank, movable = _drawn(model, load_case.posture)
-    if rank < len(model.passive):
+    if rank < len(model.passive) and not chain.closures:
         raise ValueError(
             f"{chain.name}, posture {load_case.posture} is singular: some of its passive joints move without "
             f"moving the tool; choose another posture"
         )
-    free = _in_order(load_case)
+    free = in_order(load_case)
     while free:
         joints = tuple(PassiveJoint(f"support-{name}", AXES[name[-1]], slides=len(name) == 1) for name in free)
         there = type(model)(_extended(chain, load_case.posture, tool, joints))
@@ -122,19 +123,27 @@ def _drawn(model: LumpedModel, posture: str) -> tuple[Array, int, bool]:
 
 def _movable(model: LumpedModel, k: Kinematics) -> bool:
     """Whether a chain deflects in every direction in which it is held: else its wrench is not determined."""
-    J = k.jacobian * model.coordinate_scale / np.repeat([model.chain.characteristic_length, 1.0], 3)[:, None]
+    unit = model.coordinate_scale[: model.coordinates]
+    J = k.jacobian[:, : model.coordinates] * unit / np.repeat([model.chain.characteristic_length, 1.0], 3)[:, None]
+    if model.chain.closures or model.chain.couplings:
+        J = J @ null_space(model.closing(k)[:, : model.coordinates] * unit / unit_of_closing(model)[:, None])
     values = np.linalg.eigvalsh(J @ J.T)
     return bool(values[0] > DEPENDENT**2 * values[-1])
 
 
-def refuse_rigid(model: LumpedModel, posture: str) -> None:
-    """For whatever holds the whole pose of a chain and asks for its stiffness.
+def unit_of_closing(model: LumpedModel) -> Array:
+    """Units ``(f + k,)`` of what closures and couplings hold: lengths, turns."""
+    length = model.chain.characteristic_length
+    own = [np.repeat([length, 1.0], 3)[: closure.rows] for closure in model.chain.closures]
+    return np.concatenate([*own, np.ones(len(model.chain.couplings))])
 
-    Raises:
-        ValueError: the chain is rigid in some direction, so that its stiffness is infinite there.
-    """
-    if not _drawn(model, posture)[2]:
-        raise rigid_direction(f"{model.chain.name}, posture {posture}")
+
+def null_space(A: Array) -> Array:
+    """Orthonormal motions ``(n, k)`` that a matrix ``(r, n)`` takes to zero but for rounding."""
+    _, sizes, V = np.linalg.svd(A)
+    rank = int(np.count_nonzero(sizes > DEPENDENT * sizes.max(initial=0.0)))
+    result: Array = V[rank:].T
+    return result
 
 
 def rigid_direction(where: str) -> ValueError:
@@ -151,7 +160,7 @@ def _checked(end_condition: EndCondition, movable: bool, load_case: LoadCase) ->
     raise rigid_direction(f"{end_condition.model.chain.name}, posture {load_case.posture}")
 
 
-def _in_order(load_case: LoadCase) -> list[str]:
+def in_order(load_case: LoadCase) -> list[str]:
     """The free components: hinges first. Of three hinges the one along the ramp is in the middle.
 
     Three hinges lock where the middle one turns by a right angle, and a chain twists less than it bends.
@@ -181,6 +190,12 @@ def _loose(model: LumpedModel, joints: int, q: Array) -> Array | None:
     rank, V = _rank(model, k), np.linalg.svd(_scaled(model, k))[2]
     if rank == len(own):
         return None
+    if model.chain.closures:
+        # a rod that turns between two balls is no mechanism of the end-effector: the support's joints move by none
+        motions = [motion for motion in V[rank:] if np.abs(motion[-joints:]).max() > DEPENDENT]
+        if not motions:
+            return None
+        V = np.vstack([V[:rank], motions])
     for motion in V[rank:]:
         velocity = np.zeros(model.size)
         velocity[own] = motion * model.coordinate_scale[own]
@@ -191,10 +206,13 @@ def _loose(model: LumpedModel, joints: int, q: Array) -> Array | None:
 
 
 def _scaled(model: LumpedModel, k: Kinematics) -> Array:
-    """Derivative ``(6 + s, n_q)`` by the passive joints of the pose and of what stretches, dimensionless."""
+    """Derivative by the passive joints of the pose, of what stretches and of what closes, dimensionless."""
     own, length = model.passive, model.chain.characteristic_length
-    unit = np.concatenate([np.repeat([length, 1.0], 3), np.full(len(model.chain.point_springs), length)])
-    J: Array = np.vstack([k.jacobian, model.stretching(k)])[:, own] * model.coordinate_scale[own] / unit[:, None]
+    unit = np.concatenate(
+        [np.repeat([length, 1.0], 3), np.full(len(model.chain.point_springs), length), unit_of_closing(model)]
+    )
+    rows = np.vstack([k.jacobian, model.stretching(k), model.closing(k)])[:, own]
+    J: Array = rows * model.coordinate_scale[own] / unit[:, None]
     return J
 
 

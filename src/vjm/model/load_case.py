@@ -278,16 +278,3 @@ class LoadCase:
     def length(self) -> float:
         """End of the ramp, positive."""
         return abs(self.to)
-
-
-def refuse_unless_pose_only(engine: str, load_case: LoadCase) -> None:
-    """For engines that know ramps of the whole imposed pose only.
-
-    Raises:
-        ValueError: the load case asks for more.
-    """
-    if not load_case.pose_only:
-        raise ValueError(
-            f"{engine} traces ramps of the whole imposed pose only: no loads, free components, imperfections or "
-            f"other control than the ramp; vjm and vjm-paper do, exudyn and opensees all but imperfections"
-        )

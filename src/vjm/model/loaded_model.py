@@ -26,6 +26,10 @@ class LoadedModel(Protocol):
         """Number n of the coordinates."""
 
     @property
+    def free(self) -> int:
+        """Number of motions that are left where the end-effector and all closures hold what they can."""
+
+    @property
     def characteristic_length(self) -> float:
         """Unit of its translations, mm."""
 

@@ -1,79 +1,39 @@
-"""The virtual joint model of a chain: one-degree joints between rigid links, equations (1), (2) and (22).
+"""The virtual joint model of a machine: one-degree joints between rigid links, equations (1), (2) and (22).
 
-Every joint, passive or virtual, is a shift along or a turn about an axis; a coordinate drives one joint or two, see
-`vjm.model.assembly`. All kinematics follow from the joints' axes in the world frame, and one code path serves every
-chain.
+Every joint, passive or virtual, is a shift along or a turn about an axis; a coordinate drives one joint or more,
+see `vjm.model.assembly`. All kinematics follow from the joints' axes in the world frame, and one code path serves
+every machine: chains, trees, and closed loops, whose closures' wrenches stand behind the coordinates in a state.
 """
 
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from vjm.kernels.compiled_model import CompiledModel
-from vjm.kernels.packed_model import PackedModel
-from vjm.kernels.recursion import frames_behind
-from vjm.kernels.state_solver import BodySolver
+from vjm.kernels.machine_solver import MachineSolver
 from vjm.model.applied_loads import NO_LOADS, AppliedLoads
 from vjm.model.assembly import Assembly, Piece, Station
 from vjm.model.chain import Chain
-from vjm.model.pack import loaded_points, packed
+from vjm.model.kinematics import Kinematics
+from vjm.model.packing import Loads, packed
+from vjm.model.pieces import closure_sites, coupling_rows, machine_pieces, point_springs
 from vjm.model.springs import LinearSpring, Spring
 from vjm.rotations import Array
 
-
-@dataclass(frozen=True)
-class Kinematics:
-    """The chain's geometry at one configuration.
-
-    Attributes:
-        end: frame ``(4, 4)`` of the end-effector, world, mm.
-        behind: frames ``(m + 1, 4, 4)`` behind the base and behind each joint.
-        axes: joint axes ``(m, 3)`` in the world.
-        rotary: ``(m,)``, true where the joint turns.
-        joint_jacobian: ``(6, m)``: linear, angular velocity of the end-effector by the joints' velocities.
-        drive: ``(m, n)`` joint velocities by those of the coordinates.
-        jacobian: geometric Jacobian ``(6, n)`` by the coordinates.
-    """
-
-    end: Array
-    behind: Array
-    axes: Array
-    rotary: np.ndarray
-    joint_jacobian: Array
-    drive: Array
-    jacobian: Array
-
-    def force_hessian(self, wrench: Array) -> Array:
-        """Derivative ``(n, n)`` of ``Jᵀ F`` at constant wrench: ``H[j, i] = ∂(J_jᵀ F)/∂x_i``, for (17).
-
-        When joint i turns by dx, everything behind it turns about its axis w_i. For i before j the column J_j
-        turns as a whole, ``∂J_j/∂x_i = w_i × J_j`` in both halves; for i behind j only the lever changes,
-        ``∂(w_j × r_j)/∂x_i = w_j × J_i``, and the axis stays. So the force part is symmetric, the moment part
-        is not: a moment fixed in the world is not conservative. The difference vanishes on the null space of
-        J, where stability is decided.
-
-        Args:
-            wrench: ``(6,)`` force in N and moment in N mm on the end-effector, world axes.
-        """
-        force, moment = wrench[:3], wrench[3:]
-        turning = np.where(self.rotary[:, None], self.axes, 0.0)
-        # f · (w_i × J_j) = (f × w_i) · J_j, i at or before j
-        linear = np.cross(force, turning) @ self.joint_jacobian[:3]
-        H: Array = np.triu(linear, 1).T + np.triu(linear)
-        angular = np.cross(moment, turning) @ turning.T
-        result: Array = self.drive.T @ (H + np.triu(angular, 1).T) @ self.drive
-        return result
+DEPENDENT = 1e-9
+"""Singular value over the largest below which motions, or what closures hold, depend on one another."""
 
 
 class LumpedModel:
-    """A chain as rigid links, passive joints and virtual springs.
+    """A machine as rigid links, passive joints and virtual springs.
 
     Attributes:
         chain: the machine.
+        coordinates: number n of its joints' coordinates.
+        size: number of a state's components: the coordinates, the wrenches of closures between its bodies, and the
+            forces of its couplings.
         passive: indices ``(n_q,)`` of the passive joints' coordinates among all coordinates.
         elastic: indices ``(n_θ,)`` of the virtual springs' coordinates.
         springs: the springs' laws, base to tool.
@@ -86,8 +46,10 @@ class LumpedModel:
     def __init__(self, chain: Chain) -> None:
         self.chain = chain
         self.applied_loads = NO_LOADS
-        built = self._assembled()
-        self.size = built.size
+        self._built = built = Assembly(chain)
+        self.coordinates = built.size
+        self.size = built.size + sum(closure.rows for closure in chain.closures) + len(chain.couplings)
+        self.parent = built.parent
         self.springs: list[Spring] = built.springs
         self.stations: list[Station] = built.stations
         self.pieces: list[Piece] = built.pieces
@@ -99,17 +61,16 @@ class LumpedModel:
         self.drive = np.zeros((len(built.rotary), self.size))
         self.drive[np.arange(len(built.rotary)), built.coordinate] = built.factor
         # a spring's shifts are driven by sliding joints, its turns by turning ones
-        self.rotary = self.drive[self.joint_rotary].any(axis=0)
+        self.rotary = self.drive[self.joint_rotary].any(axis=0)[: built.size]
         self.axis = np.array(built.axis).reshape(-1, 3)
         self.before = np.array(built.before).reshape(-1, 4, 4)
-        self.tail = built.rigid
+        self.last, self.tail = built.last, built.rigid
+        self._spring_joints, self._spring_points, self._spring_laws = point_springs(self.chain, built)
+        self._closure_joints, self._closure_frames = closure_sites(self.chain, built)
+        self._coordinate = built.coordinate
+        self._factor = np.array(built.factor)
         self._skew: Array = np.cross(self.axis[:, None, :], np.eye(3)).transpose(0, 2, 1)
         self._skew2 = self._skew @ self._skew
-
-    def _assembled(self) -> Assembly:
-        """The chain's joints and bodies."""
-        self.chain.refuse_tree("this engine")
-        return Assembly(self.chain)
 
     @property
     def name(self) -> str:
@@ -135,24 +96,37 @@ class LumpedModel:
 
     def under(self, applied_loads: AppliedLoads) -> LumpedModel:
         """The same model with loads on its bodies."""
-        if applied_loads is self.applied_loads:
-            return self
-        points = loaded_points(applied_loads, self.characteristic_length)
-        return self._changed(applied_loads=applied_loads, arrays=self.arrays._replace(**points))
+        return self if applied_loads is self.applied_loads else self._changed(applied_loads=applied_loads)
 
     def bent(self, natural: Array) -> LumpedModel:
         """The same model with springs that are free of stress at the coordinates ``natural`` (n,)."""
-        return self._changed(natural=natural, arrays=self.arrays._replace(natural=natural / self.coordinate_scale))
+        return self._changed(natural=natural)
 
     def strained(self, x: Array) -> bool:
-        """Whether a spring is under stress at the coordinates ``x`` (n,)."""
-        return bool(np.any((self.natural - x)[self.elastic]))
+        """Whether a spring, between points or not, is under stress at the coordinates ``x`` (n,)."""
+        return bool(np.any((self.natural - x)[self.elastic])) or bool(np.any(self._pulls(x)))
 
     def eased(self, x: Array, share: float) -> LumpedModel:
         """The same model with springs under a share of the stress that they have at the coordinates ``x`` (n,)."""
-        natural = self.natural.copy()
+        natural, laws = self.natural.copy(), self._spring_laws.copy()
         natural[self.elastic] -= (1.0 - share) * (self.natural - x)[self.elastic]
-        return self.bent(natural)
+        laws[:, 2] -= (1.0 - share) * self._pulls(x)
+        return self._changed(natural=natural, _spring_laws=laws)
+
+    def _pulls(self, x: Array) -> Array:
+        """Forces ``(s,)`` of the springs between points, N, pulling positive."""
+        stiffness, free, preload = self._spring_laws.T
+        if not len(stiffness):
+            return np.zeros(0)
+        ends = self._spring_ends(self.kinematics(x))
+        result: Array = stiffness * (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) - free) + preload
+        return result
+
+    def _spring_ends(self, kinematics: Kinematics) -> Array:
+        """Where the springs between points are fixed, ``(s, 2, 3)`` mm, world."""
+        T = kinematics.behind[self._spring_joints + 1]
+        result: Array = np.einsum("skab,skb->ska", T[..., :3, :3], self._spring_points) + T[..., :3, 3]
+        return result
 
     def _changed(self, **attributes: object) -> LumpedModel:
         model = copy(self)
@@ -164,7 +138,7 @@ class LumpedModel:
         """The body that carries a point of a part, and where it is on it.
 
         Args:
-            part: name of a part; empty for the end-effector.
+            part: name of a part or an end frame; empty for the end-effector.
             at: fraction of the part's elastic length.
 
         Returns:
@@ -174,7 +148,10 @@ class LumpedModel:
             ValueError: the part has no such point.
         """
         if not part:
-            return len(self.joint_rotary) - 1, self.tail[:3, 3]
+            return self.last, self.tail[:3, 3]
+        if part in self.chain.ends:
+            site = self._built.ends[self.chain.ends[part]]
+            return site.joint, site.frame[:3, 3]
         own = [piece for piece in self.pieces if piece.part == part]
         if not own:
             known = ", ".join(dict.fromkeys(piece.part for piece in self.pieces))
@@ -210,37 +187,47 @@ class LumpedModel:
         return k[np.ix_(self.elastic, self.elastic)]
 
     @cached_property
-    def arrays(self) -> PackedModel:
-        """The model as the kernels take it."""
-        return packed(self)
-
-    @cached_property
-    def compiled(self) -> BodySolver:
-        """What solves for its states: the model in compiled form."""
+    def compiled(self) -> MachineSolver:
+        """What solves for its states: the model in compiled form, its end-effector held by a closure."""
         loads = self.applied_loads
-        return CompiledModel(
-            self.arrays, loads.constant, loads.ramped, (self.coordinate_scale, self.wrench_scale),
-            self.characteristic_length, (self._station_joint, self._station_position),
+        count = len(loads)
+        ground = np.array([[-1, self.last]]), np.stack([np.eye(4), self.tail])[None]
+        pieces = machine_pieces(
+            self._built, self.coordinate_scale[: self.coordinates], float(self.wrench_scale[3]),
+            self.characteristic_length,
+            springs=(self._spring_joints, self._spring_points, self._spring_laws),
+            closures=(
+                np.concatenate([ground[0], self._closure_joints]),
+                np.concatenate([ground[1], self._closure_frames]),
+                [6, *(closure.rows for closure in self.chain.closures)],
+            ),
+            chain=self.chain, spare=self.spare(held=True),
+        )  # fmt: skip
+        acting = Loads(
+            loads.joint, np.ascontiguousarray(loads.offset, dtype=float), np.zeros((count, 6)), loads.follows,
+            np.full(count, -1), loads.turning, np.full(count, -1),
+        )  # fmt: skip
+        return MachineSolver(
+            packed(pieces, acting), self.natural[: self.coordinates], loads.constant, loads.ramped,
+            (self.coordinate_scale, self.wrench_scale), (self._station_joint, self._station_position),
         )  # fmt: skip
 
-    @property
-    def compiled_series(self) -> CompiledModel:
-        """`compiled` of parts in series, with what only that has: marches along a grid, and packed buffers.
+    def spare(self, *, held: bool) -> tuple[int, int]:
+        """Number of what closures hold that others hold too, and of idle motions: those that nothing feels.
 
-        Raises:
-            ValueError: the joints form a tree.
+        Args:
+            held: whether the end-effector's pose is imposed: it is one closure more then.
         """
-        solver = self.compiled
-        if isinstance(solver, CompiledModel):
-            return solver
-        chain = self.chain
-        why = (
-            "branches" if chain.after else "springs between two parts" if chain.point_springs else "a wide coupling"
-        )
-        raise ValueError(
-            f"{chain.name} has {why}: readings along a ramp are computed for parts in series only; "
-            f"take curve, buckling, stiffness or compensate"
-        )
+        if not self.chain.closures and not self.chain.couplings:
+            return 0, 0
+        q = next(iter(self.chain.postures.values()), np.zeros(len(self.passive)))
+        k = self.kinematics(self.configuration(q))
+        unit = self.coordinate_scale[: self.coordinates]
+        rows = np.vstack([self.closing(k), k.jacobian, self.stretching(k)])[:, : self.coordinates] * unit
+        size = np.abs(rows).max(axis=1, keepdims=True)
+        rows = rows / np.where(size > 0.0, size, 1.0)
+        holding = len(self.closing(k)) + (6 if held else 0)
+        return holding - rank_of(rows[:holding]), len(self.passive) - rank_of(rows[:, self.passive])
 
     @cached_property
     def linear(self) -> bool:
@@ -258,8 +245,13 @@ class LumpedModel:
 
     @cached_property
     def coordinate_scale(self) -> Array:
-        """Unit of each coordinate ``(n,)``: the characteristic length for shifts, one radian for turns."""
-        return np.where(self.rotary, 1.0, self.characteristic_length)
+        """Unit of each component ``(size,)``: the characteristic length for shifts, one radian for turns.
+
+        It is infinite for the closures' wrenches, which are no motion.
+        """
+        scale = np.full(self.size, np.inf)
+        scale[: self.coordinates] = np.where(self.rotary, 1.0, self.characteristic_length)
+        return scale
 
     @cached_property
     def wrench_scale(self) -> Array:
@@ -267,7 +259,8 @@ class LumpedModel:
 
         From the springs' geometric mean rotational stiffness, so that scaled stiffnesses are of order one.
         """
-        diagonal = np.diag(self.stiffness)[self.rotary & (np.diag(self.stiffness) > 0.0)]
+        own = np.diag(self.stiffness)[: self.coordinates]
+        diagonal = own[self.rotary & (own > 0.0)]
         energy = float(np.exp(np.mean(np.log(diagonal)))) if diagonal.size else 1.0
         length = self.characteristic_length
         return np.repeat([energy / length, energy], 3)
@@ -281,29 +274,76 @@ class LumpedModel:
         return x
 
     def kinematics(self, x: Array) -> Kinematics:
-        """Geometry (1), (2) and its first derivatives at the joint coordinates ``x`` (m,), mm and rad."""
+        """Geometry and first derivatives at ``x`` (n,); joints beside the end-effector's way do not move it."""
         m = len(self.joint_rotary)
-        local = np.zeros((m, 4, 4))
-        local[:, 3, 3] = 1.0
         joints = self.drive @ x
         angle = np.where(self.joint_rotary, joints, 0.0)[:, None, None]
+        local = np.zeros((m, 4, 4))
+        local[:, 3, 3] = 1.0
         local[:, :3, :3] = np.eye(3) + np.sin(angle) * self._skew + (1.0 - np.cos(angle)) * self._skew2
         local[:, :3, 3] = np.where(self.joint_rotary, 0.0, joints)[:, None] * self.axis
-        step = self.before @ local
         behind = np.empty((m + 1, 4, 4))
-        frames_behind(step, behind)
-        end = behind[-1] @ self.tail
-        # an axis is not moved by its own joint
+        behind[0] = np.eye(4)
+        for j, (parent, step) in enumerate(zip(self.parent, self.before @ local, strict=True)):
+            behind[j + 1] = behind[parent + 1] @ step
         axes = np.einsum("jab,jb->ja", behind[1:, :3, :3], self.axis)
-        lever = end[:3, 3] - behind[1:, :3, 3]
-        J = np.zeros((6, m))
-        J[:3] = np.where(self.joint_rotary[:, None], np.cross(axes, lever), axes).T
-        J[3:, self.joint_rotary] = axes[self.joint_rotary].T
-        return Kinematics(end, behind, axes, self.joint_rotary, J, self.drive, J @ self.drive)
+        end = behind[self.last + 1] @ self.tail
+        on_way = self._before[self.last + 1]
+        J = self._joint_jacobian(behind, axes, end[:3, 3], on_way)
+        return Kinematics(end, behind, axes, self.joint_rotary & on_way, J, self.drive, J @ self.drive)
+
+    @cached_property
+    def _before(self) -> np.ndarray:
+        """Which joints ``(m + 1, m)`` lie before what is behind each, itself included; first, of the base, none."""
+        m = len(self.parent)
+        result = np.zeros((m + 1, m), dtype=bool)
+        for j, parent in enumerate(self.parent):
+            result[j + 1] = result[parent + 1]
+            result[j + 1, j] = True
+        return result
+
+    def _joint_jacobian(self, behind: Array, axes: Array, point: Array, moving: np.ndarray) -> Array:
+        """Velocity ``(6, m)`` of a point by the joints, those that do not move it being zero."""
+        turning = self.joint_rotary[:, None]
+        shifts = np.where(turning, np.cross(axes, point - behind[1:, :3, 3]), axes)
+        turns = np.where(turning, axes, 0.0)
+        result: Array = (np.concatenate([shifts, turns], axis=1) * moving[:, None]).T
+        return result
 
     def stretching(self, kinematics: Kinematics) -> Array:
-        """Derivative ``(s, n)`` of the lengths of springs between points: a chain has none."""
-        return np.zeros((0, self.size))
+        """Derivative ``(s, n)`` of the lengths of the springs between points; zero where the two points meet."""
+        rows, behind = [], kinematics.behind
+        for joints, ends in zip(self._spring_joints, self._spring_ends(kinematics), strict=True):
+            first, second = (
+                self._joint_jacobian(behind, kinematics.axes, end, self._before[j + 1])[:3]
+                for j, end in zip(joints, ends, strict=True)
+            )
+            length = float(np.linalg.norm(ends[1] - ends[0]))
+            along = (ends[1] - ends[0]) / length if length > 0.0 else np.zeros(3)
+            rows.append(along @ (second - first) @ self.drive)
+        return np.array(rows).reshape(-1, self.size)
+
+    def closing(self, kinematics: Kinematics) -> Array:
+        """Derivative ``(f + k, size)`` of what closures and couplings hold by the coordinates; mm and rad."""
+        rows, behind = [], kinematics.behind
+        for closure, joints, frames in zip(
+            self.chain.closures, self._closure_joints, self._closure_frames, strict=True
+        ):
+            point = (behind[joints[1] + 1] @ frames[1])[:3, 3]
+            first, second = (
+                self._joint_jacobian(behind, kinematics.axes, point, self._before[j + 1])[: closure.rows]
+                for j in joints
+            )
+            rows.append((second - first) @ self.drive)
+        couplings = np.zeros((len(self.chain.couplings), self.size))
+        couplings[:, : self.coordinates] = coupling_rows(self.chain, self._built)
+        rows.append(couplings)
+        return np.concatenate(rows)
+
+    @cached_property
+    def free(self) -> int:
+        """Number of motions that are left where the end-effector and all closures hold what they can."""
+        return self.coordinates - 6 - (self.size - self.coordinates)
 
     def shape(self, kinematics: Kinematics) -> Array:
         """Positions ``(k, 3)`` of the stations in the world, mm."""
@@ -317,16 +357,13 @@ class LumpedModel:
 
     def shape_rate(self, kinematics: Kinematics, velocity: Array) -> Array:
         """Velocities ``(k, 3)`` of the stations for velocities ``(n,)`` of the coordinates."""
-        points = self.shape(kinematics)
-        joints = (self.drive @ velocity)[:, None]
-        turning = np.where(self.joint_rotary[:, None], kinematics.axes * joints, 0.0)
-        sliding = np.where(self.joint_rotary[:, None], 0.0, kinematics.axes * joints)
-        # v_k = Σ_{j ≤ k} slide_j + turn_j × (p_k − o_j)
-        linear = np.vstack([np.zeros(3), np.cumsum(sliding - np.cross(turning, kinematics.behind[1:, :3, 3]), 0)])
-        angular = np.vstack([np.zeros(3), np.cumsum(turning, 0)])
-        upto = self._station_joint + 1
-        result: Array = linear[upto] + np.cross(angular[upto], points)
-        return result
+        joints, behind = self.drive @ velocity, kinematics.behind
+        return np.array(
+            [
+                (self._joint_jacobian(behind, kinematics.axes, point, self._before[joint + 1]) @ joints)[:3]
+                for joint, point in zip(self._station_joint, self.shape(kinematics), strict=True)
+            ]
+        ).reshape(-1, 3)
 
     @cached_property
     def _station_joint(self) -> np.ndarray:
@@ -335,3 +372,11 @@ class LumpedModel:
     @cached_property
     def _station_position(self) -> Array:
         return np.array([s.position for s in self.stations]).reshape(-1, 3)
+
+
+def rank_of(A: Array) -> int:
+    """Number of singular values that are more than rounding."""
+    if not A.size:
+        return 0
+    values = np.linalg.svd(A, compute_uv=False)
+    return int(np.count_nonzero(values > DEPENDENT * values[0]))

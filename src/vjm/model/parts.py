@@ -250,6 +250,14 @@ class Beam:
         result: Array = self.own_frame @ own
         return result
 
+    def fraction_of(self, point: Array) -> float:
+        """Where along the beam a point ``(3,)`` mm lies, in the chain frame at its root: from 0 to 1.
+
+        Before the root it is the root's, behind the end the end's, see `vjm.model.joints.PointSpring`.
+        """
+        along = float(self.section_in_chain[:3, 0] @ point) / self.length
+        return min(max(along, 0.0), 1.0)
+
     @property
     def end_slope(self) -> Array:
         """Turn ``(3,)`` in rad, section axes, of the root's tangent by the bow; the tip's is its opposite.

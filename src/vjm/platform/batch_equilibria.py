@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vjm.kernels.packed_model import buffers as packed_buffers
+from vjm.model.pack import packed
 from vjm.platform.batch_kernel import (
     NO_EQUILIBRIUM,
     OUT_OF_REACH,
@@ -68,7 +70,7 @@ def packed_machine(manipulator: Manipulator, engine: VjmEngine) -> Machine:
     pose = home_pose(manipulator)
     models = [lumped(engine, leg.chain) for leg in manipulator.legs]
     refuse_rigid_legs(pose, models)
-    buffers = [model.compiled_series.buffers for model in models]
+    buffers = [packed_buffers(packed(model)) for model in models]
 
     def joined(arrays: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         return np.concatenate(arrays), np.cumsum([0, *(len(a) for a in arrays)]).astype(np.int64)

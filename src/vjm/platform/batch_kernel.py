@@ -10,7 +10,7 @@ import numpy as np
 
 from vjm.kernels.compilation import entry, kernel
 from vjm.kernels.condensation import factor, substitute
-from vjm.kernels.entry_points import loaded_stiffness
+from vjm.kernels.factorization import bunch_parlett_solve
 from vjm.kernels.packed_model import Floats, Ints, PackedModel, Workspace
 from vjm.kernels.recursion import forward_kinematics, pose_error
 from vjm.platform.closure_kernel import close_from_home, close_near
@@ -30,6 +30,27 @@ SOLVED, OUT_OF_REACH, NO_EQUILIBRIUM = 0, 1, 2
 """How a pose ends."""
 NEGLIGIBLE = 1e-9
 """Residual of a leg whose share in the next step need not be foreseen: the step after it would see to it."""
+
+
+@kernel
+def loaded_stiffness(work: Workspace, force: Floats, K: Floats) -> None:
+    """Write ``K^F`` (6, 6) of (18) of one leg with the present factors, under the wrench ``force`` (6,)."""
+    # the workspace that held T is free behind its factorisation
+    B = work.T[:, :6]
+    B[:, :] = 0.0
+    for i in range(6):
+        B[i, i] = 1.0
+    bunch_parlett_solve(work.F, work.swaps, work.pivots, B)
+    for i in range(6):
+        for j in range(6):
+            K[i, j] = B[i, j]
+    m0, m1, m2 = 0.5 * force[3], 0.5 * force[4], 0.5 * force[5]
+    K[3, 4] += m2
+    K[3, 5] -= m1
+    K[4, 3] -= m2
+    K[4, 5] += m0
+    K[5, 3] += m1
+    K[5, 4] -= m0
 
 
 @kernel
@@ -104,7 +125,7 @@ def balance(
                 left = max(left, abs(gap[i]))
                 heavy = max(heavy, abs(F[i]))
             lacking = max(lacking, left)
-            loaded_stiffness(model, work, F, K)
+            loaded_stiffness(work, F, K)
             if left < NEGLIGIBLE:
                 dF[:] = 0.0
             else:

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
-from vjm.kernels.compiled_model import EIGENVALUE_TOLERANCE
+from vjm.kernels.machine_solver import EIGENVALUE_TOLERANCE
 from vjm.kernels.state_solver import StateSolver
 from vjm.model.lumped import LumpedModel
 from vjm.platform.leg_topology import Edge, Layout, Universal, Visited, add_leg, carried, pose_error, turn_rate

@@ -69,6 +69,8 @@ class LoadedManipulator:
         self.models = list(models) if models else [lumped(engine, robot.built(leg)) for leg in robot.legs]
         self.layout = Layout(self.models, len(robot.bodies), len(robot.couplings))
         self.size = self.layout.size
+        # legs deflect in all directions: there is always motion left
+        self.free = 1
         self.applied_loads = NO_LOADS
         self.name = robot.name
         self.characteristic_length = length = robot.characteristic_length

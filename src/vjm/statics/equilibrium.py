@@ -13,8 +13,9 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from vjm.errors import NoConvergenceError
+from vjm.model.kinematics import Kinematics
 from vjm.model.loaded_model import LoadedModel
-from vjm.model.lumped import Kinematics, LumpedModel
+from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array, displacement_between
 
 TOLERANCE = 1e-11

@@ -60,7 +60,7 @@ def stability(at: Configuration[LoadedModel], device: Array | None = None) -> St
         device: generalised forces ``(n,)`` of a device that holds a point where it is, one constraint more.
     """
     model = at.model
-    if model.size <= 6:
+    if model.free <= 0:
         return Stability(float("nan"), 0)
     compiled = model.compiled
     if device is not None or len(model.applied_loads.turning):
@@ -137,9 +137,11 @@ def _spectrum(at: Configuration[LoadedModel], device: Array | None) -> tuple[Arr
         numpy.linalg.LinAlgError: the equilibrium is critical to the last digit.
     """
     S = at.model.compiled.inverse(at.x, at.wrench, at.load)
-    unit = at.model.coordinate_scale
+    whole = at.model.coordinate_scale
+    moves = np.isfinite(whole)
+    unit = whole[moves]
     if device is not None:
-        b = device * unit
+        b = device[moves] * unit
         held = S @ b
         S = S - np.outer(held, b @ S) / (b @ held)
     if len(at.model.applied_loads.turning):
@@ -151,7 +153,9 @@ def _spectrum(at: Configuration[LoadedModel], device: Array | None) -> tuple[Arr
     values = 1.0 / inverse[felt]
     if not len(values) or not np.all(np.isfinite(values)):
         raise np.linalg.LinAlgError("the equilibrium is singular to the last digit")
-    return values, V[:, felt] * unit[:, None]
+    motions = np.zeros((len(whole), len(values)), dtype=V.dtype)
+    motions[moves] = V[:, felt] * unit[:, None]
+    return values, motions
 
 
 def critical_modes(at: Configuration[LoadedModel], device: Array | None = None) -> list[Array]:

@@ -5,156 +5,21 @@ Held joints stay joints here, for their coordinates change from posture to postu
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from vjm.kernels.arrays import GROWS
 from vjm.model.assembly import Assembly, Piece
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
-from vjm.model.parts import Beam, Part, PassiveJoint
+from vjm.model.joints import CoupledJoint, HeldJoint, SprungJoint
+from vjm.model.parts import Beam, PassiveJoint
 from vjm.model.springs import BeamColumnSpring, LinearSpring
-from vjm.rotations import Array, frame, inverse_frame, translation
-from vjm.tree.arrays import GROWS
+from vjm.rotations import Array, frame, translation
 
 GROWING_SEGMENTS = 4
 """Of a beam that grows out of its root, where its model file asks for no other number."""
 
 
-NEAR = 1e-9
-"""Difference of two fractions of a beam that are one."""
-
-
-@dataclass(frozen=True)
-class Site:
-    """A frame on a body: behind a joint (−1: the base), ``(4, 4)`` mm from there."""
-
-    joint: int
-    frame: Array
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """A straight stretch of a part on one rigid body.
-
-    Attributes:
-        start: fraction of the part's elastic length at which it begins.
-        stop: and ends.
-        site: the frame where the part begins, carried along by this body.
-    """
-
-    start: float
-    stop: float
-    site: Site
-
-
-class BranchedAssembly(Assembly):
-    """The joints and bodies of a machine, parents before children, its held joints standing where they are.
-
-    Attributes:
-        parent: joint before each joint, −1 for the base.
-        begins: where each part begins, held joints behind what deflects in them, by name.
-        ends: where each part ends.
-    """
-
-    def __init__(self, chain: Chain) -> None:
-        self._beams = {beam.name: beam for beam in chain.beams}
-        self._stretches: dict[str, list[Stretch]] = {}
-        self._drawn = np.eye(4)
-        self.parent: list[int] = []
-        self.begins: dict[str, Site] = {"": Site(-1, np.eye(4))}
-        self.ends: dict[str, Site] = {"": Site(-1, chain.base)}
-        self._after = chain.after
-        self._last = -1
-        self._open = ""
-        super().__init__(chain)
-        self._close()
-
-    @property
-    def last(self) -> int:
-        """Index of the last joint, −1 at the base."""
-        return self._last
-
-    def _close(self) -> None:
-        self.ends[self._open] = Site(self._last, self.rigid)
-
-    def _begin(self, part: Part) -> None:
-        if self._open:
-            self._close()
-        site = self.ends[self._after.get(part.name, self._open)]
-        self._last, self.rigid = site.joint, site.frame
-        self._open = part.name
-        self._drawn = np.eye(4)
-        self.begins[part.name] = Site(self._last, self.rigid)
-
-    def _move(self, transform: Array) -> None:
-        super()._move(transform)
-        self._drawn = self._drawn @ transform
-
-    def _piece(
-        self,
-        part: str,
-        start: float,
-        stop: float,
-        along: Array,
-        mass: float = 0.0,
-        lever: float = 0.5,
-        centre: Array | None = None,
-    ) -> None:
-        super()._piece(part, start, stop, along, mass, lever, centre)
-        carried = Site(self._last, self.rigid @ inverse_frame(self._drawn))
-        self._stretches.setdefault(part, []).append(Stretch(start, stop, carried))
-
-    def carrying(self, part: str, point: Array) -> Site:
-        """The frame where a part begins, as the body carries it on which a point of the part lies.
-
-        A beam carries a point with the cross-section at which it lies, see `PointSpring`.
-
-        Args:
-            part: its name; empty for the base.
-            point: ``(3,)`` mm, in the frame where the part begins as drawn.
-
-        Raises:
-            ValueError: the beam has no shape there, or no fixed length.
-        """
-        beam = self._beams.get(part)
-        if beam is None:
-            return self.begins[part]
-        if beam.free_length:
-            raise ValueError(
-                f"part '{part}' comes out of its root, so that no point of it lies at one place along it: fix the "
-                f"spring to the part before or behind it"
-            )
-        fraction = float(np.clip(beam.section_in_chain[:3, 0] @ point / beam.length, 0.0, 1.0))
-        if beam.segments is None and NEAR < fraction < 1.0 - NEAR:
-            raise ValueError(
-                f"it is fixed at {fraction:.3g} of the length of part '{part}', which is one spring here without "
-                f"a shape between its ends: take an engine that splits it, such as vjm-8"
-            )
-        # of two bodies that meet in a cross-section the further one, as for loads
-        for stretch in reversed(self._stretches[part]):
-            if stretch.start - NEAR <= fraction <= stretch.stop + NEAR:
-                return stretch.site
-        raise AssertionError(f"no body carries {fraction} of the beam '{part}'")
-
-    def _joint(self, axis: Array, coordinate: int, factor: float, *, rotary: bool) -> None:
-        self.parent.append(self._last)
-        super()._joint(axis, coordinate, factor, rotary=rotary)
-        self._last = len(self.rotary) - 1
-
-    def _add_passive(self, joint: PassiveJoint) -> None:
-        super()._add_passive(joint)
-        self.begins[joint.name] = Site(self._last, self.rigid)
-
-    def _add_springs(self, joint: ActuatedJoint | SprungJoint | CoupledJoint) -> None:
-        super()._add_springs(joint)
-        self.begins[self._open] = Site(self._last, self.rigid)
-
-    def _merge(self, coordinate: int, joint: str) -> None:
-        """Nothing: in a tree a coordinate may drive joints anywhere."""
-
-
-class TreeAssembly(BranchedAssembly):
+class TreeAssembly(Assembly):
     """The same with held joints that stand at coordinates of their own.
 
     Attributes:

@@ -15,10 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.errors import NoConvergenceError
+from vjm.kernels.arrays import MachineArrays, Work, machine_object, work_object, workspace
+from vjm.kernels.batch import LOST, STABLE, equilibria_of, frames_at, residuals_of, responses_of
+from vjm.kernels.derivatives import refuse_moments
 from vjm.model.load_case import Load
 from vjm.model.parameters import Parameter
 from vjm.rotations import Array
-from vjm.tree.entry_points import LOST, STABLE, equilibria_of, residuals_of, responses_of
 from vjm.tree.model import Gravity, TreeModel
 
 STEP = 1e-3
@@ -34,6 +36,8 @@ class Equilibria:
         model: the machine.
         q: ``(g, n_joints)`` coordinates of its joints as commanded, mm and rad.
         x: ``(g, n)`` what the springs add, and what passive joints have turned by.
+        closures: ``(g, f)`` wrenches of the machine's closures on their second frames, one closure behind the
+            other, N and N mm, world axes.
         found: ``(g,)`` whether an equilibrium was found; rows of what was not are nan.
         stable: ``(g,)`` whether it is stable with the end frames free.
         torques: ``(g, n_joints)`` what holds each joint, N mm or N; for an actuated joint the drive's torque.
@@ -48,6 +52,7 @@ class Equilibria:
     model: TreeModel
     q: Array
     x: Array
+    closures: Array
     found: np.ndarray
     stable: np.ndarray
     torques: Array
@@ -87,31 +92,71 @@ def equilibria(
         ValueError: an array of another shape, or a load on no point of the machine.
     """
     q = model.coordinates(q)
-    g, n, e, arrays = len(q), model.size, len(model.ends), model.arrays(gravity, loads)
+    g, n, e = len(q), model.size, len(model.ends)
+    F = share * _wrenches(wrench, g, e)
+    arrays = _arrays(model, gravity, loads, F)
     arrays = arrays._replace(load=share * arrays.load)
-    commands, naturals, F = model.values(q), share * model.naturals(q), share * _wrenches(wrench, g, e)
+    commands, naturals = model.values(q), share * model.naturals(q)
     x = np.zeros((g, n)) if start is None else np.array(start, dtype=float).reshape(g, n)
+    closures = np.zeros((g, int(arrays.size[2])))
     verdict, forces = np.zeros(g, dtype=np.int64), np.zeros((g, len(arrays.parent)))
     R, p, moved = np.zeros((g, e, 3, 3)), np.zeros((g, e, 3)), np.zeros((g, e, 6))
     C, K = (np.zeros((g if compliance else 0, e, 6, 6)) for _ in range(2))
-    if share == 1.0 or not len(arrays.spring):
-        equilibria_of(arrays, commands, naturals, F, x, verdict, forces, R, p, moved, C, K)
-    else:
-        # the springs' forces differ from posture to posture
-        for i, laws in enumerate(model.eased_springs(q, share)):
-            at = slice(i, i + 1)
-            equilibria_of(
-                arrays._replace(spring=laws), commands[at], naturals[at], F[at] if len(F) > 1 else F, x[at],
-                verdict[at], forces[at], R[at], p[at], moved[at], C[at], K[at],
-            )  # fmt: skip
+    # under a share of their stress the springs' forces differ from posture to posture
+    springs = arrays.spring[None] if share == 1.0 or not len(arrays.spring) else _eased_springs(model, q, share)
+    equilibria_of(
+        *_objects(arrays), commands, naturals, np.zeros((1, n)), F, springs, x, closures, verdict, forces, R, p,
+        moved, C, K,
+    )  # fmt: skip
     lost = verdict == LOST
-    for each in (x, forces, R, p, moved, C, K):
+    for each in (x, closures, forces, R, p, moved, C, K):
         if len(each):
             each[lost] = np.nan
     return Equilibria(
-        model, q, x, ~lost, verdict == STABLE, model.torques(forces), R, p, moved,
+        model, q, x, closures, ~lost, verdict == STABLE, model.torques(forces), R, p, moved,
         C if compliance else None, K if compliance else None,
     )  # fmt: skip
+
+
+def _eased_springs(model: TreeModel, q: Array, share: float) -> Array:
+    """Laws ``(g, s, 3)`` of the springs between points under a share of their forces at rows of coordinates.
+
+    Stiffness and free length stay; the preload is such that the unloaded posture is under that share.
+    """
+    joints, points, laws = model.springs
+    g, s = len(q), len(laws)
+    sites = joints.reshape(2 * s), np.tile(np.eye(3), (2 * s, 1, 1)), points.reshape(2 * s, 3)
+    places = frames_of(model, q, *sites)[1].reshape(g, s, 2, 3)
+    lengths = np.linalg.norm(places[:, :, 1] - places[:, :, 0], axis=2)
+    result = np.tile(laws, (g, 1, 1))
+    result[:, :, 2] -= (1.0 - share) * (laws[:, 0] * (lengths - laws[:, 1]) + laws[:, 2])
+    return result
+
+
+def free_equilibria(
+    arrays: MachineArrays, commands: Array, naturals: Array, wrench: Array, x: Array, closures: Array,
+    verdict: np.ndarray, forces: Array, R: Array, p: Array,
+) -> None:  # fmt: skip
+    """Equilibria of arrays that are changed from call to call, without compliance.
+
+    See `vjm.kernels.batch.equilibria_of` for the arguments.
+    """
+    refuse_moments(arrays, wrench)
+    g, e = p.shape[:2]
+    none = np.zeros((0, e, 6, 6))
+    equilibria_of(
+        *_objects(arrays), commands, naturals, np.zeros((1, x.shape[1])), wrench, arrays.spring[None], x, closures,
+        verdict, forces, R, p, np.zeros((g, e, 6)), none, none,
+    )  # fmt: skip
+
+
+def _arrays(model: TreeModel, gravity: Gravity | None, loads: Sequence[Load], wrench: Array) -> MachineArrays:
+    return model.arrays(gravity, loads, moments=bool(np.any(wrench[..., 3:])))
+
+
+def _objects(arrays: MachineArrays) -> tuple[MachineArrays, Work]:
+    """A machine and a workspace as the kernels take them; what they overwrite of the machine is a copy."""
+    return machine_object(arrays._replace(spring=arrays.spring.copy())), work_object(workspace(arrays))
 
 
 def sensitivities(
@@ -140,30 +185,27 @@ def sensitivities(
     model, q, x = found.model, found.q, found.x
     g, n, e, k = len(q), model.size, len(model.ends), len(parameters)
     F = _wrenches(wrench, g, e)
-    right, own = np.zeros((g, k, n)), np.zeros((g, k, e, 6))
+    arrays = _arrays(model, gravity, loads, F)
+    right, gap, own = np.zeros((g, k, n)), np.zeros((g, k, int(arrays.size[2]))), np.zeros((g, k, e, 6))
     for i, parameter in enumerate(parameters):
         # Richardson's extrapolation of two central differences
         for h, share in ((STEP * parameter.scale, -1.0 / 3.0), (0.5 * STEP * parameter.scale, 4.0 / 3.0)):
-            (r1, R1, p1), (r0, R0, p0) = (
-                _residuals(
-                    TreeModel(parameter.apply(model.chain, parameter.value + s), split=False),
-                    model,
-                    q,
-                    x,
-                    F,
-                    gravity,
-                    loads,
-                )
-                for s in (h, -h)
+            (r1, g1, R1, p1), (r0, g0, R0, p0) = (
+                _residuals(TreeModel(chain, split=False), found, F, gravity, loads)
+                for chain in (parameter.apply(model.chain, parameter.value + s) for s in (h, -h))
             )
             share /= 2.0 * h
             right[:, i] += share * (r1 - r0)
+            gap[:, i] += share * (g1 - g0)
             own[:, i, :, :3] += share * (p1 - p0)
             spin = (R1 - R0) @ np.swapaxes(found.rotation, -1, -2)
             pairs = [spin[..., c, b] - spin[..., b, c] for b, c in ((1, 2), (2, 0), (0, 1))]
             own[:, i, :, 3:] += 0.5 * share * np.stack(pairs, axis=-1)
     moved = np.zeros((g, k, e, 6))
-    responses_of(model.arrays(gravity, loads), model.values(q), model.naturals(q), F, x, right, moved)
+    responses_of(
+        *_objects(arrays), model.values(q), model.naturals(q), np.zeros((1, n)), F, x, found.closures, right, gap,
+        moved,
+    )  # fmt: skip
     return np.moveaxis(moved + own, 1, -1)
 
 
@@ -180,32 +222,48 @@ def largest_residual(
     """
     model = found.model
     F = _wrenches(wrench, len(found.q), len(model.ends))
-    r, _, _ = _residuals(model, model, found.q, found.x, F, gravity, loads)
+    r, gap, _, _ = _residuals(model, found, F, gravity, loads)
     unit = model.arrays().unit
     acting = float(np.abs(found.torques).max(initial=0.0))
-    return float(np.nanmax(np.abs(r) * unit, initial=0.0)) / max(acting, 1.0)
+    lacking = float(np.nanmax(np.abs(r) * unit, initial=0.0)) / max(acting, 1.0)
+    return max(lacking, float(np.nanmax(np.abs(gap), initial=0.0)) / model.reach)
 
 
 def _residuals(
-    changed: TreeModel, model: TreeModel, q: Array, x: Array, wrench: Array, gravity: Gravity | None,
-    loads: Sequence[Load],
-) -> tuple[Array, Array, Array]:  # fmt: skip
+    changed: TreeModel, found: Equilibria, wrench: Array, gravity: Gravity | None, loads: Sequence[Load]
+) -> tuple[Array, Array, Array, Array]:
+    """Residuals ``(g, n)``, closures' gaps ``(g, f)`` and end frames of a machine at another's equilibria."""
+    model, q, x = found.model, found.q, found.x
     if changed.size != model.size or changed.joints != model.joints:
         raise ValueError(f"{model.chain.name}: a parameter that adds or takes away a spring has no derivative")
     g, e = len(q), len(model.ends)
-    r, R, p = np.zeros_like(x), np.zeros((g, e, 3, 3)), np.zeros((g, e, 3))
-    residuals_of(changed.arrays(gravity, loads), changed.values(q), changed.naturals(q), wrench, x, r, R, p, False)
-    return r, R, p
+    r, gap, R, p = np.zeros_like(x), np.zeros_like(found.closures), np.zeros((g, e, 3, 3)), np.zeros((g, e, 3))
+    residuals_of(
+        *_objects(_arrays(changed, gravity, loads, wrench)), changed.values(q), changed.naturals(q),
+        np.zeros((1, model.size)), wrench, x, found.closures, r, gap, R, p,
+    )  # fmt: skip
+    return r, gap, R, p
 
 
 def unloaded_frames(model: TreeModel, q: Array | Mapping[str, float]) -> tuple[Array, Array]:
     """End frames without load and without deflection: rotations ``(g, e, 3, 3)``, positions ``(g, e, 3)`` mm."""
-    q = model.coordinates(q)
-    g, e, n = len(q), len(model.ends), model.size
-    R, p, r = np.zeros((g, e, 3, 3)), np.zeros((g, e, 3)), np.zeros((g, n))
-    residuals_of(
-        model.arrays(), model.values(q), np.zeros((g, n)), np.zeros((1, e, 6)), np.zeros((g, n)), r, R, p, True
-    )
+    arrays = model.arrays()
+    return frames_of(model, model.coordinates(q), arrays.end_joint, arrays.end_R, arrays.end_p)
+
+
+def frames_of(model: TreeModel, q: Array, joint: np.ndarray, R_own: Array, p_own: Array) -> tuple[Array, Array]:
+    """Frames fixed behind joints in the unloaded posture: rotations ``(g, k, 3, 3)``, positions ``(g, k, 3)`` mm.
+
+    Args:
+        model: the machine.
+        q: ``(g, n_joints)``.
+        joint: ``(k,)`` last joint before each, −1 for the ground.
+        R_own: ``(k, 3, 3)`` and
+        p_own: ``(k, 3)`` behind that joint.
+    """
+    commands = model.values(q)
+    R, p = np.zeros((len(q), len(joint), 3, 3)), np.zeros((len(q), len(joint), 3))
+    frames_at(*_objects(model.arrays()), commands, joint, R_own, p_own, R, p)
     return R, p
 
 

@@ -7,16 +7,17 @@ from functools import cached_property
 
 import numpy as np
 
-from vjm.kernels.packed_model import BEAM_COLUMN, LINEAR, PASSIVE
+from vjm.kernels.arrays import MachineArrays
+from vjm.model.assembly import Site
 from vjm.model.chain import Chain
 from vjm.model.joints import CoupledJoint, HeldJoint
 from vjm.model.load_case import Load
+from vjm.model.lumped import LumpedModel
+from vjm.model.packing import Loads, Pieces, packed
 from vjm.model.parts import PassiveJoint
-from vjm.model.springs import BeamColumnSpring, LinearSpring, Spring
+from vjm.model.pieces import closure_sites, machine_pieces, point_springs
 from vjm.rotations import Array
-from vjm.tree.arrays import TreeArrays
-from vjm.tree.assembly import BranchedAssembly, Site, TreeAssembly, commands
-from vjm.tree.entry_points import residuals_of
+from vjm.tree.assembly import TreeAssembly, commands
 
 Gravity = tuple[float, float, float]
 
@@ -105,25 +106,6 @@ class TreeModel:
             natural[:, coordinate] = rest - q[:, self.joints.index(name)]
         return natural
 
-    def eased_springs(self, q: Array, share: float) -> Array:
-        """Laws ``(g, s, 3)`` of the springs between points under a share of their forces at rows of coordinates.
-
-        Stiffness and free length stay; the preload is such that the unloaded posture is under that share.
-        """
-        joints, points, laws = point_springs(self.chain, self._built)
-        g, s = len(q), len(laws)
-        ends, nothing = 2 * s, np.zeros((g, self.size))
-        R, p = np.zeros((g, ends, 3, 3)), np.zeros((g, ends, 3))
-        arrays = self.arrays()._replace(
-            end_joint=joints.reshape(ends), end_R=np.tile(np.eye(3), (ends, 1, 1)), end_p=points.reshape(ends, 3)
-        )
-        residuals_of(arrays, self.values(q), nothing, np.zeros((1, ends, 6)), nothing, nothing.copy(), R, p, True)
-        places = p.reshape(g, s, 2, 3)
-        lengths = np.linalg.norm(places[:, :, 1] - places[:, :, 0], axis=2)
-        result = np.tile(laws, (g, 1, 1))
-        result[:, :, 2] -= (1.0 - share) * (laws[:, 0] * (lengths - laws[:, 1]) + laws[:, 2])
-        return result
-
     def torques(self, forces: Array) -> Array:
         """What holds each joint ``(g, n_joints)``, N mm or N, from the loads' forces ``(g, m)`` on all joints.
 
@@ -188,8 +170,12 @@ class TreeModel:
         last = self.chain.parts[-1].name if self.chain.parts else ""
         return self._built.ends[self.chain.ends.get(name, last)]
 
-    def arrays(self, gravity: Gravity | None = None, loads: Sequence[Load] = ()) -> TreeArrays:
+    def arrays(
+        self, gravity: Gravity | None = None, loads: Sequence[Load] = (), *, moments: bool = False
+    ) -> MachineArrays:
         """The machine under weight, m/s², and loads, all in full.
+
+        With ``moments`` the wrenches on the end frames may have moments: they stand among the loads then, last.
 
         Raises:
             ValueError: a load stands on no point of the machine.
@@ -204,40 +190,48 @@ class TreeModel:
             rows.append((*self.find(load.part, load.at), np.array(load.wrench), load.follower, -1))
         # what stands on the base moves nothing
         rows = [row for row in rows if row[0] >= 0]
-        return self._bare._replace(
-            load_joint=np.array([row[0] for row in rows], dtype=np.int64),
-            load_offset=np.array([row[1] for row in rows]).reshape(-1, 3),
-            load=np.array([row[2] for row in rows]).reshape(-1, 6),
+        turning = [k for k, (_, _, wrench, follows, _) in enumerate(rows) if follows or np.any(wrench[3:])]
+        ends = [-1] * len(rows)
+        for k, site in enumerate(self._end(name) for name in self.ends):
+            if moments and site.joint >= 0:
+                turning.append(len(rows))
+                rows.append((site.joint, site.frame[:3, 3], np.zeros(6), False, -1))
+                ends.append(k)
+        acting = Loads(
+            joint=np.array([row[0] for row in rows], dtype=np.int64),
+            offset=np.array([row[1] for row in rows]).reshape(-1, 3),
+            wrench=np.array([row[2] for row in rows]).reshape(-1, 6),
             follows=np.array([row[3] for row in rows], dtype=np.int64),
-            load_grows=np.array([row[4] for row in rows], dtype=np.int64),
+            grows=np.array([row[4] for row in rows], dtype=np.int64),
+            turning=np.array(turning, dtype=np.int64),
+            end=np.array(ends, dtype=np.int64),
         )
+        return packed(self._pieces, acting)
 
     @cached_property
-    def _bare(self) -> TreeArrays:
+    def springs(self) -> tuple[np.ndarray, Array, Array]:
+        """Springs between points, see `point_springs`."""
+        return point_springs(self.chain, self._built)
+
+    @cached_property
+    def _pieces(self) -> Pieces:
         built = self._built
-        before = np.array(built.before).reshape(-1, 4, 4)
-        kind, first, K, beam = spring_blocks(built)
-        grows = np.array([built.grows.get(int(c), -1) for c in first[:-1]], dtype=np.int64)
-        sites = [self._end(name) for name in self.ends]
-        joint, point, law = point_springs(self.chain, built)
-        nothing = np.zeros(0, dtype=np.int64)
-        return TreeArrays(
-            parent=np.array(built.parent, dtype=np.int64),
-            rotary=np.array(built.rotary, dtype=np.int64),
-            axis=np.array(built.axis).reshape(-1, 3),
-            R0=np.ascontiguousarray(before[:, :3, :3]),
-            p0=np.ascontiguousarray(before[:, :3, 3]),
-            coordinate=np.array(built.coordinate, dtype=np.int64),
-            factor=np.array(built.factor, dtype=float),
-            kind=kind, first=first, K=K, beam=beam, grows=grows,
-            unit=self._unit,
-            load_joint=nothing, load_offset=np.zeros((0, 3)), load=np.zeros((0, 6)), follows=nothing,
-            load_grows=nothing,
-            spring_joint=joint, spring_point=point, spring=law,
-            end_joint=np.array([site.joint for site in sites], dtype=np.int64),
-            end_R=np.array([site.frame[:3, :3] for site in sites]),
-            end_p=np.array([site.frame[:3, 3] for site in sites]),
+        return machine_pieces(
+            built, self._unit, None, self.reach,
+            springs=self.springs,
+            closures=(*closure_sites(self.chain, built), [closure.rows for closure in self.chain.closures]),
+            chain=self.chain, ends=[self._end(name) for name in self.ends], grows=built.grows,
+            spare=self._spare,
+            stands={built.spans[part.name].start: self.driven_by(part.name) for part in self.chain.joints},
         )  # fmt: skip
+
+    @cached_property
+    def _spare(self) -> tuple[int, int]:
+        """See `LumpedModel.spare`; of the machine in its first posture."""
+        label = next(iter(self.chain.postures), None)
+        if label is None or not self.chain.closes:
+            return 0, 0
+        return LumpedModel(self.chain.at(label)).spare(held=False)
 
     @cached_property
     def reach(self) -> float:
@@ -255,59 +249,3 @@ class TreeModel:
             if coordinate >= 0 and not rotary:
                 unit[coordinate] = reach
         return unit
-
-
-def point_springs(chain: Chain, built: BranchedAssembly) -> tuple[np.ndarray, Array, Array]:
-    """Joints ``(s, 2)``, points ``(s, 2, 3)`` and laws ``(s, 3)`` of a machine's springs between points.
-
-    Raises:
-        ValueError: one is fixed to a beam where that has no shape.
-    """
-    joints, points, laws = [], [], []
-    for spring in chain.point_springs:
-        for part, point in zip(spring.parts, np.asarray(spring.points, dtype=float), strict=True):
-            try:
-                site = built.carrying(part, point)
-            except ValueError as error:
-                raise ValueError(f"{chain.name}: spring '{spring.name}': {error}") from None
-            joints.append(site.joint)
-            points.append(site.frame[:3, :3] @ point + site.frame[:3, 3])
-        laws.append((spring.stiffness, spring.free_length, spring.preload))
-    count = len(laws)
-    return (
-        np.array(joints, dtype=np.int64).reshape(count, 2),
-        np.array(points).reshape(count, 2, 3),
-        np.array(laws, dtype=float).reshape(count, 3),
-    )
-
-
-def spring_blocks(built: BranchedAssembly) -> tuple[np.ndarray, np.ndarray, Array, Array]:
-    """Kinds, first coordinates, stiffnesses and beam data of the blocks of springs, passive joints among them."""
-    kind: list[int] = []
-    first = [0]
-    K: list[Array] = []
-    beam: list[Array] = []
-    springs = iter(built.springs)
-    passive = set(built.passive)
-    while first[-1] < built.size:
-        k6, b7, width, this = np.zeros((6, 6)), np.zeros(7), 1, PASSIVE
-        if first[-1] not in passive:
-            spring: Spring = next(springs)
-            width = len(spring.unloaded)
-            k6[:width, :width] = spring.stiffness
-            this = LINEAR
-            if isinstance(spring, BeamColumnSpring):
-                s, h, this = spring.section, spring.length, BEAM_COLUMN
-                b7[:] = s.EA, s.GJ, s.EIy, s.EIz, h, h / s.GAy, h / s.GAz
-            elif not isinstance(spring, LinearSpring):
-                raise TypeError(f"{type(spring).__name__} has no kernel")
-        kind.append(this)
-        first.append(first[-1] + width)
-        K.append(k6)
-        beam.append(b7)
-    return (
-        np.array(kind, dtype=np.int64),
-        np.array(first, dtype=np.int64),
-        np.array(K).reshape(-1, 6, 6),
-        np.array(beam).reshape(-1, 7),
-    )

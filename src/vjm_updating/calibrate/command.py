@@ -20,9 +20,11 @@ from vjm_updating.calibrate.identifiability import identifiability
 from vjm_updating.calibrate.problem import Problem, problem_of, with_promises
 from vjm_updating.calibrate.results import results
 from vjm_updating.experiment import Measurement, read_measurement
+from vjm_updating.experiment.mistakes import columns_mistaken
 from vjm_updating.experiment.plausibility import considered
 
 DOCUMENT, MODEL, PAGE = "calibration.json", "calibrated-model.toml", "calibration.html"
+MISSES, MISTAKEN = "it does not explain its own readings", "its readings are mistaken"
 STAGES = 3
 """Fitting, judging, drawing."""
 
@@ -74,14 +76,14 @@ def calibrate(
 ) -> Calibration:
     """Calibrate a machine and write what was found.
 
-    A model that does not explain its own readings is written only by ``force``, and says so in its file.
+    A model that is not for use is written only by ``force``, and says so in its file; see `judged`.
 
     Args:
         task: see `prepare`.
         out: folder for `DOCUMENT`, `MODEL` and, where the extra ``report`` is installed, `PAGE`; all are written
             at the end or none. A model or a page of an earlier calibration is removed where this one writes none.
         figure: that the next experiment is to make certain, see `vjm_updating.calibrate.design.in_view`.
-        force: whether a model that does not explain the readings is written.
+        force: whether a model is written that is not for use.
         progress: called with how many of `STAGES` are done.
 
     Raises:
@@ -93,10 +95,7 @@ def calibrate(
     found = _told_apart(solve(task.problem))
     progress(1)
     document, model = results(task.measurement, found, ramps=task.ramps, figure=figure, model_file=MODEL)
-    document = document.model_copy(update={"doubts": doubt_rows(task.findings)})
-    written = document.fit.fits or force
-    if not written:
-        document = document.model_copy(update={"calibrated_model": ""})
+    document = judged(document, task.findings, force=force)
     progress(2)
 
     def page() -> str:
@@ -106,15 +105,35 @@ def calibrate(
         return write_page(task.measurement, found, document)
 
     files = {out / DOCUMENT: as_json(document), **page_of(out / PAGE, page)}
-    if written:
-        files[out / MODEL] = (
-            model if document.fit.fits else f"# It does not explain its own readings: see {DOCUMENT}.\n{model}"
-        )
+    if document.calibrated_model:
+        files[out / MODEL] = "".join(f"# {line}\n" for line in warned(document)) + model
     write_together(files)
-    if not written:
+    if not document.calibrated_model:
         (out / MODEL).unlink(missing_ok=True)
     progress(STAGES)
     return document
+
+
+def judged(document: Calibration, findings: Sequence[Finding], *, force: bool) -> Calibration:
+    """A calibration with what is doubted, and whether its model is for use, and is written.
+
+    It is not for use where it misses its own readings, or where columns are not what they say: a machine that fits
+    them is another one.
+
+    Args:
+        document: what was found.
+        findings: what is implausible about the test.
+        force: whether a model is written that is not for use.
+    """
+    unfit = [] if document.fit.fits else [MISSES]
+    unfit += [f"{MISTAKEN}: {one}" for one in columns_mistaken(findings)]
+    changed = {"doubts": doubt_rows(findings), "unfit": unfit}
+    return document.model_copy(update=changed if force or not unfit else changed | {"calibrated_model": ""})
+
+
+def warned(document: Calibration) -> list[str]:
+    """Lines of the head of a model that is not for use; none where it is."""
+    return [f"Not for use: {reason}; see {DOCUMENT}." for reason in document.unfit]
 
 
 def _told_apart(found: Solution) -> Solution:

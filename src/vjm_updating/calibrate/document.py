@@ -181,7 +181,8 @@ class Calibration(Row):
     identifiability: IdentifiabilityRow
     predictions: PredictionsRow
     next_experiment: DesignRow
-    calibrated_model: str = Field(description="name of its file; empty where it was not written: see fit.fits")
+    calibrated_model: str = Field(description="name of its file; empty where it was not written")
+    unfit: list[str] = Field([], description="why the calibrated model is not for use; empty where it is")
     versions: dict[str, str]
     hashes: dict[str, str]
     doubts: list[DoubtRow] = Field([], description="what is implausible about readings, sheet or model")

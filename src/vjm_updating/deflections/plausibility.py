@@ -17,7 +17,8 @@ from vjm_updating.deflections.forward import DeflectionForward
 from vjm_updating.deflections.measurement import DeflectionMeasurement
 from vjm_updating.deflections.readings import DeflectionData
 from vjm_updating.deflections.study import DeflectionStudy, lower_bounds, springs_to
-from vjm_updating.poses.plausibility import QUARTERS, ColumnsMistaken, coordinates, few, gravity, judged, outliers
+from vjm_updating.experiment.mistakes import ColumnsMistaken
+from vjm_updating.poses.plausibility import QUARTERS, coordinates, few, gravity, judged, outliers
 
 STEEL = 2.1e5
 """N/mm²."""

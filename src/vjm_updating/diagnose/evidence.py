@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from vjm.rotations import Array
-from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.fitting import Fit, Fitter, prior
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.parameters import Hypothesis, of_effect, release_key
 from vjm_updating.mechanisms.effect import Effect
@@ -41,9 +41,9 @@ class Costs:
 def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: float, costs: Costs = Costs()) -> float:
     """Objective, what the parameters cost, and the catalogue's choice: of a cause, and of its place.
 
-    A free parameter costs the logarithm of the effective readings; one with a usual value and a spread what the
-    readings have narrowed it down by (Laplace's approximation of the evidence). A cause whose own parameter may
-    as well be nothing is another one in disguise.
+    A free parameter costs the logarithm of the effective readings; those with a usual value and a spread cost what
+    the readings have narrowed them down by, see `narrowed`. A cause whose own parameter may as well be nothing is
+    another one in disguise.
 
     Args:
         fitter: of the test.
@@ -61,7 +61,7 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     spread = np.maximum(np.diag(covariance), 1e-300)
     cost += beyond_bounds(fitter.pressure(fit) * spread**0.5)
     sigma = np.array([fit.found[i].sigma for i in own])
-    cost += float(np.sum(np.log(np.maximum(sigma**2 / spread[own], 1.0))))
+    cost += narrowed(covariance[np.ix_(own, own)], prior(fit.found, fit.at.z)[1][own], sigma)
     for number, effect in enumerate(fit.hypothesis):
         at = of_effect(fit.found, number)[: effect.extent]
         if at and _is_nothing(effect, fit.at.z[at], size_covariance(A, fit, number)):
@@ -71,6 +71,25 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
             sizes = np.maximum(np.linalg.eigvalsh(covariance[np.ix_(at, at)]), 1e-300)
             cost -= float(np.sum(np.minimum(np.log(sizes[1:] / sizes[0]), np.log(samples))))
     return fit.objective + cost
+
+
+def narrowed(covariance: Array, weight: Array, spread: Array) -> float:
+    """What it costs that readings have narrowed the shapes of laws down (Laplace's approximation of the evidence).
+
+    The prior of each is Cauchy's, whose density at its middle is 1/(π s). So a direction in which the readings'
+    own precision is p, in units of ``1/s²``, costs ``log(p π/2)`` where p is large. A direction that they do not
+    see costs nothing, for its posterior is its prior: ``log(1 + p π/2)`` is both.
+
+    Args:
+        covariance: of the shapes' coordinates ``(k, k)``, their priors included.
+        weight: ``(k,)`` of their priors in that, see `vjm_updating.inference.fitting.prior`.
+        spread: s ``(k,)``.
+    """
+    scaled = covariance / np.outer(spread, spread)
+    precision = np.linalg.pinv(scaled, hermitian=True) - np.diag((weight * spread) ** 2)
+    # rounding, where nothing is seen
+    seen = np.maximum(np.linalg.eigvalsh(precision), 0.0)
+    return float(np.sum(np.log1p(0.5 * np.pi * seen)))
 
 
 def choice(hypothesis: Hypothesis, effects: Sequence[Effect], costs: Costs = Costs()) -> float:

@@ -26,7 +26,7 @@ HEADLINES = {
 
 
 STEPS = {
-    "none": "Nothing calls for another test.",
+    "none": "No further test is needed to explain these data.",
     "named": "No further test is needed to tell causes apart.",
     "unknown": "Repeat the test with a hold, and on the way back: whether what is left follows the displacement, "
     "the clock or the history says where to look. An effect of one's own can be tried with --effects.",

@@ -12,6 +12,7 @@ from itertools import product
 
 import numpy as np
 
+from vjm.rotations import Array
 from vjm_updating.diagnose.discrepancy import discrepancy, softened
 from vjm_updating.diagnose.evidence import Costs, choice, criterion
 from vjm_updating.diagnose.model_adequacy import Misfit, misfit
@@ -27,8 +28,16 @@ from vjm_updating.diagnose.screening import (
     signatures,
     threshold,
 )
-from vjm_updating.inference.fitting import Fit, Fitter
-from vjm_updating.inference.parameters import Hypothesis, afar, linear, release_key, sizeless, towards_nothing
+from vjm_updating.inference.fitting import Fit, Fitter, shapes_cost
+from vjm_updating.inference.parameters import (
+    Hypothesis,
+    afar,
+    linear,
+    release_key,
+    sizeless,
+    towards_nothing,
+    usual_shapes,
+)
 from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.distributions import chi2_sf
@@ -308,7 +317,23 @@ class Search:
         if best is None or (contains and best.objective > base.objective and not sizeless(hypothesis[-1])):
             best = _lower(best, self._from_base(hypothesis, base, move.starts[0]))
         if best is not None:
-            self.tried[move.labels] = self.ranked(best)
+            self.tried[move.labels] = self.ranked(self._as_usual(best, borrowed))
+
+    def _as_usual(self, fit: Fit, borrowed: Array | None) -> Fit:
+        """A fit begun anew with the usual shapes of its laws, as long as that makes it better.
+
+        Size and shape may make up for one another along a curve, on which steps soon become too short.
+        """
+        for _ in range(CARRIED_ON):
+            if shapes_cost(fit.found, fit.at.z) < self.fitter.rounding:
+                break
+            usual = [usual_shapes(e, v) for e, v in zip(fit.hypothesis, fit.values, strict=True)]
+            begin = fit.at.z[: len(self.fitter.nuisances)]
+            other = best_fit(self.fitter, fit.hypothesis, begin, usual, borrowed=borrowed)
+            if other is None or other.objective > fit.objective - self.fitter.rounding:
+                break
+            fit = other
+        return fit
 
     def _worth_reaching(self, base: Fit) -> float:
         """Squares of a fit from which its laws' discrepancy may still make it as good as the best."""

@@ -15,7 +15,7 @@ from vjm_updating.experiment.joint_levers import channels_of, expected, one_side
 from vjm_updating.experiment.mistaken_as import MistakenAs
 from vjm_updating.experiment.mistaken_columns import factors_of, turned_rows
 from vjm_updating.experiment.mistaken_rows import Mistaken, far_postures, mistaken_rows
-from vjm_updating.experiment.mistakes import SIGN, UNIT, Mistake, MistakeFound
+from vjm_updating.experiment.mistakes import SIGN, UNIT, ColumnsMistaken, Mistake, MistakeFound
 
 ALIKE = 0.95
 """Correlation of a channel with its prediction from which on, turned round, it is the prediction."""
@@ -35,7 +35,7 @@ def mistaken(c: Comparison) -> Iterator[Finding]:
         words = ", or ".join(dict.fromkeys(way.words for way in ways))
         where, what = f"{c.readings.file}: {_place(c, found.rows)}", _seen(c, found)
         if not found.way.cause:
-            yield Finding(Grade.DOUBTFUL, where, f"{what}: {words}: are the labels swapped?")
+            yield ColumnsMistaken(Grade.DOUBTFUL, where, f"{what}: {words}: are the labels swapped?")
             continue
         factors = factors_of(c, found)
         cause = found.way.cause

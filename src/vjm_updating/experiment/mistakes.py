@@ -62,8 +62,12 @@ class Mistake:
         return replace(readings, values=values)
 
 
+class ColumnsMistaken(Finding):
+    """Columns are not what they say: whatever is fitted to them means nothing before they are mended."""
+
+
 @dataclass(frozen=True)
-class MistakeFound(Finding):
+class MistakeFound(ColumnsMistaken):
     """A finding that says what the mistake is.
 
     Attributes:
@@ -71,6 +75,15 @@ class MistakeFound(Finding):
     """
 
     mistake: Mistake
+
+
+def columns_mistaken(findings: Iterable[Finding]) -> list[ColumnsMistaken]:
+    """Findings that columns are not what they say, but for the clock: no stiffness is fitted to that."""
+    return [
+        one
+        for one in findings
+        if isinstance(one, ColumnsMistaken) and not (isinstance(one, MistakeFound) and one.mistake.cause == CLOCK)
+    ]
 
 
 def mistakes_of(findings: Iterable[Finding]) -> list[Mistake]:

@@ -250,6 +250,13 @@ def _made(z: Array, held: Held | None) -> Array:
     return made
 
 
+def shapes_cost(found: Sequence[Coordinate], z: Array) -> float:
+    """What it costs in the objective that shapes of laws are not the usual ones: all that these could save."""
+    off, _ = prior(found, z)
+    own = [i for i, c in enumerate(found) if c.kind == "effect" and np.isfinite(c.sigma)]
+    return float(off[own] @ off[own])
+
+
 def prior(found: Sequence[Coordinate], z: Array) -> tuple[Array, Array]:
     """Root ``(n_z,)`` of what each coordinate costs in the objective, and its derivative.
 

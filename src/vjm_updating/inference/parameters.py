@@ -116,6 +116,16 @@ def towards_nothing(effect: Effect, values: Sequence[float], share: float) -> li
     return result
 
 
+def usual_shapes(effect: Effect, values: Sequence[float]) -> list[float]:
+    """An effect's values with the shapes of its law as they usually are; what frees a nuisance has no shape."""
+    if release_key(effect) is not None:
+        return list(values)
+    return [
+        q.usual if i >= effect.extent and np.isfinite(q.spread) else v
+        for i, (q, v) in enumerate(zip(effect.quantities(), values, strict=True))
+    ]
+
+
 def nuisance_coordinates(observed: Observed) -> list[Coordinate]:
     """Every nuisance that there could be; those that the sheet does not allow are fixed at zero."""
     measurement = observed.measurement

@@ -16,7 +16,8 @@ from vjm.errors import NoConvergenceError
 from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
 from vjm.io.toml_text import toml_text
-from vjm_output.documents import as_json, doubt_rows, versions
+from vjm_output.documents import as_json, versions
+from vjm_updating.calibrate.command import judged, warned
 from vjm_updating.calibrate.document import (
     Calibration,
     ChannelRow,
@@ -65,7 +66,7 @@ def calibrate_joint(
         data: readings, CSV.
         sheet: of ``kind = "joint"``.
         out: folder for `DOCUMENT` and `MODEL`; both are written at the end or none.
-        force: whether a model that does not explain the readings is written.
+        force: whether a model is written that is not for use, see `vjm_updating.calibrate.command.judged`.
         strict: whether doubtful readings are refused.
         warn: told what is implausible, before anything is fitted.
         progress: told what is being done.
@@ -84,15 +85,12 @@ def calibrate_joint(
     prepared = prepare(observed)
     progress("stiffness, hardening, backlash and friction")
     fit = _fitted(prepared, kind)
-    document = _document(measurement, prepared, fit).model_copy(update={"doubts": doubt_rows(findings)})
-    written = document.fit.fits or force
-    if not written:
-        document = document.model_copy(update={"calibrated_model": ""})
+    document = judged(_document(measurement, prepared, fit), findings, force=force)
     files: dict[Path, str | bytes] = {out / DOCUMENT: as_json(document)}
-    if written:
+    if document.calibrated_model:
         files[out / MODEL] = _model(measurement, prepared.fitter, fit, document)
     write_together(files)
-    if not written:
+    if not document.calibrated_model:
         (out / MODEL).unlink(missing_ok=True)
     return document
 
@@ -262,9 +260,8 @@ def _model(measurement: Measurement, fitter: Fitter, fit: Fit, document: Calibra
     text["title"] = f"{measurement.document['title']}, calibrated"
     source = f"calibrated from {measurement.readings.file} with {measurement.sheet.file}"
     text["source"] = f"{source}; nominal values: {measurement.document['source']}"
-    head = [f"Calibrated from {measurement.readings.file} with {measurement.sheet.file} by `validate calibrate`."]
-    if not document.fit.fits:
-        head.insert(0, f"It does not explain its own readings: see {DOCUMENT}.")
+    by = f"Calibrated from {measurement.readings.file} with {measurement.sheet.file} by `validate calibrate`."
+    head = [*warned(document), by]
     for row in document.parameters:
         said = "in the joint's compliance" if row.name.endswith(".stiffness") else "not in the numbers below"
         head.append(f"{row.name} = {row.value:.6g} ± {row.std:.2g} {row.unit}: {said}.")

@@ -16,8 +16,9 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium
 from vjm.errors import NoConvergenceError
+from vjm.model.kinematics import Kinematics
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
-from vjm.model.lumped import Kinematics, LumpedModel
+from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array, displacement_between, skew, translation
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, Ways, bowed
 from vjm_updating.mechanisms.path_table import HalfRay

@@ -247,7 +247,7 @@ def beside(machine: ModifiedChain, half: HalfRay, pulls: bool | Ways, table: Tab
         return None
     # what is not interpolated is differentiated as exactly as it is solved
     enough = TOLERANCE if half.places else SLOPE
-    x, F, K, negative = problem.model.compiled_series.correct(
+    x, F, K, negative = problem.model.compiled.correct(
         problem.target(0.0), problem.load_case.direction, table.s, table.x, table.wrench, enough, CORRECTIONS
     )
     # before a bifurcation the path goes on where it has become unstable, behind it the branch must still be there
@@ -303,7 +303,7 @@ def _trace_loaded(problem: LumpedProblem, grid: Array) -> tuple[Array, Array, Ar
     """
     model = problem.model
     rest = problem.at_rest()
-    ahead = model.compiled_series.march(
+    ahead = model.compiled.march(
         problem.target(0.0), problem.load_case.direction, grid, rest.x, rest.wrench, TOLERANCE, MAX_ITERATIONS
     )
     if not ahead.why:

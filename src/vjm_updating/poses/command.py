@@ -16,6 +16,7 @@ from vjm.io.findings import Finding
 from vjm.rotations import rotation_vector
 from vjm_output.documents import as_json, doubt_rows
 from vjm_output.optional_page import page_of
+from vjm_updating.experiment.mistakes import columns_mistaken
 from vjm_updating.poses import document as rows
 from vjm_updating.poses.contrasts import contrasts, correlations
 from vjm_updating.poses.families import TITLES
@@ -25,7 +26,7 @@ from vjm_updating.poses.kinds import read_test
 from vjm_updating.poses.ladder import Step, climb, rung
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.next_postures import next_postures
-from vjm_updating.poses.plausibility import columns_mistaken, mistaken
+from vjm_updating.poses.plausibility import mistaken
 from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.study import (
     COUPLING,
@@ -37,7 +38,7 @@ from vjm_updating.poses.study import (
     couplings,
 )
 from vjm_updating.poses.transfer import Series
-from vjm_updating.poses.verdict import at_bounds, drifted, judge
+from vjm_updating.poses.verdict import NEXT, at_bounds, drifted, judge
 from vjm_updating.poses.written import Written, written
 
 DIAGNOSIS, DIAGNOSIS_PAGE, EXTENDED = "diagnosis.json", "diagnosis.html", "extended-model.toml"
@@ -140,7 +141,7 @@ def diagnose_poses(
         shared_correlation_before=correlations(study, first),
         shared_correlation_after=correlations(study, last),
         remainder=rows.RemainderRow(**vars(verdict.remainder)),
-        next=verdict.next,
+        next=NEXT["surer"] if verdict.next == NEXT["none"] and common["next_postures"] else verdict.next,
     )  # fmt: skip
     progress("report")
     _write(

@@ -14,10 +14,11 @@ from typing import Protocol
 import numpy as np
 
 from vjm.errors import NoConvergenceError
+from vjm.kernels.arrays import MachineArrays
+from vjm.kernels.batch import LOST
+from vjm.kernels.derivatives import FrameDerivatives, frame_derivatives
 from vjm.rotations import Array, rotation_from_vector
-from vjm.tree.arrays import TreeArrays
-from vjm.tree.derivatives import FrameDerivatives, frame_derivatives
-from vjm.tree.entry_points import LOST, equilibria_of
+from vjm.tree.equilibria import free_equilibria
 from vjm_updating.poses.families import COMPLIANCE, DRIFT, FACTOR, MASS, STRETCH, VALUE, Member
 from vjm_updating.poses.machine import RIGID, PoseMachine
 from vjm_updating.poses.readings import PoseData
@@ -103,9 +104,10 @@ class PoseForward:
         tree = machine.tree
         q = machine.rows(data.q)
         self._values, self._natural = tree.values(q), tree.naturals(q)
-        self._arrays = tree.arrays(self.gravity)
+        self._arrays = tree.arrays(self.gravity, moments=bool(np.any(data.wrench[..., 3:])))
         self.wrench = np.ascontiguousarray(data.wrench) if data.wrench.any() else np.zeros((1, len(tree.ends), 6))
         self._start = np.zeros((len(data), tree.size))
+        self._closures = np.zeros((len(data), int(self._arrays.size[2])))
         self._stiffness = np.ones(tree.size)
         self._block = {int(f): b for b, f in enumerate(self._arrays.first[:-1])}
         self.given = [tree.joints.index(name) for name in machine.joints]
@@ -181,7 +183,7 @@ class PoseForward:
         """
         arrays, values = self._changed(z)
         x, forces, R, p = self._solve(arrays, values)
-        d = frame_derivatives(_unsprung(arrays), values, self._natural, self.wrench, x)
+        d = frame_derivatives(arrays, values, self._natural, self.wrench, x, self._closures)
         return R, p, self._columns(z, arrays, x, forces, d), forces
 
     def unloaded(self) -> tuple[Array, Array]:
@@ -189,7 +191,7 @@ class PoseForward:
         _, _, R, p = self._solve(self._arrays, self._values)
         return R, p
 
-    def _changed(self, z: Array) -> tuple[TreeArrays, Array]:
+    def _changed(self, z: Array) -> tuple[MachineArrays, Array]:
         """Arrays and joints' values at the members' sizes."""
         K, load, values = self._arrays.K.copy(), self._arrays.load.copy(), self._values.copy()
         beam = self._arrays.beam.copy()
@@ -225,19 +227,19 @@ class PoseForward:
         span = self.machine.tree.span(member.part)
         return [self._block[c] for c in span if c in self._block]
 
-    def _solve(self, arrays: TreeArrays, values: Array) -> tuple[Array, Array, Array, Array]:
+    def _solve(self, arrays: MachineArrays, values: Array) -> tuple[Array, Array, Array, Array]:
         g = len(self._start)
         k, x = len(self.machine.tree.ends), self._start.copy()
         verdict, forces = np.zeros(g, dtype=np.int64), np.zeros((g, len(arrays.parent)))
-        R, p, moved, none = np.zeros((g, k, 3, 3)), np.zeros((g, k, 3)), np.zeros((g, k, 6)), np.zeros((0, k, 6, 6))
-        equilibria_of(arrays, values, self._natural, self.wrench, x, verdict, forces, R, p, moved, none, none)
+        R, p = np.zeros((g, k, 3, 3)), np.zeros((g, k, 3))
+        free_equilibria(arrays, values, self._natural, self.wrench, x, self._closures, verdict, forces, R, p)
         if np.any(verdict == LOST):
             row = int(self.data.row[int(np.argmax(verdict == LOST))])
             raise NoConvergenceError(f"{self.data.file}: row {row}: the model has no equilibrium in that posture")
         self._start = x
         return x, forces, R, p
 
-    def _columns(self, z: Array, arrays: TreeArrays, x: Array, forces: Array, d: FrameDerivatives) -> Array:
+    def _columns(self, z: Array, arrays: MachineArrays, x: Array, forces: Array, d: FrameDerivatives) -> Array:
         """Velocities ``(g, k, 6, P)`` of the end frames in the base's axes, per unit of each member."""
         g, k = len(self.data), len(self.machine.tree.ends)
         result = np.zeros((g, k, 6, len(self.members)))
@@ -371,18 +373,6 @@ class PoseForward:
             for member in self.members
         ]
         return other
-
-
-def _unsprung(arrays: TreeArrays) -> TreeArrays:
-    """A machine without its springs between points, whose derivatives are near enough.
-
-    The equilibria have the springs. What a compensator adds to the stiffness of a joint is a hundredth of its
-    drive's, so that a step of the fit errs by a hundredth, and its end by nothing.
-    """
-    none = slice(0, 0)
-    return arrays._replace(
-        spring_joint=arrays.spring_joint[none], spring_point=arrays.spring_point[none], spring=arrays.spring[none]
-    )
 
 
 def turn_between(R: Array, other: Array) -> Array:

@@ -2,7 +2,8 @@
 
 Each half is fitted alone under the sizes of all readings. A member's difference over its own standard deviation has
 the variance one where the model is right and the members stay; coverage is the share of members within 1.96 of it.
-Where the two halves of the file differ by more than any two drawn at random, the machine or the tracker changed.
+Where the two halves of the file differ by more than random ones, as surely as a cause must save (`SURE`), the
+machine or the tracker changed.
 """
 
 from __future__ import annotations
@@ -11,18 +12,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import gamma, norm
 
 from vjm.rotations import Array
 from vjm_updating.observation.significance import NORMAL_95
 from vjm_updating.poses.fit import best_of, precision_of
 from vjm_updating.poses.identifiability import MemberEstimate
+from vjm_updating.poses.ladder import SURE
 from vjm_updating.poses.study import State, Study
 
-SPLITS = 19
-"""Random halvings: by chance those of the file differ most in one test of twenty."""
-TWICE = 2.0
-"""Mean square of the differences over that of random halves from which on halves of the file count as different: of
-ten members in one test of a hundred by chance."""
+SPLITS = 60
+"""Random halvings, which give the mean and the variance of the mean square of the differences."""
 FEWEST = 40
 """Postures below which halves tell nothing."""
 SEED = 5
@@ -63,7 +63,7 @@ def halves(study: Study, state: State, members: Sequence[MemberEstimate]) -> Hal
         return Halves(covered, None, False, ())
     d = _differences(state, np.arange(len(study.data)) < len(study.data) // 2)[places]
     own = float(np.mean(d**2))
-    differ = own > max(squares) and own > TWICE * float(np.mean(squares))
+    differ = chance(own, squares) < float(norm.sf(SURE))
     worst = np.argsort(-np.abs(d))[:NAMED]
     names = tuple(
         (study.members[int(state.solution.active[places[i]]) - n].name, float(d[i]))
@@ -71,6 +71,20 @@ def halves(study: Study, state: State, members: Sequence[MemberEstimate]) -> Hal
         if abs(d[i]) > NORMAL_95
     )
     return Halves(covered, float(np.mean(np.abs(d) < NORMAL_95)), differ, names)
+
+
+def chance(square: float, squares: Sequence[float]) -> float:
+    """Probability that random halves differ by as much.
+
+    A mean square of normal numbers that are not independent is nearly distributed as chi² of the mean and the
+    variance that it has (Satterthwaite, Biometrics Bulletin 2, 110, 1946).
+
+    Args:
+        square: mean square of the differences of two halves.
+        squares: the same of random halves.
+    """
+    mean, variance = float(np.mean(squares)), max(float(np.var(squares, ddof=1)), 1e-300)
+    return float(gamma.sf(square, mean**2 / variance, scale=variance / mean))
 
 
 def _differences(state: State, first: np.ndarray) -> Array:

@@ -4,7 +4,7 @@ Behind the base lie springs of the base. Before each joint lie held joints for t
 the one before: three shifts and two turns, in the joint's own axes. Each joint has springs about its own axis and
 about the two others. Each link deflects at its middle. All are there from the start, at zero or all but rigid, so
 that every hypothesis is a vector of numbers on the same machine, and its derivatives are those of
-`vjm.tree.derivatives`.
+`vjm.kernels.derivatives`.
 """
 
 from __future__ import annotations

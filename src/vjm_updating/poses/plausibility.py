@@ -13,6 +13,7 @@ from vjm.io.model_plausibility import model_findings
 from vjm.rotations import Array
 from vjm.tree.equilibria import unloaded_frames
 from vjm_updating.experiment.implausible_rows import no_room
+from vjm_updating.experiment.mistakes import ColumnsMistaken, columns_mistaken
 from vjm_updating.poses.alignment import align
 from vjm_updating.poses.families import SECOND
 from vjm_updating.poses.fit import solve
@@ -52,10 +53,6 @@ ALIKE = (0.5, 2.0)
 """Factors between measured and modelled torques that unknown masses can make."""
 
 
-class ColumnsMistaken(Finding):
-    """Columns are not what they say: whatever is fitted to them means nothing before they are mended."""
-
-
 class RobotMisses(Finding):
     """The rigid robot misses, and no change of the data explains it."""
 
@@ -93,11 +90,6 @@ def judged(measurement: RobotMeasurement, found: Iterable[Finding], *, strict: b
 def mistaken(findings: Iterable[Finding]) -> bool:
     """Whether columns are not what they say, so that whatever is fitted to them means nothing."""
     return bool(columns_mistaken(findings))
-
-
-def columns_mistaken(findings: Iterable[Finding]) -> list[Finding]:
-    """Findings that columns are not what they say."""
-    return [one for one in findings if isinstance(one, ColumnsMistaken)]
 
 
 def missed(findings: Iterable[Finding]) -> bool:

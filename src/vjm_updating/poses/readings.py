@@ -265,6 +265,7 @@ def _read(
             f"{marker}.{key}" in by_name for key in POSITION
         ):
             raise ValueError(f"column '{marker}.x_mm' is missing: add it, or take [markers.{marker}] away")
+        _check_coordinates(marker, by_name, sheet)
     position = columns_of(by_name, markers, POSITION, nothing)
     for column, values in by_name.items():
         if column.partition(".")[2] in NOISE and (values < 0.0).any():
@@ -312,6 +313,18 @@ def _check_column(column: str, name: str, sheet: PoseSheet, joints: tuple[str, .
     raise ValueError(
         f"column '{column}' is not known: a joint's is JOINT.q_rad, a marker's MARKER.x_mm: "
         f"rename or delete it{did_you_mean(column, [READING, POSTURE, TIME, TEMPERATURE])}"
+    )
+
+
+def _check_coordinates(marker: str, by_name: Mapping[str, Array], sheet: PoseSheet) -> None:
+    """Refuse positions of which a coordinate was never read, where nothing else tells the tracker's frame."""
+    read = [f"{marker}.{key}" in by_name and np.isfinite(by_name[f"{marker}.{key}"]).any() for key in POSITION]
+    if sheet.base is not None or all(read) or not any(read):
+        return
+    column = f"{marker}.{POSITION[read.index(False)]}"
+    raise ValueError(
+        f"column '{column}' is {'blank' if column in by_name else 'missing'}: without it the tracker's frame "
+        "cannot be found: add it, or give that frame in a table [base] of the sheet"
     )
 
 

@@ -14,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from vjm.errors import NoConvergenceError
+from vjm.model.joint_limits import joint_limits
 from vjm.rotations import Array
 from vjm_updating.poses.families import LARGEST, Member
 from vjm_updating.poses.fit import SMALLEST_SIZE, Blocks, Solution, blocks_of, held_out, solve
@@ -222,12 +223,24 @@ class Study(ABC):
         """Readings that could be taken, drawn within the joints' limits and what was measured."""
 
     def postures(self, rng: np.random.Generator, count: int) -> Array:
-        """Postures ``(count, n)`` drawn within the joints' limits, no further than what was measured reaches."""
+        """Postures ``(count, n)`` drawn within the limits of all joints, no further than what was measured reaches.
+
+        Limits of joints that others drive are kept by drawing again; where a thousand times as many draws do not
+        give enough, the measured postures that keep them stand in for the rest.
+        """
         low, high = self.data.q.min(axis=0), self.data.q.max(axis=0)
         for i, limits in enumerate(self.machine.limits):
             if limits is not None:
                 low[i], high[i] = max(low[i], limits[0]), min(high[i], limits[1])
-        return rng.uniform(low, np.maximum(high, low), (count, len(low)))
+        limits_of_all = joint_limits(self.machine.tree.chain, self.machine.tree.joints)
+        found = np.zeros((0, len(low)))
+        for _ in range(1000):
+            q = rng.uniform(low, np.maximum(high, low), (count, len(low)))
+            found = np.concatenate([found, q[limits_of_all.kept(self.machine.rows(q))]])
+            if len(found) >= count:
+                return found[:count]
+        measured = self.data.q[limits_of_all.kept(self.machine.rows(self.data.q))]
+        return np.concatenate([found, measured[: count - len(found)]])
 
     @property
     def points(self) -> tuple[str, ...]:

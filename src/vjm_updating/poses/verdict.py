@@ -48,7 +48,11 @@ LEAST_SHARE = 0.03
 """Share of what is left that a contrast must explain to be spoken of."""
 
 NEXT = {
-    "none": "Nothing calls for another test.",
+    "none": "What is left is noise: no further test is needed to find causes.",
+    "rivals": "What is left is noise. Whether the families act that are within the noise of being added, only more "
+    "postures can tell.",
+    "surer": "What is left is noise: no further test is needed to find causes. The postures that are proposed "
+    "would make the numbers more certain.",
     "class": "These postures cannot tell the families apart that are as good: measure the postures below, with "
     "another load on the hand; a gear's error stays, what bends does not.",
     "shared": "What is left moves all markers together: friction or play in what carries them, or "
@@ -181,7 +185,6 @@ def judge(
         kind = "class" if alternatives else "named"
     # a drift that was found calls for a test, also where what it leaves is within the noise
     follows = "drift" if differ and rest.kind == "none" else rest.kind
-    doing = NEXT["data"] if doubtful else NEXT["class" if kind == "class" else follows]
     said = [*findings]
     if jumped is not None:
         said.append(jumped)
@@ -189,6 +192,9 @@ def judge(
         reversed_ = list(weight_reversed(study, last))
         said += [*reversed_, *drifted(study, compared), *(at_bounds(study, members) if not reversed_ else ())]
     rivals = tuple(one.name for one in steps[-1].trials if one.rivals)
+    if follows == "none" and rivals:
+        follows = "rivals"
+    doing = NEXT["data"] if doubtful else NEXT["class" if kind == "class" else follows]
     return PoseVerdict(kind, causes, alternatives, rivals, explained, rest, compared, members, tuple(said), doing)
 
 

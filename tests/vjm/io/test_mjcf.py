@@ -10,7 +10,7 @@ from helpers.same_machine import masses, same
 from helpers.urdf_arm import arm, joint, written
 
 from vjm.io.errors import ModelFileError
-from vjm.io.manipulator_file import load_model
+from vjm.io.machine_file import load_model
 from vjm.io.mjcf_text import left_out, mjcf_text
 from vjm.io.model_file import build_chain
 from vjm.io.robot_file import Description, import_robot

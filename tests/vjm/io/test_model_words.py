@@ -84,7 +84,7 @@ def test_one_spring_has_no_shape():
     chain = build_chain(changed(ORTHOGLIDE, LINK, bow_mm=[0.5, 0.0]), "m.toml")
     with pytest.raises(ValueError, match="part 'link' has a bow, which one spring"):
         VjmEngine().trace(chain, LoadCase("A", -1.0))
-    with pytest.raises(ValueError, match="part 'link' has a bow, which exudyn does not know"):
+    with pytest.raises(ValueError, match="part 'link': exudyn does not take beams with a bow"):
         ExudynEngine().trace(chain, LoadCase("A", -1.0))
     document = changed(ORTHOGLIDE, LINK, bow_mm=[0.5, 0.0]) | {"springs": {"link_segments": 1}}
     with pytest.raises(ModelFileError, match=r"m\.toml: part 'link' has a bow, and \[springs\] one spring"):

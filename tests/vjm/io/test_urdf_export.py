@@ -11,7 +11,7 @@ from helpers.as_pinocchio import ROBOTS
 from helpers.same_machine import masses, same
 from helpers.urdf_arm import LIMIT, arm, joint, link, written
 
-from vjm.io.manipulator_file import load_model
+from vjm.io.machine_file import load_model
 from vjm.io.mjcf_text import mjcf_text
 from vjm.io.model_file import build_chain, library
 from vjm.io.robot_file import Description, import_robot

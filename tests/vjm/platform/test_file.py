@@ -6,7 +6,8 @@ from importlib import resources
 import pytest
 
 from vjm.io.errors import ModelFileError
-from vjm.io.manipulator_file import build_manipulator, load_manipulator, load_model, manipulators
+from vjm.io.machine_file import load_model
+from vjm.io.manipulator_file import build_manipulator, load_manipulator, manipulators
 from vjm.io.model_file import ModelDocument, load_chain
 from vjm.model.chain import Chain
 from vjm.platform.manipulator import Manipulator

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad
 
 from vjm_updating.diagnose.equivalence_classes import distance
-from vjm_updating.diagnose.evidence import beyond_bounds, criterion
+from vjm_updating.diagnose.evidence import beyond_bounds, criterion, narrowed
 from vjm_updating.inference.instrument import InstrumentZero
 from vjm_updating.inference.parameters import coordinates
 from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
@@ -27,6 +27,31 @@ def test_a_bound_costs_the_evidence_beyond_it(pressed):
 
 def test_what_ends_at_no_bound_costs_nothing():
     assert beyond_bounds(np.zeros(3)) == 0.0
+
+
+@pytest.mark.parametrize("precision", [0.0, 1e3, 1e6])
+def test_readings_cost_what_they_narrow_a_shape_down_by(precision):
+    """Evidence of a Gaussian likelihood under Cauchy's prior by quadrature, at and far beyond what is usual."""
+    best = 0.0
+    prior = np.sqrt(2.0)  # curvature of −log(1 + x²) at its middle
+    cost = narrowed(np.array([[1.0 / (precision + prior**2)]]), np.array([prior]), np.ones(1))
+
+    def density(x):
+        return np.exp(-0.5 * precision * (x - best) ** 2) / (np.pi * (1.0 + x * x))
+
+    wide = 10.0 / np.sqrt(precision) if precision else np.inf
+    evidence = quad(density, -wide, wide, points=[0.0] if precision else None)[0]
+    # reason: Laplace's approximation is right to 1/precision, of each side of the logarithm
+    assert cost == pytest.approx(-2.0 * np.log(evidence), abs=4.0 / max(precision, 1e3))
+
+
+def test_what_is_not_seen_costs_nothing_beside_what_is():
+    """Two shapes of which readings see the sum alone: it is one number that they narrow down."""
+    seen, prior = 1e4, np.full(2, np.sqrt(2.0))
+    one = narrowed(np.array([[1.0 / (2.0 * seen + 2.0)]]), prior[:1], np.ones(1))
+    both = np.linalg.inv(seen * np.ones((2, 2)) + np.diag(prior**2))
+    # rounding of an inverse of condition 1e4
+    assert narrowed(both, prior, np.ones(2)) == pytest.approx(one, abs=1e-6)
 
 
 @pytest.mark.parametrize(("high", "left"), [(10.0, 0.0), (2.0, 3.0), (5.0, 0.0)])

@@ -244,6 +244,23 @@ def test_a_soft_clamp_is_the_base(tmp_path):
     assert document.gain.unit == "mm"
 
 
+@pytest.mark.parametrize(("seed", "force"), [(1, 150.0), (4, 100.0)])
+def test_a_tip_alone_tells_a_clamp_no_better_than_the_commands_agree(tmp_path, seed, force):
+    """One gauge reads one number times the load: softer tube, longer tube and turning base are one class.
+
+    The base has four numbers, of which this gauge sees one; so it is about as probable as what has one number.
+    """
+    data, sheet = write(tmp_path, Tube(clamp=5e-9), TIP, seed, force=force)
+    (clamp,) = calibrate(prepare(data, sheet), tmp_path / "calibrated").parameters
+    assert clamp.interval95[0] < 5e-9 < clamp.interval95[1]
+    document = diagnose(data, sheet, tmp_path / "out")
+    assert document.verdict == "class"
+    share = {cause: row.probability for row in document.candidates for cause in row.causes}
+    assert set(share) == {"base_compliance", "link_compliance", "link_length"}
+    # reason: all three fit the same line; a fit ends within a unit or two of the squares along what is not seen
+    assert share["base_compliance"] > 0.5 * max(share.values())
+
+
 @pytest.mark.slow
 def test_a_tube_as_drawn_is_quiet(tmp_path):
     data, sheet = write(tmp_path, Tube(clamp=1e-9), MID, 4)
@@ -312,6 +329,23 @@ def test_a_fit_that_is_no_model_is_said_of_the_readings(tmp_path):
     assert "calibrated-model" not in str(caught.value)
     assert "Write it in MPa" not in str(caught.value)
     assert not list((tmp_path / "out").glob("*"))
+
+
+def test_no_model_is_written_from_loads_in_pounds(tmp_path):
+    """A tube 4.45 times as soft fits them: it is none that was loaded."""
+    data, sheet = write(tmp_path, Tube(clamp=1e-9), MID, 4)
+    head, *rows = data.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    pounds = ([posture, f"{float(force) / 4.4482216152605:.9g}", *read] for posture, force, *read in cells)
+    turned = [",".join(row) for row in pounds]
+    data.write_text("\n".join([head, *turned]) + "\n")
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "calibrated-model.toml").write_text("# of another calibration")
+    document = calibrate(prepare(data, sheet, ("tube.factor",)), out)
+    assert document.calibrated_model == ""
+    assert any("its readings are mistaken" in reason for reason in document.unfit)
+    assert not (out / "calibrated-model.toml").exists()
 
 
 def test_micrometres_are_refused(tmp_path):

@@ -53,7 +53,7 @@ def test_an_imposed_displacement_of_a_platform(name, capsys):
         (["curve", "orthoglide", "--to", "1", "--gravity", "0,0,-9.81"], "gives its platform no mass"),
         (["stiffness", "parallelogram", "--wrench", "0,0,1,0,0,0"], "is a mechanism"),
         (["curve", "delta", "--to", "1", "--control", "rod@0.5:0,1,0"], "give ramp, arc or limit"),
-        (["curve", "par2", "--to", "1", "--imperfection", "0.1", "--engine", "exudyn"], "builds no imperfection"),
+        (["curve", "par2", "--to", "1", "--imperfection", "0.1", "--engine", "exudyn"], "not take imperfections"),
         (["stiffness", "orthoglide", "--posture", "400,0,0"], "is out of reach: leg 'z' stays"),
         (
             ["map", "orthoglide-chain", "--grid", "3"],

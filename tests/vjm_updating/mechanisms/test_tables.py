@@ -9,7 +9,7 @@ import pytest
 
 from vjm.continuation.load_grid import trace_grid
 from vjm.io.model_file import load_chain
-from vjm.kernels.compiled_model import CompiledModel
+from vjm.kernels.machine_solver import MachineSolver
 from vjm.model.load_case import LoadCase
 from vjm.statics.equilibrium import TOLERANCE
 from vjm.vjm_engine import VjmEngine
@@ -135,14 +135,14 @@ def test_weight_agrees_with_the_suites_own_path(machine):
 def test_weight_is_followed_where_the_march_stumbles(machine, monkeypatch):
     heavy = replace(machine, weight=(("link", 4.0),))
     whole = tabulate(heavy, HalfRay("B", BACK, 2.0), pulls=False)
-    march, given_up = CompiledModel.march, []
+    march, given_up = MachineSolver.march, []
 
     def stumbles(*args):
         found = march(*args)
         given_up.append(len(found.x))
         return found._replace(good=5, why="Newton did not converge")
 
-    monkeypatch.setattr(CompiledModel, "march", stumbles)
+    monkeypatch.setattr(MachineSolver, "march", stumbles)
     step_by_step = tabulate(heavy, HalfRay("B", BACK, 2.0), pulls=False)
     assert given_up
     # both residuals are below the solver's tolerance in the model's units, 1e-7 N and 3e-5 N mm

@@ -19,7 +19,7 @@ from vjm_updating.poses.command import calibrate_poses, diagnose_poses, prepared
 from vjm_updating.poses.contrasts import contrasts
 from vjm_updating.poses.ends import ends_of
 from vjm_updating.poses.families import SOFTEST
-from vjm_updating.poses.halves import halves
+from vjm_updating.poses.halves import chance, halves
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.knowable import LEAST_CHANGE, worst_over_mean
 from vjm_updating.poses.ladder import as_good, thinner
@@ -103,6 +103,14 @@ def test_a_joint_whose_torque_hardly_changes_is_not_asked(springs):
         assert (name in asked) == (torque[:, k].std() >= LEAST_CHANGE * torque.std(axis=0).max()), name
     assert {"joint-2", "joint-3"} <= asked
     assert "its torque hardly changes" in reason["joint_compliance.joint-1"]
+
+
+def test_chance_is_that_of_mean_squares():
+    rng = np.random.default_rng(4)
+    squares = rng.chisquare(10.0, 4000) / 10.0
+    # quantiles of chi² with ten degrees of freedom over ten, by tables
+    assert chance(1.831, squares) == pytest.approx(0.05, rel=0.1)
+    assert chance(2.959, squares) == pytest.approx(0.001, rel=0.3)
 
 
 def bearing_of(study):
@@ -200,7 +208,7 @@ def test_a_joint_that_wants_to_be_stiffer_than_rigid_is_a_finding(springs, tmp_p
 def test_halves_cover_and_a_change_between_them_is_a_drift(springs, tmp_path):
     _, _, study, state = springs
     still = halves(study, state, estimates(study, state))
-    # 19 halvings of one test, of two members and more: not independent
+    # 60 halvings of one test, of two members and more: not independent
     assert still.random > 0.8
     assert not still.differ
     q, y = study.data.q, study.data.position[:, 0]
@@ -321,7 +329,7 @@ def test_a_spring_that_the_model_lacks_is_not_taken_for_the_gears(compensated, t
     assert found.verdict != "named"
     named = [name for row in found.alternatives for name in row]
     assert "point_spring.joint-2" in named or found.verdict in ("unknown", "partly")
-    assert found.next != "Nothing calls for another test."
+    assert "no further test is needed" not in found.next
 
 
 def test_a_mistaken_sign_does_not_stand_alone_where_more_is_wrong(tmp_path):

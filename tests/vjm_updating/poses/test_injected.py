@@ -96,6 +96,10 @@ def test_next_postures_promise_something(diagnosed):
     assert all(0.2 < row.members < 1.0 and 0.2 < row.prediction < 1.0 for row in rows)
     assert rows[0].members <= rows[1].members + 1e-9
     assert rows[1].prediction <= rows[0].prediction + 1e-2
+    # what is left is noise, and postures are proposed: the last line does not deny them
+    assert diagnosed[0].remainder.kind == "none"
+    assert "postures proposed" in diagnosed[0].next
+    assert "Nothing calls" not in diagnosed[0].next
 
 
 def test_a_first_joints_offset_and_the_base_are_one(postures, compliant, tmp_path):

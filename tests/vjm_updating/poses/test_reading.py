@@ -85,6 +85,12 @@ CSV = "joint-1.q_rad,joint-2.q_rad,target.x_mm,target.y_mm,target.z_mm\n0.1,0.2,
             None,
             "row 2, column target.x_std_mm: a standard deviation is not negative",
         ),
+        (
+            CSV.replace(",target.z_mm", "").replace("1,2,3", "1,2"),
+            None,
+            "readings.csv: column 'target.z_mm' is missing: without it the tracker's frame cannot be found: add it",
+        ),
+        (CSV.replace("1,2,3", "1,,3"), None, "readings.csv: column 'target.y_mm' is blank"),
         (CSV, ("noise_mm", "nose_mm"), "sheet.toml: "),
         (
             CSV,
@@ -151,6 +157,26 @@ def test_a_mimic_stands_beside_its_master_as_logs_have_it(tmp_path):
     (tmp_path / "readings.csv").write_text(header + "\n".join(rows) + "\n")
     with pytest.raises(ValueError, match=r"readings\.csv: row 6, column 'level\.q_rad': .* of lift: correct"):
         read_pose_measurement(tmp_path / "readings.csv", sheet)
+
+
+def test_postures_drawn_keep_the_limits_of_a_coupled_joint(tmp_path):
+    low, high = -0.5, 0.5
+    parts = URDF.rpartition('lower="-3" upper="3"')
+    (tmp_path / "robot.urdf").write_text(f'{parts[0]}lower="{low}" upper="{high}"{parts[2]}')
+    sheet = tmp_path / "sheet.toml"
+    sheet.write_text(
+        'kind = "poses"\n[test]\nmodel = "robot.urdf"\nrigid = true\n[markers.target]\n[tracker]\nnoise_mm = 0.1\n'
+    )
+    q = np.linspace(-1.0, 1.0, 12)
+    rows = [f"{a:.6f},{300 * np.cos(a):.6f},{20 * a:.6f},{-300 * np.sin(a):.6f}" for a in q]
+    header = "lift.q_rad,target.x_mm,target.y_mm,target.z_mm\n"
+    (tmp_path / "readings.csv").write_text(header + "\n".join(rows) + "\n")
+    study = read_test(tmp_path / "readings.csv", sheet).study
+    lift = study.postures(np.random.default_rng(1), 200)[:, 0]
+    assert len(lift) == 200
+    level = 0.1 - lift
+    assert low <= level.min() < 0.9 * low
+    assert 0.9 * high < level.max() <= high
 
 
 def test_a_candidate_beyond_a_joints_limits_is_refused_by_name(tmp_path):

@@ -9,7 +9,7 @@ import types
 import pytest
 from helpers.urdf_arm import arm, joint, link, written
 
-from vjm.io.manipulator_file import load_model
+from vjm.io.machine_file import load_model
 from vjm_validation.cli.main import run
 
 

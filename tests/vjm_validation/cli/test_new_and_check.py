@@ -7,7 +7,7 @@ import json
 import pytest
 from helpers.command import validate
 
-from vjm.io.manipulator_file import load_model
+from vjm.io.machine_file import load_model
 from vjm.io.model_report import elastic_parts, errors_of, line_of
 from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine
@@ -128,5 +128,17 @@ def test_a_platform_that_does_not_reach_its_pose_or_does_not_close_is_an_error(t
     file.write_text(text.replace("[0.0, -310.0, 0.0]", "[0.0, -31.0, 0.0]"))
     done = validate("check", str(file))
     assert done.status == 2
-    assert "leg 'y' does not close at home" in done.err
+    assert "closure 'y' does not close at home" in done.err
     assert len(done.err.splitlines()) == 1
+
+
+def test_check_says_what_a_machine_with_loops_can_do():
+    done = validate("check", "palletiser")
+    assert done.status == 0
+    rows = dict(line.strip().split("  ", 1) for line in done.out.splitlines() if "  " in line.strip())
+    rows = {name: value.strip() for name, value in rows.items()}
+    # a planar loop of four hinges: three of its six rows say what its plane says already
+    assert rows["closed loops"] == "1: parallelogram"
+    assert rows["freedom"] == "3 of the end-effector, 3 held joints"
+    assert rows["redundant constraints"] == "3"
+    assert rows["idle motions"] == "none"

@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 
-from vjm.io.manipulator_file import load_model
+from vjm.io.machine_file import load_model
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.model import TreeModel
 from vjm_output.off_screen import why_not_rendered

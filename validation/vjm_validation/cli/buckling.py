@@ -11,7 +11,7 @@ from vjm import __version__
 from vjm.batch import Failure, Task, trace_all
 from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Path
-from vjm.engines import engine_by_name, refuse_unless_traced
+from vjm.engines import engine_by_name
 from vjm.errors import NoConvergenceError
 from vjm.io.model_file import read_document
 from vjm.model.load_case import COMPONENTS, LOAD, RAMP, TO_LIMIT
@@ -87,8 +87,6 @@ def buckling_(
     doubts = considered(model, strict, weighed=bool(gravity))
     options = engine_options(segments, foot_segments, placement)
     solvers = [engine_by_name(name, options, chain) for name in engine]
-    for solver in solvers:
-        refuse_unless_traced(solver, chain)
     directions = (
         [Direction.TENSION if direction == "+" else Direction.COMPRESSION] if direction else list(Direction)
     )

@@ -12,7 +12,8 @@ from cyclopts import Parameter
 from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_output.optional_page import page_line
-from vjm_updating.calibrate.command import PAGE, STAGES, calibrate, prepare
+from vjm_updating.calibrate.command import MISSES, PAGE, STAGES, calibrate, prepare
+from vjm_updating.calibrate.document import Calibration
 from vjm_updating.calibrate.summary_text import tables
 from vjm_updating.joint.command import calibrate_joint
 from vjm_updating.poses.command import calibrate_poses
@@ -51,7 +52,11 @@ def calibrate_(
         str, Parameter(help="Predicted figure to make certain next, such as D:compression:F_cr.")
     ] = "",
     force: Annotated[
-        bool, Parameter(negative="", help="Write the calibrated model also where it does not explain the readings.")
+        bool,
+        Parameter(
+            negative="",
+            help="Write the calibrated model also where it does not explain the readings, or these are mistaken.",
+        ),
     ] = False,
     json: Annotated[bool, Parameter(negative="", help="Print calibration.json and nothing else.")] = False,
     strict: Strict = False,
@@ -62,7 +67,10 @@ def calibrate_(
                          strict=strict)  # fmt: skip
     if kind := KINDS.get(kind_of_sheet(sheet)):
         if force:
-            raise ValueError(f"--force: {sheet.name} is {kind}, whose model is always written: leave it out")
+            raise ValueError(
+                f"--force: {sheet.name} is {kind}, whose model is written unless no machine is so, or its data are "
+                "mistaken: leave it out"
+            )
         return _by_poses(kind, data, sheet, out, fit, next_, figure, json=json, strict=strict)
     task = prepare(data, sheet, fit, next_, strict=strict)
     warn(task.findings)
@@ -79,7 +87,7 @@ def calibrate_(
         console.print(item, soft_wrap=isinstance(item, str))
     console.print(page_line(out / PAGE), soft_wrap=True)
     if status != OK:
-        console.print(_not_written(data, sheet, out), soft_wrap=True)
+        console.print(_not_written(document, data, sheet, out), soft_wrap=True)
     return status
 
 
@@ -108,16 +116,18 @@ def _by_joint(
     for item in tables(document):
         console.print(item, soft_wrap=isinstance(item, str))
     if status != OK:
-        console.print(_not_written(data, sheet, out), soft_wrap=True)
+        console.print(_not_written(document, data, sheet, out), soft_wrap=True)
     return status
 
 
-def _not_written(data: Path, sheet: Path, out: Path) -> str:
+def _not_written(document: Calibration, data: Path, sheet: Path, out: Path) -> str:
     look = shlex.join(["validate", "diagnose", str(data), "--sheet", str(sheet), "--out", str(out)])
-    return (
-        f"No calibrated model was written: it would not explain its own readings. `{look}` looks for what it "
-        "lacks; --force writes it all the same."
-    )
+    remedies = ["--force writes it all the same"]
+    if not document.fit.fits:
+        remedies.insert(0, f"`{look}` looks for what it lacks")
+    if any(reason != MISSES for reason in document.unfit):
+        remedies.insert(0, "mend the readings as said, and calibrate again")
+    return f"No calibrated model was written: {'; '.join([*document.unfit, *remedies])}."
 
 
 def _by_poses(

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from vjm.continuation.path import Path
-from vjm.engines import engine_by_name, refuse_unless_traced, trace_machine
+from vjm.engines import engine_by_name, trace_machine
 from vjm.io.files import check_writable
 from vjm.io.path_files import write_curve
 from vjm.model.parts import Placement
@@ -86,7 +86,6 @@ def curve_(
     )  # fmt: skip
     within_reach("--to", chain, load_case.displacement(load_case.length).tolist())
     solver = engine_by_name(engine, engine_options(segments, foot_segments, placement), chain)
-    refuse_unless_traced(solver, chain)
     pages.check(plot, report)
     if csv is not None:
         check_writable(csv.parent)

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from vjm.io import mjcf_text, urdf_text
 from vjm.io.files import write_whole
-from vjm.io.manipulator_file import load_model
+from vjm.io.machine_file import load_model
 from vjm.model.chain import Chain
 from vjm_output import terminal
 from vjm_validation.cli.doubts import Strict, considered

@@ -18,7 +18,8 @@ from vjm import __version__
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.files import locked
 from vjm.io.findings import Finding
-from vjm.io.manipulator_file import load_manipulator, load_model
+from vjm.io.machine_file import load_model
+from vjm.io.manipulator_file import load_manipulator
 from vjm.loaded_stiffness import held_by_itself
 from vjm.model.chain import Chain
 from vjm.model.load_case import Load

@@ -14,8 +14,9 @@ from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium, EventKind, Path
 from vjm.model.chain import Chain
+from vjm.model.kinematics import Kinematics
 from vjm.model.load_case import LoadCase
-from vjm.model.lumped import Kinematics, LumpedModel
+from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
 from vjm.statics.equilibrium import TOLERANCE, newton_matrix, newton_scale, residual, scaled_norm
 from vjm.vjm_engine import VjmEngine

@@ -12,7 +12,7 @@ import numpy as np
 from vjm.batch import Failure, Task, trace_all
 from vjm.continuation.path import EventKind, Path, travel
 from vjm.engine import Engine
-from vjm.engines import EngineOptions, engine_by_name, refuse_unless_traced, trace_machine
+from vjm.engines import EngineOptions, engine_by_name, for_manipulators, trace_machine
 from vjm.loaded_stiffness import held_by_itself
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, RAMP, TO_LIMIT, Load, LoadCase
@@ -132,7 +132,8 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
     for name in request.engines[1:]:
         try:
             other = engine_by_name(name, EngineOptions(ELEMENTS), machine)
-            refuse_unless_traced(other, machine)
+            if not isinstance(machine, Chain) and for_manipulators(other) is None:
+                raise ValueError("here engines sum up a platform's legs; `validate curve` takes it")
             engines.append(other)
         except (ValueError, ImportError) as error:
             found.notes.append(f"{name} was left out: {error}")
@@ -140,8 +141,7 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
         found.stiffness = _stiffness(request, machine, labels, lumped)
     if isinstance(machine, Chain) and machine.is_tree:
         found.notes.append(
-            "of a machine with branches or springs between points this shows equilibria; for its load paths take "
-            "`validate curve` and `validate buckling`"
+            "of a machine that is no chain this shows equilibria; `validate curve` shows its load paths"
         )
         found.loads = _tree_rows(request, found, machine, lumped, labels)
         return found

@@ -1,0 +1,83 @@
+"""Tables of a model file that close loops: frames held together, coupled passive joints, and poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Literal, TypeAlias
+
+import numpy as np
+from pydantic import Field
+
+from vjm.io.fields import Label, Turns, VectorMM, rotation
+from vjm.io.sections import Table
+from vjm.model.closures import Closure, Coupling
+from vjm.model.joint_limits import LARGEST_TURN
+from vjm.rotations import Array, frame
+
+Poses: TypeAlias = dict[Label, Annotated[list[float], Field(min_length=3, max_length=6)]]
+"""Displacements by label: x, y, z in mm, and perhaps turns in rad."""
+
+
+class FrameTable(Table):
+    """A frame: shifted first, then turned."""
+
+    position_mm: VectorMM = Field([0.0, 0.0, 0.0])
+    turns: Turns = Field([])
+
+
+class ClosureTable(Table):
+    """Two frames of a machine that are held together, which closes a loop."""
+
+    name: Label
+    source: str = ""
+    between: Annotated[list[str], Field(min_length=2, max_length=2, description="two parts; '' is the base")]
+    frames: Annotated[list[FrameTable], Field(min_length=2, max_length=2)] = Field(
+        [FrameTable(), FrameTable()], description="from behind each part's end; from the world for the base"
+    )
+    holds: Literal["weld", "ball"] = Field("weld", description="all six components, or the place alone")
+
+    def closure(self) -> Closure:
+        """The closure that the table describes."""
+        frames = np.array([frame(rotation(one.turns), one.position_mm) for one in self.frames])
+        return Closure(self.name, (self.between[0], self.between[1]), frames, turns=self.holds == "ball")
+
+
+class TermTable(Table):
+    """A joint's share in a coupling."""
+
+    joint: Label
+    weight: float
+
+
+class CouplingTable(Table):
+    """A rigid transmission between passive joints: their weighted sum stays."""
+
+    name: Label
+    source: str = ""
+    terms: list[TermTable] = Field(min_length=2)
+    total: float | None = Field(None, description="of the weighted coordinates, rad or mm; else that at home")
+
+    def coupling(self, postures: Mapping[str, Mapping[str, float]]) -> Coupling:
+        """The coupling that the table describes.
+
+        Args:
+            postures: coordinates by joint and label, home first.
+        """
+        total, home = self.total, next(iter(postures.values()))
+        if total is None:
+            total = sum(term.weight * home.get(term.joint, 0.0) for term in self.terms)
+        return Coupling(self.name, tuple((term.joint, term.weight) for term in self.terms), total)
+
+
+def displacement(label: str, numbers: list[float]) -> Array:
+    """The displacement ``(6,)`` of a pose, mm and rad.
+
+    Raises:
+        ValueError: it has neither three nor six numbers, or a turn is likely in degrees.
+    """
+    if len(numbers) not in (3, 6):
+        raise ValueError(f"pose '{label}' must have 3 entries (mm) or 6 (mm, rad), got {len(numbers)}")
+    far = next((turn for turn in numbers[3:] if abs(turn) > LARGEST_TURN), None)
+    if far is not None:
+        raise ValueError(f"pose '{label}': a turn of {far:g} rad is beyond ±2π: is it in degrees?")
+    return np.array(numbers + [0.0] * (6 - len(numbers)), dtype=float)

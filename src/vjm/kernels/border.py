@@ -1,0 +1,351 @@
+"""Compiled border of a machine: closures' wrenches and coordinates without springs, equation (18) for any machine.
+
+What the elimination leaves is ``T y = right`` with ``T = [P_λλ, P_λq; P_qλ, P_qq]``: for one chain the matrix of
+(18). Springs between points stand in it as closures with a compliance: with the root of the size of a stiffness
+taken into its columns, its row is ``(P + sign) ν``, regular where the stiffness is zero or negative.
+
+Loads that turn with their bodies, and moments that do not, bring a wrench ``N Ω`` on their bodies, which has no
+potential: ``δf = Ω × f``, ``δm = ½ Ω × m`` of a follower, ``δm = ½ m × Ω`` of a moment that keeps its direction;
+the other half of a moment is symmetric, in the elimination. By Woodbury's formula they are a small system beside.
+
+By Haynsworth's theorem the number of negative eigenvalues on what the closures leave is that of the units' negative
+pivots and of T's positive eigenvalues, less the independent rows of the closures and less the springs between
+points that push nothing apart.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vjm.kernels.arrays import OWN, Floats, Ints, MachineArrays, Work
+from vjm.kernels.compilation import kernel
+
+DEPENDENT = 1e-12
+"""Pivot over the largest that is rounding, where by geometry closures imply one another or motions are idle."""
+_ALPHA = 0.6403882032022076
+"""(1 + √17)/8: where Bunch and Parlett (1971) prefer a 2×2 pivot."""
+
+
+@kernel
+def _swap(F: Floats, i: int, j: int, n: int) -> None:
+    if i == j:
+        return
+    for c in range(n):
+        F[i, c], F[j, c] = F[j, c], F[i, c]
+    for c in range(n):
+        F[c, i], F[c, j] = F[c, j], F[c, i]
+
+
+@kernel
+def symmetric_factor(F: Floats, swaps: Ints, pivots: Ints, spare: int) -> tuple[int, int]:
+    """Factor a symmetric ``F`` (n, n) in place with complete pivoting; so many of its pivots may be rounding.
+
+    Returns:
+        Number of negative eigenvalues and rank; −1 and what was reached where a number is not finite.
+    """
+    n = len(F)
+    negative, i, largest = 0, 0, 0.0
+    while i < n:
+        diagonal, d = -1.0, i
+        off, r0, s0 = 0.0, i, i
+        for r in range(i, n):
+            if abs(F[r, r]) > diagonal:
+                diagonal, d = abs(F[r, r]), r
+            for c in range(i, r):
+                if abs(F[r, c]) > off:
+                    off, r0, s0 = abs(F[r, c]), r, c
+        size = max(diagonal, off)
+        if not size < np.inf:
+            return -1, i
+        if i == 0:
+            largest = size
+        if not size > 0.0 or (n - i <= spare and size < DEPENDENT * largest):
+            return negative, i
+        if diagonal >= _ALPHA * off:
+            _swap(F, i, d, n)
+            swaps[i], pivots[i] = d, 1
+            p = F[i, i]
+            if p < 0.0:
+                negative += 1
+            for r in range(i + 1, n):
+                f = F[r, i] / p
+                for c in range(i + 1, r + 1):
+                    F[r, c] -= f * F[i, c]
+                    F[c, r] = F[r, c]
+            for r in range(i + 1, n):
+                F[r, i] /= p
+            i += 1
+        else:
+            _swap(F, i, s0, n)
+            _swap(F, i + 1, r0, n)
+            swaps[i], swaps[i + 1] = s0, r0
+            pivots[i], pivots[i + 1] = 2, 0
+            # such a pivot has one eigenvalue of either sign
+            negative += 1
+            p, q, u = F[i, i], F[i + 1, i], F[i + 1, i + 1]
+            det = p * u - q * q
+            for r in range(i + 2, n):
+                f = (F[r, i] * u - F[r, i + 1] * q) / det
+                g = (F[r, i + 1] * p - F[r, i] * q) / det
+                for c in range(i + 2, r + 1):
+                    F[r, c] -= f * F[i, c] + g * F[i + 1, c]
+                    F[c, r] = F[r, c]
+                # the column's own entries are still needed by the rows behind, on the other side of the diagonal
+                F[r, i], F[r, i + 1] = f, g
+            i += 2
+    return negative, n
+
+
+@kernel
+def symmetric_solve(F: Floats, swaps: Ints, pivots: Ints, rank: int, b: Floats) -> None:
+    """``F x = b`` (n,) in place; what is beyond the rank is zero."""
+    n = len(F)
+    for i in range(rank):
+        j = swaps[i]
+        if i != j:
+            b[i], b[j] = b[j], b[i]
+    i = 0
+    while i < rank:
+        width = 1 if pivots[i] == 1 else 2
+        for r in range(i + width, rank):
+            for w in range(i, i + width):
+                b[r] -= F[r, w] * b[w]
+        i += width
+    i = 0
+    while i < rank:
+        if pivots[i] == 1:
+            b[i] /= F[i, i]
+            i += 1
+        else:
+            p, q, u = F[i, i], F[i + 1, i], F[i + 1, i + 1]
+            det = p * u - q * q
+            b[i], b[i + 1] = (u * b[i] - q * b[i + 1]) / det, (p * b[i + 1] - q * b[i]) / det
+            i += 2
+    for r in range(rank, n):
+        b[r] = 0.0
+    for r in range(rank - 1, -1, -1):
+        for i in range(r):
+            if not (pivots[i] == 2 and r == i + 1):
+                b[i] -= F[r, i] * b[r]
+    for i in range(rank - 1, -1, -1):
+        j = swaps[i]
+        if i != j:
+            b[i], b[j] = b[j], b[i]
+
+
+@kernel
+def assemble(model: MachineArrays, command: Floats, natural: Floats, x: Floats, ends: bool, work: Work) -> None:
+    """The border's matrix from the limbs' sums, with its right side: what Newton's method asks for."""
+    T, size, P, wide, column_of = work.T, model.size, work.P, work.wide, work.column_of
+    last = size[6]
+    g = size[6] if ends else size[5]
+    T[:, :] = 0.0
+    for limb in range(len(P)):
+        width = wide[limb]
+        for i in range(OWN - 1, width):
+            a = last if i == OWN - 1 else column_of[limb, i]
+            for j in range(i, width):
+                b = last if j == OWN - 1 else column_of[limb, j]
+                T[a, b] += P[limb, i, j]
+                if i != j:
+                    T[b, a] += P[limb, i, j]
+    for k in range(len(model.spring)):
+        for a in range(3):
+            i = size[2] + 3 * k + a
+            T[i, i] += work.sign[k, a]
+    n_q = len(model.border)
+    for k in range(len(model.total)):
+        i = size[1] + k
+        work.gap[i] = model.total[k]
+        for q in range(n_q):
+            weight = model.coupling[k, q]
+            c = model.border[q]
+            T[i, size[3] + q] += weight
+            T[size[3] + q, i] += weight
+            T[size[3] + q, last] += weight * work.wrench[i]
+            work.r[c] += weight * work.wrench[i]
+            work.gap[i] -= weight * (x[c] + command[model.border_joint[q]])
+    for q in range(n_q):
+        for k in range(n_q):
+            c = model.border[k]
+            T[size[3] + q, size[3] + k] -= model.border_K[q, k]
+            T[size[3] + q, last] -= model.border_K[q, k] * (x[c] - natural[c])
+            work.r[model.border[q]] -= model.border_K[q, k] * (x[c] - natural[c])
+    for i in range(size[2]):
+        T[i, last] -= work.gap[i]
+    # places that no coordinate has taken
+    for i in range(wide[len(P)], size[4]):
+        T[i, i], work.scale_T[i] = -model.energy[0], 1.0
+    for i in range(g):
+        work.right[i] = -T[i, last]
+    # units: of a wrench, the root of the energy, of a multiplier, of a coordinate
+    energy, length = model.energy[0], model.length[0]
+    for k in range(len(model.closure_rows)):
+        for i in range(model.closure_rows[k]):
+            work.scale_T[model.closure_first[k] + i] = energy / length if i < 3 else energy
+    for i in range(size[1], size[2]):
+        work.scale_T[i] = energy
+    for i in range(size[2], size[3]):
+        work.scale_T[i] = np.sqrt(energy)
+    for q in range(n_q):
+        work.scale_T[size[3] + q] = model.unit[model.border[q]]
+
+
+@kernel
+def factor(model: MachineArrays, work: Work) -> int:
+    """Factor the border; what is known of the whole is in ``work.state``.
+
+    Returns:
+        Number of negative eigenvalues of the symmetric part on what the closures leave; −1 where it is singular.
+    """
+    size = model.size
+    y, t = size[4], size[5]
+    F, T, scale = work.F, work.T, work.scale_T
+    energy = model.energy[0]
+    for i in range(y):
+        for j in range(y):
+            F[i, j] = T[i, j] * scale[i] * scale[j] / energy
+    below, rank = symmetric_factor(F, work.swaps, work.pivots, model.spare[0] + model.spare[1])
+    # closures that others imply take no motion away, idle motions are felt by nothing
+    neutral = max(y - rank - model.spare[0], 0)
+    if below < 0 or neutral > model.spare[1]:
+        return -1
+    pushing = 0
+    for k in range(len(model.spring)):
+        for a in range(3):
+            if work.sign[k, a] < 0.0:
+                pushing += 1
+    negative = work.state[0] + size[4] - size[3] - below + pushing - neutral
+    work.state[1], work.state[2], work.state[3] = negative, rank, 0
+    if t > y:
+        turning_wrenches(model, work)
+        if not factor_turning(model, work):
+            return -1
+    return negative
+
+
+@kernel
+def turning_wrenches(model: MachineArrays, work: Work) -> None:
+    """Write ``N``: the wrench that a motion ``(6,)`` of the body brings on it, for each load that turns."""
+    N, acting = work.N, work.acting
+    N[:, :] = 0.0
+    for k in range(len(model.turning)):
+        load = model.turning[k]
+        half = 0.5 if model.follows[load] else -0.5
+        for a in range(3):
+            b, c = (a + 1) % 3, (a + 2) % 3
+            # e_a × f and ± ½ e_a × m, the motion turning about axis a
+            if model.follows[load]:
+                N[6 * k + c, 3 + a] = acting[load, b]
+                N[6 * k + b, 3 + a] = -acting[load, c]
+            N[6 * k + 3 + c, 3 + a] = half * acting[load, 3 + b]
+            N[6 * k + 3 + b, 3 + a] = -half * acting[load, 3 + c]
+
+
+@kernel
+def factor_turning(model: MachineArrays, work: Work) -> bool:
+    """Write ``Z = T⁻¹ T_yμ`` and ``M = (1 − N C)⁻¹`` of the loads that turn; false where there is none."""
+    y, t = model.size[4], model.size[5]
+    N, Z, M, T, scale = work.N, work.Z, work.M, work.T, work.scale_T
+    column = np.empty(y)
+    for j in range(t - y):
+        for i in range(y):
+            column[i] = T[i, y + j] * scale[i]
+        symmetric_solve(work.F, work.swaps, work.pivots, work.state[2], column)
+        for i in range(y):
+            Z[i, j] = column[i] * scale[i] / model.energy[0]
+    # C = T_μμ − T_μy Z
+    for i in range(t - y):
+        for j in range(t - y):
+            M[i, j] = 1.0 if i == j else 0.0
+    for row in range(t - y):
+        first = row - row % 6
+        for j in range(t - y):
+            s = T[y + row, y + j]
+            for i in range(y):
+                s -= T[y + row, i] * Z[i, j]
+            for i in range(first, first + 6):
+                M[i, j] -= N[i, row - first] * s
+    determinant = invert(M)
+    work.state[3] = 1 if determinant < 0.0 else 0
+    return determinant != 0.0
+
+
+@kernel
+def transpose(model: MachineArrays, work: Work) -> bool:
+    """Factor the transposed tangent; once more, the tangent itself. False where it is singular."""
+    N = work.N
+    for k in range(0, len(N), 6):
+        for i in range(6):
+            for j in range(i):
+                N[k + i, j], N[k + j, i] = N[k + j, i], N[k + i, j]
+    return factor_turning(model, work) if len(N) else True
+
+
+@kernel
+def invert(A: Floats) -> float:
+    """Invert a small matrix in place by Gauss and Jordan with row exchanges; its determinant, 0 if singular."""
+    k = len(A)
+    swaps = np.empty(k, dtype=np.int64)
+    determinant = 1.0
+    for i in range(k):
+        p = i
+        for r in range(i + 1, k):
+            if abs(A[r, i]) > abs(A[p, i]):
+                p = r
+        swaps[i] = p
+        pivot = A[p, i]
+        if pivot == 0.0 or not np.isfinite(pivot):
+            return 0.0
+        if p != i:
+            determinant = -determinant
+            for c in range(k):
+                A[i, c], A[p, c] = A[p, c], A[i, c]
+        determinant *= pivot
+        A[i, i] = 1.0
+        for c in range(k):
+            A[i, c] /= pivot
+        for r in range(k):
+            if r != i:
+                f = A[r, i]
+                A[r, i] = 0.0
+                for c in range(k):
+                    A[r, c] -= f * A[i, c]
+    for i in range(k - 1, -1, -1):
+        p = swaps[i]
+        if p != i:
+            for r in range(k):
+                A[r, i], A[r, p] = A[r, p], A[r, i]
+    return determinant
+
+
+@kernel
+def solve(model: MachineArrays, work: Work) -> None:
+    """Solve for the border ``work.y`` with ``work.right``; of turning loads that is what their bodies move by."""
+    y, t, last = model.size[4], model.size[5], model.size[6]
+    out, T, scale = work.y, work.T, work.scale_T
+    for i in range(y):
+        out[i] = work.right[i] * scale[i]
+    symmetric_solve(work.F, work.swaps, work.pivots, work.state[2], out[:y])
+    for i in range(y):
+        out[i] *= scale[i] / model.energy[0]
+    if t > y:
+        pushed = np.zeros(t - y)
+        for row in range(t - y):
+            s = -work.right[y + row]
+            for i in range(y):
+                s += T[y + row, i] * out[i]
+            first = row - row % 6
+            for i in range(first, first + 6):
+                pushed[i] += work.N[i, row - first] * s
+        for i in range(t - y):
+            s = 0.0
+            for j in range(t - y):
+                s += work.M[i, j] * pushed[j]
+            out[y + i] = s
+        for i in range(y):
+            for j in range(t - y):
+                out[i] -= work.Z[i, j] * out[y + j]
+    for i in range(t, last):
+        out[i] = 0.0
+    out[last] = 1.0

@@ -1,0 +1,366 @@
+"""States of a loaded machine one after another: equilibria, stiffness, stability, modes, linear in its springs."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from vjm.kernels.arrays import MachineArrays, machine_object, work_object, workspace
+from vjm.kernels.entry_points import (
+    end_stiffness,
+    generalised,
+    inverse_times,
+    march,
+    nearest,
+    positions,
+    respond,
+    solve_state,
+)
+from vjm.kernels.march import March
+from vjm.kernels.near_zero import near_zero
+from vjm.kernels.newton import CONVERGED, SINGULAR, UNSTABLE
+from vjm.kernels.state_solver import BodySolver
+from vjm.rotations import Array
+
+EIGENVALUE_TOLERANCE = 1e-9
+"""Relative error of an eigenvalue at which its iteration ends."""
+EIGENVALUE_ITERATIONS = 200
+EIGENVALUE_RESTARTS = 20
+BASIS = 16
+"""Vectors of Lanczos's method: from a neighbour's mode it takes five."""
+SHARE = 0.01
+"""Of all modes in the vector that it starts from."""
+NOTHING = np.empty(0)
+
+
+class MachineSolver(BodySolver):
+    """The kernels at work on one machine, whose end-effector is held by the first closure."""
+
+    def __init__(
+        self,
+        arrays: MachineArrays,
+        natural: Array,
+        constant: Array,
+        ramped: Array,
+        scales: tuple[Array, Array],
+        stations: tuple[np.ndarray, Array],
+    ) -> None:
+        """Bind the kernels to a machine's arrays.
+
+        Args:
+            arrays: the machine; its first closure is the end-effector's, with the ground as partner.
+            natural: ``(n,)`` coordinates at which its springs are free of stress.
+            constant: wrenches ``(l, 6)`` on the loaded points, N, N mm; of followers in their bodies' axes.
+            ramped: the same per unit of the load factor.
+            scales: units of the coordinates ``(n + f,)``, of which the last f are the inner closures' wrenches, and
+                of the wrench ``(6,)``.
+            stations: the joint before each ``(k,)`` and its position ``(k, 3)`` behind that joint, mm.
+        """
+        super().__init__(*scales)
+        own = {name: getattr(arrays, name).copy() for name in ("closure_R", "closure_p", "load")}
+        self.arrays, self._natural = arrays._replace(**own), np.ascontiguousarray(natural, dtype=float)
+        self._constant, self._ramped, self._stations = constant, ramped, stations
+        self._work = workspace(self.arrays)
+        # the same as kernels take them
+        self._objects = machine_object(self.arrays), work_object(self._work)
+        self._n, self._command = len(natural), np.zeros(len(arrays.parent))
+        self._end_wrench = np.zeros((len(arrays.end_joint), 6))
+        self._gap = np.zeros(int(arrays.size[2]))
+        self._start = _some_vectors(1, self._n)[0]
+        self._mode = self._start.copy()
+        self._basis = np.empty((max(min(BASIS, self._n - 6), 1), self._n))
+
+    # --- a state ------------------------------------------------------------------------------------------
+
+    def _begin(self, x: Array, wrench: Array, load: float, target: Array | None) -> Array:
+        """Set loads, closures' wrenches and the imposed frame; the coordinates ``(n,)``."""
+        self._work.wrench[:6], self._work.wrench[6:] = wrench, x[self._n :]
+        if len(self._constant):
+            loads = self._constant + load * self._ramped
+            self.arrays.load[:], self._work.body[:] = loads, loads
+        if target is not None:
+            self.arrays.closure_R[0, 0], self.arrays.closure_p[0, 0] = target[:3, :3], target[:3, 3]
+        return np.ascontiguousarray(x[: self._n], dtype=float).copy()
+
+    def _found(self, x: Array) -> tuple[Array, Array]:
+        """Coordinates with the inner closures' wrenches ``(n + f,)``, and the end-effector's wrench ``(6,)``."""
+        return np.concatenate([x, self._work.wrench[6:]]), self._work.wrench[:6].copy()
+
+    def newton(
+        self, target: Array, x: Array, wrench: Array, load: float, tolerance: float, max_iterations: int
+    ) -> tuple[Array, Array, float, int, str]:
+        """See `StateSolver.newton`."""
+        there = self._begin(x, wrench, load, target)
+        how, iterations, error, self._negative = solve_state(
+            *self._objects, self._command, self._natural, there, self._end_wrench, tolerance, max_iterations
+        )
+        x, wrench = self._found(there)
+        self._remember(x, wrench, load)
+        why = {CONVERGED: "", SINGULAR: "at a singular state"}.get(how, f"after {iterations} iterations")
+        if why and not np.isfinite(error):
+            why = "outside the neighbourhood of the target pose"
+        return x, wrench, float(error), int(iterations), why
+
+    def march(
+        self, pose: Array, direction: Array, s: Array, x: Array, wrench: Array, tolerance: float, most: int,
+        origin: float = -np.inf,
+    ) -> March:  # fmt: skip
+        """Equilibria along a grid of displacements from its first point, which is given; constant loads act.
+
+        Args:
+            pose: unloaded frame ``(4, 4)`` of the end-effector.
+            direction: displacement ``(6,)`` per unit of s.
+            s: ``(g,)``.
+            x: coordinates ``(n + f,)`` at the first point.
+            wrench: ``(6,)`` there.
+            tolerance: scaled residual.
+            most: Newton iterations at a point.
+            origin: place of the bifurcation at which the branch begins, if it does.
+
+        Raises:
+            ValueError: loads of the machine grow with the ramp, turn with its bodies, or are moments.
+            numpy.linalg.LinAlgError: the first point is a critical one.
+        """
+        g = len(s)
+        X, F = np.empty((g, self._n)), np.empty((g, len(self._gap)))
+        X[0], F[0] = x[: self._n], np.concatenate([wrench, x[self._n :]])
+        how, good, K, error, iterations, _ = self._march(pose, direction, s, X, F, tolerance, most, origin, True)
+        if not good:
+            raise np.linalg.LinAlgError("the first equilibrium is singular")
+        done = min(good + (how == UNSTABLE), g)
+        why = {CONVERGED: "", UNSTABLE: "unstable"}.get(how, f"Newton did not converge in {most} steps")
+        return March(
+            good, why, np.hstack([X, F[:, 6:]])[:done], F[:done, :6], K[:done], error[:done], iterations[:done]
+        )
+
+    def correct(
+        self, pose: Array, direction: Array, s: Array, x: Array, wrench: Array, tolerance: float, most: int
+    ) -> tuple[Array, Array, Array, np.ndarray]:
+        """Equilibria at displacements of a ramp, each from a state near by, as of a model that differs a little.
+
+        Args:
+            pose: unloaded frame ``(4, 4)`` of the end-effector.
+            direction: displacement ``(6,)`` per unit of s.
+            s: ``(g,)``.
+            x: coordinates ``(g, n + f)`` to start from.
+            wrench: ``(g, 6)``.
+            tolerance: scaled residual.
+            most: Newton iterations at a point.
+
+        Returns:
+            Of the ``k ≤ g`` points before the first at which Newton's method fails: coordinates ``(k, n + f)``,
+            wrenches ``(k, 6)``, stiffnesses ``(k, 6, 6)``, and numbers of negative eigenvalues ``(k,)``.
+
+        Raises:
+            ValueError: as for `march`.
+        """
+        X, F = np.ascontiguousarray(x[:, : self._n]).copy(), np.hstack([wrench, x[:, self._n :]])
+        _, found, K, _, _, negative = self._march(pose, direction, s, X, F, tolerance, most, -np.inf, False)
+        return np.hstack([X, F[:, 6:]])[:found], F[:found, :6], K[:found], negative[:found]
+
+    def _march(
+        self, pose: Array, direction: Array, s: Array, X: Array, F: Array, tolerance: float, most: int,
+        origin: float, along: bool,
+    ) -> tuple[int, int, Array, Array, np.ndarray, np.ndarray]:  # fmt: skip
+        if len(self.arrays.turning) or self._ramped.any():
+            raise ValueError("a grid is marched under constant forces that keep their direction")
+        self._begin(np.concatenate([X[0], F[0, 6:]]), F[0, :6], 0.0, None)
+        K, error = np.empty((len(s), 6, 6)), np.zeros(len(s))
+        iterations, negative = np.zeros(len(s), dtype=np.int64), np.zeros(len(s), dtype=np.int64)
+        how, good = march(
+            *self._objects, self._command, self._natural, self._end_wrench,
+            np.ascontiguousarray(pose[:3, :3]), np.ascontiguousarray(pose[:3, 3]),
+            np.ascontiguousarray(direction, dtype=float), np.ascontiguousarray(s, dtype=float), float(origin),
+            along, tolerance, most, X, F, K, error, iterations, negative,
+        )  # fmt: skip
+        self._forget()  # the factors are those of another state now
+        return how, good, K, error, iterations, negative
+
+    def _factor(self, x: Array, wrench: Array, load: float, target: Array | None) -> float:
+        """Factor at a state as it is; its scaled residual."""
+        self._remember(x, wrench, load)
+        there = self._begin(x, wrench, load, target)
+        _, _, error, self._negative = solve_state(
+            *self._objects, self._command, self._natural, there, self._end_wrench, np.inf, 0
+        )
+        return float(error)
+
+    def visit(self, x: Array, wrench: Array, load: float = 0.0) -> int:
+        """See `StateSolver.visit`."""
+        if not self._is_last(x, wrench, load):
+            self._factor(x, wrench, load, None)
+        return self._negative
+
+    def residual(self, x: Array, wrench: Array, target: Array, load: float = 0.0) -> tuple[Array, Array, float]:
+        """What statics and the inner closures ``(n + f,)`` and the end-effector ``(6,)`` lack, and the largest."""
+        error = self._factor(x, wrench, load, target)
+        return np.concatenate([self._work.r, self._work.gap[6:]]), self._work.gap[:6].copy(), error
+
+    # --- solutions ----------------------------------------------------------------------------------------
+
+    def response(
+        self, x: Array, wrench: Array, statics: Array, gap: Array, load: float = 0.0
+    ) -> tuple[Array, Array]:
+        """See `StateSolver.response`."""
+        self._must_visit(x, wrench, load)
+        change = np.empty(len(self._gap))
+        forces = np.ascontiguousarray(statics[: self._n], dtype=float)
+        respond(*self._objects, forces, np.concatenate([gap, statics[self._n :]]), change)
+        return np.concatenate([self._work.step, change[6:]]), change[:6]
+
+    def end_stiffness(self, x: Array, wrench: Array, load: float = 0.0) -> Array:
+        """``K^F`` (18) ``(6, 6)``, see `StateSolver.end_stiffness`."""
+        self._must_visit(x, wrench, load)
+        K = np.empty((6, 6))
+        end_stiffness(*self._objects, K)
+        return K
+
+    # --- loads --------------------------------------------------------------------------------------------
+
+    def load_forces(self, x: Array, wrench: Array, load: float, wrenches: Array) -> Array:
+        """See `BodySolver.load_forces`."""
+        self.visit(x, wrench, load)
+        return self._generalised(wrenches)
+
+    def _generalised(self, wrenches: Array) -> Array:
+        forces = np.empty(self._n)
+        generalised(*self._objects, np.ascontiguousarray(wrenches), forces)
+        return np.concatenate([forces, np.zeros(len(self.coordinate_unit) - self._n)])
+
+    def ramped(self, x: Array, wrench: Array, load: float) -> Array:
+        """See `StateSolver.ramped`."""
+        self.visit(x, wrench, load)
+        wrenches = self._ramped.copy()
+        for k in np.flatnonzero(self.arrays.follows):
+            R = self._work.R[self.arrays.load_joint[k]]
+            wrenches[k] = np.concatenate([R @ wrenches[k, :3], R @ wrenches[k, 3:]])
+        return self._generalised(wrenches)
+
+    def acting(self, x: Array, wrench: Array, load: float) -> Array:
+        """See `BodySolver.acting`."""
+        self.visit(x, wrench, load)
+        return self._work.acting.copy()
+
+    def points(self, x: Array, wrench: Array, load: float) -> Array:
+        """See `BodySolver.points`."""
+        self.visit(x, wrench, load)
+        return self._work.point.copy()
+
+    def shape(self, x: Array) -> Array:
+        """Positions ``(k, 3)`` of the stations, mm, world."""
+        out = np.empty((len(self._stations[0]), 3))
+        there = np.ascontiguousarray(x[: self._n], dtype=float)
+        positions(*self._objects, self._command, there, *self._stations, out)
+        if x.tobytes() != self._state[0]:
+            self._forget()  # the bodies stand elsewhere now
+        return out
+
+    # --- stability ----------------------------------------------------------------------------------------
+
+    def smallest(self, x: Array, wrench: Array, load: float = 0.0) -> float:
+        """See `StateSolver.smallest`."""
+        self._must_visit(x, wrench, load)
+        if not np.all(np.isfinite(self._mode)):
+            self._mode[:] = self._start
+        # the last mode is near, and a share of the others keeps it from missing one that has come nearer
+        self._mode += SHARE * np.linalg.norm(self._mode) * self._start
+        value = nearest(*self._objects, self._mode, self._basis, EIGENVALUE_TOLERANCE, EIGENVALUE_RESTARTS)
+        if np.isnan(value):
+            raise np.linalg.LinAlgError("the equilibrium is singular to the last digit")
+        return float(value)
+
+    def near_zero(
+        self, x: Array, wrench: Array, load: float, device: Array | None
+    ) -> tuple[Array, int | None, bool] | None:
+        """See `StateSolver.near_zero`."""
+        self._must_visit(x, wrench, load)
+        negative, forces, held = self._negative, NOTHING, NOTHING
+        unit = self.coordinate_unit[: self._n]
+        if device is not None:
+            forces = device[: self._n] * unit / self.energy
+            held = self._inverse(forces[:, None])[:, 0]
+            work = float(forces @ held)
+            if work == 0.0:
+                return None
+            # a constraint takes a negative eigenvalue away where the motion that it stops had brought it
+            negative -= work < 0.0
+            forces = forces / work
+        odd = negative % 2 == 1
+        symmetric = not len(self.arrays.turning)
+        if not symmetric:
+            odd ^= bool(self._work.state[3])
+        if not np.all(np.isfinite(self._mode)):
+            self._mode[:] = self._start
+        start = self._mode / np.linalg.norm(self._mode) + SHARE * self._start
+        found = near_zero(*self._objects, start, forces, held)
+        if found is None:
+            return None
+        self._mode[:] = found.motion
+        return found.values, negative if symmetric else None, odd
+
+    def modes(
+        self, x: Array, wrench: Array, count: int, load: float = 0.0, tolerance: float = EIGENVALUE_TOLERANCE
+    ) -> tuple[Array, Array]:
+        """Eigenvalues nearest zero ``(count,)`` of the second variation on what the closures leave, and motions.
+
+        By inverse iteration. Fewer are returned where less is free.
+
+        Args:
+            x: coordinates ``(n + f,)``.
+            wrench: ``(6,)``.
+            count: how many.
+            load: factor on the ramped loads.
+            tolerance: change of the eigenvalues, over the largest of them, at which the iteration ends.
+
+        Returns:
+            Eigenvalues, nearest zero first, in units of the energy, and motions ``(n + f, count)`` of unit length
+            in the coordinates' units; the inner closures' wrenches in them are zero.
+        """
+        free = self._n - len(self._gap)
+        count = min(count, free)
+        if count < 1:
+            return np.empty(0), np.empty((len(self.coordinate_unit), 0))
+        self._must_visit(x, wrench, load)
+        # more vectors than eigenvalues are wanted: the error falls with the ratio to the first one left out
+        width = min(count + 2, free)
+        V = _some_vectors(width, self._n).T
+        old = np.full(count, np.inf)
+        for _ in range(EIGENVALUE_ITERATIONS):
+            V, _ = np.linalg.qr(self._inverse(V))
+            image = self._inverse(V)
+            if not np.all(np.isfinite(image)):
+                raise np.linalg.LinAlgError("the equilibrium is singular to the last digit")
+            inverse, turn = np.linalg.eigh(0.5 * (V.T @ image + image.T @ V))
+            nearest_zero = np.argsort(-np.abs(inverse))
+            values = 1.0 / inverse[nearest_zero[:count]]
+            V = image @ turn[:, nearest_zero]
+            # of one that is zero there are no digits
+            if np.abs(values - old).max() <= tolerance * np.abs(values).max():
+                break
+            old = values
+        motions = np.zeros((len(self.coordinate_unit), count))
+        unit = self.coordinate_unit[: self._n, None]
+        motions[: self._n] = V[:, :count] / np.linalg.norm(V[:, :count], axis=0) * unit
+        return values, motions
+
+    def _inverse(self, vectors: Array) -> Array:
+        """The inverse second variation on what the closures leave, times vectors ``(n, k)``, scaled."""
+        rows = np.ascontiguousarray(vectors.T)
+        result = np.empty_like(rows)
+        inverse_times(*self._objects, rows, result)
+        return result.T
+
+    def inverse(self, x: Array, wrench: Array, load: float = 0.0) -> Array:
+        """See `StateSolver.inverse`: ``(n, n)`` of the coordinates alone."""
+        self._must_visit(x, wrench, load)
+        return self._inverse(np.eye(self._n))
+
+
+@lru_cache(maxsize=16)
+def _some_vectors(count: int, size: int) -> Array:
+    """Unit vectors ``(count, size)`` with a share of every mode, always the same, so that results repeat."""
+    vectors = np.random.default_rng(0).standard_normal((count, size))
+    vectors /= np.linalg.norm(vectors, axis=1)[:, None]
+    vectors.flags.writeable = False
+    return vectors

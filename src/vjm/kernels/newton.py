@@ -1,0 +1,174 @@
+"""Compiled equilibria of a machine: Newton's method on its coordinates and its closures' wrenches."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vjm.kernels.arrays import Floats, MachineArrays, Work
+from vjm.kernels.border import assemble, factor, solve
+from vjm.kernels.compilation import kernel
+from vjm.kernels.elimination import eliminate
+from vjm.kernels.statics import gather, place
+from vjm.kernels.substitution import move
+
+CONVERGED, DIVERGED, SINGULAR, UNSTABLE = 0, 1, 2, 3
+"""How an iteration or a march ends."""
+DIVERGING = 1e6
+"""Scaled residual from which Newton's method does not come back."""
+ITERATIONS = 40
+"""Of Newton's method at one share of the loads."""
+LARGEST_STEP = 0.3
+"""Radians, or lengths of the machine, that one step may move a coordinate by."""
+LAST_STEP = 1e-9
+"""Below it the next would be lost in rounding, as steps shrink by their square."""
+SMALLEST_SHARE = 1.0 / 256.0
+"""Of the loads that is put on at once where all of them do not converge."""
+
+
+@kernel
+def linearise(
+    model: MachineArrays, command: Floats, natural: Floats, x: Floats, end_wrench: Floats, share: float, ends: bool,
+    work: Work,
+) -> int:  # fmt: skip
+    """Place, load, eliminate and factor a machine at a state.
+
+    Args:
+        model: the machine.
+        command: ``(m,)`` values of the held joints.
+        natural: ``(n,)`` coordinates at which the springs are free of stress.
+        x: ``(n,)`` coordinates; the closures' wrenches are in ``work.wrench``.
+        end_wrench: ``(e, 6)`` on the end frames, world axes.
+        share: of all loads.
+        ends: whether with the columns of the end frames.
+        work: written.
+
+    Returns:
+        Number of negative eigenvalues of the symmetric part on what the closures leave; −1 where it is singular.
+    """
+    place(model, command, x, work)
+    gather(model, command, end_wrench, share, work)
+    found = eliminate(model, command, natural, x, ends, work)
+    assemble(model, command, natural, x, ends, work)
+    if found < 0:
+        return -1
+    work.state[0] = found
+    return factor(model, work)
+
+
+@kernel
+def advance(model: MachineArrays, share: float, x: Floats, work: Work) -> None:
+    """Move coordinates and closures' wrenches by a share of what the border's solution asks for."""
+    for i in range(len(x)):
+        x[i] += share * work.step[i]
+    for i in range(model.size[2]):
+        work.wrench[i] += share * work.y[i]
+    # a moment turns with nothing: the half of its coupling that is not symmetric
+    for k in range(len(model.closure_rows)):
+        if model.closure_rows[k] < 6:
+            continue
+        joint, first = model.closure_joint[k, 1], model.closure_first[k]
+        if joint >= 0:
+            turn = work.turn[model.carrier[joint]]
+        else:
+            turn = work.turn[model.carrier[model.closure_joint[k, 0]]]
+        m0 = work.wrench[first + 3] - share * work.y[first + 3]
+        m1 = work.wrench[first + 4] - share * work.y[first + 4]
+        m2 = work.wrench[first + 5] - share * work.y[first + 5]
+        half = 0.5 * share
+        work.wrench[first + 3] -= half * (m1 * turn[2] - m2 * turn[1])
+        work.wrench[first + 4] -= half * (m2 * turn[0] - m0 * turn[2])
+        work.wrench[first + 5] -= half * (m0 * turn[1] - m1 * turn[0])
+
+
+@kernel
+def newton(
+    model: MachineArrays, command: Floats, natural: Floats, x: Floats, end_wrench: Floats, share: float, ends: bool,
+    tolerance: float, most: int, work: Work,
+) -> tuple[int, int, float, int]:  # fmt: skip
+    """Equilibrium from ``x`` (n,) and the closures' wrenches, which are overwritten.
+
+    Args:
+        model: the machine.
+        command: see `linearise`.
+        natural: likewise.
+        x: likewise.
+        end_wrench: likewise.
+        share: likewise.
+        ends: likewise.
+        tolerance: scaled residual at which it ends, by full steps; infinite to factor at the state that is given.
+            Zero: steps are cut where they are large, and it ends when they are lost in rounding.
+        most: iterations after which it gives up.
+        work: written; its factors are those of the state returned, or of the last step's before it.
+
+    Returns:
+        How it ended, iterations, scaled residual, and the number of negative eigenvalues there.
+    """
+    error, negative = np.inf, -1
+    r, t, unit, gap, wrench, scale, acting, step = (
+        work.r, work.t, model.unit, work.gap, work.wrench, work.scale_T, work.acting, work.step,
+    )  # fmt: skip
+    energy = model.energy[0]
+    force = energy / model.length[0]
+    for iteration in range(most + 1):
+        negative = linearise(model, command, natural, x, end_wrench, share, ends, work)
+        lacking, heavy = 0.0, 1.0
+        for i in range(len(x)):
+            lacking = max(lacking, abs(r[i]) * unit[i] / energy)
+            heavy = max(heavy, abs(t[i]) * unit[i] / energy)
+        for i in range(model.size[2]):
+            if not abs(gap[i]) < np.inf and tolerance < np.inf:
+                return DIVERGED, iteration, np.inf, -1
+            lacking = max(lacking, abs(gap[i]) * scale[i] / energy)
+            heavy = max(heavy, abs(wrench[i]) / scale[i])
+        for k in range(len(model.load_joint)):
+            for i in range(6):
+                heavy = max(heavy, abs(acting[k, i]) / (force if i < 3 else energy))
+        error = lacking / heavy
+        if tolerance > 0.0:
+            if error < tolerance and negative >= 0:
+                return CONVERGED, iteration, error, negative
+            if not error < DIVERGING:
+                return DIVERGED, iteration, error, -1
+        if negative < 0:
+            return SINGULAR, iteration, error, -1
+        if iteration == most:
+            break
+        solve(model, work)
+        move(model, True, work)
+        largest = 0.0
+        for i in range(len(x)):
+            largest = max(largest, abs(step[i]) / unit[i])
+        if not largest < np.inf:
+            return DIVERGED, iteration, error, -1
+        cut = min(1.0, LARGEST_STEP / largest) if tolerance == 0.0 and largest > 0.0 else 1.0
+        advance(model, cut, x, work)
+        if tolerance == 0.0 and largest < LAST_STEP:
+            return CONVERGED, iteration, error, negative
+    return DIVERGED, most, error, negative
+
+
+@kernel
+def loaded(
+    model: MachineArrays, command: Floats, natural: Floats, x: Floats, end_wrench: Floats, work: Work
+) -> bool:
+    """Equilibrium under all loads from ``x`` (n,); they are put on in steps where it is not found at once."""
+    work.begin[:] = x
+    work.begin_wrench[:] = work.wrench
+    done, step, share = -1.0, 0.25, 1.0
+    while True:
+        if newton(model, command, natural, x, end_wrench, share, False, 0.0, ITERATIONS, work)[0] == CONVERGED:
+            if share == 1.0:
+                return True
+            done = share
+            work.begin[:] = x
+            work.begin_wrench[:] = work.wrench
+        else:
+            # from where it began: first without loads, then in steps that become smaller
+            x[:] = work.begin
+            work.wrench[:] = work.begin_wrench
+            if share == 0.0:
+                return False
+            step = step if done < 0.0 else 0.5 * step
+            if step < SMALLEST_SHARE:
+                return False
+        share = 0.0 if done < 0.0 else min(done + step, 1.0)

@@ -1,0 +1,47 @@
+"""What closes loops of a machine: frames that are held together, and joints that a transmission couples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vjm.rotations import Array
+
+
+@dataclass(frozen=True)
+class Closure:
+    """Two frames of a machine that are held together, which closes a loop.
+
+    A hinge, a slide or a universal joint between them is a passive joint before one of the two frames.
+
+    Attributes:
+        name: for people; unique among the closures.
+        parts: names of the parts behind whose ends the two frames lie; empty for the base.
+        frames: ``(2, 4, 4)`` mm, from the frame behind each part's end; from the world for the base.
+        turns: whether one frame may turn against the other in all directions, as in a ball joint; else both are
+            welded together.
+    """
+
+    name: str
+    parts: tuple[str, str]
+    frames: Array
+    turns: bool = False
+
+    @property
+    def rows(self) -> int:
+        """Number of components that it holds: six of a weld, three of a ball joint."""
+        return 3 if self.turns else 6
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A rigid transmission between passive joints: ``Σ weight · coordinate = total``.
+
+    Attributes:
+        name: for people; unique among the couplings.
+        terms: names of passive joints and their weights.
+        total: of the weighted coordinates, rad or mm.
+    """
+
+    name: str
+    terms: tuple[tuple[str, float], ...]
+    total: float = 0.0

@@ -1,0 +1,53 @@
+"""The geometry of a machine at one configuration, with its first derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.rotations import Array
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """The chain's geometry at one configuration.
+
+    Attributes:
+        end: frame ``(4, 4)`` of the end-effector, world, mm.
+        behind: frames ``(m + 1, 4, 4)`` behind the base and behind each joint.
+        axes: joint axes ``(m, 3)`` in the world.
+        rotary: ``(m,)``, true where the joint turns.
+        joint_jacobian: ``(6, m)``: linear, angular velocity of the end-effector by the joints' velocities.
+        drive: ``(m, n)`` joint velocities by those of the coordinates.
+        jacobian: geometric Jacobian ``(6, n)`` by the coordinates.
+    """
+
+    end: Array
+    behind: Array
+    axes: Array
+    rotary: np.ndarray
+    joint_jacobian: Array
+    drive: Array
+    jacobian: Array
+
+    def force_hessian(self, wrench: Array) -> Array:
+        """Derivative ``(n, n)`` of ``Jᵀ F`` at constant wrench: ``H[j, i] = ∂(J_jᵀ F)/∂x_i``, for (17).
+
+        When joint i turns by dx, everything behind it turns about its axis w_i. For i before j the column J_j
+        turns as a whole, ``∂J_j/∂x_i = w_i × J_j`` in both halves; for i behind j only the lever changes,
+        ``∂(w_j × r_j)/∂x_i = w_j × J_i``, and the axis stays. So the force part is symmetric, the moment part
+        is not: a moment fixed in the world is not conservative. The difference vanishes on the null space of
+        J, where stability is decided.
+
+        Args:
+            wrench: ``(6,)`` force in N and moment in N mm on the end-effector, world axes.
+        """
+        force, moment = wrench[:3], wrench[3:]
+        turning = np.where(self.rotary[:, None], self.axes, 0.0)
+        # f · (w_i × J_j) = (f × w_i) · J_j, i at or before j
+        linear = np.cross(force, turning) @ self.joint_jacobian[:3]
+        H: Array = np.triu(linear, 1).T + np.triu(linear)
+        angular = np.cross(moment, turning) @ turning.T
+        result: Array = self.drive.T @ (H + np.triu(angular, 1).T) @ self.drive
+        return result

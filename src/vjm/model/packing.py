@@ -1,0 +1,219 @@
+"""A machine's joints, blocks of springs, closures and loads, put into the order in which they are eliminated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vjm.kernels.arrays import LINEAR, OWN, PASSIVE, MachineArrays
+from vjm.kernels.elimination import BALL, END, SPRING, TURNING, WELD
+from vjm.rotations import Array
+
+DELAYED = 4
+"""Places in the border for coordinates whose pivots cancel, where loops close or an end is held: two modes in both
+planes. Free ends need none: there a pivot vanishes where the machine loses its stability."""
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """What a machine consists of; see `vjm.kernels.arrays.MachineArrays` for the arrays of the same names."""
+
+    parent: np.ndarray
+    rotary: np.ndarray
+    axis: Array
+    R0: Array
+    p0: Array
+    coordinate: np.ndarray
+    factor: Array
+    kind: np.ndarray
+    first: np.ndarray
+    K: Array
+    beam: Array
+    grows: np.ndarray
+    unit: Array
+    energy: float
+    length: float
+    end_joint: np.ndarray
+    end_R: Array  # noqa: N815
+    end_p: Array
+    spring_joint: np.ndarray
+    spring_point: Array
+    spring: Array
+    closure_joint: np.ndarray
+    closure_R: Array  # noqa: N815
+    closure_p: Array
+    closure_rows: np.ndarray
+    coupling: Array
+    """``(k, n)`` weights of the coordinates."""
+    total: Array
+    spare: tuple[int, int] = (0, 0)
+    stands: Mapping[int, int] = field(default_factory=dict)
+    """Joint at whose commanded value each coordinate stands, where that is not the joint that it drives."""
+
+
+@dataclass(frozen=True)
+class Loads:
+    """What acts on a machine; see `vjm.kernels.arrays.MachineArrays`."""
+
+    joint: np.ndarray
+    offset: Array
+    wrench: Array
+    follows: np.ndarray
+    grows: np.ndarray
+    turning: np.ndarray
+    end: np.ndarray
+
+
+def packed(pieces: Pieces, loads: Loads) -> MachineArrays:
+    """The arrays of a machine under loads."""
+    units, border = _units(pieces)
+    count: int = 0
+    last = {joints[1] - 1 for joints, _ in units}
+    inside = [j for j in loads.joint if pieces.coordinate[j] >= 0 and j not in last]
+    if inside:
+        raise ValueError(
+            f"a load acts within a spring, behind joint {inside[0]}: loads act on bodies between springs"
+        )
+    carrier = np.full(len(pieces.parent), -1, dtype=np.int64)
+    above, limbs = np.full(len(units), -1, dtype=np.int64), np.zeros(len(units), dtype=np.int64)
+    of_joint = {joint: u for u, (joints, _) in enumerate(units) for joint in range(*joints)}
+    for joint, parent in enumerate(pieces.parent):
+        before = carrier[parent] if parent >= 0 else -1
+        u = of_joint.get(joint)
+        if u is None:
+            carrier[joint] = before
+            continue
+        carrier[joint] = u
+        if joint == units[u][0][0]:
+            above[u] = before
+            limbs[u] = limbs[before] if before >= 0 else count
+            count += 1 if before < 0 else 0
+    width = [int(pieces.first[b + 1] - pieces.first[b]) if b >= 0 else 1 for _, b in units]
+    first_closure = np.concatenate([[0], np.cumsum(pieces.closure_rows)]).astype(np.int64)
+    blocks = [
+        int(first_closure[-1]), len(pieces.total), 3 * len(pieces.spring),
+        len(border) + (DELAYED if len(pieces.closure_rows) else 0), 6 * len(loads.turning),
+        6 * len(pieces.end_joint),
+    ]  # fmt: skip
+    size = np.concatenate([[0], np.cumsum(blocks)]).astype(np.int64)
+    place = {c: int(size[3]) + q for q, c in enumerate(border)}
+    column = [place[int(pieces.coordinate[joints[0]])] if b < 0 else -1 for joints, b in units]
+    sources = _sources(pieces, loads, size, first_closure, carrier, above)
+    touched: list[set[int]] = [set() for _ in range(count)]
+    for u, own in enumerate(column):
+        limb = int(limbs[u])
+        if own >= 0:
+            touched[limb].add(own)
+        for _, _, _, at, places in sources[u]:
+            touched[limb].update(range(at, at + places))
+    columns = [sorted(each) for each in touched]
+    most = max((len(each) for each in columns), default=0)
+    limb_column, local = np.zeros((count, most), dtype=np.int64), np.full((count, int(size[6])), -1)
+    limb_width = np.zeros((count, 2), dtype=np.int64)
+    for limb, each in enumerate(columns):
+        limb_column[limb, : len(each)] = each
+        local[limb, each] = OWN + np.arange(len(each))
+        limb_width[limb] = OWN + sum(c < size[5] for c in each), OWN + len(each)
+    entries = [
+        (kind, index, side, local[limbs[u], at])
+        for u, each in enumerate(sources)
+        for kind, index, side, at, _ in each
+    ]
+    unit_vector = (np.abs(pieces.axis[:, None, :] - np.eye(3)) == 0.0).all(axis=2)
+    identity = (np.eye(3) == pieces.R0).all(axis=(1, 2)) & (pieces.p0 == 0.0).all(axis=1)
+    K = np.zeros((len(border), len(border)))
+    for b in range(len(pieces.kind)):
+        coordinates = range(int(pieces.first[b]), int(pieces.first[b + 1]))
+        if coordinates[0] in place and pieces.kind[b] == LINEAR:
+            rows = [place[c] - int(size[3]) for c in coordinates]
+            K[np.ix_(rows, rows)] = pieces.K[b][: len(rows), : len(rows)]
+    stands = {int(c): j for j, c in reversed(list(enumerate(pieces.coordinate)))} | dict(pieces.stands)
+    return MachineArrays(
+        parent=_ints(pieces.parent), rotary=_ints(pieces.rotary), axis=pieces.axis,
+        along=np.where(unit_vector.any(axis=1), unit_vector.argmax(axis=1), -1).astype(np.int64),
+        R0=pieces.R0, p0=pieces.p0, moved=(~identity).astype(np.int64), coordinate=_ints(pieces.coordinate),
+        factor=pieces.factor, kind=_ints(pieces.kind), first=_ints(pieces.first), K=pieces.K, beam=pieces.beam,
+        grows=_ints(pieces.grows), unit=pieces.unit, energy=np.array([pieces.energy]),
+        length=np.array([pieces.length]),
+        unit_joint=_ints([joints for joints, _ in units], 2), unit_block=_ints([b for _, b in units]),
+        unit_column=_ints(column), unit_row=_ints(np.concatenate([[0], np.cumsum(width)])), unit_above=above,
+        unit_limb=limbs, carrier=carrier, limb_width=limb_width, limb_column=limb_column,
+        local=local.astype(np.int64), size=size, spare=_ints(pieces.spare),
+        source_first=_ints(np.concatenate([[0], np.cumsum([len(each) for each in sources])])),
+        source=_ints(entries, 4),
+        load_joint=_ints(loads.joint), load_offset=loads.offset, load=loads.wrench, follows=_ints(loads.follows),
+        load_end=_ints(loads.end), load_grows=_ints(loads.grows), turning=_ints(loads.turning),
+        spring_joint=_ints(pieces.spring_joint, 2), spring_point=pieces.spring_point, spring=pieces.spring,
+        closure_joint=_ints(pieces.closure_joint, 2), closure_R=pieces.closure_R, closure_p=pieces.closure_p,
+        closure_rows=_ints(pieces.closure_rows), closure_first=first_closure,
+        border=_ints(border), border_joint=_ints([stands[c] for c in border]), border_K=K,
+        coupling=np.ascontiguousarray(pieces.coupling[:, border]),
+        total=pieces.total, end_joint=_ints(pieces.end_joint), end_R=pieces.end_R, end_p=pieces.end_p,
+    )  # fmt: skip
+
+
+def _ints(values: ArrayLike, width: int = 0) -> np.ndarray:
+    """Integers ``(k,)``, or ``(k, width)``."""
+    flat = np.array(values, dtype=np.int64)
+    return flat.reshape(-1, width) if width else flat.reshape(-1)
+
+
+def _units(pieces: Pieces) -> tuple[list[tuple[tuple[int, int], int]], list[int]]:
+    """Joints and block of each unit, block −1 where its coordinate stays; and the coordinates that stay."""
+    block_of = np.repeat(np.arange(len(pieces.kind)), np.diff(pieces.first))
+    runs: list[list[int]] = []
+    for joint, c in enumerate(pieces.coordinate):
+        if c < 0:
+            continue
+        follows = runs and runs[-1][-1] == joint - 1 == pieces.parent[joint]
+        if follows and block_of[pieces.coordinate[runs[-1][-1]]] == block_of[c]:
+            runs[-1].append(joint)
+        else:
+            runs.append([joint])
+    blocks = [int(block_of[pieces.coordinate[run[0]]]) for run in runs]
+    units: list[tuple[tuple[int, int], int]] = []
+    stay: set[int] = set()
+    for run, b in zip(runs, blocks, strict=True):
+        if pieces.kind[b] != PASSIVE and blocks.count(b) == 1:
+            units.append(((run[0], run[-1] + 1), b))
+            continue
+        stay.update(range(int(pieces.first[b]), int(pieces.first[b + 1])))
+        units.extend(((joint, joint + 1), -1) for joint in run)
+    return units, sorted(stay)
+
+
+def _sources(
+    pieces: Pieces, loads: Loads, size: np.ndarray, first_closure: np.ndarray, carrier: np.ndarray,
+    above: np.ndarray,
+) -> list[list[tuple[int, int, int, int, int]]]:  # fmt: skip
+    """What each unit moves: kind, index, side, first place in the border and number of places."""
+
+    def path(joint: int) -> list[int]:
+        found, u = [], int(carrier[joint]) if joint >= 0 else -1
+        while u >= 0:
+            found.append(u)
+            u = int(above[u])
+        return found
+
+    sources: list[list[tuple[int, int, int, int, int]]] = [[] for _ in above]
+
+    def add(sides: Sequence[tuple[int, int]], kind: int, index: int, at: int, width: int, skip: set[int]) -> None:
+        for side, joint in sides:
+            for u in path(joint):
+                if u not in skip:
+                    sources[u].append((kind, index, side, at, width))
+
+    for k, (joints, rows) in enumerate(zip(pieces.closure_joint, pieces.closure_rows, strict=True)):
+        # what carries both frames moves them alike
+        both = set(path(joints[0])) & set(path(joints[1]))
+        add(list(enumerate(joints)), WELD if rows == 6 else BALL, k, int(first_closure[k]), int(rows), both)
+    for k, joints in enumerate(pieces.spring_joint):
+        add(list(enumerate(joints)), SPRING, k, int(size[2]) + 3 * k, 3, set())
+    for k, load in enumerate(loads.turning):
+        add([(1, int(loads.joint[load]))], TURNING, int(load), int(size[4]) + 6 * k, 6, set())
+    for k, joint in enumerate(pieces.end_joint):
+        add([(1, int(joint))], END, k, int(size[5]) + 6 * k, 6, set())
+    return sources

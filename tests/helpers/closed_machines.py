@@ -1,0 +1,136 @@
+"""Small machines with branches and closed loops, one of each kind, in a posture p without forces."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from helpers.closed_energy import ClosedEnergy
+from vjm.model.chain import Chain
+from vjm.model.closures import Closure, Coupling
+from vjm.model.joints import ActuatedJoint, PointSpring
+from vjm.model.parts import Beam, PassiveJoint, RigidOffset, Section
+from vjm.rotations import AXES, frame, rotation_from_vector
+
+SECTION = Section(EA=4e7, GJ=3e9, EIy=5e9, EIz=2e9, GAy=2e7, GAz=1e7, mass=4e-3)
+X, Y, Z = AXES.values()
+
+
+def beam(name, length, turned=(0.0, 0.0, 0.0)):
+    return Beam(name, length, own_frame=rotation_from_vector(turned), section=SECTION)
+
+
+def offset(name, *p, turned=(0.0, 0.0, 0.0), mass=0.0):
+    return RigidOffset(name, frame(rotation_from_vector(turned), p), mass)
+
+
+def closed(chain, name, part, other="", turns=False):
+    """The machine with a frame behind a part held where its posture has it, on another part or the base."""
+    values = dict(chain.held.get("p", {}))
+    values |= zip((joint.name for joint in chain.joints), chain.postures["p"].tolist(), strict=True)
+    energy = ClosedEnergy(chain, values)
+    _, _, _, end = energy.places(np.zeros((1, energy.size)))
+    A, B = (frame(R[0].real, p[0].real) for R, p in (end[part], end[other]))
+    there = np.linalg.inv(B if other else np.eye(4)) @ A
+    closure = Closure(name, (part, other), np.array([np.eye(4), there]), turns)
+    return replace(chain, closures=(*chain.closures, closure))
+
+
+def y_tree():
+    parts = (
+        ActuatedJoint("pan", Z, compliance=3e-8, lateral=(2e-9, 4e-9)), beam("stem", 300.0, (0.0, -1.2, 0.3)),
+        ActuatedJoint("left", Y, compliance=5e-8), beam("side", 250.0, (0.2, 0.4, 0.9)),
+        ActuatedJoint("right", X, compliance=2e-8), beam("fore", 280.0, (0.5, -0.3, -0.8)),
+    )  # fmt: skip
+    return Chain("y-tree", parts, postures={"p": np.zeros(0)}, after={"right": "stem"},
+                 held={"p": {"pan": 0.4, "left": 0.3, "right": -0.2}})  # fmt: skip
+
+
+def bridged_tree():
+    """The tree with a spring between a beam's middle and the other's tip, at its free length."""
+    chain = y_tree()
+    energy = ClosedEnergy(chain, chain.held["p"])
+    _, _, _, end = energy.places(np.zeros((1, energy.size)))
+    points = np.array([chain.beams[1].tip, chain.beams[2].tip])
+    gap = end["side"][1][0].real - end["fore"][1][0].real
+    spring = PointSpring("bridge", ("side", "fore"), points, 50.0, float(np.linalg.norm(gap)))
+    return replace(chain, point_springs=(spring,))
+
+
+def four_bar():
+    """Crank, elastic coupler, rocker; the tool hangs on the coupler."""
+    parts = (
+        ActuatedJoint("drive", Z, compliance=6e-8), offset("crank", 120.0, 0.0, 0.0, mass=1.0),
+        PassiveJoint("q1", Z), beam("coupler", 260.0), PassiveJoint("q2", Z),
+        offset("rocker", 0.0, -190.0, 0.0, mass=1.5), PassiveJoint("q3", Z),
+        beam("tool", 150.0, (0.3, -0.4, 0.6)),
+    )  # fmt: skip
+    chain = Chain("four-bar", parts, postures={"p": np.array([-0.7, 0.2, 0.4])}, held={"p": {"drive": 0.9}},
+                  after={"tool": "coupler"})  # fmt: skip
+    return closed(chain, "pivot", "q3")
+
+
+def leg(name, p, turned, q):
+    where = offset(f"{name}/foot", *p, turned=turned)
+    parts = (
+        where, ActuatedJoint(f"{name}/drive", Z, True, compliance=4e-5), PassiveJoint(f"{name}/q1", X),
+        PassiveJoint(f"{name}/q2", Y), beam(f"{name}/rod", 320.0, (0.0, -1.4, 0.0)), PassiveJoint(f"{name}/q3", Y),
+    )  # fmt: skip
+    return parts, q
+
+
+def two_legs():
+    """Two legs that hold a platform; the last part is the platform."""
+    (first, q), (second, r) = (
+        leg("a", (0.0, 0.0, 0.0), (0.1, 0.2, 0.0), (0.2, -0.3, 0.25)),
+        leg("b", (400.0, 30.0, 20.0), (0.0, -0.5, 0.4), (-0.1, 0.35, 0.2)),
+    )
+    platform = offset("platform", 200.0, 15.0, 25.0, mass=2.0)
+    chain = Chain("two-legs", (*first, *second, platform), postures={"p": np.array([*q, *r])},
+                  held={"p": {"a/drive": 40.0, "b/drive": 55.0}},
+                  after={"b/foot": "", "platform": "a/q3"})  # fmt: skip
+    return closed(chain, "b", "b/q3", "platform")
+
+
+def palletiser():
+    """A rigid parallelogram, held three times over across its plane, that carries an elastic forearm."""
+    parts = (
+        offset("pillar", 0.0, 0.0, 200.0), ActuatedJoint("main", Y, compliance=2e-8),
+        offset("arm", 0.0, 0.0, 400.0, mass=3.0), PassiveJoint("elbow", Y),
+        offset("head", 80.0, 0.0, 0.0, mass=1.0), PassiveJoint("pin", Y), offset("rod", 0.0, 0.0, -400.0, mass=0.5),
+        PassiveJoint("foot", Y),
+        beam("forearm", 350.0, (0.0, 0.2, 0.1)),
+    )  # fmt: skip
+    chain = Chain("palletiser", parts, postures={"p": np.array([-0.4, 0.4, -0.4])}, held={"p": {"main": 0.4}},
+                  after={"forearm": "head"})  # fmt: skip
+    return closed(chain, "base", "foot", "pillar")
+
+
+def coupled():
+    """Two passive hinges that a belt couples, the second of which a strut with a ball joint holds."""
+    parts = (
+        beam("column", 300.0, (0.0, -1.3, 0.2)), PassiveJoint("shoulder", Y), beam("upper", 260.0, (0.3, 0.0, 0.2)),
+        PassiveJoint("elbow", Z), beam("fore", 240.0), beam("strut", 310.0, (0.0, 0.7, -0.5)),
+        offset("tool", 30.0, -20.0, 45.0),
+    )  # fmt: skip
+    chain = Chain("coupled", parts, postures={"p": np.array([0.5, -0.3])}, after={"strut": "upper", "tool": "fore"},
+                  couplings=(Coupling("belt", (("shoulder", 1.0), ("elbow", 0.6)), 0.32),))  # fmt: skip
+    return closed(chain, "ball", "strut", turns=True)
+
+
+MACHINES = {make.__name__: make for make in (y_tree, bridged_tree, four_bar, two_legs, palletiser, coupled)}
+"""By name; each function makes a machine."""
+
+
+def truth(chain):
+    """Stiffness ``(6, 6)`` of the end-effector without load, from the second derivatives of the energy."""
+    values = dict(chain.held.get("p", {}))
+    values |= zip((joint.name for joint in chain.joints), chain.postures["p"].tolist(), strict=True)
+    return ClosedEnergy(chain, values).end_stiffness()
+
+
+def apart(K, other):
+    """Largest difference of two stiffnesses over the largest entries of forces and of moments."""
+    size = np.sqrt(np.repeat([np.abs(other[:3, :3]).max(), np.abs(other[3:, 3:]).max()], 3))
+    return float(np.abs((K - other) / size[:, None] / size).max())

@@ -1,0 +1,232 @@
+"""Machines of the library with closed loops stand where closed forms of their kinematics have them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vjm.io.errors import ModelFileError
+from vjm.io.machine_file import load_machine
+from vjm.io.manipulator_file import load_manipulator, machines
+from vjm.io.model_file import load_chain
+from vjm.machine.closing import Closing, home_label
+from vjm.machine.rigid_tree import RigidTree
+from vjm.model.chain import Chain
+from vjm.model.parts import RigidOffset
+from vjm.postures import Posture, in_posture
+from vjm.rotations import Array, rotation_from_vector, turn
+
+SAME = 1e-8
+"""mm: loops close to 1e-11 of some hundred mm, and angles and lengths of the files have nine digits."""
+
+
+def end_of(machine: Chain, posture: Posture) -> Array:
+    """Frame ``(4, 4)`` of the end-effector in a posture."""
+    machine, label = in_posture(machine, posture)
+    tree = RigidTree(machine)
+    result: Array = tree.frames(tree.state(tree.posture(label)[None]), tree.end)[0]
+    return result
+
+
+@pytest.mark.parametrize(
+    ("name", "freedom", "redundant"),
+    # by Kutzbach and Grübler, 36, 12, 10 and 6 joints and 5, 2, 3 and 1 loops of six rows: a planar loop has three
+    # rows more than it needs, a tripteron one for each turn
+    [("hexapod", 6, 0), ("tripteron", 3, 3), ("double-pantograph", 1, 9), ("palletiser", 3, 3)],
+)
+def test_mobility(name: str, freedom: int, redundant: int) -> None:
+    machine = load_machine(name)
+    closing = Closing(machine, home_label(machine))
+    found = closing.mobility(closing.home)
+    assert (found.freedom, found.redundant, found.idle, found.loose.shape[1]) == (freedom, redundant, (), 0)
+
+
+def test_every_machine_of_the_library_is_tested() -> None:
+    assert {entry.name for entry in machines()} == {"hexapod", "tripteron", "double-pantograph", "palletiser"}
+
+
+def test_hexapod_has_the_lengths_between_its_joints() -> None:
+    machine = load_machine("hexapod")
+    base, top = np.radians([-10, 10, 110, 130, 230, 250]), np.radians([-50, 50, 70, 170, 190, 290])
+    feet = 500.0 * np.column_stack([np.cos(base), np.sin(base), np.zeros(6)])
+    heads = 250.0 * np.column_stack([np.cos(top), np.sin(top), np.zeros(6)])
+    for label, d in machine.poses.items():
+        places = np.array([0.0, 0.0, 500.0]) + d[:3] + heads @ rotation_from_vector(d[3:]).T
+        lengths = np.linalg.norm(places - feet, axis=1) - 600.0
+        assert [machine.held[label][leg] for leg in "abcdef"] == pytest.approx(lengths, abs=SAME), label
+
+
+def test_tripteron_moves_along_each_drive_alone() -> None:
+    machine = load_machine("tripteron")
+    for drives in ((80.0, -50.0, 30.0), (-90.0, 0.0, 0.0), (10.0, 20.0, -95.0)):
+        end = end_of(machine, dict(zip("xyz", drives, strict=True)))
+        assert end[:3, 3] == pytest.approx(drives, abs=SAME)
+        assert np.abs(end[:3, :3] - np.eye(3)).max() < SAME
+
+
+def test_double_pantograph_lifts_by_pythagoras() -> None:
+    machine = load_machine("double-pantograph")
+    for foot in (250.0, 418.0, 540.0):
+        end = end_of(machine, {"drive": foot})
+        # each stage is as high as a bar of 600 mm over its feet; the platform is 20 mm above the upper hinges
+        height = 2.0 * np.sqrt(600.0**2 - foot**2) + 20.0
+        assert end[:3, 3] == pytest.approx([foot - 200.0, 0.0, height], abs=SAME)
+        assert np.abs(end[:3, :3] - np.eye(3)).max() < SAME
+
+
+def test_palletiser_turns_its_forearm_from_the_shoulder() -> None:
+    machine = load_machine("palletiser")
+    for waist, shoulder, lever in ((0.0, -1.3, 0.2), (0.7, -1.0, 0.4), (-1.2, -1.6, -0.3)):
+        end = end_of(machine, {"waist": waist, "shoulder": shoulder, "lever-drive": lever})
+        y = np.array([0.0, 1.0, 0.0])
+        upper, fore = (turn(y, angle)[:3, :3] for angle in (shoulder, lever))
+        place = np.array([150.0, 0.0, 500.0]) + upper @ [600.0, 0.0, 0.0] + fore @ [700.0, 0.0, -50.0]
+        about = turn(np.array([0.0, 0.0, 1.0]), waist)[:3, :3]
+        assert end[:3, 3] == pytest.approx(about @ place, abs=SAME)
+        assert np.abs(end[:3, :3] - about @ fore).max() < SAME
+
+
+def test_masses_of_a_platform_are_kept() -> None:
+    machine = load_machine("hexapod")
+    platform = machine.parts[-1]
+    assert isinstance(platform, RigidOffset)
+    assert (platform.mass, platform.centre_of_mass.tolist()) == (20.0, [0.0, 0.0, 10.0])
+
+
+HEAD = """
+format = 1
+name = "{name}"
+title = "t"
+source = "made up"
+units = {{ length = "mm", force = "N", angle = "rad" }}
+"""
+RIGID_BAR = (
+    HEAD.format(name="rigid-bar")
+    + """
+[[parts]]
+kind = "joint"
+name = "near"
+axis = "z"
+
+[[parts]]
+kind = "link"
+name = "bar"
+translation_mm = [310.0, 0.0, 0.0]
+
+[[parts]]
+kind = "joint"
+name = "far"
+axis = "z"
+
+[postures]
+A = [0.0, 0.0]
+"""
+)
+MIXED = (
+    HEAD.format(name="mixed").replace("format = 1", 'format = 1\nkind = "manipulator"')
+    + """
+[platform]
+position_mm = [310.0, 0.0, 0.0]
+
+[[bodies]]
+name = "middle"
+mass_kg = 3.0
+centre_of_mass_mm = [5.0, 0.0, 0.0]
+
+[[legs]]
+name = "one"
+chain = "orthoglide-bar"
+ends_on = "middle"
+base = { position_mm = [0.0, 40.0, 0.0] }
+attachment = { position_mm = [0.0, 40.0, 0.0] }
+posture = "A"
+
+[[legs]]
+name = "two"
+chain = "rigid-bar"
+ends_on = "middle"
+posture = "A"
+
+[[legs]]
+name = "on"
+chain = "rigid-bar"
+starts_on = "middle"
+drive = "bar"
+drive_turns_about = "y"
+posture = [0.0, 0.0]
+attachment = { position_mm = [310.0, 0.0, 0.0] }
+
+[poses]
+home = [0.0, 0.0, 0.0]
+"""
+)
+
+
+def mixed(folder: Path, old: str = "", new: str = "") -> Path:
+    assert old in MIXED
+    bar = load_manipulator("parallelogram").legs[0].chain
+    assert bar.name == "orthoglide-bar"
+    source = (
+        Path(str(__import__("vjm").__file__)).parent / "models" / "manipulators" / "chains" / "orthoglide-bar.toml"
+    )
+    (folder / "orthoglide-bar.toml").write_bytes(source.read_bytes())
+    (folder / "rigid-bar.toml").write_text(RIGID_BAR, encoding="utf-8")
+    path = folder / "mixed.toml"
+    path.write_text(MIXED.replace(old, new) if old else MIXED, encoding="utf-8")
+    return path
+
+
+def test_rigid_legs_and_a_leg_behind_a_loop_load(tmp_path: Path) -> None:
+    machine = load_machine(mixed(tmp_path))
+    assert [closure.name for closure in machine.closures] == ["two"]
+    assert machine.after["on/root"] == "one/attachment"
+    # the bars are 40 mm apart, the middle body's frame is at their far ends
+    carrier = next(part for part in machine.parts if part.name == "one/attachment")
+    assert isinstance(carrier, RigidOffset)
+    # its centre of mass lies at 5, 0, 0 in the body, and the leg's end at 0, 40, 0
+    assert (carrier.mass, carrier.centre_of_mass.tolist()) == (3.0, [5.0, -40.0, 0.0])
+    end = end_of(machine, "home")
+    assert end[:3, 3] == pytest.approx([310.0, 0.0, 0.0], abs=SAME)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (
+            "posture = [0.0, 0.0]",
+            "posture = [0.0]",
+            "leg 'on': 1 coordinates for 2 joints (near, far): give one each",
+        ),
+        ('drive = "bar"', 'drive = "rod"', "leg 'on': no part 'rod' to drive (there are near, bar, far)"),
+        ('name = "middle"', 'name = "muddle"', "mixed: body 'muddle' has a mass, but no leg ends on it"),
+        (
+            'starts_on = "middle"',
+            'starts_on = "nowhere"',
+            "leg 'on' begins on 'nowhere', where no leg before it ends",
+        ),
+        ("position_mm = [310.0, 0.0, 0.0]\n\n", "position_mm = [320.0, 0.0, 0.0]\n\n", "the end-effector stays"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(tmp_path: Path, old: str, new: str, said: str) -> None:
+    with pytest.raises(ModelFileError) as error:
+        load_machine(mixed(tmp_path, old, new))
+    assert str(error.value).startswith("mixed.toml: ")
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_home_beyond_a_drives_limits_is_refused(tmp_path: Path) -> None:
+    limited = 'drive = "bar"\ndrive_limits = [0.1, 0.5]'
+    with pytest.raises(
+        ModelFileError, match=r"posture 'home': mixed: out of reach: on = .* is below its limit 0\.1"
+    ):
+        load_machine(mixed(tmp_path, 'drive = "bar"', limited))
+
+
+def test_what_manipulators_do_not_compute_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ModelFileError, match=r"mixed\.toml: masses of the platform and of bodies"):
+        load_manipulator(mixed(tmp_path))
+    with pytest.raises(ModelFileError, match=r"rigid-bar\.toml: nothing deflects"):
+        load_chain(mixed(tmp_path).parent / "rigid-bar.toml")
