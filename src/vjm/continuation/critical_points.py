@@ -95,8 +95,8 @@ def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium, tolerance: flo
             lost = p.unstable > a.unstable or -vanished < p.eigenvalue < 0.0
             return math.copysign(p.eigenvalue, -1.0 if lost else 1.0)
 
-        if value(a) <= 0.0:
-            # negative by rounding before and behind: only a single one can have passed zero
+        if value(a) <= vanished:
+            # zero, or negative by rounding, before already: only a single one can have passed zero
             if (b.unstable - a.unstable) % 2:
                 return a
             raise NoConvergenceError("the smallest eigenvalue jumps")

@@ -19,6 +19,7 @@ import numpy as np
 
 from vjm.kernels.arrays import OWN, Floats, Ints, MachineArrays, Work
 from vjm.kernels.compilation import kernel
+from vjm.kernels.elimination import NONE
 
 DEPENDENT = 1e-12
 """Pivot over the largest that is rounding, where by geometry closures imply one another or motions are idle."""
@@ -59,7 +60,7 @@ def symmetric_factor(F: Floats, swaps: Ints, pivots: Ints, spare: int) -> tuple[
             return -1, i
         if i == 0:
             largest = size
-        if not size > 0.0 or (n - i <= spare and size < DEPENDENT * largest):
+        if not size > NONE * largest or (n - i <= spare and size < DEPENDENT * largest):
             return negative, i
         if diagonal >= _ALPHA * off:
             _swap(F, i, d, n)

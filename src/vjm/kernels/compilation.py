@@ -37,22 +37,35 @@ def entry(function: Function) -> Function:
     return _kept_with_all_sources(njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function), function)
 
 
-def _kept_with_all_sources(compiled: Function, function: Function) -> Function:
-    """Let the cache of a function hold only as long as every file does that it may have code from."""
+def _kept_with_all_sources(compiled: Any, function: Function) -> Function:
+    """Let the cache of a function hold only as long as every file does that it may have code from.
+
+    A constant argument makes no variant of its own: each would be compiled beside the others, with all that it calls.
+    """
+    template = compiled.get_call_template
+
+    def without_literals(args: tuple[Any, ...], named: dict[str, Any]) -> Any:
+        plain = {name: numba.types.unliteral(kind) for name, kind in named.items()}
+        return template(tuple(numba.types.unliteral(kind) for kind in args), plain)
+
+    compiled.get_call_template = without_literals
     kept = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
     if kept is not None:
         folder = Path(function.__code__.co_filename).parent
         kept._source_stamp = (kept._source_stamp, digest_of((*(PACKAGE / room for room in ROOMS), folder)))
-    return compiled
+    result: Function = compiled
+    return result
 
 
 @lru_cache(maxsize=16)
 def digest_of(folders: tuple[Path, ...]) -> str:
-    """Hash of the contents of the folders' programs."""
+    """Hash of the contents of the folders' programs that are compiled, which all import this one or Numba."""
     found = hashlib.sha256()
     for place in dict.fromkeys(folders):
         for file in sorted(place.glob("*.py")):
-            found.update(file.read_bytes())
+            content = file.read_bytes()
+            if b"kernels.compilation" in content or b"numba" in content:
+                found.update(content)
     return found.hexdigest()
 
 

@@ -22,6 +22,8 @@ from vjm.kernels.statics import grown
 
 CANCELLED = 1e-2
 """Share of a coordinate's own stiffness below which its pivot stays in the border: two digits are lost at most."""
+NONE = 5e-32
+"""Square of rounding: a pivot below this share of its coordinate's own stiffness, or of the largest, is zero."""
 WELD, BALL, SPRING, TURNING, END = 0, 1, 2, 3, 4
 """What a column of the border stands for."""
 
@@ -58,7 +60,7 @@ def pivoted(
             for c in range(i):
                 L[row + i, c], L[row + best, c] = L[row + best, c], L[row + i, c]
         d = A[i, i]
-        if d == 0.0 or not np.isfinite(d):
+        if not largest > NONE or not np.isfinite(d):
             return i, -1
         if d < 0.0:
             negative += 1
@@ -274,7 +276,7 @@ def eliminate(model: MachineArrays, command: Floats, natural: Floats, x: Floats,
             kept = 1
             if k == 1 and (abs(A[0, 0]) > CANCELLED * size[0] or first_free == free):
                 d = A[0, 0]
-                if d == 0.0 or not np.isfinite(d):
+                if not abs(d) > NONE * size[0] or not np.isfinite(d):
                     return -1
                 if d < 0.0:
                     negative += 1

@@ -98,6 +98,9 @@ class MachineSolver(BodySolver):
         x, wrench = self._found(there)
         self._remember(x, wrench, load)
         why = {CONVERGED: "", SINGULAR: "at a singular state"}.get(how, f"after {iterations} iterations")
+        if error < tolerance:
+            # a critical state is an equilibrium, too
+            why = ""
         if why and not np.isfinite(error):
             why = "outside the neighbourhood of the target pose"
         return x, wrench, float(error), int(iterations), why
