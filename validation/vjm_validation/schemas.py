@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from vjm.io.body_file import BodyFile
 from vjm.io.files import write_whole
 from vjm.io.manipulator_file import manipulator_schema
 from vjm.io.model_file import model_schema
@@ -50,6 +51,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         "truth.schema.json": schema(Truth),
         "manipulator.schema.json": manipulator_schema(),
         "model.schema.json": model_schema(),
+        "bodies.schema.json": BodyFile.model_json_schema(),
     }
 
 

@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 
 import pydantic
 
+from vjm.io.body_file import KIND as BODIES
+from vjm.io.body_file import chain_document
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
 from vjm.io.schema import MAY_BE_RIGID, ModelFile, known_keys
 from vjm.io.solid_compliance import expanded, solid_key_schema
@@ -94,7 +96,7 @@ def read_document(name_or_path: str | Path) -> ModelDocument:
         # a manipulator too, so that it can be said what it is
         for file in (*_library_files(), *_library_files("manipulators"), *_library_files("machines")):
             if file.name == f"{name_or_path}.toml":
-                return parsed(file.name, file.read_bytes())
+                return _as_parts(parsed(file.name, file.read_bytes()))
     path = Path(name_or_path)
     if not path.exists():
         files = (*_library_files(), *_library_files("manipulators"))
@@ -111,7 +113,18 @@ def read_document(name_or_path: str | Path) -> ModelDocument:
     except OSError as error:
         raise ModelFileError(f"{path}: cannot be read: {error.strerror}") from error
     document = parsed(path.name, raw)
-    return document._replace(content=expanded(document.content, path.parent, path.name))
+    return _as_parts(document._replace(content=expanded(document.content, path.parent, path.name)))
+
+
+def _as_parts(document: ModelDocument) -> ModelDocument:
+    """The document of a chain file, where it is one of bodies and joints.
+
+    Raises:
+        ModelFileError: that describes no machine.
+    """
+    if document.content.get("kind") != BODIES:
+        return document
+    return document._replace(content=chain_document(document.content, document.file))
 
 
 def build_chain(content: Mapping[str, Any], file: str, sha256: str = "", *, may_be_rigid: bool = False) -> Chain:

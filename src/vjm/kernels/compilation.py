@@ -37,24 +37,23 @@ def entry(function: Function) -> Function:
     return _kept_with_all_sources(njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function), function)
 
 
-def _kept_with_all_sources(compiled: Any, function: Function) -> Function:
+def _kept_with_all_sources(compiled: Function, function: Function) -> Function:
     """Let the cache of a function hold only as long as every file does that it may have code from.
 
-    A constant argument makes no variant of its own: each would be compiled beside the others, with all that it calls.
+    A constant argument makes no variant of its own, which would be compiled beside the others with all it calls.
     """
-    template = compiled.get_call_template
+    template: Callable[..., object] = getattr(compiled, "get_call_template")  # noqa: B009
 
-    def without_literals(args: tuple[Any, ...], named: dict[str, Any]) -> Any:
+    def without_literals(args: tuple[object, ...], named: dict[str, object]) -> object:
         plain = {name: numba.types.unliteral(kind) for name, kind in named.items()}
         return template(tuple(numba.types.unliteral(kind) for kind in args), plain)
 
-    compiled.get_call_template = without_literals
+    vars(compiled)["get_call_template"] = without_literals
     kept = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
     if kept is not None:
         folder = Path(function.__code__.co_filename).parent
         kept._source_stamp = (kept._source_stamp, digest_of((*(PACKAGE / room for room in ROOMS), folder)))
-    result: Function = compiled
-    return result
+    return compiled
 
 
 @lru_cache(maxsize=16)

@@ -16,7 +16,7 @@ from vjm_validation.cli.status import OK, UsageError
 
 def new_(
     kind: Annotated[
-        Literal["chain", "arm", "platform", "sheet"],
+        Literal["chain", "arm", "platform", "bodies", "sheet"],
         Parameter(help="What machine to begin with, or the sheet of a test."),
     ],
     file: Annotated[Path, Parameter(help="To write; it must not exist yet.")],
@@ -31,7 +31,8 @@ def new_(
     text = resources.files("vjm_validation").joinpath("cli", "templates", f"{kind}.toml").read_text("utf-8")
     write_whole(file, text.replace("NAME", file.stem, 1))
     console = terminal.console()
-    console.print(f"{file}: {'an' if kind == 'arm' else 'a'} {kind}; put in your own numbers", soft_wrap=True)
+    what = {"arm": "an arm", "bodies": "bodies and joints"}.get(kind, f"a {kind}")
+    console.print(f"{file}: {what}; put in your own numbers", soft_wrap=True)
     if kind == "sheet":
         nexts = f"validate diagnose READINGS.csv --sheet {file} --out DIR, validate calibrate with the same words"
         console.print(f"next: {nexts}", soft_wrap=True, highlight=False)

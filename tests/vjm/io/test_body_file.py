@@ -1,0 +1,261 @@
+"""Files of bodies and joints: the same machines as chain files, written by places, and what is wrong with one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vjm
+from vjm.io.errors import ModelFileError
+from vjm.io.machine_file import load_machine
+from vjm.model.chain import Chain
+from vjm.postures import in_posture
+from vjm.tree.equilibria import equilibria
+from vjm.tree.model import TreeModel
+
+HEAD = """
+format = 1
+kind = "bodies"
+name = "NAME"
+title = "a machine of a test"
+source = "made up"
+units = { length = "mm", force = "N", angle = "rad" }
+"""
+TUBE = "{ EA_N = 1.4778e8, GJ_Nmm2 = 4.4897e10, EIy_Nmm2 = 5.82e10, EIz_Nmm2 = 5.82e10 }"
+BAR = "{ EA_N = 8.4e7, GJ_Nmm2 = 1.8222e9, EIy_Nmm2 = 2.8e9, EIz_Nmm2 = 2.8e9 }"
+
+
+def written(folder: Path, text: str, name: str = "machine") -> Path:
+    file = folder / f"{name}.toml"
+    file.write_text(HEAD.replace("NAME", name) + text, encoding="utf-8")
+    return file
+
+
+def at(point) -> str:
+    return str([float(v) for v in point])
+
+
+def about_y(angle, length) -> np.ndarray:
+    """A link along x that is turned about y."""
+    return length * np.array([np.cos(angle), 0.0, -np.sin(angle)])
+
+
+def palletiser() -> str:
+    """The library's, by where its pins are at home: shoulder -1.3, elbow 1.5, lever 0.2 behind it."""
+    column = np.array([150.0, 0.0, 500.0])
+    elbow = column + about_y(-1.3, 600.0)
+    wrist, rear = elbow + about_y(0.2, 700.0), elbow - about_y(0.2, 200.0)
+    lever = column - about_y(0.2, 200.0)
+    tool = wrist + np.array([-np.sin(0.2), 0.0, -np.cos(0.2)]) * 50.0
+    balance = column + about_y(-1.3, 150.0)
+    return f"""
+end = {{ body = "tool", at_mm = {at(tool)}, turns = [{{ turn_about = "y", angle_deg = {np.rad2deg(0.2)} }}] }}
+
+[[bodies]]
+name = "column"
+[[bodies]]
+name = "upper-arm"
+mass_kg = 25.0
+centre_of_mass_mm = {at(column + about_y(-1.3, 300.0))}
+[[bodies]]
+name = "rear"
+[[bodies]]
+name = "tool"
+mass_kg = 30.0
+centre_of_mass_mm = {at(tool)}
+[[bodies]]
+name = "lever"
+[[bodies]]
+name = "rod-foot"
+[[bodies]]
+name = "rod-head"
+
+[[joints]]
+name = "waist"
+kind = "actuated"
+between = ["ground", "column"]
+at_mm = [0.0, 0.0, 0.0]
+axis = "z"
+compliance_rad_per_Nmm = 1e-10
+[[joints]]
+name = "shoulder"
+kind = "actuated"
+between = ["column", "upper-arm"]
+at_mm = {at(column)}
+axis = "y"
+drawn = -1.3
+compliance_rad_per_Nmm = 5e-10
+[[joints]]
+name = "lever-drive"
+kind = "actuated"
+between = ["column", "lever"]
+at_mm = {at(column)}
+axis = "y"
+drawn = 0.2
+compliance_rad_per_Nmm = 5e-10
+[[joints]]
+name = "elbow"
+between = ["upper-arm", "rear"]
+at_mm = {at(elbow)}
+axis = "y"
+[[joints]]
+name = "rod-low"
+between = ["rod-foot", "lever"]
+at_mm = {at(lever)}
+axis = "y"
+[[joints]]
+name = "rod-high"
+between = ["rod-head", "rear"]
+at_mm = {at(rear)}
+axis = "y"
+
+[[beams]]
+name = "forearm"
+between = ["rear", "tool"]
+from_mm = {at(elbow)}
+to_mm = {at(wrist)}
+section = {TUBE}
+[[beams]]
+name = "rod"
+between = ["rod-foot", "rod-head"]
+from_mm = {at(lever)}
+to_mm = {at(rear)}
+section = {BAR}
+
+[[point_springs]]
+name = "compensator"
+between = ["column", "upper-arm"]
+points_mm = [[0.0, 0.0, 250.0], {at(balance)}]
+stiffness_N_per_mm = 15.0
+free_length_mm = 150.0
+
+[postures]
+low = {{ shoulder = -1.0, lever-drive = 0.4 }}
+"""
+
+
+def loaded(machine, posture):
+    model = TreeModel(machine)
+    return equilibria(model, model.posture(posture), gravity=(0.0, 0.0, -9.81))
+
+
+def test_the_palletiser_by_its_pins_is_that_of_the_library(tmp_path):
+    """Another tree, other frames and another place where its loop is cut; the same equilibria under weight."""
+    own, known = load_machine(written(tmp_path, palletiser())), load_machine("palletiser")
+    assert [closure.name for closure in own.closures] == ["rod-high-loop"]
+    posed, low = in_posture(known, "waist=0,shoulder=-1.0,lever-drive=0.4")
+    for label, other, machine in (("drawn", "home", known), ("low", low, posed)):
+        found, wanted = loaded(own, label), loaded(machine, other)
+        assert found.stable.all()
+        assert wanted.stable.all()
+        # numbers of the two files agree to rounding of angles in degrees
+        assert found.position == pytest.approx(wanted.position, abs=1e-8)
+        assert found.deflection == pytest.approx(wanted.deflection, abs=1e-9)
+        assert found.stiffness == pytest.approx(wanted.stiffness, rel=1e-6, abs=1e-6 * wanted.stiffness.max())
+
+
+def test_a_chain_by_its_places_is_the_library_s_chain_with_the_same_stiffness(tmp_path):
+    text = f"""
+end = {{ body = "tool", at_mm = [900.0, 0.0, 0.0] }}
+[[bodies]]
+name = "link"
+[[bodies]]
+name = "tool"
+[[joints]]
+name = "shoulder"
+kind = "actuated"
+between = ["link", "ground"]
+at_mm = [0.0, 0.0, 0.0]
+axis = "z"
+compliance_rad_per_Nmm = 1e-8
+[[beams]]
+name = "upper"
+between = ["tool", "link"]
+from_mm = [900.0, 0.0, 0.0]
+to_mm = [0.0, 0.0, 0.0]
+section = {TUBE}
+"""
+    machine = load_machine(written(tmp_path, text))
+    found = loaded(machine, "drawn")
+    # end deflection by unit forces: gear along y, bending, tension
+    C = found.compliance[0, 0]
+    assert C[0, 0] == pytest.approx(900.0 / 1.4778e8, rel=1e-9)
+    assert C[1, 1] == pytest.approx(900.0**3 / (3.0 * 5.82e10) + 900.0**2 * 1e-8, rel=1e-9)
+    assert C[2, 2] == pytest.approx(900.0**3 / (3.0 * 5.82e10), rel=1e-9)
+
+
+def test_a_body_on_three_ball_rods_is_held_by_the_sum_of_their_stiffnesses(tmp_path):
+    """Six struts with balls at both ends, three pairs: K = Σ k u uᵀ for the place; rods may spin."""
+    rng = np.random.default_rng(4)
+    tops = [
+        100.0 * np.array([np.cos(a), np.sin(a), 0.0]) + [0, 0, 400.0]
+        for a in np.deg2rad([0, 60, 120, 180, 240, 300])
+    ]
+    feet = [300.0 * np.array([np.cos(a), np.sin(a), 0.0]) for a in np.deg2rad([50, 10, 170, 130, 290, 250])]
+    text = 'end = { body = "top", at_mm = [0.0, 0.0, 400.0] }\n[[bodies]]\nname = "top"\n'
+    K = np.zeros((6, 6))
+    for i, (foot, top) in enumerate(zip(feet, tops, strict=True)):
+        EA = float(rng.uniform(1e6, 2e6))
+        text += f"""
+[[bodies]]
+name = "foot{i}"
+[[bodies]]
+name = "head{i}"
+[[joints]]
+name = "low{i}"
+kind = "universal"
+axes = ["x", "y"]
+between = ["ground", "foot{i}"]
+at_mm = {at(foot)}
+[[beams]]
+name = "rod{i}"
+between = ["foot{i}", "head{i}"]
+from_mm = {at(foot)}
+to_mm = {at(top)}
+section = {{ EA_N = {EA}, GJ_Nmm2 = 1e9, EIy_Nmm2 = 1e9, EIz_Nmm2 = 1e9 }}
+[[joints]]
+name = "high{i}"
+kind = "ball"
+between = ["head{i}", "top"]
+at_mm = {at(top)}
+"""
+        u = (top - foot) / np.linalg.norm(top - foot)
+        J = np.concatenate([u, np.cross(top - [0, 0, 400.0], u)])
+        K += EA / np.linalg.norm(top - foot) * np.outer(J, J)
+    machine = load_machine(written(tmp_path, text))
+    found = loaded(machine, "drawn")
+    assert len(machine.closures) == 5
+    assert found.stiffness[0, 0] == pytest.approx(K, rel=1e-9, abs=1e-9 * np.abs(K).max())
+
+
+def test_a_file_of_bodies_is_loaded_like_any_other(tmp_path):
+    machine = vjm.load(written(tmp_path, palletiser()))
+    assert isinstance(machine, Chain)
+    assert set(machine.postures) == {"drawn", "low"}
+    assert machine.held["low"]["shoulder"] == -1.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('["column", "lever"]', '["colum", "lever"]', "no body 'colum'; did you mean 'column'?"),
+        ('name = "rear"', 'name = "elbow"', "stands twice"),
+        ('name = "lever"\n', 'name = "lever"\n[[bodies]]\nname = "loose"\n', "body 'loose' is connected to"),
+        ("mass_kg = 25.0\ncentre", "mass_kg = 25.0\n#", "body 'upper-arm' has mass_kg but no centre_of_mass_mm"),
+        ('"actuated"\nbetween = ["ground"', '"ball"\nbetween = ["ground"', "of kind 'ball' takes no axis"),
+        ("low = { shoulder", "low = { sholder", "no joint 'sholder'; did you mean 'shoulder'?"),
+        ("axis = \"y\"\ndrawn", "axis = [1.0, 1.0, 0.0]\ndrawn", "write the unit vector"),
+        ("EA_N = 8.4e7", "EA_N = -8.4e7", "part 'rod'"),
+        ('name = "rod-foot"', 'name = "rod-foot"\nmas_kg = 1.0', "unknown key 'mas_kg'"),
+        ("{ shoulder = -1.0", "{ elbow = 1.0, shoulder = -1.0", "no held joint 'elbow'"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_in_one_line(tmp_path, old, new, said):
+    text = palletiser()
+    assert old in text
+    file = written(tmp_path, text.replace(old, new, 1))
+    with pytest.raises(ModelFileError) as error:
+        load_machine(file)
+    assert said in str(error.value)
+    assert str(error.value).startswith("machine.toml: ")
+    assert "\n" not in str(error.value)
