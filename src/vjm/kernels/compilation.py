@@ -24,6 +24,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 # its type stubs lack the options that follow, and what tells of events
 njit: Any = numba.njit
 register: Any = events.register
+unliteral: Any = numba.types.unliteral
 
 
 def kernel(function: Function) -> Function:
@@ -45,8 +46,8 @@ def _kept_with_all_sources(compiled: Function, function: Function) -> Function:
     template: Callable[..., object] = getattr(compiled, "get_call_template")  # noqa: B009
 
     def without_literals(args: tuple[object, ...], named: dict[str, object]) -> object:
-        plain = {name: numba.types.unliteral(kind) for name, kind in named.items()}
-        return template(tuple(numba.types.unliteral(kind) for kind in args), plain)
+        plain = {name: unliteral(kind) for name, kind in named.items()}
+        return template(tuple(map(unliteral, args)), plain)
 
     vars(compiled)["get_call_template"] = without_literals
     kept = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
