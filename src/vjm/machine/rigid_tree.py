@@ -232,3 +232,16 @@ def difference(start: Array, stop: Array) -> Array:
         small, np.where(cosine > 0.0, 1.0, np.nan), np.arctan2(sine, cosine) / np.where(small, 1.0, sine)
     )
     return np.concatenate([stop[:, :3, 3] - start[:, :3, 3], w * factor[:, None]], axis=1)
+
+
+def displaced_frames(T: Array, displacement: Array) -> Array:
+    """Frames ``(g, 4, 4)`` after displacements ``(g, 6)``, as `vjm.rotations.displaced`, mm and rad."""
+    w = displacement[:, 3:]
+    angle = np.linalg.norm(w, axis=1)[:, None, None]
+    result = T.copy()
+    result[:, :3, 3] += displacement[:, :3]
+    W = np.cross(w[:, None, :], np.eye(3)).transpose(0, 2, 1)
+    # sine and versine over the angle and its square; of sin(x) / x nothing is lost at zero
+    sine, half = np.sinc(angle / np.pi), np.sinc(0.5 * angle / np.pi)
+    result[:, :3, :3] = (np.eye(3) + sine * W + 0.5 * half**2 * (W @ W)) @ T[:, :3, :3]
+    return result
