@@ -40,8 +40,11 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
             bow: deflection ``(n,)`` of the coordinates, the support's included, with which the chain is built.
 
         Raises:
-            ValueError: the chain has no such part or posture, or what is free makes it a mechanism.
+            ValueError: the chain has no such part or posture, what is free makes it a mechanism, or the ramped load
+                moves nothing.
         """
+        if _moves_nothing(load_case):
+            raise ValueError("the ramped load acts on held components only: free those that it drives, see --free")
         x0 = model.configuration(model.chain.posture(load_case.posture))
         self._loading, self._on_tool, self._watched = loading_of(model, x0, load_case)
         self._end_condition = held(model, load_case)
@@ -176,3 +179,12 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
                     f"the posture does not bear its {borne}: stable up to {at.load:.3g} of them"
                 )
         return Configuration(self.model, at.x, at.wrench, at.residual, at.iterations, 0.0)
+
+
+def _moves_nothing(load_case: LoadCase) -> bool:
+    """Whether the ramp drives dead loads on the end-effector alone, where its pose is held."""
+    ramped = [load for load in load_case.loads if load.ramped]
+    if not load_case.load_driven or load_case.weight_ramped or any(load.part or load.follower for load in ramped):
+        return False
+    free = [name in load_case.free for name in COMPONENTS]
+    return not any(np.any(np.array(load.wrench)[free]) for load in ramped)

@@ -7,11 +7,12 @@ a straight way from home, on which the machine keeps its branch.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
+from vjm.machine.mobility import Mobility, least_norm, mobility_of
 from vjm.machine.rigid_tree import RigidTree, difference, displaced_frames
 from vjm.machine.ways import CLOSED, Ways, follow, least_squares
 from vjm.model.chain import Chain
@@ -21,35 +22,12 @@ from vjm.rotations import Array
 
 ITERATIONS, EXACT = 12, 8
 """Of Newton's method, and from which of them on singular values are looked at: near a singularity."""
-SINGULAR = 1e-6
-"""Singular value over the largest below which a motion or a constraint is lost."""
 HOME_GAP = 0.05
 """Gap over the machine's length up to which a posture of a file is taken to be rounded."""
-NEGLIGIBLE = 1e-9
-"""Singular value over the largest that Newton's step leaves out: what redundant constraints leave to rounding."""
 
 
 class PoseError(ValueError):
     """A pose that the rigid machine cannot take; the message says why."""
-
-
-@dataclass(frozen=True)
-class Mobility:
-    """What a rigid machine can do in a posture.
-
-    Attributes:
-        freedom: independent motions of the end-effector with the drives free.
-        loose: motions ``(6, k)`` of the end-effector with the drives held, world axes, lengths over the machine's.
-        idle: names of the passive joints of each group that moves with end-effector and drives at rest.
-        idle_freedom: number of those motions.
-        redundant: constraints beyond those that are needed: that many self-stresses are possible.
-    """
-
-    freedom: int
-    loose: Array
-    idle: tuple[tuple[str, ...], ...]
-    idle_freedom: int
-    redundant: int
 
 
 class Closing:
@@ -335,17 +313,7 @@ class Closing:
     def mobility(self, q: Array) -> Mobility:
         """Freedom, idle motions and redundant constraints at coordinates ``(n,)``, by rank."""
         J, end = self._derivatives(q)
-        passive = self.tree.passive
-        free, held = _null(J), _null(J[:, passive])
-        idle = _null(np.vstack([J, end])[:, passive])
-        names = [name for name, is_passive in zip(self.tree.names, passive, strict=True) if is_passive]
-        return Mobility(
-            freedom=_span(end @ free).shape[1],
-            loose=_span(end[:, passive] @ held),
-            idle=_groups(names, idle),
-            idle_freedom=idle.shape[1],
-            redundant=int(len(J) - (J.shape[1] - free.shape[1])),
-        )
+        return mobility_of(J, end, self.tree.passive, self.tree.names)
 
     def posture(self, q: Array) -> tuple[Array, dict[str, float]]:
         """Passive coordinates ``(n_q,)``, and held ones by name, of coordinates ``(n,)``; mm and rad."""
@@ -397,48 +365,3 @@ def closed(machine: Chain, end: Array | None = None) -> Chain:
 
 def _words(displacement: Array) -> str:
     return ",".join(f"{v:g}" for v in displacement)
-
-
-def least_norm(A: Array, b: Array) -> Array:
-    """Solutions ``(g, n)`` of ``A x = b`` by least squares, of least norm; A is ``(g, r, n)``, b ``(g, r)``."""
-    U, s, Vt = np.linalg.svd(A, full_matrices=False)
-    kept = s > NEGLIGIBLE * s.max(axis=1, initial=0.0, keepdims=True)
-    y = np.einsum("grk,gr->gk", U, b) * np.where(kept, 1.0 / np.where(kept, s, 1.0), 0.0)
-    result: Array = np.einsum("gkn,gk->gn", Vt, y)
-    return result
-
-
-def _null(A: Array) -> Array:
-    """Orthonormal basis ``(n, k)`` of a null space."""
-    if not A.size:
-        return np.eye(A.shape[1])
-    _, s, Vt = np.linalg.svd(A)
-    rank = int(np.count_nonzero(s > SINGULAR * s[0]))
-    result: Array = Vt[rank:].T
-    return result
-
-
-def _span(A: Array) -> Array:
-    """Orthonormal basis ``(r, k)`` of what the columns of a matrix span."""
-    if not A.size:
-        return np.zeros((len(A), 0))
-    U, s, _ = np.linalg.svd(A)
-    result: Array = U[:, : int(np.count_nonzero(s > SINGULAR))]
-    return result
-
-
-def _groups(names: Sequence[str], motions: Array) -> tuple[tuple[str, ...], ...]:
-    """Joints that move together in motions ``(n, k)``: what is apart in them is a group of its own."""
-    together = np.abs(motions @ motions.T) > SINGULAR
-    groups: list[tuple[str, ...]] = []
-    seen = np.zeros(len(names), dtype=bool)
-    for first in np.flatnonzero(np.diag(together)).tolist():
-        if seen[first]:
-            continue
-        group = np.zeros(len(names), dtype=bool)
-        group[first] = True
-        while np.any(grown := together[group].any(axis=0) & ~group):
-            group |= grown
-        seen |= group
-        groups.append(tuple(names[i] for i in np.flatnonzero(group).tolist()))
-    return tuple(groups)

@@ -193,10 +193,14 @@ def test_a_drive_that_is_off_moves_the_platform(robot):
             LoadCase("isotropic", 1.0, "load", loads=(Load((1.0, 0, 0, 0, 0, 0), "link"),)),
             "no part 'link' with points",
         ),
+        (
+            LoadCase("isotropic", 1.0, "load", loads=(Load((1.0, 0, 0, 0, 0, 0)),)),
+            "held components only",
+        ),
         (LoadCase("nowhere", 1.0), "no pose 'nowhere'"),
     ],
 )
-def test_load_cases_that_name_nothing_of_the_machine_are_refused(robot, load_case, words):
+def test_load_cases_that_move_or_name_nothing_of_the_machine_are_refused(robot, load_case, words):
     with pytest.raises(ValueError, match=words):
         VjmEngine().problem(*in_pose(robot("orthoglide"), load_case))
 
