@@ -14,14 +14,14 @@ import numpy as np
 
 from vjm.machine.mobility import Mobility, least_norm, mobility_of
 from vjm.machine.rigid_tree import RigidTree, difference, displaced_frames
-from vjm.machine.ways import CLOSED, Ways, follow, least_squares
+from vjm.machine.ways import CLOSED, DAMPED, Ways, follow
 from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import COMPONENTS
 from vjm.rotations import Array
 
-ITERATIONS, EXACT = 12, 8
-"""Of Newton's method, and from which of them on singular values are looked at: near a singularity."""
+ITERATIONS, EXACT = 8, 4
+"""Of Newton's method by normal equations, and by singular values where those do not close."""
 HOME_GAP = 0.05
 """Gap over the machine's length up to which a posture of a file is taken to be rounded."""
 
@@ -54,7 +54,7 @@ class Closing:
         self.tree = RigidTree(machine)
         self._six = np.repeat([self.tree.length, 1.0], 3)
         q = self.tree.posture(home) if isinstance(home, str) else self.tree.coordinates(home)
-        self.end = self.tree.end_motion(self.tree.state(q[None]))[0][0]
+        self.end = self.tree.end_frames(q[None])[0]
         self._refuse_open(q, HOME_GAP, "at home")
         # a rounded file: drives stand where it has them, where the loops close so
         nothing, wanted = np.zeros(len(q), dtype=bool), None if end is None else end[None]
@@ -63,14 +63,14 @@ class Closing:
             there, left = self.solve(q[None], nothing, wanted)
             if not left[0] < CLOSED:
                 self._refuse_open(there[0], CLOSED, "at home")
-                stands = self.tree.end_motion(self.tree.state(there))[0]
+                stands = self.tree.end_frames(there)
                 missed = self._said(difference(stands, stands if end is None else end[None])[0] / self._six)
                 raise PoseError(
                     f"{machine.name}: with its loops closed at home the end-effector stays {missed} from its "
                     f"place; check that place, and the coordinates at home"
                 )
         self.home = there[0]
-        self.end = self.tree.end_motion(self.tree.state(there))[0][0]
+        self.end = self.tree.end_frames(there)[0]
 
     def solve(
         self,
@@ -90,15 +90,21 @@ class Closing:
         Returns:
             Closed coordinates ``(g, n)`` and the largest gap ``(g,)`` that is left of each.
         """
-        tree, q = self.tree, q.copy()
-        free, rows = ~fixed, np.asarray(components, dtype=bool)
+        # imported when it is asked for: compiled code takes longer to load than a model file
+        from vjm.machine.rigid_kernel import close
+
+        tree, q = self.tree, np.array(q, dtype=float, order="C")
+        free, rows = np.flatnonzero(~fixed), np.flatnonzero(np.asarray(components, dtype=bool))
         left = np.full(len(q), np.inf)
-        active = np.arange(len(q))
-        for iteration in range(ITERATIONS + 1):
-            state = tree.state(q[active])
-            gap, J = tree.closing(q[active], state)
+        aim = np.zeros((0, 4, 4)) if wanted is None else np.ascontiguousarray(wanted, dtype=float)
+        close(tree.arrays, q, free, aim, rows, DAMPED, CLOSED, ITERATIONS, left)
+        # near a singularity what is damped converges slowly: there singular values are looked at
+        active = np.flatnonzero(np.isfinite(left) & (left >= CLOSED))
+        for iteration in range(EXACT + 1):
+            if not len(active):
+                break
+            gap, J, end, J_end = tree.linearised(q[active])
             if wanted is not None:
-                end, J_end = tree.end_motion(state)
                 miss = difference(wanted[active], end) / self._six
                 gap = np.concatenate([gap, miss[:, rows]], axis=1)
                 J = np.concatenate([J, J_end[:, rows]], axis=1)
@@ -106,15 +112,12 @@ class Closing:
             left[active] = size
             going = np.isfinite(size) & (size >= CLOSED)
             active, gap, J = active[going], gap[going], J[going]
-            if not len(active) or iteration == ITERATIONS:
+            if not len(active) or iteration == EXACT:
                 break
-            if iteration < EXACT:
-                step = -least_squares(J[:, :, free], gap[:, :, None])[:, :, 0]
-            else:
-                step = -least_norm(J[:, :, free], gap)
+            step = -least_norm(J[:, :, free], gap)
             largest = np.abs(step).max(axis=1, initial=1e-300)
             step *= np.minimum(1.0, 0.5 / largest)[:, None]
-            q[np.ix_(active, np.flatnonzero(free))] += step * tree.unit[free]
+            q[np.ix_(active, free)] += step * tree.unit[free]
         return q, left
 
     def displaced(self, displacement: Array, components: Sequence[bool] = (True,) * 6) -> Array:
@@ -138,6 +141,9 @@ class Closing:
         Each is reached on a straight way from the nearest one that is known, without passing a singularity.
         Limits of joints are not looked at.
         """
+        # imported when it is asked for: one posture needs no neighbours
+        from scipy.spatial import cKDTree
+
         g, unit = len(displacements), np.repeat([1.0 / self.tree.length, 1.0], 3)
         q, reached = np.tile(self.home, (g, 1)), np.zeros(g, dtype=bool)
         places = displacements * unit
@@ -148,7 +154,7 @@ class Closing:
         while done < g:
             # as many more as are known already
             rows = order[done : done + len(known)]
-            near = np.argmin(((places[rows][:, None] - known[None]) ** 2).sum(axis=2), axis=1)
+            near = cKDTree(known).query(places[rows])[1]
             ways = self._towards(stands[near], displacements[rows])
             q[rows], reached[rows] = ways.q, ways.arrived
             known, stands = (
@@ -163,7 +169,7 @@ class Closing:
         rows = np.asarray(components, dtype=bool)
         nothing = np.zeros(len(self.home), dtype=bool)
         wanted = displaced_frames(np.tile(self.end, (len(start), 1, 1)), displacements)
-        begin = self.tree.end_motion(self.tree.state(start))[0]
+        begin = self.tree.end_frames(start)
         # from home it is the displacement itself, also where that is half a turn or more
         way = displacements if len(start) == 1 else difference(begin, wanted)
         drives = int(np.count_nonzero(~self.tree.passive))
@@ -242,7 +248,7 @@ class Closing:
 
     def _gaps(self, q: Array) -> tuple[str, Array]:
         """The closure that is open the most, and its gap: lengths over the machine's, rad."""
-        gap = self.tree.closing(q[None])[0][0]
+        gap = self.tree.linearised(q[None])[0][0]
         if not len(gap):
             return "", gap
         worst = self.tree.row_names[int(np.nanargmax(np.abs(gap)))]
@@ -307,8 +313,8 @@ class Closing:
 
     def _derivatives(self, q: Array) -> tuple[Array, Array]:
         """Derivatives ``(r, n)`` of the gaps and ``(6, n)`` of the end-effector."""
-        state = self.tree.state(q[None])
-        return self.tree.closing(q[None], state)[1][0], self.tree.end_motion(state)[1][0]
+        _, J, _, J_end = self.tree.linearised(q[None])
+        return J[0], J_end[0]
 
     def mobility(self, q: Array) -> Mobility:
         """Freedom, idle motions and redundant constraints at coordinates ``(n,)``, by rank."""

@@ -170,7 +170,7 @@ def machine_of(manipulator: Manipulator) -> Chain:
     ends = {}
     if too_long or off:
         tree = RigidTree(machine)
-        ends = {each: tree.end_motion(tree.state(tree.posture(each)[None]))[0][0] for each in machine.postures}
+        ends = {each: tree.end_frames(tree.posture(each)[None])[0] for each in machine.postures}
     return replace(machine, parts=tuple(parts), held=held, nominal_ends=ends)
 
 

@@ -90,26 +90,11 @@ def moved_by_drives(tree: RigidTree, q: Array) -> Array:
 
     Lengths are over the machine's, coordinates over their units.
     """
-    state = tree.state(q)
-    J, (_, end) = tree.closing(q, state)[1], tree.end_motion(state)
-    passive = tree.passive
-    follows = least_squares(J[:, :, passive], J[:, :, ~passive])
-    result: Array = end[:, :, ~passive] - end[:, :, passive] @ follows
-    return result
+    from vjm.machine.rigid_kernel import answers
 
-
-def least_squares(A: Array, b: Array) -> Array:
-    """Solutions ``(g, n, k)`` of ``A x = b`` by least squares; A is ``(g, r, n)``, b ``(g, r, k)``.
-
-    By the normal equations, a little damped: what nothing holds hardly moves. As steps of Newton's method they
-    converge where singular values over the largest are some 1e-6 or more.
-    """
-    At = np.swapaxes(A, 1, 2)
-    gram: Array = At @ A
-    n = np.arange(A.shape[2])
-    largest = gram[:, n, n].max(axis=1, initial=0.0, keepdims=True)
-    gram[:, n, n] += DAMPED * np.where(largest > 0.0, largest, 1.0)
-    result: Array = np.linalg.solve(gram, At @ b)
+    passive, driven = np.flatnonzero(tree.passive), np.flatnonzero(~tree.passive)
+    result = np.empty((len(q), 6, len(driven)))
+    answers(tree.arrays, np.ascontiguousarray(q), passive, driven, DAMPED, result)
     return result
 
 

@@ -153,8 +153,10 @@ def _of_platform(manipulator: Manipulator, label: str) -> Geometry:
     found.joints = [joint for joint in found.joints if joint.name not in drives]
     centres: dict[str, Array] = {}
     for leg in manipulator.legs:
-        # the first leg that ends on a body carries it
-        centre = centres.setdefault(leg.end, frames[f"{leg.name}/{ATTACHMENT}"][1][:3, 3])
+        if leg.end not in centres:
+            # the first leg that ends on a body carries it
+            centres[leg.end] = frames[f"{leg.name}/{ATTACHMENT}"][1][:3, 3]
+        centre = centres[leg.end]
         point = frames[f"{leg.name}/{leg.chain.parts[-1].name}"][1][:3, 3]
         if np.linalg.norm(point - centre) > 1e-6:
             found.lines.append(Line(leg.end, BODY, np.array([centre, point])))
