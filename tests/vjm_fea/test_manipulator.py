@@ -7,7 +7,7 @@ import pytest
 
 from vjm.continuation.arc_length import ArcControl, trace
 from vjm.continuation.path import EventKind
-from vjm.engines import trace_machine
+from vjm.engines import engine_by_name, trace_machine
 from vjm.io.manipulator_file import load_manipulator
 from vjm.machine.legs import in_pose
 from vjm.machine.loaded_legs import giving_way, leg_wrenches
@@ -105,6 +105,13 @@ def test_a_platform_let_go_in_part_moves_as_in_exudyn(name, axis, to, free):
             assert a[part] == pytest.approx(b[part], abs=2e-3 * max(np.abs(b[part]).max(), small))
     gone = [COMPONENTS.index(component) for component in free]
     assert np.all(np.abs(ours.displacement[gone]) > 1e-4)
+
+
+@pytest.mark.parametrize("engine", ["vjm-linear", "vjm-unloaded-jacobian", "msa", "opensees"])
+def test_engines_that_begin_without_forces_refuse_errors_of_assembly(engine):
+    machine = load_manipulator("orthoglide").with_errors({"x": {"link": 0.2}})
+    with pytest.raises(ValueError, match="does not take errors of assembly: .* take vjm or exudyn"):
+        trace_machine(engine_by_name(engine), machine, LoadCase("Q1", 0.1))
 
 
 def test_exudyn_builds_no_bows():

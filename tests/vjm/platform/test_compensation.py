@@ -39,6 +39,19 @@ def test_a_drives_own_offset_is_taken_back(robot):
     assert found.q_loaded[0, y] == pytest.approx(found.q[0, y], abs=1e-9)
 
 
+def test_many_poses_of_a_machine_built_wrong_are_compensated_at_once(robot):
+    machine = robot("orthoglide").with_errors({"x": {"link": 0.2}})
+    poses = np.array([[0.0, 0, 0, 0, 0, 0], [40.0, -20.0, 30.0, 0, 0, 0]])
+    wrenches = np.array([[-200.0, 100.0, 50.0, 0, 0, 0], [0.0, 0.0, -300.0, 0, 0, 0]])
+    found = compensated_platform(machine, poses, wrenches, VjmEngine(1))
+    assert np.linalg.norm(found.loaded[:, :3], axis=1).max() < 1e-7
+    # the linear model knows the design alone: the error of the beam is left
+    assert np.abs(found.linear[:, 0] - 0.2).max() < 0.05
+    for k in range(2):
+        alone = compensated(machine, poses[k], wrenches[k])
+        assert alone.q_loaded[0] == pytest.approx(found.q_loaded[k], abs=1e-8)
+
+
 def test_a_robot_with_revolute_drives(robot):
     machine = robot("delta")
     found = compensated(machine, machine.displacement("side"), np.array([10.0, 0, -20.0, 0, 0, 0]))

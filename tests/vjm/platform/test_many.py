@@ -1,6 +1,5 @@
 """Platforms by the thousand: the batch against paths of single ones, critical forces, refusals."""
 
-import time
 from dataclasses import replace
 from functools import cache
 
@@ -102,23 +101,3 @@ def test_a_machine_with_errors_of_assembly_stands_where_its_single_poses_do(robo
 def test_directions_of_legs_in_a_row_are_tried_once():
     x, y = np.eye(3)[:2]
     assert len(distinct(np.array([x, -x, x + 0.01 * y, y, y]))) == 2
-
-
-@pytest.mark.slow
-def test_a_million_platforms_a_minute_on_two_cores(robot):
-    # 120 µs of processor time each on either of two cores. The least of some runs: what other processes take from
-    # the caches is not the code's
-    rng = np.random.default_rng(0)
-    axis = np.linspace(-73.65, 126.35, 21)
-    grid = np.array(np.meshgrid(axis, axis, axis, indexing="ij")).reshape(3, -1).T[:1500]
-    poses = np.hstack([grid, np.zeros_like(grid)])
-    forces = np.zeros((len(poses), 6))
-    forces[:, :3] = 150.0 * rng.standard_normal((len(poses), 3))
-    machine().equilibria(poses[:2], forces[:2])
-    spent = []
-    for _ in range(8):
-        started = time.process_time()
-        found = machine().equilibria(poses, forces)
-        spent.append((time.process_time() - started) / len(poses))
-        assert found.solved.all()
-    assert min(spent) < 120e-6
