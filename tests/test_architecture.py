@@ -50,7 +50,6 @@ ROOMS = ("rotations", "kernels", "model", "statics", "sensitivity", "tree", "con
 LONGEST_MODULE = 400
 LONGER = {
     "src/vjm/baselines/msa.py": "one assembly of elements, bodies, joints and conditions",
-    "src/vjm/machine/closing.py": "Newton's method that closes loops, with every message on how it fails",
     "src/vjm_updating/poses/readings.py": "one table of columns, with every message on what is wrong with it",
     "src/vjm_updating/poses/study.py": "one study: its halves use what the study holds",
     "tests/helpers/virtual_work.py": "an independent solver that shares nothing with any other module",

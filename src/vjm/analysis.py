@@ -19,13 +19,12 @@ from vjm.loaded_stiffness import (
     LoadedStiffness,
     held_by_itself,
     of_free_end,
-    of_unloaded_platform,
     under_wrench,
 )
 from vjm.model.chain import Chain
+from vjm.model.end_condition import RigidDirectionError
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.platform.manipulator import Machine, Manipulator
-from vjm.platform.rigid_legs import RigidLegError
 from vjm.postures import Posture, in_posture
 from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
@@ -201,10 +200,14 @@ def stiffness(
         )
     try:
         return _traced(machine, solver, label, control, values)
-    except RigidLegError:
+    except RigidDirectionError:
         if any(values) or not isinstance(machine, Manipulator) or not isinstance(solver, VjmEngine):
             raise
-        return of_unloaded_platform(machine, solver, label)
+        # the stiffness is infinite where the platform is rigid; the compliance of the free one is not
+        from vjm.machine.legs import in_pose
+
+        alone, _ = in_pose(machine, LoadCase(label, 1.0))
+        return replace(of_free_end(alone, solver, label, values), control=DISPLACEMENT)
 
 
 def buckling(

@@ -12,14 +12,14 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from typing import Any, Protocol
+from typing import Any
 
 from vjm.continuation.path import Path
 from vjm.engine import Engine
 from vjm.model.chain import USUAL_SEGMENTS, Chain
-from vjm.model.load_case import LoadCase, PointControl
+from vjm.model.load_case import LoadCase
 from vjm.model.parts import Placement
-from vjm.platform.manipulator import Machine, Manipulator
+from vjm.platform.manipulator import Machine
 from vjm.vjm_engine import VjmEngine
 
 DESCRIPTIONS = {
@@ -131,52 +131,19 @@ def _baseline(name: str) -> Engine:
     return known[name]
 
 
-class ManipulatorTracer(Protocol):
-    """What traces the path of a whole manipulator, as an `Engine` does that of a chain."""
-
-    def trace(
-        self, manipulator: Manipulator, load_case: LoadCase, progress: Callable[[float], None] | None = None
-    ) -> Path:
-        """Take the manipulator through the load case, see `Engine.trace`."""
-
-
-def for_manipulators(engine: Engine) -> ManipulatorTracer | None:
-    """The engine of the same name that traces legs on a platform by their sum; None where it takes any machine."""
-    if isinstance(engine, VjmEngine):
-        # platforms bring sparse linear algebra with them, which no chain needs
-        from vjm.platform.problem import ManipulatorEngine
-
-        return ManipulatorEngine(engine)
-    whole = getattr(engine, "for_manipulators", None)
-    found: ManipulatorTracer | None = None if whole is None else whole()
-    return found
-
-
-def on_platform_only(load_case: LoadCase) -> bool:
-    """Whether nothing acts on a manipulator but dead wrenches on its platform, and no point steers the path."""
-    loaded = any(load.part or load.follower for load in load_case.loads)
-    return load_case.gravity is None and not loaded and not isinstance(load_case.control, PointControl)
-
-
 def trace_machine(
     engine: Engine, machine: Machine, load_case: LoadCase, progress: Callable[[float], None] | None = None
 ) -> Path:
     """The path of a machine under a load case.
 
-    A manipulator that is loaded elsewhere than on its platform is traced as the one tree of parts with closures
-    that it is, see `vjm.machine.legs.machine_of`; so it is by engines that take any machine.
+    A manipulator is traced as the one tree of parts with closures that it is, see `vjm.machine.legs.in_pose`.
 
     Raises:
         ValueError: the engine's own.
     """
     if isinstance(machine, Chain):
         return engine.trace(machine, load_case, progress)
-    whole = for_manipulators(engine) if on_platform_only(load_case) else None
-    if whole is not None:
-        return whole.trace(machine, load_case, progress)
-    # imported when they are asked for: closing loops takes linear algebra that no chain needs
-    from vjm.machine.legs import machine_of
-    from vjm.postures import in_posture
+    # imported when it is asked for: closing loops takes linear algebra that no chain needs
+    from vjm.machine.legs import in_pose
 
-    posed, label = in_posture(machine_of(machine), load_case.posture)
-    return engine.trace(posed, replace(load_case, posture=label), progress)
+    return engine.trace(*in_pose(machine, load_case), progress)

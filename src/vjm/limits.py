@@ -70,6 +70,10 @@ def _more_than_a_pose(_: Chain, load_case: LoadCase | None) -> str:
     return "the load case" if load_case is not None and not load_case.pose_only else ""
 
 
+def _misassembled(chain: Chain, _: LoadCase | None) -> str:
+    return f"{chain.name}" if chain.nominal_ends else ""
+
+
 VJM = "engine vjm takes them"
 PRESTRESS = Limit(
     "springs and closures under stress in this posture",
@@ -98,15 +102,21 @@ MESHED = Limit(
     "give it a section, or take vjm or vjm-paper, for which its matrix is enough",
 )
 MESHED_BUT_FOOT = Limit(MESHED.what, MESHED.why, _without_section_but_foot, MESHED.remedy)
+ASSEMBLED = Limit(
+    "errors of assembly",
+    "it begins at a posture in which all loops close without a force",
+    _misassembled,
+    "take vjm or exudyn",
+)
 BEAMS = Limit("machines without a beam", "it has elements of beams only", _no_beam, VJM)
 
 LIMITS: Mapping[str, tuple[Limit, ...]] = {
-    "vjm-linear": (PRESTRESS, RAMPS, PERFECT),
-    "vjm-unloaded-jacobian": (PRESTRESS, POSE),
-    "msa": (PRESTRESS, STRAIGHT, RAMPS, PERFECT),
+    "vjm-linear": (PRESTRESS, ASSEMBLED, RAMPS, PERFECT),
+    "vjm-unloaded-jacobian": (PRESTRESS, ASSEMBLED, POSE),
+    "msa": (PRESTRESS, ASSEMBLED, STRAIGHT, RAMPS, PERFECT),
     "exudyn": (STRAIGHT, MESHED, PERFECT),
     "exudyn-footspring": (STRAIGHT, MESHED_BUT_FOOT, PERFECT),
-    "opensees": (BEAMS, STRAIGHT, MESHED, PERFECT),
+    "opensees": (BEAMS, ASSEMBLED, STRAIGHT, MESHED, PERFECT),
 }
 """By engine; ``vjm`` and ``vjm-paper`` have none here."""
 

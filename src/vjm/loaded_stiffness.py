@@ -11,10 +11,6 @@ import numpy as np
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
 from vjm.model.load_case import Load
-from vjm.platform.loaded_manipulator import lumped
-from vjm.platform.manipulator import Manipulator
-from vjm.platform.rigid import inverse_kinematics
-from vjm.platform.rigid_legs import NO_COMPLIANCE, platform_compliance
 from vjm.rotations import Array, displacement_between
 from vjm.statics.equilibrium import solve_under_wrench
 from vjm.statics.stability import free_stability
@@ -29,6 +25,9 @@ if TYPE_CHECKING:
 
 DISPLACEMENT, WRENCH = "displacement", "wrench"
 """What is imposed on the end-effector."""
+NO_COMPLIANCE = 1e-12
+"""Over the largest, all lengths over the characteristic one: compliance that is none. Between that of a soft drive
+and of a stiff bearing lie seven decades, and rounding is four below these."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -218,41 +217,6 @@ def of_free_end(
             for name, torque in zip(model.joints, at.torques[0].tolist(), strict=True)
             if name not in passive
         },
-    )
-
-
-def of_unloaded_platform(manipulator: Manipulator, engine: VjmEngine, pose: str) -> LoadedStiffness:
-    """The unloaded stiffness of a platform that some leg may hold rigidly in some direction, by its compliance.
-
-    Args:
-        manipulator: the machine.
-        engine: how its beams become springs.
-        pose: label, or the platform's displacement from home.
-
-    Raises:
-        PoseError: the rigid machine cannot take the pose.
-        ValueError: in this pose the platform moves without straining a spring.
-    """
-    at = inverse_kinematics(manipulator, manipulator.displacement(pose))
-    C = platform_compliance(at, [lumped(engine, leg.chain) for leg in manipulator.legs])
-    rigid = rigid_wrenches(C, manipulator.characteristic_length)
-    K: Array = np.full((6, 6), np.inf) if len(rigid) else np.asarray(np.linalg.inv(C), dtype=float)
-    return LoadedStiffness(
-        model=manipulator.name,
-        model_sha256=manipulator.sha256,
-        engine=engine.label,
-        posture=pose,
-        control=DISPLACEMENT,
-        displacement=np.zeros(6),
-        wrench=np.zeros(6),
-        loaded=K,
-        unloaded=K,
-        eigenvalue=float("nan"),
-        iterations=None,
-        residual=0.0,
-        loaded_compliance=C,
-        unloaded_compliance=C,
-        rigid=rigid,
     )
 
 

@@ -29,7 +29,8 @@ class VjmEngine:
             compliance at the far end of each link, the paper's model.
         foot_segments: springs in the part named "foot", as ``parts`` says it of any; None: its own number.
         placement: where a spring sits in its segment.
-        parts: springs by the name of the beam, before all else; 1: its compliance at its tip, by (22).
+        parts: springs by the name of the beam, before all else; 1: its compliance at its tip, by (22). The name of
+            a part of a leg's chain is that of every leg's.
     """
 
     segments: int | None = None
@@ -67,7 +68,9 @@ class VjmEngine:
         Raises:
             ValueError: as `model`.
         """
-        numbers = chain.segment_numbers(self.segments, self.foot_segments) | dict(self.parts)
+        numbers = chain.segment_numbers(self.segments, self.foot_segments)
+        for name, n in self.parts:
+            numbers |= dict.fromkeys(chain.beams_named(name) or [name], n)
         return chain.refined(numbers, self.placement)
 
     def tree_model(self, chain: Chain) -> TreeModel:
@@ -84,6 +87,9 @@ class VjmEngine:
     def problem(self, chain: Chain, load_case: LoadCase) -> LumpedProblem:
         """The chain with this engine's springs under a load case, ready to be followed."""
         chain = chain.at(load_case.posture)
+        if chain.closes:
+            # what its loops hold too often is counted in its one posture
+            chain = replace(chain, postures={load_case.posture: chain.posture(load_case.posture)})
         model, bow = self.model(chain), None
         if load_case.imperfection:
             shape = buckling_shape(lambda perfect: LumpedProblem(model, perfect, self.label), load_case)

@@ -11,12 +11,12 @@ from vjm.continuation.load_grid import trace_grid
 from vjm.io.manipulator_file import load_manipulator
 from vjm.io.model_file import load_chain
 from vjm.kernels.derivatives import frame_derivatives
+from vjm.machine.platforms import PlatformBatch
 from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint
 from vjm.model.load_case import ARC, Load, LoadCase
 from vjm.model.parameters import compliance_factor, orientation
 from vjm.model.parts import RigidOffset
-from vjm.platform.batch_equilibria import packed_machine, platforms, weakest
 from vjm.rotations import AXES
 from vjm.sensitivity.gradients import wrench_sensitivity
 from vjm.statics.equilibrium import TOLERANCE
@@ -46,9 +46,7 @@ def main() -> None:
     arrays = model.arrays((0.0, 0.0, 0.0), moments=True)
     commands, naturals = model.values(found.q), model.naturals(found.q)
     frame_derivatives(arrays, commands, naturals, np.ones((1, 1, 6)), found.x)
-    machine = packed_machine(load_manipulator("orthoglide"), VjmEngine())
-    platforms(machine, np.zeros((1, 6)), np.zeros(6))
-    weakest(machine, np.zeros(6), 1.0)
+    PlatformBatch(load_manipulator("orthoglide"), VjmEngine()).weakest(np.zeros((1, 6)), 1.0)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import time
 import numpy as np
 
 from vjm.io.manipulator_file import load_manipulator
-from vjm.platform.batch_equilibria import packed_machine, platforms
+from vjm.machine.platforms import PlatformBatch
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.maps.evaluate import OK, MapTask, Quantity, evaluate
 from vjm_updating.maps.pose_grid import parsed_grid
@@ -29,14 +29,14 @@ def equilibria():
     Each platform is under a force of its own, 240 N on average.
     """
     robot = load_manipulator(ROBOT)
-    machine = packed_machine(robot, VjmEngine())
+    batch = PlatformBatch(robot, VjmEngine())
     axes = [np.linspace(a, b, 28) for a, b in zip(*robot.workspace, strict=True)]
     scan = np.array(np.meshgrid(*axes, indexing="ij")).reshape(3, -1).T[:POSES]
     wrenches = np.zeros((len(scan), 6))
     wrenches[:, :3] = 150.0 * np.random.default_rng(0).standard_normal((len(scan), 3))
     poses = np.hstack([scan, np.zeros_like(scan)])
-    platforms(machine, poses[:2], wrenches[:2])
-    return lambda: int(platforms(machine, poses, wrenches).solved.sum())
+    batch.equilibria(poses[:2], wrenches[:2])
+    return lambda: int(batch.equilibria(poses, wrenches).solved.sum())
 
 
 def weakest():

@@ -13,8 +13,7 @@ from vjm.model.closures import Closure
 from vjm.model.joints import ActuatedJoint
 from vjm.model.parts import PassiveJoint, RigidOffset
 from vjm.platform.manipulator import Manipulator
-from vjm.platform.rigid import home_pose, inverse_kinematics, mobility
-from vjm.rotations import Array, translation
+from vjm.rotations import displaced, translation
 
 ROBOTS = [entry.name for entry in manipulators()]
 SAME = 1e-9
@@ -30,35 +29,13 @@ def robot(request: pytest.FixtureRequest) -> tuple[Manipulator, Closing]:
     return manipulator, Closing(machine, label)
 
 
-def coordinates(closing: Closing, manipulator: Manipulator, displacement: Array) -> Array:
-    """What the legs' own kinematics have."""
-    pose = inverse_kinematics(manipulator, displacement)
-    values = {leg.name: float(v) for leg, v in zip(manipulator.legs, pose.drives, strict=True)}
-    for leg, q in zip(manipulator.legs, pose.q, strict=True):
-        values |= {f"{leg.name}/{j.name}": float(v) for j, v in zip(leg.chain.joints, q, strict=True)}
-    return closing.tree.coordinates(values)
-
-
-def test_every_pose_is_that_of_the_legs(robot: tuple[Manipulator, Closing]) -> None:
+def test_every_pose_is_closed_and_puts_the_platform_there(robot: tuple[Manipulator, Closing]) -> None:
     manipulator, closing = robot
     for displacement in manipulator.poses.values():
-        q = closing.displaced(displacement)
-        theirs = coordinates(closing, manipulator, displacement)
-        if closing.mobility(q).idle_freedom == 0:
-            assert np.abs((q - theirs) / closing.tree.unit).max() < SAME
-        drives = ~closing.tree.passive
-        assert np.abs((q - theirs) / closing.tree.unit)[drives].max(initial=0.0) < SAME
-
-
-def test_mobility_is_that_of_the_legs(robot: tuple[Manipulator, Closing]) -> None:
-    manipulator, closing = robot
-    theirs, ours = mobility(home_pose(manipulator)), closing.mobility(closing.home)
-    assert (ours.freedom, ours.loose.shape, ours.idle_freedom, ours.redundant) == (
-        theirs.freedom,
-        theirs.loose.shape,
-        theirs.idle,
-        theirs.overconstraint,
-    )
+        q = closing.displaced(displacement)[None]
+        gap, _, (end,), _ = closing.tree.linearised(q)
+        assert np.abs(gap).max() < SAME
+        assert np.abs(end - displaced(closing.end, displacement)).max() < SAME * closing.tree.length
 
 
 def test_drives_bring_the_end_effector_back(robot: tuple[Manipulator, Closing]) -> None:
@@ -71,7 +48,7 @@ def test_drives_bring_the_end_effector_back(robot: tuple[Manipulator, Closing]) 
     for displacement in manipulator.poses.values():
         q = closing.displaced(displacement)
         again = closing.held({name: float(q[closing.tree.names.index(name)]) for name in drives})
-        ends = closing.tree.frames(closing.tree.state(np.array([q, again])), closing.tree.end)
+        ends = closing.tree.end_frames(np.array([q, again]))
         assert np.abs(ends[0] - ends[1]).max() < SAME * closing.tree.length
 
 
@@ -125,7 +102,7 @@ def test_a_wanted_place_without_its_turns_is_reached() -> None:
     lengths = (100.0, 260.0, 220.0, 300.0)
     closing = Closing(four_bar(*lengths), four_bar_angles(*lengths, 0.9))
     target = closing.held({"crank": 1.2})
-    x = closing.tree.frames(closing.tree.state(target[None]), closing.tree.end)[0, 0, 3] - closing.end[0, 3]
+    x = closing.tree.end_frames(target[None])[0, 0, 3] - closing.end[0, 3]
     q = closing.displaced(np.array([x, 0.0, 0.0, 0.0, 0.0, 0.0]), (True, False, False, False, False, False))
     assert q[0] == pytest.approx(1.2, abs=1e-9)
 
@@ -157,3 +134,27 @@ def test_many_poses_close_from_their_neighbours() -> None:
     assert left.max() < 1e-11
     for i in (0, 7, 150):
         assert np.abs((q[i] - closing.displaced(shifts[i])) / closing.tree.unit).max() < SAME
+
+
+def test_poses_from_neighbours_are_those_from_home() -> None:
+    manipulator = load_manipulator("delta")
+    closing = Closing(
+        machine_of(manipulator), "home" if "home" in manipulator.poses else next(iter(manipulator.poses))
+    )
+    shifts = np.zeros((40, 6))
+    shifts[:, :3] = np.random.default_rng(2).uniform(-120.0, 120.0, (40, 3))
+    # one that no arm reaches
+    shifts[7, :3] = 5000.0
+    q, reached = closing.all_displaced(shifts)
+    assert np.flatnonzero(~reached).tolist() == [7]
+    for i in (0, 11, 39):
+        assert np.abs((q[i] - closing.displaced(shifts[i])) / closing.tree.unit).max() < SAME
+
+
+def test_neighbours_do_not_lead_past_a_singularity() -> None:
+    # beyond the singular point L/√3 = 178.98 the Orthoglide's platform answers its drives the other way
+    closing = Closing(machine_of(load_manipulator("orthoglide")), "isotropic")
+    shifts = np.zeros((60, 6))
+    shifts[:, :3] = np.linspace(0.0, 230.0, 60)[:, None]
+    _, reached = closing.all_displaced(shifts)
+    assert np.array_equal(reached, shifts[:, 0] < 310.0 / np.sqrt(3.0))

@@ -12,9 +12,7 @@ from vjm.io.manipulator_file import load_manipulator, manipulators
 from vjm.machine.legs import machine_of
 from vjm.model.chain import Chain
 from vjm.model.parts import Actuator, Beam, Mount, Part, RigidOffset
-from vjm.platform.closure import RigidPose
 from vjm.platform.manipulator import Manipulator
-from vjm.platform.rigid import inverse_kinematics
 from vjm.rotations import Array, displaced, displacement_between, translation, turn
 
 ROBOTS = [entry.name for entry in manipulators()]
@@ -61,18 +59,6 @@ def apart(machine: Chain, first: Array, second: Array) -> float:
     return float(np.abs(gap).max())
 
 
-def leg_frames(pose: RigidPose) -> dict[str, Array]:
-    """Frame ``(4, 4)`` behind each part of each leg, from the frame of the body on which it begins."""
-    result = {}
-    for leg, q, drive in zip(pose.manipulator.legs, pose.q, pose.drives, strict=True):
-        values = dict(zip((joint.name for joint in leg.chain.joints), q, strict=True))
-        T = pose.frame(leg.start) @ leg.driven_root(float(drive)) @ leg.chain.base
-        for part in leg.chain.parts:
-            T = T @ through(part, values)
-            result[f"{leg.name}/{part.name}"] = T
-    return result
-
-
 @pytest.fixture(scope="module", params=ROBOTS)
 def robot(request: pytest.FixtureRequest) -> tuple[Manipulator, Chain]:
     manipulator = load_manipulator(str(request.param))
@@ -90,25 +76,6 @@ def test_platform_is_where_the_pose_has_it(robot: tuple[Manipulator, Chain]) -> 
     for label, displacement in manipulator.poses.items():
         end = frames_behind(machine, label)[machine.parts[-1].name]
         assert apart(machine, end, displaced(manipulator.home, displacement)) < CLOSES, label
-
-
-def test_parts_lie_where_the_legs_have_them(robot: tuple[Manipulator, Chain]) -> None:
-    manipulator, machine = robot
-    for label, displacement in manipulator.poses.items():
-        there = frames_behind(machine, label)
-        for name, T in leg_frames(inverse_kinematics(manipulator, displacement)).items():
-            # a drive moves what lies behind it; before it, the leg's world of today moves with it
-            leg = manipulator.leg(name.split("/")[0])
-            before = (
-                leg.drive is not None
-                and name != f"{leg.name}/{leg.chain.parts[-1].name}"
-                and (
-                    [p.name for p in leg.chain.parts].index(name.split("/")[1])
-                    < [p.name for p in leg.chain.parts].index(leg.drive.part)
-                )
-            )
-            if not before:
-                assert apart(machine, there[name], T) < CLOSES, (label, name)
 
 
 def test_a_beam_too_long_leaves_a_gap_of_its_error() -> None:

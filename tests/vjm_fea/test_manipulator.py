@@ -7,15 +7,19 @@ import pytest
 
 from vjm.continuation.arc_length import ArcControl, trace
 from vjm.continuation.path import EventKind
+from vjm.engines import engine_by_name, trace_machine
 from vjm.io.manipulator_file import load_manipulator
+from vjm.machine.legs import in_pose
+from vjm.machine.loaded_legs import giving_way, leg_wrenches
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
-from vjm.platform.problem import ManipulatorEngine, ManipulatorProblem
 from vjm.vjm_engine import VjmEngine
-from vjm_fea.common.mesh import Mesh
-from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine, ManipulatorExudynProblem, platform_stiffness
+from vjm_fea.common import platforms
+from vjm_fea.common.platforms import platform_stiffness
+from vjm_fea.exudyn.engine import ExudynEngine
+from vjm_fea.opensees import OpenSeesEngine
 
 # six corrected elements are within 1e-4 of the beam, and so are four springs
-EXUDYN = ManipulatorExudynEngine(elements=6)
+EXUDYN = ExudynEngine(elements=6)
 SPRINGS = VjmEngine(4, 4)
 MACHINES = ["orthoglide", "orthoglide-parallelograms", "3-puu", "isoglide", "delta", "par2"]
 CURVES = [("isotropic", "y", -3.5), ("isotropic", "z", -3.5), ("Q1", "x", -8.0), ("Q2", "y", -8.0)]
@@ -37,7 +41,7 @@ def pushed(pose, force, axis=0, **control):
 def test_the_unloaded_stiffness_is_exudyns(name, label):
     machine = load_manipulator(name)
     load_case = LoadCase(label, 1.0)
-    ours = ManipulatorProblem(machine, load_case, SPRINGS).unloaded().stiffness
+    ours = SPRINGS.problem(*in_pose(machine, load_case)).unloaded().stiffness
     # 0.5 % for the Orthoglide, 1 % for the others are asked; the linear beam theory is the same in both
     assert eigenvalues(ours, machine) == pytest.approx(
         eigenvalues(platform_stiffness(EXUDYN, machine, label, np.zeros(6)), machine), rel=2e-6
@@ -49,9 +53,7 @@ def test_the_unloaded_stiffness_is_exudyns(name, label):
 def test_under_a_kilonewton_the_stiffness_is_exudyns(label, axis):
     machine = load_manipulator("orthoglide")
     load_case = pushed(label, -1000.0, axis, steps=2)
-    problem = ManipulatorProblem(machine, load_case, SPRINGS)
-    ours = trace(problem, load_case).points[-1]
-    theirs = trace(EXUDYN.problem(machine, load_case), load_case).points[-1]
+    ours, theirs = (trace_machine(engine, machine, load_case).points[-1] for engine in (SPRINGS, EXUDYN))
     assert ours.unstable == theirs.unstable == 0
     assert ours.displacement[:3] == pytest.approx(
         theirs.displacement[:3], abs=1e-3 * np.abs(ours.displacement).max()
@@ -67,8 +69,8 @@ def test_under_a_kilonewton_the_stiffness_is_exudyns(label, axis):
 def test_the_force_displacement_curve_is_exudyns_past_its_critical_point(pose, axis, to):
     # the rest of the pose held, as for the chain
     machine, load_case = load_manipulator("orthoglide"), LoadCase(pose, to, axis)
-    ours = ManipulatorEngine(VjmEngine(8, 8)).trace(machine, load_case)
-    theirs = ManipulatorExudynEngine(8).trace(machine, load_case)
+    engines = VjmEngine(8, 8), ExudynEngine(elements=8)
+    ours, theirs = (trace_machine(engine, machine, load_case) for engine in engines)
     assert ours.complete
     assert theirs.complete
     assert [event.kind for event in ours.events] == [event.kind for event in theirs.events]
@@ -94,8 +96,7 @@ def test_the_force_displacement_curve_is_exudyns_past_its_critical_point(pose, a
 )
 def test_a_platform_let_go_in_part_moves_as_in_exudyn(name, axis, to, free):
     machine, load_case = load_manipulator(name), LoadCase("Q1", to, axis, free=free, steps=4)
-    ours = ManipulatorEngine(SPRINGS).trace(machine, load_case).points[-1]
-    theirs = EXUDYN.trace(machine, load_case).points[-1]
+    ours, theirs = (trace_machine(engine, machine, load_case).points[-1] for engine in (SPRINGS, EXUDYN))
     # six elements and four springs differ by 4e-4 in such bending; moments are compared over those of the forces at
     # 0.1 mm from where they act
     force = np.abs(theirs.wrench[:3]).max()
@@ -106,9 +107,16 @@ def test_a_platform_let_go_in_part_moves_as_in_exudyn(name, axis, to, free):
     assert np.all(np.abs(ours.displacement[gone]) > 1e-4)
 
 
+@pytest.mark.parametrize("engine", ["vjm-linear", "vjm-unloaded-jacobian", "msa", "opensees"])
+def test_engines_that_begin_without_forces_refuse_errors_of_assembly(engine):
+    machine = load_manipulator("orthoglide").with_errors({"x": {"link": 0.2}})
+    with pytest.raises(ValueError, match="does not take errors of assembly: .* take vjm or exudyn"):
+        trace_machine(engine_by_name(engine), machine, LoadCase("Q1", 0.1))
+
+
 def test_exudyn_builds_no_bows():
     with pytest.raises(ValueError, match="does not take imperfections"):
-        EXUDYN.problem(load_manipulator("orthoglide"), LoadCase("Q1", 1.0, imperfection=0.1))
+        trace_machine(EXUDYN, load_manipulator("orthoglide"), LoadCase("Q1", 1.0, imperfection=0.1))
 
 
 def first_bifurcation(problem):
@@ -121,9 +129,9 @@ def test_fine_meshes_and_many_springs_have_the_same_limit_point_of_the_overconst
     # it lies 230 mm away, the bars bent far: both converge with the square of the segments' length, from above
     machine, load_case = load_manipulator("orthoglide-parallelograms"), pushed("Q2", -14_000.0, control=TO_LIMIT)
     limits = {}
-    for engine in (ManipulatorEngine(VjmEngine(8, 8)), ManipulatorEngine(VjmEngine(16, 16)),
-                   ManipulatorExudynEngine(6), ManipulatorExudynEngine(8)):  # fmt: skip
-        (event,) = engine.trace(machine, load_case).events
+    engines = VjmEngine(8, 8), VjmEngine(16, 16), ExudynEngine(elements=6), ExudynEngine(elements=8)
+    for engine in engines:
+        (event,) = trace_machine(engine, machine, load_case).events
         assert event.kind is EventKind.LIMIT
         limits[engine] = event.force
     a, b, c, d = limits.values()
@@ -134,7 +142,7 @@ def test_fine_meshes_and_many_springs_have_the_same_limit_point_of_the_overconst
 @cache
 def critical(engine, label, sign):
     load_case = pushed(label, sign * 12000.0, control=TO_LIMIT)
-    problem = engine.problem(load_manipulator("orthoglide"), load_case)
+    problem = engine.problem(*in_pose(load_manipulator("orthoglide"), load_case))
     return problem, first_bifurcation(problem)
 
 
@@ -142,29 +150,38 @@ def critical(engine, label, sign):
     "label", ["isotropic", pytest.param("Q1", marks=pytest.mark.slow), pytest.param("Q2", marks=pytest.mark.slow)]
 )
 def test_compressed_along_x_the_whole_robot_buckles_where_exudyns_does(label):
-    problem, ours = critical(ManipulatorEngine(SPRINGS), label, -1)
-    _, theirs = critical(EXUDYN, label, -1)
+    problem, ours = critical(SPRINGS, label, -1)
+    other, theirs = critical(EXUDYN, label, -1)
     assert ours.force == pytest.approx(theirs.force, rel=5e-3)
     assert ours.point.displacement[:3] == pytest.approx(
         theirs.point.displacement[:3], abs=5e-3 * np.abs(theirs.point.displacement).max()
     )
-    assert max(problem.giving_way(ours.point), key=problem.giving_way(ours.point).get) == "x"
+    shares = giving_way(problem, load_manipulator("orthoglide"), ours.point)
+    bows = platforms.giving_way(other, theirs.point)
+    assert max(shares, key=shares.get) == max(bows, key=bows.get) == "x"
+
+
+@pytest.mark.slow
+def test_opensees_buckles_the_whole_robot_where_the_others_do():
+    pytest.importorskip("openseespy", reason="OpenSeesPy is an optional extra and is not installed")
+    found = critical(OpenSeesEngine(8), "Q2", -1)[1].force
+    # 4646.2 N of springs, 4647.2 N of Exudyn with 8 elements
+    assert found == pytest.approx(critical(SPRINGS, "Q2", -1)[1].force, rel=5e-3)
 
 
 @pytest.mark.parametrize(
     "label", ["isotropic", pytest.param("Q1", marks=pytest.mark.slow), pytest.param("Q2", marks=pytest.mark.slow)]
 )
 def test_pulled_along_x_only_the_papers_springs_buckle(label):
-    assert critical(ManipulatorEngine(), label, 1)[1].force < 2800.0
-    assert critical(ManipulatorEngine(SPRINGS), label, 1)[1] is None
+    assert critical(VjmEngine(), label, 1)[1].force < 2800.0
+    assert critical(SPRINGS, label, 1)[1] is None
     assert critical(EXUDYN, label, 1)[1] is None
 
 
 def test_a_chain_too_long_moves_the_platform_as_in_exudyn():
     machine = load_manipulator("orthoglide").with_errors({"x": {"link": 0.2}})
     load_case = pushed("Q1", 1e-3, steps=1)
-    ours = ManipulatorProblem(machine, load_case, SPRINGS).unloaded()
-    theirs = ManipulatorExudynProblem(machine, load_case, Mesh(6), "exudyn").unloaded()
+    ours, theirs = (engine.problem(*in_pose(machine, load_case)).unloaded() for engine in (SPRINGS, EXUDYN))
     assert np.linalg.norm(ours.displacement[:3]) > 0.2
     # the error measured is 3e-9
     assert ours.displacement[:3] == pytest.approx(theirs.displacement[:3], abs=6e-8 * 0.2)
@@ -173,19 +190,17 @@ def test_a_chain_too_long_moves_the_platform_as_in_exudyn():
 def test_a_bar_too_long_strains_the_parallelograms_as_in_exudyn():
     machine = load_manipulator("orthoglide-parallelograms").with_errors({"bar-x1": {"bar": 0.2}})
     load_case = pushed("Q1", 1e-3, steps=1)
-    problem = ManipulatorProblem(machine, load_case, SPRINGS)
-    ours = problem.unloaded()
-    exudyn = ManipulatorExudynProblem(machine, load_case, Mesh(6), "exudyn")
-    theirs = exudyn.unloaded()
+    problem, exudyn = (engine.problem(*in_pose(machine, load_case)) for engine in (SPRINGS, EXUDYN))
+    ours, theirs = problem.unloaded(), exudyn.unloaded()
     scale = np.abs(theirs.displacement[:3]).max(), np.abs(theirs.displacement[3:]).max()
     # the error measured is 2e-7
     assert ours.displacement[:3] == pytest.approx(theirs.displacement[:3], abs=3e-6 * scale[0])
     # the error measured is 7e-9
     assert ours.displacement[3:] == pytest.approx(theirs.displacement[3:], abs=2e-7 * scale[1])
     names = [leg.name for leg in machine.legs]
-    wrenches = problem.leg_wrenches(ours)
+    wrenches = leg_wrenches(problem, machine, ours)
     for name in ("bar-x1", "bar-x2", "bar-z1", "bar-z2"):
         force = np.linalg.norm(wrenches[names.index(name), :3])
         assert force > 1.0
         # the error measured is 2e-7
-        assert force == pytest.approx(np.linalg.norm(exudyn.beam_force(name, "bar", theirs)), rel=3e-6)
+        assert force == pytest.approx(np.linalg.norm(exudyn.beam_force(f"{name}/bar", theirs)), rel=3e-6)

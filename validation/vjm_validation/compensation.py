@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +12,7 @@ from pydantic import BaseModel, ConfigDict
 from vjm import __version__
 from vjm.io.files import write_whole
 from vjm.loaded_stiffness import held_by_itself
-from vjm.platform.compensation import compensated
+from vjm.machine.compensation import compensated_platform
 from vjm.platform.manipulator import Machine, Manipulator
 from vjm.rotations import Array
 from vjm.tree.compensation import compensated_arm, rotations_of
@@ -58,13 +56,6 @@ class CompensationDocument(BaseModel):
     """What is implausible about the model."""
 
 
-@dataclass(frozen=True)
-class _Answer:
-    joints: Sequence[str]
-    commands: Mapping[str, Array]
-    errors: Mapping[str, Array]
-
-
 def compensation(
     machine: Machine,
     engine: VjmEngine,
@@ -91,49 +82,28 @@ def compensation(
     if isinstance(machine, Manipulator):
         if gravity is not None:
             raise ValueError("--gravity: legs of a platform are taken without weight; leave it out")
-        answer = _platform(machine, engine, path)
+        turns = np.zeros_like(path.positions) if path.turns is None else path.turns
+        found = compensated_platform(machine, np.hstack([path.positions, turns]), path.wrenches, engine)
     elif held_by_itself(machine):
         model = engine.tree_model(machine)
         found = compensated_arm(
             model, path.positions, None if path.turns is None else rotations_of(path.turns), path.wrenches,
             gravity=gravity, start=model.posture(posture) if posture else None, end=end,
         )  # fmt: skip
-        answer = _Answer(
-            found.joints,
-            dict(zip(MODELS, (found.q, found.q_linear, found.q_loaded), strict=True)),
-            dict(zip(MODELS, (found.rigid, found.linear, found.loaded), strict=True)),
-        )
     else:
         raise ValueError(f"{machine.name}: its passive joints let the end swing: give the whole machine instead")
+    commands = dict(zip(MODELS, (found.q, found.q_linear, found.q_loaded), strict=True))
+    errors = dict(zip(MODELS, (found.rigid, found.linear, found.loaded), strict=True))
     return CompensationDocument(
         model=machine.name,
         model_sha256=machine.sha256,
         version=__version__,
         engine=engine.label,
         poses=len(path.positions),
-        joints=list(answer.joints),
-        commands={name: rows.tolist() for name, rows in answer.commands.items()},
-        errors={name: rows.tolist() for name, rows in answer.errors.items()},
-        left={name: _left(rows) for name, rows in answer.errors.items()},
-    )
-
-
-def _platform(machine: Manipulator, engine: VjmEngine, path: ToolPath) -> _Answer:
-    legs = [leg.name for leg in machine.legs if leg.drive is not None]
-    drives = [i for i, leg in enumerate(machine.legs) if leg.drive is not None]
-    turns = np.zeros_like(path.positions) if path.turns is None else path.turns
-    commands: dict[str, list[Array]] = {name: [] for name in MODELS}
-    errors: dict[str, list[Array]] = {name: [] for name in MODELS}
-    for pose, wrench in zip(np.hstack([path.positions, turns]), path.wrenches, strict=True):
-        found = compensated(machine, pose, wrench, engine)
-        rigid = found.drives[drives]
-        offsets = (np.array([each[leg] for leg in legs]) for each in (found.offsets_linear, found.offsets))
-        for name, own in zip(MODELS, (np.zeros(len(legs)), *offsets), strict=True):
-            commands[name].append(rigid + own)
-        for name, error in zip(MODELS, (found.rigid, found.linear, found.loaded), strict=True):
-            errors[name].append(error)
-    return _Answer(
-        legs, {n: np.array(rows) for n, rows in commands.items()}, {n: np.array(rows) for n, rows in errors.items()}
+        joints=list(found.joints),
+        commands={name: rows.tolist() for name, rows in commands.items()},
+        errors={name: rows.tolist() for name, rows in errors.items()},
+        left={name: _left(rows) for name, rows in errors.items()},
     )
 
 

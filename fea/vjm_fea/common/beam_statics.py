@@ -70,6 +70,9 @@ class BeamStatics(ABC):
         """
         if energy is None:
             turning = stiffness[turns]
+            if not np.any(turning > 0.0):
+                # nothing bends or twists: what slides on springs
+                turning = stiffness[~turns] * length**2
             energy = float(np.exp(np.mean(np.log(turning[turning > NEGLIGIBLE * np.max(turning)]))))
         plain = energy / np.where(turns, 1.0, length**2)
         return np.sqrt(energy / np.where(stiffness > NEGLIGIBLE * plain, stiffness, plain)), energy

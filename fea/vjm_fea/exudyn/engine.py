@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from vjm.continuation.arc_length import trace
 from vjm.continuation.path import Path
@@ -13,9 +12,6 @@ from vjm.model.load_case import LoadCase
 from vjm.threads import single_threaded
 from vjm_fea.common.mesh import Mesh
 from vjm_fea.exudyn.problem import ExudynProblem
-
-if TYPE_CHECKING:
-    from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine
 
 
 @dataclass(frozen=True)
@@ -65,9 +61,3 @@ class ExudynEngine:
         """Trace the equilibrium path; see `vjm.continuation.load_stepping` and `vjm.continuation.arc_length`."""
         path = trace(self.problem(chain, load_case), load_case, progress=progress)
         return replace(path, model=chain.name, model_sha256=chain.sha256)
-
-    def for_manipulators(self) -> ManipulatorExudynEngine | None:
-        """The engine that traces whole manipulators with as many elements; none with a foot spring."""
-        from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine
-
-        return None if self.foot_spring else ManipulatorExudynEngine(self.elements, self.shear)

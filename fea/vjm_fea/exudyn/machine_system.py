@@ -39,6 +39,7 @@ class MachineSystem(ExudynSystem):
         mesh: Mesh,
         points: Mapping[str, tuple[float, ...]] = NO_POINTS,
         end_condition: Sequence[PassiveJoint] = (),
+        nominal_end: Array | None = None,
     ) -> None:
         """Assemble a machine.
 
@@ -48,6 +49,7 @@ class MachineSystem(ExudynSystem):
             mesh: of its beams.
             points: fractions of its beams at which there has to be a node, by name.
             end_condition: joints between the end-effector and the support, see `vjm.model.end_condition`.
+            nominal_end: frame ``(4, 4)`` of the end-effector as designed, where errors of assembly move it.
 
         Raises:
             ValueError: a beam without a section, or another number of joints.
@@ -76,7 +78,16 @@ class MachineSystem(ExudynSystem):
             self._close(closure)
         for coupling in chain.couplings:
             self._couple(coupling, values)
+        if nominal_end is not None:
+            self._draw_to(nominal_end)
         self._finish(chain.name, end_condition)
+
+    def _draw_to(self, place: Array) -> None:
+        """Go on behind the last part at another place, to which a joint draws it."""
+        drawn = self._marker(self._at(), self._frame)
+        T = frame(p=place[:3, 3])
+        self._frame, self._rigid = place, self._carrier(self._node(T), T)
+        self._joint(drawn, self._marker(self._rigid, place), WELD)
 
     def _string(self, chain: Chain, values: Mapping[str, float]) -> None:
         """The parts, each behind the one that it follows."""

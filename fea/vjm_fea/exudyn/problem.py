@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from vjm.continuation.path import Equilibrium
+from vjm.errors import NoConvergenceError
 from vjm.limits import refuse
 from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase, PointControl
+from vjm.rotations import Array
 from vjm_fea.common.beam_problem import BeamProblem
 from vjm_fea.common.end_condition import hand_joints
 from vjm_fea.common.mesh import Mesh
@@ -34,9 +37,11 @@ class ExudynProblem(BeamProblem):
         """
         refuse(label, chain, load_case)
         chain = chain.at(load_case.posture)
+        self._assembled_with_errors = bool(chain.nominal_ends)
         system = MachineSystem(
-            chain, chain.posture(load_case.posture), mesh, wanted(load_case), hand_joints(chain, load_case)
-        )
+            chain, chain.posture(load_case.posture), mesh, wanted(load_case), hand_joints(chain, load_case),
+            chain.nominal_ends.get(load_case.posture),
+        )  # fmt: skip
         control = load_case.control
         watched = system.find(control.part, control.at) if isinstance(control, PointControl) else None
         super().__init__(
@@ -48,3 +53,25 @@ class ExudynProblem(BeamProblem):
             label,
             TOLERANCE,
         )
+
+    def unloaded(self) -> Equilibrium:
+        """The posture as drawn, under constant loads and the machine's errors.
+
+        Raises:
+            NoConvergenceError: no stable equilibrium was found.
+        """
+        point = super().unloaded()
+        if self._assembled_with_errors and point.unstable:
+            raise NoConvergenceError("with its errors of assembly the machine is unstable")
+        return point
+
+    def beam_force(self, beam: str, point: Equilibrium) -> Array:
+        """Section force ``(3,)`` in the first element of a beam, its own axes, N; tension positive.
+
+        Raises:
+            ValueError: there is no such beam.
+        """
+        nodes = [station.node for station in self.statics.system.stations if station.label.part == beam]
+        if len(nodes) < 2:
+            raise ValueError(f"no beam '{beam}' with elements")
+        return self.statics.section_force(point.state, nodes[0], nodes[1])

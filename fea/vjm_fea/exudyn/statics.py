@@ -193,6 +193,20 @@ class Statics(BeamStatics):
         r = self._reduced(self._whole.residual(full), rates(full.places[:, 3:]))[: 6 * self.nodes].reshape(-1, 6)
         return r + self._spring_forces(full)
 
+    def section_force(self, state: Array, root: int, tip: int) -> Array:
+        """Force ``(3,)`` in the middle of the element between two nodes, its own axes, N.
+
+        Raises:
+            ValueError: there is no such element.
+        """
+        self._whole.set(self._full(state))
+        mbs = self.system.assembly.whole
+        for number in range(mbs.systemData.NumberOfObjects()):
+            if [int(n) for n in mbs.GetObject(number).get("nodeNumbers", [])] == [root, tip]:
+                output = exu.OutputVariableType.ForceLocal
+                return np.array(mbs.GetObjectOutputBody(number, output, [0.0, 0.0, 0.0]), dtype=float)
+        raise ValueError(f"no element between nodes {root} and {tip}")
+
     # --- nodes that are led -------------------------------------------------------------------------------
 
     def _full(self, state: Array) -> _Full:

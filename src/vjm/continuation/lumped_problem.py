@@ -11,12 +11,12 @@ from vjm.continuation.loaded_problem import LoadedProblem
 from vjm.continuation.path import StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.applied_loads import NO_LOADS
-from vjm.model.end_condition import held
+from vjm.model.end_condition import deflects, held
 from vjm.model.load_case import COMPONENTS, LoadCase, PointControl
 from vjm.model.loading import loading_of
 from vjm.model.lumped import LumpedModel
 from vjm.rotations import Array
-from vjm.statics.equilibrium import Configuration, solve_newton
+from vjm.statics.equilibrium import TOLERANCE, Configuration, solve_newton
 from vjm.statics.stability import stability
 
 STEPS_OF_CONSTANT_LOADS = 1e-3
@@ -40,8 +40,11 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
             bow: deflection ``(n,)`` of the coordinates, the support's included, with which the chain is built.
 
         Raises:
-            ValueError: the chain has no such part or posture, or what is free makes it a mechanism.
+            ValueError: the chain has no such part or posture, what is free makes it a mechanism, or the ramped load
+                moves nothing.
         """
+        if _moves_nothing(load_case):
+            raise ValueError("the ramped load acts on held components only: free those that it drives, see --free")
         x0 = model.configuration(model.chain.posture(load_case.posture))
         self._loading, self._on_tool, self._watched = loading_of(model, x0, load_case)
         self._end_condition = held(model, load_case)
@@ -50,9 +53,10 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
         if bow is not None:
             loaded = loaded.bent(loaded.natural + bow)
             self._x0 = self._x0 + bow
-        as_drawn = bow is None and not self._end_condition.joints
-        self._alone = model.under(self._loading).bent(loaded.natural[: model.size])
-        pose = self._end_condition.tool if as_drawn else loaded.kinematics(self._x0).end
+        self._alone = model.under(self._loading).bent(self._end_condition.alone(loaded.natural))
+        # a bow that is built into closed loops leaves them open, and the end-effector is to be where it was
+        stands = bow is None or model.chain.closes
+        pose = self._end_condition.support if stands else loaded.kinematics(self._x0).end
         stations = tuple(StationLabel(s.part, s.fraction) for s in model.stations)
         super().__init__(loaded, load_case, label, stations, pose)
 
@@ -63,9 +67,16 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
 
     def at_rest(self) -> Configuration[LumpedModel]:
         """The posture as drawn, under the loads that act all along, see `LoadedProblem.at_rest`."""
-        if np.any(self._loading.constant) or self.model.strained(self._x0):
+        if np.any(self._loading.constant) or self.model.strained(self._x0) or self._open:
             return self._settled()
         return Configuration(self.model, self._x0, np.zeros(6), 0.0, 0)
+
+    @property
+    def _open(self) -> bool:
+        """Whether errors of assembly, or a bow that is built in, leave the loops open as drawn."""
+        if not self.model.chain.closes:
+            return False
+        return self.model.compiled.residual(self._x0, np.zeros(6), self._pose0)[2] > TOLERANCE
 
     def _solved(self, s: float, x: Array, wrench: Array, ramp: float) -> tuple[float, Configuration[LumpedModel]]:
         if isinstance(self.load_case.control, PointControl):
@@ -85,10 +96,8 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
         if set(self.load_case.free) != set(COMPONENTS):
             return super()._stiffness(at)
         alone = self._alone
-        x = at.x[: alone.size]
-        unit = np.repeat([alone.characteristic_length, 1.0], 3)
-        J = alone.kinematics(x).jacobian * alone.coordinate_scale / unit[:, None]
-        if np.linalg.matrix_rank(J) < 6:
+        x = self._end_condition.alone(at.x)
+        if not deflects(alone, alone.kinematics(x)):
             return np.full((6, 6), np.inf)
         return super()._stiffness(Configuration(alone, x, np.zeros(6), at.residual, at.iterations, at.load))
 
@@ -165,7 +174,17 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
                 continue
             step = 0.5 * (load - at.load)
             if step < STEPS_OF_CONSTANT_LOADS:
+                borne = "constant loads" if np.any(self._loading.constant) or strained else "errors of assembly"
                 raise NoConvergenceError(
-                    f"the posture does not bear its constant loads: stable up to {at.load:.3g} of them"
+                    f"the posture does not bear its {borne}: stable up to {at.load:.3g} of them"
                 )
         return Configuration(self.model, at.x, at.wrench, at.residual, at.iterations, 0.0)
+
+
+def _moves_nothing(load_case: LoadCase) -> bool:
+    """Whether the ramp drives dead loads on the end-effector alone, where its pose is held."""
+    ramped = [load for load in load_case.loads if load.ramped]
+    if not load_case.load_driven or load_case.weight_ramped or any(load.part or load.follower for load in ramped):
+        return False
+    free = [name in load_case.free for name in COMPONENTS]
+    return not any(np.any(np.array(load.wrench)[free]) for load in ramped)

@@ -95,8 +95,8 @@ def regular_inverse(A: Floats, least: float) -> bool:
 @entry
 def equilibria_of(
     model: MachineArrays, work: Work, commands: Floats, naturals: Floats, homes: Floats, end_wrench: Floats,
-    springs: Floats, x: Floats, wrench: Floats, verdict: Ints, forces: Floats, end_R: Floats, end_p: Floats,
-    deflection: Floats, compliance: Floats, stiffness: Floats,
+    springs: Floats, gradual: bool, x: Floats, wrench: Floats, verdict: Ints, forces: Floats, end_R: Floats,
+    end_p: Floats, deflection: Floats, compliance: Floats, stiffness: Floats,
 ) -> None:  # fmt: skip
     """Equilibria of g postures; every array but the first two has g rows.
 
@@ -108,6 +108,7 @@ def equilibria_of(
         homes: ``(g or 1, n)`` coordinates of the unloaded posture: zero but for joints that closures turn.
         end_wrench: ``(g or 1, e, 6)`` wrenches on the end frames.
         springs: ``(g or 1, s, 3)`` laws of the springs between points.
+        gradual: whether loads are put on in steps where an equilibrium is not found at once.
         x: ``(g, n)`` coordinates to start from; become those of the equilibria.
         wrench: ``(g, f)`` the closures' wrenches, likewise.
         verdict: ``(g,)`` written: `STABLE`, `UNSTABLE` or `LOST`.
@@ -128,7 +129,7 @@ def equilibria_of(
         turn_followers(model, work)
         end_R[g], end_p[g] = work.end_R, work.end_p
         work.wrench[:] = wrench[g]
-        found = loaded(model, commands[g], naturals[g], x[g], acting, work)
+        found = loaded(model, commands[g], naturals[g], x[g], acting, gradual, work)
         negative = linearise(model, commands[g], naturals[g], x[g], acting, 1.0, wanted, work)
         wrench[g] = work.wrench
         verdict[g] = LOST

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from vjm.kernels.arrays import Floats
 from vjm.kernels.compilation import kernel
-from vjm.kernels.packed_model import Floats
 from vjm.model.springs import NEARLY_UNLOADED, ROTATION, SHIFT
 
 _RA, _RB, _RC, _RE = ROTATION

@@ -7,7 +7,7 @@ import numpy as np
 from vjm.kernels.arrays import Floats, Ints, MachineArrays, Work
 from vjm.kernels.border import solve
 from vjm.kernels.compilation import entry, kernel
-from vjm.kernels.factorization import jacobi
+from vjm.kernels.jacobi import jacobi
 from vjm.kernels.newton import CONVERGED, UNSTABLE, newton
 from vjm.kernels.statics import act, carried, force_on, place
 from vjm.kernels.substitution import load, move

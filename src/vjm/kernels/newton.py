@@ -149,9 +149,12 @@ def newton(
 
 @kernel
 def loaded(
-    model: MachineArrays, command: Floats, natural: Floats, x: Floats, end_wrench: Floats, work: Work
+    model: MachineArrays, command: Floats, natural: Floats, x: Floats, end_wrench: Floats, gradual: bool, work: Work
 ) -> bool:
-    """Equilibrium under all loads from ``x`` (n,); they are put on in steps where it is not found at once."""
+    """Equilibrium under all loads from ``x`` (n,).
+
+    With ``gradual`` they are put on in steps where it is not found at once.
+    """
     work.begin[:] = x
     work.begin_wrench[:] = work.wrench
     done, step, share = -1.0, 0.25, 1.0
@@ -162,6 +165,8 @@ def loaded(
             done = share
             work.begin[:] = x
             work.begin_wrench[:] = work.wrench
+        elif not gradual:
+            return False
         else:
             # from where it began: first without loads, then in steps that become smaller
             x[:] = work.begin

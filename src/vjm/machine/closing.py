@@ -6,58 +6,28 @@ a straight way from home, on which the machine keeps its branch.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TypeAlias
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
-from vjm.machine.rigid_tree import RigidTree, difference
+from vjm.machine.mobility import Mobility, least_norm, mobility_of
+from vjm.machine.rigid_tree import RigidTree, difference, displaced_frames
+from vjm.machine.ways import CLOSED, DAMPED, Ways, follow
 from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import COMPONENTS
-from vjm.rotations import Array, displaced
+from vjm.rotations import Array
 
-CLOSED = 1e-11
-"""Gap over the machine's length at which loops are closed: some hundred times rounding."""
-ITERATIONS = 12
-LARGEST_TURN = 0.3
-"""rad by which a passive joint may turn, or lengths by which it may slide, in one step of the way from home."""
-SMALLEST_STEP = 1e-3
-"""Share of the way from home below which a pose counts as out of reach."""
-SINGULAR = 1e-6
-"""Singular value over the largest below which a motion or a constraint is lost."""
+ITERATIONS, EXACT = 8, 4
+"""Of Newton's method by normal equations, and by singular values where those do not close."""
 HOME_GAP = 0.05
 """Gap over the machine's length up to which a posture of a file is taken to be rounded."""
-NEGLIGIBLE = 1e-9
-"""Singular value over the largest that Newton's step leaves out: what redundant constraints leave to rounding."""
-
-
-_Step: TypeAlias = Callable[[Array, float], tuple[Array, float]]
-"""Coordinates closed at a share of a way, and what is left open, from coordinates nearby."""
 
 
 class PoseError(ValueError):
     """A pose that the rigid machine cannot take; the message says why."""
-
-
-@dataclass(frozen=True)
-class Mobility:
-    """What a rigid machine can do in a posture.
-
-    Attributes:
-        freedom: independent motions of the end-effector with the drives free.
-        loose: motions ``(6, k)`` of the end-effector with the drives held, world axes, lengths over the machine's.
-        idle: names of the passive joints of each group that moves with end-effector and drives at rest.
-        idle_freedom: number of those motions.
-        redundant: constraints beyond those that are needed: that many self-stresses are possible.
-    """
-
-    freedom: int
-    loose: Array
-    idle: tuple[tuple[str, ...], ...]
-    idle_freedom: int
-    redundant: int
 
 
 class Closing:
@@ -84,7 +54,7 @@ class Closing:
         self.tree = RigidTree(machine)
         self._six = np.repeat([self.tree.length, 1.0], 3)
         q = self.tree.posture(home) if isinstance(home, str) else self.tree.coordinates(home)
-        self.end = self.tree.end_motion(self.tree.state(q[None]))[0][0]
+        self.end = self.tree.end_frames(q[None])[0]
         self._refuse_open(q, HOME_GAP, "at home")
         # a rounded file: drives stand where it has them, where the loops close so
         nothing, wanted = np.zeros(len(q), dtype=bool), None if end is None else end[None]
@@ -93,14 +63,14 @@ class Closing:
             there, left = self.solve(q[None], nothing, wanted)
             if not left[0] < CLOSED:
                 self._refuse_open(there[0], CLOSED, "at home")
-                stands = self.tree.end_motion(self.tree.state(there))[0]
+                stands = self.tree.end_frames(there)
                 missed = self._said(difference(stands, stands if end is None else end[None])[0] / self._six)
                 raise PoseError(
                     f"{machine.name}: with its loops closed at home the end-effector stays {missed} from its "
                     f"place; check that place, and the coordinates at home"
                 )
         self.home = there[0]
-        self.end = self.tree.end_motion(self.tree.state(there))[0][0]
+        self.end = self.tree.end_frames(there)[0]
 
     def solve(
         self,
@@ -120,15 +90,21 @@ class Closing:
         Returns:
             Closed coordinates ``(g, n)`` and the largest gap ``(g,)`` that is left of each.
         """
-        tree, q = self.tree, q.copy()
-        free, rows = ~fixed, np.asarray(components, dtype=bool)
+        # imported when it is asked for: compiled code takes longer to load than a model file
+        from vjm.machine.rigid_kernel import close
+
+        tree, q = self.tree, np.array(q, dtype=float, order="C")
+        free, rows = np.flatnonzero(~fixed), np.flatnonzero(np.asarray(components, dtype=bool))
         left = np.full(len(q), np.inf)
-        active = np.arange(len(q))
-        for iteration in range(ITERATIONS + 1):
-            state = tree.state(q[active])
-            gap, J = tree.closing(q[active], state)
+        aim = np.zeros((0, 4, 4)) if wanted is None else np.ascontiguousarray(wanted, dtype=float)
+        close(tree.arrays, q, free, aim, rows, DAMPED, CLOSED, ITERATIONS, left)
+        # near a singularity what is damped converges slowly: there singular values are looked at
+        active = np.flatnonzero(np.isfinite(left) & (left >= CLOSED))
+        for iteration in range(EXACT + 1):
+            if not len(active):
+                break
+            gap, J, end, J_end = tree.linearised(q[active])
             if wanted is not None:
-                end, J_end = tree.end_motion(state)
                 miss = difference(wanted[active], end) / self._six
                 gap = np.concatenate([gap, miss[:, rows]], axis=1)
                 J = np.concatenate([J, J_end[:, rows]], axis=1)
@@ -136,12 +112,12 @@ class Closing:
             left[active] = size
             going = np.isfinite(size) & (size >= CLOSED)
             active, gap, J = active[going], gap[going], J[going]
-            if not len(active) or iteration == ITERATIONS:
+            if not len(active) or iteration == EXACT:
                 break
             step = -least_norm(J[:, :, free], gap)
             largest = np.abs(step).max(axis=1, initial=1e-300)
             step *= np.minimum(1.0, 0.5 / largest)[:, None]
-            q[np.ix_(active, np.flatnonzero(free))] += step * tree.unit[free]
+            q[np.ix_(active, free)] += step * tree.unit[free]
         return q, left
 
     def displaced(self, displacement: Array, components: Sequence[bool] = (True,) * 6) -> Array:
@@ -155,22 +131,91 @@ class Closing:
             PoseError: out of reach, on another branch, singular, or beyond a joint's limits.
         """
         way = np.asarray(displacement, dtype=float)
-        rows = np.asarray(components, dtype=bool)
-        # what has fewer freedoms takes only some poses: its way leads over those that are near the straight one
-        bound = self._freedom(self.home).shape[1] < np.count_nonzero(rows)
-        nothing = np.zeros(len(self.home), dtype=bool)
-        where = _words(way)
-
-        def closed(q: Array, to: float) -> tuple[Array, float]:
-            aim = displaced(self.end, to * way)[None]
-            there, left = self.solve(q[None], nothing, aim, rows)
-            if bound and to < 1.0:
-                there, left = self.solve(there, nothing)
-            return there[0], float(left[0])
-
-        q = self._followed(closed, where, watch=True)
+        q = self._arrived(self._towards(self.home[None], way[None], components), _words(way))
         self.refuse_unfit(q)
         return q
+
+    def all_displaced(self, displacements: Array) -> tuple[Array, np.ndarray]:
+        """Coordinates ``(g, n)`` with the end-effector displaced ``(g, 6)`` from home; which are in reach ``(g,)``.
+
+        Each is reached on a straight way from the nearest one that is known, without passing a singularity.
+        Limits of joints are not looked at.
+        """
+        # imported when it is asked for: one posture needs no neighbours
+        from scipy.spatial import cKDTree
+
+        g, unit = len(displacements), np.repeat([1.0 / self.tree.length, 1.0], 3)
+        q, reached = np.tile(self.home, (g, 1)), np.zeros(g, dtype=bool)
+        places = displacements * unit
+        # the nearest to home first, and it from there
+        order = np.argsort(np.linalg.norm(places, axis=1), kind="stable")
+        known, stands = np.zeros((1, 6)), self.home[None]
+        done = 0
+        while done < g:
+            # as many more as are known already
+            rows = order[done : done + len(known)]
+            near = cKDTree(known).query(places[rows])[1]
+            ways = self._towards(stands[near], displacements[rows])
+            q[rows], reached[rows] = ways.q, ways.arrived
+            known, stands = (
+                np.vstack([known, places[rows[ways.arrived]]]),
+                np.vstack([stands, ways.q[ways.arrived]]),
+            )
+            done += len(rows)
+        return q, reached
+
+    def _towards(self, start: Array, displacements: Array, components: Sequence[bool] = (True,) * 6) -> Ways:
+        """Ways from coordinates ``(g, n)`` to displacements ``(g, 6)`` of the end-effector from home."""
+        rows = np.asarray(components, dtype=bool)
+        nothing = np.zeros(len(self.home), dtype=bool)
+        wanted = displaced_frames(np.tile(self.end, (len(start), 1, 1)), displacements)
+        begin = self.tree.end_frames(start)
+        # from home it is the displacement itself, also where that is half a turn or more
+        way = displacements if len(start) == 1 else difference(begin, wanted)
+        drives = int(np.count_nonzero(~self.tree.passive))
+        matched = 0 < drives == self._mobility.freedom and not self._mobility.loose.shape[1]
+
+        def straight(which: np.ndarray, q: Array, to: Array) -> tuple[Array, Array]:
+            between = displaced_frames(begin[which], to[:, None] * way[which])
+            aim = np.where((to == 1.0)[:, None, None], wanted[which], between)
+            return self.solve(q, nothing, aim, rows)
+
+        ways = follow(self.tree, start, straight, watch=matched)
+        lost = np.flatnonzero(~ways.arrived & np.isnan(ways.turned))
+        if self._mobility.freedom >= np.count_nonzero(rows) or not len(lost):
+            return ways
+
+        # what has fewer freedoms takes only some poses: its way leads over those that are near the straight one
+        def near(which: np.ndarray, q: Array, to: Array) -> tuple[Array, Array]:
+            there, left = straight(lost[which], q, to)
+            between = to < 1.0
+            there[between], left[between] = self.solve(there[between], nothing)
+            return there, left
+
+        others = follow(self.tree, start[lost], near, watch=matched)
+        found = lost[others.arrived]
+        ways.q[found], ways.done[found] = others.q[others.arrived], 1.0
+        return ways
+
+    @cached_property
+    def _mobility(self) -> Mobility:
+        return self.mobility(self.home)
+
+    def _arrived(self, ways: Ways, where: str) -> Array:
+        """Where the only way ended.
+
+        Raises:
+            PoseError: before its end.
+        """
+        done, turned = float(ways.done[0]), float(ways.turned[0])
+        if np.isfinite(turned):
+            raise PoseError(
+                f"{self.machine.name}: the pose {where} lies on another branch: between {done:.0%} and "
+                f"{turned:.0%} of the way from home the machine passes a singularity"
+            )
+        if not ways.arrived[0]:
+            raise PoseError(self._out_of_reach(ways.tried[0], float(ways.left[0]), where, done))
+        return ways.q[0]
 
     def held(self, values: Mapping[str, float]) -> Array:
         """Coordinates ``(n,)`` with the held joints at coordinates by name, mm or rad; passive joints follow.
@@ -191,49 +236,19 @@ class Closing:
             goal[self.tree.names.index(name)] = value
         fixed = ~self.tree.passive
 
-        def closed(q: Array, to: float) -> tuple[Array, float]:
+        def closed(_: np.ndarray, q: Array, to: Array) -> tuple[Array, Array]:
             start = q.copy()
-            start[fixed] = (1.0 - to) * self.home[fixed] + to * goal[fixed]
-            there, left = self.solve(start[None], fixed)
-            return there[0], float(left[0])
+            start[:, fixed] = (1.0 - to[:, None]) * self.home[fixed] + to[:, None] * goal[fixed]
+            return self.solve(start, fixed)
 
-        q = self._followed(closed, ", ".join(f"{k}={v:g}" for k, v in values.items()), watch=False)
+        ways = follow(self.tree, self.home[None], closed, watch=False)
+        q = self._arrived(ways, ", ".join(f"{k}={v:g}" for k, v in values.items()))
         self._refuse_beyond_limits(q)
-        return q
-
-    def _followed(self, closed: _Step, where: str, *, watch: bool) -> Array:
-        """Go from home to the end of a way, in steps that keep the branch.
-
-        Raises:
-            PoseError: the way ends before.
-        """
-        tree, q = self.tree, self.home
-        basis = self._freedom(q)
-        before = self._rates(q, basis) if watch else None
-        done, step = 0.0, 1.0
-        while done < 1.0:
-            to = min(1.0, done + step)
-            there, left = closed(q, to)
-            moved = np.abs((there - q) / tree.unit)[tree.passive].max(initial=0.0)
-            if left < CLOSED and moved <= LARGEST_TURN:
-                # the free motions turn along the way, where there are fewer than six
-                basis = _aligned(self._freedom(there), basis) if watch else basis
-                answers = self._rates(there, basis) if watch else None
-                if _turned_back(before, answers):
-                    raise PoseError(
-                        f"{self.machine.name}: the pose {where} lies on another branch: between {done:.0%} and "
-                        f"{to:.0%} of the way from home the machine passes a singularity"
-                    )
-                q, done, step, before = there, to, 2.0 * (to - done), answers
-                continue
-            step = 0.5 * (to - done)
-            if step < SMALLEST_STEP:
-                raise PoseError(self._out_of_reach(there, left, where, done))
         return q
 
     def _gaps(self, q: Array) -> tuple[str, Array]:
         """The closure that is open the most, and its gap: lengths over the machine's, rad."""
-        gap = self.tree.closing(q[None])[0][0]
+        gap = self.tree.linearised(q[None])[0][0]
         if not len(gap):
             return "", gap
         worst = self.tree.row_names[int(np.nanargmax(np.abs(gap)))]
@@ -298,38 +313,13 @@ class Closing:
 
     def _derivatives(self, q: Array) -> tuple[Array, Array]:
         """Derivatives ``(r, n)`` of the gaps and ``(6, n)`` of the end-effector."""
-        state = self.tree.state(q[None])
-        return self.tree.closing(q[None], state)[1][0], self.tree.end_motion(state)[1][0]
-
-    def _freedom(self, q: Array) -> Array:
-        """Orthonormal motions ``(6, f)`` of the end-effector with the drives free."""
-        J, end = self._derivatives(q)
-        return _span(end @ _null(J))
-
-    def _rates(self, q: Array, basis: Array) -> Array | None:
-        """Drives' motions by the end-effector's in a ``basis`` (6, f); None where they do not match one to one."""
-        J, end = self._derivatives(q)
-        free = _null(J)
-        drive, moved = free[~self.tree.passive], basis.T @ end @ free
-        if not 0 < drive.shape[0] == drive.shape[1] == basis.shape[1]:
-            return None
-        result: Array = np.linalg.solve(moved.T, drive.T).T
-        return result
+        _, J, _, J_end = self.tree.linearised(q[None])
+        return J[0], J_end[0]
 
     def mobility(self, q: Array) -> Mobility:
         """Freedom, idle motions and redundant constraints at coordinates ``(n,)``, by rank."""
         J, end = self._derivatives(q)
-        passive = self.tree.passive
-        free, held = _null(J), _null(J[:, passive])
-        idle = _null(np.vstack([J, end])[:, passive])
-        names = [name for name, is_passive in zip(self.tree.names, passive, strict=True) if is_passive]
-        return Mobility(
-            freedom=_span(end @ free).shape[1],
-            loose=_span(end[:, passive] @ held),
-            idle=_groups(names, idle),
-            idle_freedom=idle.shape[1],
-            redundant=int(len(J) - (J.shape[1] - free.shape[1])),
-        )
+        return mobility_of(J, end, self.tree.passive, self.tree.names)
 
     def posture(self, q: Array) -> tuple[Array, dict[str, float]]:
         """Passive coordinates ``(n_q,)``, and held ones by name, of coordinates ``(n,)``; mm and rad."""
@@ -381,67 +371,3 @@ def closed(machine: Chain, end: Array | None = None) -> Chain:
 
 def _words(displacement: Array) -> str:
     return ",".join(f"{v:g}" for v in displacement)
-
-
-def least_norm(A: Array, b: Array) -> Array:
-    """Solutions ``(g, n)`` of ``A x = b`` by least squares, of least norm; A is ``(g, r, n)``, b ``(g, r)``."""
-    U, s, Vt = np.linalg.svd(A, full_matrices=False)
-    kept = s > NEGLIGIBLE * s.max(axis=1, initial=0.0, keepdims=True)
-    y = np.einsum("grk,gr->gk", U, b) * np.where(kept, 1.0 / np.where(kept, s, 1.0), 0.0)
-    result: Array = np.einsum("gkn,gk->gn", Vt, y)
-    return result
-
-
-def _null(A: Array) -> Array:
-    """Orthonormal basis ``(n, k)`` of a null space."""
-    if not A.size:
-        return np.eye(A.shape[1])
-    _, s, Vt = np.linalg.svd(A)
-    rank = int(np.count_nonzero(s > SINGULAR * s[0]))
-    result: Array = Vt[rank:].T
-    return result
-
-
-def _span(A: Array) -> Array:
-    """Orthonormal basis ``(r, k)`` of what the columns of a matrix span."""
-    if not A.size:
-        return np.zeros((len(A), 0))
-    U, s, _ = np.linalg.svd(A)
-    result: Array = U[:, : int(np.count_nonzero(s > SINGULAR))]
-    return result
-
-
-def _aligned(basis: Array, other: Array) -> Array:
-    """The basis ``(6, f)`` of the same motions that is nearest to another; itself where the numbers differ."""
-    if basis.shape != other.shape:
-        return basis
-    U, _, Vt = np.linalg.svd(basis.T @ other)
-    result: Array = basis @ U @ Vt
-    return result
-
-
-def _groups(names: Sequence[str], motions: Array) -> tuple[tuple[str, ...], ...]:
-    """Joints that move together in motions ``(n, k)``: what is apart in them is a group of its own."""
-    together = np.abs(motions @ motions.T) > SINGULAR
-    groups: list[tuple[str, ...]] = []
-    seen = np.zeros(len(names), dtype=bool)
-    for first in np.flatnonzero(np.diag(together)).tolist():
-        if seen[first]:
-            continue
-        group = np.zeros(len(names), dtype=bool)
-        group[first] = True
-        while np.any(grown := together[group].any(axis=0) & ~group):
-            group |= grown
-        seen |= group
-        groups.append(tuple(names[i] for i in np.flatnonzero(group).tolist()))
-    return tuple(groups)
-
-
-def _turned_back(before: Array | None, after: Array | None) -> bool:
-    """Whether drives answer the end-effector the other way in some direction: a singularity lies between."""
-    if before is None or after is None:
-        return False
-    values = np.linalg.eigvals(np.linalg.solve(before.T, after.T))
-    # what is one value twice comes as a pair that rounding has split
-    real = np.abs(values.imag) < SINGULAR * np.abs(values).max()
-    return bool(np.any(real & (values.real < 0.0)))

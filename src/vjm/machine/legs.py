@@ -12,9 +12,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vjm.machine.closing import closed
+from vjm.machine.rigid_tree import RigidTree
 from vjm.model.chain import FOOT, Chain
 from vjm.model.closures import Closure, Coupling
 from vjm.model.joints import ActuatedJoint, CoupledJoint, PointSpring
+from vjm.model.load_case import LoadCase
 from vjm.model.parts import Beam, Part, PassiveJoint, RigidOffset
 from vjm.platform.manipulator import BASE, PLATFORM, Leg, Manipulator
 from vjm.rotations import Array, inverse_frame
@@ -165,7 +167,38 @@ def machine_of(manipulator: Manipulator) -> Chain:
         label: {name: value + off.get(name, 0.0) for name, value in values.items()}
         for label, values in machine.held.items()
     }
-    return replace(machine, parts=tuple(parts), held=held)
+    ends = {}
+    if too_long or off:
+        tree = RigidTree(machine)
+        ends = {each: tree.end_frames(tree.posture(each)[None])[0] for each in machine.postures}
+    return replace(machine, parts=tuple(parts), held=held, nominal_ends=ends)
+
+
+def in_pose(manipulator: Manipulator, load_case: LoadCase) -> tuple[Chain, LoadCase]:
+    """The machine that a manipulator is, in the one pose of a load case, for whatever takes a machine.
+
+    Args:
+        manipulator: legs on a platform.
+        load_case: its posture is the label of a pose, or the platform's displacement from home, see
+            `vjm.platform.manipulator.Manipulator.displacement`.
+
+    Returns:
+        The machine, see `machine_of`, and the same load case.
+
+    Raises:
+        ValueError: there is no such pose.
+        PoseError: the rigid manipulator cannot take it.
+
+    Example:
+        >>> import vjm
+        >>> robot, load_case = vjm.load("orthoglide"), vjm.LoadCase("10,0,0", to=-0.1)
+        >>> vjm.VjmEngine(4).trace(*in_pose(robot, load_case)).complete
+        True
+    """
+    label = load_case.posture
+    machine = machine_of(replace(manipulator, poses={label: manipulator.displacement(label)}))
+    postures, held = {label: machine.postures[label]}, {label: machine.held[label]}
+    return replace(machine, postures=postures, held=held, poses={}, home=""), load_case
 
 
 def posed(machine: Chain, poses: Mapping[str, Array], end: Array) -> Chain:

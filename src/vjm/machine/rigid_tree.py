@@ -5,8 +5,9 @@ Springs stand at zero here: beams are rigid, and a held joint stands at its coor
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple, assert_never
+from collections.abc import Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple, assert_never
 
 import numpy as np
 
@@ -15,24 +16,15 @@ from vjm.model.joints import CoupledJoint, HeldJoint
 from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
 from vjm.rotations import Array, frame, translation
 
+if TYPE_CHECKING:
+    from vjm.machine.rigid_kernel import RigidArrays
+
 
 class Site(NamedTuple):
     """A frame ``(4, 4)`` on a rigid body: behind a joint, −1 for the base, mm from there."""
 
     joint: int
     frame: Array
-
-
-class State(NamedTuple):
-    """The machine in g postures.
-
-    Attributes:
-        behind: frames ``(m + 1, g, 4, 4)`` behind the base and behind each joint, world, mm.
-        axes: of the joints ``(m, g, 3)``, world.
-    """
-
-    behind: Array
-    axes: Array
 
 
 class RigidTree:
@@ -96,13 +88,6 @@ class RigidTree:
         m = len(self._parent)
         self._share = np.array([row for row, _ in shares]).reshape(m, len(given))
         self._offset = np.array([rest for _, rest in shares])
-        self._on_way = np.zeros((m + 1, m), dtype=bool)
-        for j, parent in enumerate(self._parent):
-            self._on_way[j + 1] = self._on_way[parent + 1]
-            self._on_way[j + 1, j] = True
-        self._turning = np.array(self._rotary, dtype=bool)
-        axis = np.array(self._axis).reshape(m, 3)
-        self._skew = np.cross(axis[:, None, :], np.eye(3)).transpose(0, 2, 1)
         self._coupled = np.zeros((len(machine.couplings), len(given)))
         for row_, coupling in zip(self._coupled, machine.couplings, strict=True):
             for name, weight in coupling.terms:
@@ -142,80 +127,56 @@ class RigidTree:
         values = dict(zip((joint.name for joint in self.machine.joints), q.tolist(), strict=True))
         return self.coordinates({**values, **self.machine.held.get(label, {})})
 
-    def state(self, q: Array) -> State:
-        """Frames and axes at coordinates ``(g, n)``."""
-        m, g = len(self._parent), len(q)
-        value = q @ self._share.T + self._offset
-        behind = np.zeros((m + 1, g, 4, 4))
-        behind[0] = np.eye(4)
-        axes = np.empty((m, g, 3))
-        local = np.zeros((g, 4, 4))
-        local[:, 3, 3] = 1.0
-        for j, parent in enumerate(self._parent):
-            at = behind[parent + 1] @ self._before[j]
-            if self._rotary[j]:
-                s, c = np.sin(value[:, j])[:, None, None], np.cos(value[:, j])[:, None, None]
-                local[:, :3, :3] = np.eye(3) + s * self._skew[j] + (1.0 - c) * (self._skew[j] @ self._skew[j])
-                local[:, :3, 3] = 0.0
-            else:
-                local[:, :3, :3] = np.eye(3)
-                local[:, :3, 3] = value[:, j, None] * self._axis[j]
-            behind[j + 1] = at @ local
-            axes[j] = at[:, :3, :3] @ self._axis[j]
-        return State(behind, axes)
+    @cached_property
+    def arrays(self) -> RigidArrays:
+        """The machine as kernels take it."""
+        # imported when it is asked for: compiled code takes longer to load than a model file
+        from vjm.machine.rigid_kernel import RigidArrays
 
-    def frames(self, state: State, site: Site) -> Array:
-        """World frames ``(g, 4, 4)`` of a site, mm."""
-        result: Array = state.behind[site.joint + 1] @ site.frame
-        return result
+        closures = self.machine.closures
+        sites = [self._held(part, T) for c in closures for part, T in zip(c.parts, c.frames, strict=True)]
+        sites.append(self.end)
+        m = len(self._parent)
+        return RigidArrays(
+            parent=np.array(self._parent, dtype=np.int64),
+            rotary=np.array(self._rotary, dtype=np.int64),
+            axis=np.array(self._axis).reshape(m, 3),
+            before=np.array(self._before).reshape(m, 4, 4),
+            share=self._share,
+            offset=self._offset.astype(float),
+            joint=np.array([site.joint for site in sites], dtype=np.int64),
+            frame=np.array([site.frame for site in sites]),
+            rows=np.array([closure.rows for closure in closures], dtype=np.int64),
+            coupled=self._coupled,
+            total=self._totals.astype(float),
+            unit=self.unit.astype(float),
+            length=np.array([self.length]),
+        )
 
-    def motion(self, state: State, site: Site, point: Array) -> Array:
-        """Derivatives ``(g, 6, n)`` of the place of a point ``(g, 3)`` on the body of a site, and of its turn."""
-        g, moving = len(point), np.flatnonzero(self._on_way[site.joint + 1])
-        J = np.zeros((g, 6, len(self._parent)))
-        axes = state.axes[moving].transpose(1, 0, 2)
-        turning = self._turning[moving][:, None]
-        levers = point[:, None] - state.behind[moving + 1, :, :3, 3].transpose(1, 0, 2)
-        J[:, :3, moving] = np.where(turning, np.cross(axes, levers), axes).transpose(0, 2, 1)
-        J[:, 3:, moving] = np.where(turning, axes, 0.0).transpose(0, 2, 1)
-        result: Array = J @ self._share
-        return result
+    def _held(self, part: str, T: Array) -> Site:
+        """A frame of a closure; one on the base is given in the world, ends are from the base's."""
+        return self._moved(self.ends[part], T if part else np.linalg.inv(self.machine.base) @ T)
 
-    def closing(self, q: Array, state: State | None = None) -> tuple[Array, Array]:
-        """What closures and couplings miss at coordinates ``(g, n)``, lengths over the machine's, and rad.
+    def linearised(self, q: Array) -> tuple[Array, Array, Array, Array]:
+        """What closures and couplings miss at coordinates ``(g, n)``, and the end-effector.
 
         Returns:
-            Gaps ``(g, r)`` and their derivatives ``(g, r, n)`` by the coordinates over their units, exact where
-            closed.
+            Gaps ``(g, r)``, lengths over the machine's, and rad; their derivatives ``(g, r, n)`` by the coordinates
+            over their units, exact where closed; frames ``(g, 4, 4)`` of the end-effector, mm; and its motion
+            ``(g, 6, n)``, likewise.
         """
-        state = self.state(q) if state is None else state
-        gaps, rows, unit = [], [], np.repeat([self.length, 1.0], 3)
-        for closure in self.machine.closures:
-            sites = [
-                self._moved(self.ends[part], T) for part, T in self._held_frames(closure.parts, closure.frames)
-            ]
-            first, second = (self.frames(state, site) for site in sites)
-            d = difference(second, first)
-            J = self.motion(state, sites[0], first[:, :3, 3]) - self.motion(state, sites[1], second[:, :3, 3])
-            gaps.append((d / unit)[:, : closure.rows])
-            rows.append((J / unit[:, None])[:, : closure.rows])
-        gaps.append(q @ self._coupled.T - self._totals)
-        rows.append(np.broadcast_to(self._coupled, (len(q), *self._coupled.shape)))
-        return np.concatenate(gaps, axis=1), np.concatenate(rows, axis=1) * self.unit
+        from vjm.machine.rigid_kernel import linearised
 
-    def _held_frames(self, parts: Sequence[str], frames: Array) -> list[tuple[str, Array]]:
-        """Parts and frames of a closure; a frame on the base is given in the world, ends are from the base's."""
-        base = np.linalg.inv(self.machine.base)
-        return [(part, T if part else base @ T) for part, T in zip(parts, frames, strict=True)]
+        g, n, r = len(q), len(self.names), len(self.row_names)
+        gap, J, J_end = np.empty((g, r)), np.empty((g, r, n)), np.empty((g, 6, n))
+        place, end = np.empty((g, 3, 4)), np.tile(np.eye(4), (g, 1, 1))
+        linearised(self.arrays, np.ascontiguousarray(q, dtype=float), gap, J, place, J_end)
+        end[:, :3] = place
+        return gap, J, end, J_end
 
-    def end_motion(self, state: State) -> tuple[Array, Array]:
-        """Frames ``(g, 4, 4)`` of the end-effector, and its motion ``(g, 6, n)`` by the coordinates.
-
-        The motion's lengths are over the machine's, the coordinates over their units.
-        """
-        end = self.frames(state, self.end)
-        J = self.motion(state, self.end, end[:, :3, 3]) / np.repeat([self.length, 1.0], 3)[:, None]
-        return end, J * self.unit
+    def end_frames(self, q: Array) -> Array:
+        """Frames ``(g, 4, 4)`` of the end-effector at coordinates ``(g, n)``, mm."""
+        return self.linearised(q)[2]
 
 
 def difference(start: Array, stop: Array) -> Array:
@@ -232,3 +193,16 @@ def difference(start: Array, stop: Array) -> Array:
         small, np.where(cosine > 0.0, 1.0, np.nan), np.arctan2(sine, cosine) / np.where(small, 1.0, sine)
     )
     return np.concatenate([stop[:, :3, 3] - start[:, :3, 3], w * factor[:, None]], axis=1)
+
+
+def displaced_frames(T: Array, displacement: Array) -> Array:
+    """Frames ``(g, 4, 4)`` after displacements ``(g, 6)``, as `vjm.rotations.displaced`, mm and rad."""
+    w = displacement[:, 3:]
+    angle = np.linalg.norm(w, axis=1)[:, None, None]
+    result = T.copy()
+    result[:, :3, 3] += displacement[:, :3]
+    W = np.cross(w[:, None, :], np.eye(3)).transpose(0, 2, 1)
+    # sine and versine over the angle and its square; of sin(x) / x nothing is lost at zero
+    sine, half = np.sinc(angle / np.pi), np.sinc(0.5 * angle / np.pi)
+    result[:, :3, :3] = (np.eye(3) + sine * W + 0.5 * half**2 * (W @ W)) @ T[:, :3, :3]
+    return result

@@ -45,6 +45,8 @@ class Chain:
         poses: displacements ``(6,)`` of the end-effector from home by label, mm and rad, for a machine whose
             coordinates follow from them by its closures. `postures` and `held` have them under the same labels.
         home: label of the posture from which poses are displaced; empty: the first.
+        nominal_ends: frames ``(4, 4)`` of the end-effector by posture label, mm, from which its displacements count
+            where errors of assembly leave the loops open: as designed. Without one it is where the parts put it.
     """
 
     name: str
@@ -64,6 +66,7 @@ class Chain:
     couplings: tuple[Coupling, ...] = ()
     poses: Mapping[str, Array] = field(default_factory=dict)
     home: str = ""
+    nominal_ends: Mapping[str, Array] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         parts = ", ".join(part.name for part in self.parts)
@@ -275,12 +278,16 @@ class Chain:
     def segment_numbers(self, segments: int | None, foot: int | None) -> dict[str, int]:
         """Springs by beam where every beam without a number of its own gets ``segments``, and the foot ``foot``.
 
-        A beam that is not named stays one spring.
+        A beam that is not named stays one spring. Of a machine of legs it is the foot of every leg that has one.
         """
         numbers = {beam.name: beam.own_segments or segments for beam in self.beams}
         if foot and foot > 1:
-            numbers[FOOT] = foot
+            numbers |= dict.fromkeys(self.beams_named(FOOT) or ([] if self.closures else [FOOT]), foot)
         return {name: n for name, n in numbers.items() if n is not None}
+
+    def beams_named(self, name: str) -> list[str]:
+        """Full names of the beams of a name; the same part of every leg of a machine, ``leg/part``, has one."""
+        return [beam.name for beam in self.beams if name in (beam.name, beam.name.rpartition("/")[2])]
 
     def split(self) -> Chain:
         """The same machine with its beams split as engine ``vjm`` splits them.

@@ -34,7 +34,8 @@ class EndCondition:
 
     Attributes:
         model: the chain with the support's joints at its end.
-        tool: pose ``(4, 4)`` of the end-effector in the unloaded posture.
+        tool: pose ``(4, 4)`` of the end-effector from which displacements count: in the unloaded posture, as
+            designed.
         joints: the support's joints, from the end-effector.
     """
 
@@ -47,9 +48,18 @@ class EndCondition:
         if not self.joints:
             return end_condition
         T = frame(self.tool[:3, :3].T)
-        for joint, value in zip(self.joints, x[-len(self.joints) :], strict=True):
+        for joint, value in zip(self.joints, x[self.model.passive[-len(self.joints) :]], strict=True):
             T = T @ (translation(joint.axis * value) if joint.slides else turn(joint.axis, value))
         return end_condition @ inverse_frame(T)
+
+    @property
+    def support(self) -> Array:
+        """Pose ``(4, 4)`` of the support that holds the end-effector where `tool` has it."""
+        return frame(p=self.tool[:3, 3]) if self.joints else self.tool
+
+    def alone(self, x: Array) -> Array:
+        """Of a state ``(n,)`` that of the machine without the support's joints."""
+        return np.delete(x, self.model.passive[len(self.model.passive) - len(self.joints) :])
 
     def displacement(self, end_condition: Array, x: Array) -> Array:
         """Displacement ``(6,)`` of the end-effector from its unloaded pose."""
@@ -86,6 +96,7 @@ def held(model: LumpedModel, load_case: LoadCase) -> EndCondition:
     chain = model.chain
     q = chain.posture(load_case.posture)
     tool, rank, movable = _drawn(model, load_case.posture)
+    tool = chain.nominal_ends.get(load_case.posture, tool)
     if rank < len(model.passive) and not chain.closures:
         raise ValueError(
             f"{chain.name}, posture {load_case.posture} is singular: some of its passive joints move without "
@@ -98,7 +109,7 @@ def held(model: LumpedModel, load_case: LoadCase) -> EndCondition:
         loose = _loose(there, len(joints), np.concatenate([q, np.zeros(len(joints))]))
         if loose is None:
             x = there.configuration(there.chain.posture(load_case.posture))
-            return _checked(EndCondition(there, tool, joints), _movable(there, there.kinematics(x)), load_case)
+            return _checked(EndCondition(there, tool, joints), deflects(there, there.kinematics(x)), load_case)
         hinge = next((name for name in free if len(name) == 2 and abs(loose[free.index(name)]) > DEPENDENT), None)
         if hinge is None:
             raise ValueError(
@@ -118,11 +129,11 @@ def _drawn(model: LumpedModel, posture: str) -> tuple[Array, int, bool]:
         deflects in every direction.
     """
     here = model.kinematics(model.configuration(model.chain.posture(posture)))
-    return here.end, _rank(model, here), _movable(model, here)
+    return here.end, _rank(model, here), deflects(model, here)
 
 
-def _movable(model: LumpedModel, k: Kinematics) -> bool:
-    """Whether a chain deflects in every direction in which it is held: else its wrench is not determined."""
+def deflects(model: LumpedModel, k: Kinematics) -> bool:
+    """Whether the end-effector deflects in every direction: else the wrench that holds it is not determined."""
     unit = model.coordinate_scale[: model.coordinates]
     J = k.jacobian[:, : model.coordinates] * unit / np.repeat([model.chain.characteristic_length, 1.0], 3)[:, None]
     if model.chain.closures or model.chain.couplings:
@@ -146,9 +157,13 @@ def null_space(A: Array) -> Array:
     return result
 
 
-def rigid_direction(where: str) -> ValueError:
-    """What is said of a chain that is held in a direction in which it does not deflect."""
-    return ValueError(
+class RigidDirectionError(ValueError):
+    """A machine is held in a direction in which it does not deflect."""
+
+
+def rigid_direction(where: str) -> RigidDirectionError:
+    """What is said of a machine that is held in a direction in which it does not deflect."""
+    return RigidDirectionError(
         f"{where} cannot move in every direction in which it is held, so that the wrench there is not determined: "
         f"leave rigid directions free"
     )

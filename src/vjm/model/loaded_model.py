@@ -1,9 +1,4 @@
-"""What a chain and a manipulator have in common once they are loaded.
-
-Whatever follows an equilibrium path, takes a loaded stiffness or decides on stability asks for this protocol
-only. There are two such models: `vjm.model.lumped.LumpedModel` and
-`vjm.platform.loaded_manipulator.LoadedManipulator`.
-"""
+"""What paths, loaded stiffness and stability ask of a model; `vjm.model.lumped.LumpedModel` is one."""
 
 from __future__ import annotations
 

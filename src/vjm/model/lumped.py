@@ -14,7 +14,7 @@ import numpy as np
 
 from vjm.kernels.machine_solver import MachineSolver
 from vjm.model.applied_loads import NO_LOADS, AppliedLoads
-from vjm.model.assembly import Assembly, Piece, Station
+from vjm.model.assembly import Assembly, Piece, Site, Station
 from vjm.model.chain import Chain
 from vjm.model.kinematics import Kinematics
 from vjm.model.packing import Loads, packed
@@ -40,6 +40,8 @@ class LumpedModel:
         stations: points along the chain that show its shape.
         pieces: the straight stretches of its rigid bodies, base to tool.
         natural: coordinates ``(n,)`` at which the springs are free of stress.
+        closure_joints: last joints ``(c, 2)`` before the two frames of each closure, −1 for the base.
+        closure_frames: those frames ``(c, 2, 4, 4)``, mm, behind these joints.
         applied_loads: the loads on its bodies.
     """
 
@@ -66,7 +68,7 @@ class LumpedModel:
         self.before = np.array(built.before).reshape(-1, 4, 4)
         self.last, self.tail = built.last, built.rigid
         self._spring_joints, self._spring_points, self._spring_laws = point_springs(self.chain, built)
-        self._closure_joints, self._closure_frames = closure_sites(self.chain, built)
+        self.closure_joints, self.closure_frames = closure_sites(self.chain, built)
         self._coordinate = built.coordinate
         self._factor = np.array(built.factor)
         self._skew: Array = np.cross(self.axis[:, None, :], np.eye(3)).transpose(0, 2, 1)
@@ -134,6 +136,18 @@ class LumpedModel:
         model.__dict__.update(attributes)
         return model
 
+    def span(self, part: str) -> range:
+        """The coordinates of a part."""
+        return self._built.spans[part]
+
+    def end_of(self, part: str) -> Site:
+        """Where a part ends."""
+        return self._built.ends[part]
+
+    def carried_by(self, joint: int) -> np.ndarray:
+        """Which joints ``(m,)`` a joint moves, itself included; −1, the base, all."""
+        return self._before[1:, joint] if joint >= 0 else np.ones(len(self.parent), dtype=bool)
+
     def find(self, part: str, at: float) -> tuple[int, Array]:
         """The body that carries a point of a part, and where it is on it.
 
@@ -197,8 +211,8 @@ class LumpedModel:
             self.characteristic_length,
             springs=(self._spring_joints, self._spring_points, self._spring_laws),
             closures=(
-                np.concatenate([ground[0], self._closure_joints]),
-                np.concatenate([ground[1], self._closure_frames]),
+                np.concatenate([ground[0], self.closure_joints]),
+                np.concatenate([ground[1], self.closure_frames]),
                 [6, *(closure.rows for closure in self.chain.closures)],
             ),
             chain=self.chain, spare=self.spare(held=True),
@@ -327,7 +341,7 @@ class LumpedModel:
         """Derivative ``(f + k, size)`` of what closures and couplings hold by the coordinates; mm and rad."""
         rows, behind = [], kinematics.behind
         for closure, joints, frames in zip(
-            self.chain.closures, self._closure_joints, self._closure_frames, strict=True
+            self.chain.closures, self.closure_joints, self.closure_frames, strict=True
         ):
             point = (behind[joints[1] + 1] @ frames[1])[:3, 3]
             first, second = (

@@ -29,7 +29,7 @@ def loaded_stiffness(at: Configuration[LoadedModel]) -> Array:
     It maps a displacement of the end-effector (shift and rotation vector, world axes) to the change of a
     wrench that is counted in world axes. A moment fixed in the world is not conservative, so that K^F is
     slightly asymmetric where moments act. It is singular by the passive joints, and is never inverted. The
-    matrix is condensed spring by spring, see `vjm.kernels.recursion`.
+    matrix is condensed spring by spring, see `vjm.kernels.elimination`.
 
     Returns:
         ``(6, 6)`` in N/mm, N, N mm.

@@ -39,7 +39,7 @@ STARTS = 16
 
 
 @dataclass(frozen=True)
-class ArmCompensation:
+class Compensation:
     """What compensation does at g poses; each array has g rows.
 
     Attributes:
@@ -71,7 +71,7 @@ def compensated_arm(
     gravity: Gravity | None = None,
     start: Array | None = None,
     end: str = "",
-) -> ArmCompensation:
+) -> Compensation:
     """Joint coordinates of a path of tool poses for the rigid, the linear and the loaded model.
 
     All of them are within the joints' limits. Of several solutions of the loaded arm that near the rigid arm's is
@@ -108,7 +108,7 @@ def compensated_arm(
     ways = _movable(model, ranges, q, index, rotations is not None)
     q_linear = _linear(arm, ranges, ways, q)
     q_loaded = _put_right(arm, ranges, ways, q)
-    return ArmCompensation(model.joints, q, q_linear, q_loaded, rigid, arm.errors(q_linear), arm.errors(q_loaded))
+    return Compensation(model.joints, q, q_linear, q_loaded, rigid, arm.errors(q_linear), arm.errors(q_loaded))
 
 
 @dataclass(frozen=True)

@@ -72,6 +72,8 @@ def equilibria(
     loads: Sequence[Load] = (),
     compliance: bool = True,
     start: Array | None = None,
+    start_closures: Array | None = None,
+    gradual: bool = True,
     share: float = 1.0,
 ) -> Equilibria:
     """Equilibria of a machine in many postures under the same loads, or each under its own wrench.
@@ -85,6 +87,8 @@ def equilibria(
         loads: on any parts; they act in full.
         compliance: whether it and the stiffness are wanted.
         start: coordinates ``(g, n)`` from which Newton's method begins, such as those of a neighbour.
+        start_closures: the closures' wrenches ``(g, f)``, likewise.
+        gradual: whether the loads are put on in steps where an equilibrium is not found at once.
         share: of all that strains the machine: weight, wrenches, loads, and the stress in which sprung joints and
             springs between points are in the unloaded posture.
 
@@ -99,14 +103,16 @@ def equilibria(
     commands, naturals = model.values(q), share * model.naturals(q)
     x = np.zeros((g, n)) if start is None else np.array(start, dtype=float).reshape(g, n)
     closures = np.zeros((g, int(arrays.size[2])))
+    if start_closures is not None:
+        closures[:] = start_closures
     verdict, forces = np.zeros(g, dtype=np.int64), np.zeros((g, len(arrays.parent)))
     R, p, moved = np.zeros((g, e, 3, 3)), np.zeros((g, e, 3)), np.zeros((g, e, 6))
     C, K = (np.zeros((g if compliance else 0, e, 6, 6)) for _ in range(2))
     # under a share of their stress the springs' forces differ from posture to posture
     springs = arrays.spring[None] if share == 1.0 or not len(arrays.spring) else _eased_springs(model, q, share)
     equilibria_of(
-        *_objects(arrays), commands, naturals, np.zeros((1, n)), F, springs, x, closures, verdict, forces, R, p,
-        moved, C, K,
+        *_objects(arrays), commands, naturals, np.zeros((1, n)), F, springs, gradual, x, closures, verdict, forces,
+        R, p, moved, C, K,
     )  # fmt: skip
     lost = verdict == LOST
     for each in (x, closures, forces, R, p, moved, C, K):
@@ -145,8 +151,8 @@ def free_equilibria(
     g, e = p.shape[:2]
     none = np.zeros((0, e, 6, 6))
     equilibria_of(
-        *_objects(arrays), commands, naturals, np.zeros((1, x.shape[1])), wrench, arrays.spring[None], x, closures,
-        verdict, forces, R, p, np.zeros((g, e, 6)), none, none,
+        *_objects(arrays), commands, naturals, np.zeros((1, x.shape[1])), wrench, arrays.spring[None], True, x,
+        closures, verdict, forces, R, p, np.zeros((g, e, 6)), none, none,
     )  # fmt: skip
 
 

@@ -1,37 +1,22 @@
-"""What a map asks at each pose, and its answer: for machines that are compiled, and for all others."""
+"""What a map asks at each pose, and its answer."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import pickle
+from dataclasses import dataclass
 from enum import StrEnum
-from typing import NamedTuple
+from functools import lru_cache
+from typing import NamedTuple, assert_never
 
 import numpy as np
 
-from vjm.continuation.arc_length import ArcControl, trace
-from vjm.continuation.load_stepping import follow
-from vjm.continuation.path import Equilibrium, EventKind, Path
-from vjm.errors import NoConvergenceError
-from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
-from vjm.platform.batch_equilibria import packed_machine, platforms, weakest
-from vjm.platform.closure import RigidPose
-from vjm.platform.loaded_manipulator import lumped
-from vjm.platform.machine_kernel import Machine
-from vjm.platform.manipulator import BASE, PLATFORM, Manipulator
-from vjm.platform.problem import ManipulatorProblem
-from vjm.platform.rigid import PoseError, inverse_kinematics
-from vjm.platform.rigid_legs import NO_COMPLIANCE, RigidLegError, platform_compliance
+from vjm.loaded_stiffness import NO_COMPLIANCE
+from vjm.machine.platforms import PlatformBatch
+from vjm.platform.manipulator import Manipulator
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 
 OK = "ok"
-NEARLY = 1e-4
-"""Smallest eigenvalue over its unloaded value at which stability is as good as lost."""
-QUICK = 4
-"""Steps to a force at which a platform that has stayed stable needs no closer look."""
-SAME = 0.04
-"""rad between directions that are tried; the force is flat, see `vjm.platform.batch_equilibria.LAST_TURN`."""
 
 
 class Quantity(StrEnum):
@@ -97,48 +82,43 @@ class MapRows(NamedTuple):
     why: list[str]
 
 
-_machines: dict[tuple[str, str], Machine] = {}
-
-
-def compiled_for(manipulator: Manipulator) -> bool:
-    """Whether the kernels take this machine."""
-    direct = all((leg.start, leg.end) == (BASE, PLATFORM) for leg in manipulator.legs)
-    return direct and not (manipulator.couplings or manipulator.errors or manipulator.offsets)
-
-
 def evaluate(task: MapTask) -> MapRows:
     """The rows of a task; a pose without an answer says why and stops no other."""
-    if not compiled_for(task.manipulator):
-        return _one_by_one(task)
-    key = (task.manipulator.sha256 or str(id(task.manipulator)), repr(task.springs))
-    if key not in _machines:
-        try:
-            _machines[key] = packed_machine(task.manipulator, task.springs)
-        except RigidLegError:
-            return _one_by_one(task)
-    machine = _machines[key]
-    columns = COLUMNS[task.quantity]
-    values = np.full((len(task.poses), len(columns)), np.nan)
+    batch = _batch(pickle.dumps((task.manipulator, task.springs)))
+    values = np.full((len(task.poses), len(COLUMNS[task.quantity])), np.nan)
     wrench = np.zeros(6) if task.quantity is Quantity.CRITICAL else np.array(task.wrench)
-    found = platforms(machine, task.poses, wrench)
-    why = [OK if good else str(reason) for good, reason in zip(found.solved, found.why, strict=True)]
-    for k in np.flatnonzero(found.solved).tolist():
-        beyond = task.manipulator.beyond_limits(found.drives[k])
-        if beyond:
-            why[k] = f"out of reach: {beyond}"
-            continue
-        if task.quantity is Quantity.STIFFNESS:
-            values[k] = principal(np.linalg.inv(found.stiffness[k])[None])[0]
-        elif task.quantity is Quantity.DEFLECTION:
-            values[k] = moved(found.displacement[k])
-        else:
-            weak = weakest(machine, task.poses[k], task.most)
-            values[k] = [weak.force, *weak.direction]
-            if not np.isfinite(weak.force):
-                values[k] = np.nan
+    found = batch.equilibria(task.poses, wrench)
+    why = [
+        str(reason) or _beyond(task.manipulator, drives)
+        for reason, drives in zip(found.why, found.drives, strict=True)
+    ]
+    good = np.array([not said for said in why])
+    match task.quantity:
+        case Quantity.STIFFNESS:
+            values[good] = principal(found.compliance[good])
+        case Quantity.DEFLECTION:
+            values[good] = moved(found.displacement[good])
+        case Quantity.CRITICAL:
+            weak = batch.weakest(task.poses[good], task.most)
+            values[good] = np.column_stack([weak.force, weak.direction])
+            none = np.flatnonzero(good)[~np.isfinite(weak.force)]
+            values[none] = np.nan
+            for k in none:
                 why[k] = f"no critical force up to {task.most:g} N"
-    values[~found.solved] = np.nan
-    return MapRows(task.index, values, why)
+        case _:
+            assert_never(task.quantity)
+    return MapRows(task.index, values, [said or OK for said in why])
+
+
+@lru_cache(maxsize=4)
+def _batch(pickled: bytes) -> PlatformBatch:
+    """The batch of a machine and its springs, which tasks bring along one after another."""
+    return PlatformBatch(*pickle.loads(pickled))
+
+
+def _beyond(manipulator: Manipulator, drives: Array) -> str:
+    said = manipulator.beyond_limits(drives)
+    return f"out of reach: {said}" if said else ""
 
 
 def principal(C: Array) -> Array:
@@ -159,118 +139,6 @@ def principal(C: Array) -> Array:
     return np.stack(rows, axis=1)
 
 
-def moved(displacement: Array) -> list[float]:
-    """Displacement ``(6,)`` and the size of its shift."""
-    return [*displacement.tolist(), float(np.linalg.norm(displacement[:3]))]
-
-
-def _one_by_one(task: MapTask) -> MapRows:
-    """The same by the whole machine's own equilibria."""
-    values = np.full((len(task.poses), len(COLUMNS[task.quantity])), np.nan)
-    why = []
-    near: RigidPose | None = None
-    for k, displacement in enumerate(task.poses):
-        try:
-            near = _closed(task.manipulator, displacement, near)
-            if task.quantity is Quantity.CRITICAL:
-                values[k] = _weakest_path(task, near)
-            elif task.quantity is Quantity.DEFLECTION:
-                values[k] = moved(_loaded(task, near).displacement)
-            else:
-                values[k] = principal(_compliance(task, near)[None])[0]
-            why.append(OK)
-        except (PoseError, RigidLegError, NoConvergenceError) as failure:
-            why.append(" ".join(str(failure).split()))
-    return MapRows(task.index, values, why)
-
-
-def _closed(manipulator: Manipulator, displacement: Array, near: RigidPose | None) -> RigidPose:
-    try:
-        return inverse_kinematics(manipulator, displacement, near)
-    except PoseError:
-        # the straight way from a neighbour may leave the workspace where that from home does not
-        return inverse_kinematics(manipulator, displacement)
-
-
-def _compliance(task: MapTask, pose: RigidPose) -> Array:
-    """Compliance ``(6, 6)`` of the platform under the task's wrench; it exists where a leg is rigid, too."""
-    try:
-        K = _loaded(task, pose).stiffness
-    except RigidLegError:
-        if any(task.wrench):
-            raise
-        return platform_compliance(pose, [lumped(task.springs, leg.chain) for leg in task.manipulator.legs])
-    assert K is not None
-    return np.asarray(np.linalg.inv(K), dtype=float)
-
-
-def _loaded(task: MapTask, pose: RigidPose) -> Equilibrium:
-    wrench = np.array(task.wrench)
-    if not np.any(wrench):
-        return ManipulatorProblem(task.manipulator, LoadCase("", 1.0), task.springs, pose).unloaded()
-    load_case = LoadCase("", 1.0, "load", loads=(Load(tuple(wrench)),), free=COMPONENTS, steps=2)
-    path = follow(ManipulatorProblem(task.manipulator, load_case, task.springs, pose), load_case)
-    if not path.complete:
-        raise NoConvergenceError(path.stopped)
-    if path.events:
-        raise NoConvergenceError(f"the platform buckles at {path.events[0].s:.3g} of the wrench")
-    return path.points[-1]
-
-
-def _weakest_path(task: MapTask, pose: RigidPose) -> list[float]:
-    """Smallest critical force over directions, see `vjm.platform.batch_equilibria.weakest`."""
-    slopes = []
-    for axis in range(3):
-        unit = LoadCase("", 1e-3, "load", loads=(Load(tuple(np.eye(6)[axis])),), free=COMPONENTS, steps=1)
-        problem = _under(task, unit, pose)
-        slopes.append(problem.leg_wrenches(follow(problem, unit).points[-1])[:, :3])
-    best = [float("nan")] * 4
-    for line in distinct([np.linalg.svd(strained.T)[2][0] for strained in np.array(slopes).transpose(1, 0, 2)]):
-        for direction in (line, -line):
-            wrench = (*direction.tolist(), 0.0, 0.0, 0.0)
-            most = float(np.fmin(best[0], task.most))
-            load = LoadCase("", most, "load", loads=(Load(wrench),), free=COMPONENTS, steps=QUICK)
-            # one larger than the smallest so far is of no interest
-            quick = None if np.isnan(best[0]) else follow(_under(task, load, pose), load)
-            if quick is not None and quick.complete and not quick.events:
-                continue
-            # nor is the branch behind it
-            along = replace(load, control=TO_LIMIT, branch=0, steps=None)
-            force = stability_lost(trace(_under(task, along, pose), along, ArcControl(last=EventKind.BIFURCATION)))
-            if force is not None and not force >= best[0]:
-                best = [force, *direction.tolist()]
-    if np.isnan(best[0]):
-        raise NoConvergenceError(f"no critical force up to {task.most:g} N")
-    return best
-
-
-def _under(task: MapTask, load_case: LoadCase, pose: RigidPose) -> ManipulatorProblem:
-    return ManipulatorProblem(task.manipulator, load_case, task.springs, pose)
-
-
-def distinct(lines: Sequence[Array]) -> list[Array]:
-    """Directions ``(3,)`` of which no two lie along almost the same line: legs in a row feel a force alike."""
-    kept: list[Array] = []
-    for line in lines:
-        if all(np.linalg.norm(np.cross(line, other)) > SAME for other in kept):
-            kept.append(line)
-    return kept
-
-
-def stability_lost(path: Path) -> float | None:
-    """The force at which a path along the arc loses its stability, N; None where it keeps it to its end.
-
-    The path of an over-constrained robot has no perfect bifurcation, but a knee so sharp that no step may follow
-    it: there the path ends with its smallest eigenvalue all but zero, and that is the force.
-
-    Raises:
-        NoConvergenceError: it ends before, for another reason.
-    """
-    for event in path.events:
-        if event.kind in (EventKind.BIFURCATION, EventKind.LIMIT):
-            return event.force
-    if path.complete:
-        return None
-    if abs(path.eigenvalue_relative[-1]) < NEARLY:
-        return path.points[-1].ramp
-    raise NoConvergenceError(path.stopped)
+def moved(displacements: Array) -> Array:
+    """Displacements ``(g, 6)`` and the sizes of their shifts ``(g, 7)``."""
+    return np.column_stack([displacements, np.linalg.norm(displacements[:, :3], axis=1)])

@@ -20,11 +20,11 @@ from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import doubt_rows
 from vjm_updating.maps.documents import MapDocument, MapTaskDocument
-from vjm_updating.maps.evaluate import COLUMNS, MapRows, MapTask, Quantity, compiled_for, evaluate
+from vjm_updating.maps.evaluate import COLUMNS, MapRows, MapTask, Quantity, evaluate
 from vjm_updating.maps.pose_grid import Grid
 
-COMPILED, WHOLE = {Quantity.CRITICAL: 20, Quantity.STIFFNESS: 400, Quantity.DEFLECTION: 400}, 4
-"""Poses of a task, where the machine is compiled and where not: a second's work or so, which can be lost."""
+POSES = {Quantity.CRITICAL: 20, Quantity.STIFFNESS: 400, Quantity.DEFLECTION: 400}
+"""Of a task: a second's work or so, which can be lost."""
 RETRIES = 5
 """Times that a cluster may lose a task with its worker before it gives up."""
 PATIENCE = "10s"
@@ -72,7 +72,7 @@ class Map:
     def tasks(self) -> list[MapTask]:
         """The poses in pieces, neighbours together."""
         poses = self.grid.poses()
-        size = COMPILED[self.quantity] if compiled_for(self.manipulator) else WHOLE
+        size = POSES[self.quantity]
         starts = range(0, len(poses), size)
         return [
             MapTask(
@@ -190,7 +190,7 @@ def run_map(
         for rows in _on_cluster(scheduler, missing):
             keep(rows)
     elif missing:
-        if jobs > 1 and compiled_for(wanted.manipulator):
+        if jobs > 1:
             # compiled here once, or every process would do it
             evaluate(replace(missing[0], poses=missing[0].poses[:1]))
         map_all(evaluate, missing, min(jobs, len(missing)), done=lambda _, rows: keep(rows))

@@ -26,7 +26,7 @@ def end_of(machine: Chain, posture: Posture) -> Array:
     """Frame ``(4, 4)`` of the end-effector in a posture."""
     machine, label = in_posture(machine, posture)
     tree = RigidTree(machine)
-    result: Array = tree.frames(tree.state(tree.posture(label)[None]), tree.end)[0]
+    result: Array = tree.end_frames(tree.posture(label)[None])[0]
     return result
 
 

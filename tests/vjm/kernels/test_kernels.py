@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from vjm.continuation.load_grid import trace_grid
 from vjm.continuation.lumped_problem import LumpedProblem
-from vjm.kernels.factorization import bunch_parlett, bunch_parlett_solve
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
 from vjm.model.parts import Placement
@@ -66,31 +65,6 @@ def test_everything_about_a_state_agrees_with_the_dense_equations(chain, engine,
     assert np.abs(found) == pytest.approx(np.abs(nearest[:2]), rel=6e-5)
     assert np.abs(at.kinematics.jacobian @ modes / np.repeat([310.0, 1.0], 3)[:, None]).max() < 1e-7
     assert np.abs(compiled.shape(at.x) - model.shape(at.kinematics)).max() < 1e-9
-
-
-@given(st.data())
-def test_any_symmetric_matrix_is_factored_with_its_inertia(data):
-    n = data.draw(st.integers(1, 12))
-    seed = data.draw(st.integers(0, 10_000))
-    rng = np.random.default_rng(seed)
-    A = rng.standard_normal((n, n))
-    # with zeros on the diagonal, as the condensed matrix has without load
-    A = A + A.T - np.diag(data.draw(st.sampled_from([0.0, 1.0])) * 2.0 * np.diag(A))
-    values = np.linalg.eigvalsh(A)
-    if np.abs(values).min() <= 1e-6 * np.abs(values).max():
-        return
-    F, swaps, pivots = np.empty((n, n)), np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
-    assert bunch_parlett(A, F, swaps, pivots) == np.count_nonzero(values < 0.0)
-    b = rng.standard_normal((n, 2))
-    x = b.copy()
-    bunch_parlett_solve(F, swaps, pivots, x)
-    # complete pivoting is backward stable: the residual is rounding
-    assert np.abs(A @ x - b).max() < 1e-11 * np.abs(A).max() * max(1.0, np.abs(x).max())
-
-
-def test_a_singular_matrix_is_said_to_be_one():
-    F, swaps, pivots = np.empty((2, 2)), np.empty(2, dtype=np.int64), np.empty(2, dtype=np.int64)
-    assert bunch_parlett(np.zeros((2, 2)), F, swaps, pivots) == -1
 
 
 @pytest.mark.parametrize(("posture", "to"), [("A", 2.0), ("B", 3.0), ("C", 0.3), ("A", -3.5)])

@@ -6,16 +6,10 @@ import numpy as np
 import pytest
 
 from vjm.io.manipulator_file import manipulators
+from vjm.machine.closing import Closing, PoseError, home_label
+from vjm.machine.legs import machine_of
+from vjm.machine.ways import moved_by_drives
 from vjm.platform.manipulator import BASE, Leg, Manipulator
-from vjm.platform.rigid import (
-    PoseError,
-    forward_kinematics,
-    freedom,
-    home_pose,
-    inverse_kinematics,
-    mobility,
-    rates,
-)
 from vjm.rotations import frame, rotation_from_vector
 
 LENGTH = 310.0
@@ -34,13 +28,33 @@ MOBILITY = {
 }
 
 
+def closing(manipulator):
+    machine = machine_of(replace(manipulator, poses={}))
+    return Closing(machine, home_label(machine), manipulator.home)
+
+
+def rates(manipulator, displacement):
+    """Motions of the platform by its drives, mm and rad by mm and rad."""
+    there = closing(manipulator)
+    unit, length = there.tree.unit[~there.tree.passive], there.tree.length
+    moved = moved_by_drives(there.tree, there.displaced(np.asarray(displacement, dtype=float))[None])[0]
+    return moved * np.repeat([length, 1.0], 3)[:, None] / unit
+
+
+def drives(manipulator, displacement):
+    """Coordinates of the legs' drives, in the legs' order."""
+    there = closing(manipulator)
+    q = dict(zip(there.tree.names, there.displaced(np.asarray(displacement, dtype=float)).tolist(), strict=True))
+    return [q.get(leg.name, 0.0) for leg in manipulator.legs]
+
+
 @pytest.mark.parametrize("p", [(0, 0, 0), (40, -30, 60), (-73.65, -73.65, -73.65), (126.35, 126.35, 126.35)])
 def test_the_orthoglides_drives_are_those_of_its_closed_form(robot, p):
     # Wenger and Chablat 2000: ρ_x = x − √(L² − y² − z²), counted here from the isotropic point; the
     # chain's base is given to 1e-6 mm
-    pose = inverse_kinematics(robot("orthoglide"), np.array([*p, 0, 0, 0], dtype=float))
+    found = drives(robot("orthoglide"), [*p, 0, 0, 0])
     square = np.sum(np.square(p)) - np.square(p)
-    assert pose.drives == pytest.approx(np.array(p) - np.sqrt(LENGTH**2 - square) + LENGTH, abs=1e-6)
+    assert found == pytest.approx(np.array(p) - np.sqrt(LENGTH**2 - square) + LENGTH, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -55,8 +69,8 @@ def test_the_orthoglides_workspace_is_the_one_of_its_design_criterion(robot, cor
     assert c == pytest.approx(derived, abs=0.6)
     factors = {}
     for at in (c, derived):
-        pose = inverse_kinematics(machine, np.array([at] * 3 + [0.0] * 3))
-        found = 1.0 / np.linalg.svd(rates(pose, freedom(pose)), compute_uv=False)
+        # each drive's platform motions are shifts alone, mm by mm
+        found = np.linalg.svd(rates(machine, [at] * 3 + [0.0] * 3)[:3], compute_uv=False)
         t = at / np.sqrt(LENGTH**2 - 2.0 * at**2)
         assert np.sort(found) == pytest.approx(np.sort(np.abs([1 / (1 + 2 * t), 1 / (1 - t), 1 / (1 - t)])))
         factors[at] = found
@@ -72,8 +86,8 @@ def test_the_deltas_arms_stand_where_its_closed_form_has_them(robot):
     machine = robot("delta")
     for label in machine.poses:
         p = machine.displacement(label)[:3] + machine.home[:3, 3]
-        pose = inverse_kinematics(machine, machine.displacement(label))
-        for leg, angle in ((k, pose.drives[3 * k]) for k in range(3)):
+        turned = drives(machine, machine.displacement(label))
+        for leg, angle in ((k, turned[3 * k]) for k in range(3)):
             turn = rotation_from_vector([0.0, 0.0, 2.0 * np.pi * leg / 3.0])
             near = np.array([np.sqrt(3.0) / 6.0 * 567.0 + 524.0 * np.cos(angle), 0.0, -524.0 * np.sin(angle)])
             far = turn.T @ p + [np.sqrt(3.0) / 3.0 * 76.0, 0.0, 0.0]
@@ -86,61 +100,61 @@ def test_each_drive_of_the_isoglide_is_one_coordinate(robot):
     machine = robot("isoglide")
     for label in machine.poses:
         p = machine.displacement(label)
-        pose = inverse_kinematics(machine, p)
         # the file's home posture is given to 1e-9 rad, which is 3e-7 mm at a bar's end
-        assert pose.drives == pytest.approx(p[:3], abs=1e-6)
-        assert rates(pose, np.eye(6)[:, :3]) == pytest.approx(np.eye(3), abs=1e-8)
+        assert drives(machine, p) == pytest.approx(p[:3], abs=1e-6)
+        assert rates(machine, p)[:3] == pytest.approx(np.eye(3), abs=1e-8)
 
 
 @pytest.mark.parametrize("name", [entry.name for entry in manipulators()])
 def test_mobility_is_as_theory_says(robot, name):
     machine = robot(name)
     for label in machine.poses:
-        found = mobility(inverse_kinematics(machine, machine.displacement(label)))
-        assert (found.freedom, found.overconstraint) == MOBILITY[name]
-        assert found.idle == 0
+        found = closing(machine).mobility(closing(machine).displaced(machine.displacement(label)))
+        assert (found.freedom, found.redundant) == MOBILITY[name]
+        assert found.idle_freedom == 0
         assert found.loose.shape[1] == (1 if name == "parallelogram" else 0)
 
 
 def test_forward_kinematics_takes_inverse_kinematics_back(robot):
-    machine = robot("orthoglide")
-    there = inverse_kinematics(machine, np.array([10.0, 20.0, -15.0, 0, 0, 0]))
-    back = forward_kinematics(home_pose(machine), there.drives)
+    machine = closing(robot("orthoglide"))
+    there = machine.displaced(np.array([10.0, 20.0, -15.0, 0, 0, 0]))
+    names = ("x", "y", "z")
+    back = machine.held({name: float(there[machine.tree.names.index(name)]) for name in names})
     # the error measured is rounding alone
-    assert back.frames[0] == pytest.approx(there.frames[0], abs=1e-9)
+    assert back == pytest.approx(there, abs=1e-9)
 
 
 @pytest.mark.parametrize(
     ("pose", "words"),
     [
-        ((300, 300, 0, 0, 0, 0), "out of reach: leg 'z' stays"),
-        ((0, 0, 0, 0, 0, 0.2), "out of reach: leg"),
+        ((300, 300, 0, 0, 0, 0), "out of reach: closure '[yz]' stays .* open"),
+        ((0, 0, 0, 0, 0, 0.2), "out of reach: "),
         # beyond the singular point L/√3 = 178.98 the platform answers its drives the other way
         ((180, 180, 180, 0, 0, 0), "another branch"),
     ],
 )
 def test_poses_that_cannot_be_taken_are_refused_with_the_reason(robot, pose, words):
     with pytest.raises(PoseError, match=words):
-        inverse_kinematics(robot("orthoglide"), np.array(pose, dtype=float))
+        closing(robot("orthoglide")).displaced(np.array(pose, dtype=float))
 
 
 def test_a_singular_pose_is_refused_with_the_motion_that_is_loose(robot):
     c = LENGTH / np.sqrt(3.0)
-    with pytest.raises(PoseError, match=r"singular: with all drives held the platform still moves by"):
-        inverse_kinematics(robot("orthoglide"), np.array([c, c, c, 0, 0, 0]))
+    with pytest.raises(PoseError, match=r"singular: with all drives held the end-effector still moves by"):
+        closing(robot("orthoglide")).displaced(np.array([c, c, c, 0, 0, 0]))
 
 
 def test_a_drive_beyond_its_limits_is_named(robot):
-    with pytest.raises(PoseError, match=r"out of reach: the drive of leg 'a' = .* its limit .* by .* (mm|rad)"):
-        inverse_kinematics(robot("3-puu"), np.array([0, 0, -250.0, 0, 0, 0]))
+    with pytest.raises(PoseError, match=r"out of reach: a = .* its limit .* by .* (mm|rad)"):
+        closing(robot("3-puu")).displaced(np.array([0, 0, -250.0, 0, 0, 0]))
 
 
 def test_two_bases_at_odds_do_not_close(robot):
     machine = robot("orthoglide")
     x = machine.legs[0]
     moved = replace(x, root=frame(rotation_from_vector([0.0, 0.0, 0.5])) @ x.root)
-    with pytest.raises(PoseError, match=r"leg 'x' does not close at home: its end lies .* mm and 0\.5 rad"):
-        home_pose(replace(machine, legs=(moved, *machine.legs[1:])))
+    with pytest.raises(PoseError, match=r"closure 'y' does not close at home: its frames are .* mm and 0\.5 rad"):
+        closing(replace(machine, legs=(moved, *machine.legs[1:])))
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ def test_a_dead_scheduler_is_one_line_and_status_2(tmp_path, capsys, monkeypatch
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_killed_worker_loses_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(runner, "COMPILED", dict.fromkeys(Quantity, 4))
+    monkeypatch.setattr(runner, "POSES", dict.fromkeys(Quantity, 4))
     machine = load_manipulator("orthoglide")
     wanted = Map(machine, VjmEngine(), Quantity.CRITICAL, parsed_grid("5", machine))
     with distributed.LocalCluster(

@@ -5,11 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vjm.continuation.path import Equilibrium, Path
+from vjm.errors import NoConvergenceError
 from vjm.io.manipulator_file import load_manipulator
 from vjm.io.model_file import load_chain
-from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine, platform_stiffness
+from vjm.model.load_case import LoadCase
+from vjm_fea.common.platforms import platform_stiffness
+from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_validation.report.parallelogram_chapter import distance_picture, parallelogram, parallelogram_tables
-from vjm_validation.studies.parallelogram import Robot, Study, critical_force, element
+from vjm_validation.studies.parallelogram import Robot, Study, critical_force, element, stability_lost
 from vjm_validation.studies.study_results import Run
 
 L, EA, GJ, EI_SOFT, EI_STIFF = 310.0, 6.7391304e6, 1.0689655e7, 4.3055556e7, 2.0666667e8
@@ -42,7 +46,7 @@ def test_straight_its_stiffness_is_beam_theorys(machine, distance):
 
 def test_turned_it_is_exudyns(machine):
     found = element(machine, "turned", 80.0)
-    theirs = np.diag(platform_stiffness(ManipulatorExudynEngine(6), machine, "turned", np.zeros(6)))
+    theirs = np.diag(platform_stiffness(ExudynEngine(elements=6), machine, "turned", np.zeros(6)))
     # one solver stops at residuals of 1e-9: 3e-10 of an entry
     assert found.real == pytest.approx(theirs, rel=2e-8, abs=1e-2)
 
@@ -65,3 +69,14 @@ def test_the_chapter_says_where_the_replacement_fails(machine):
     rows = {row[0]: row[1:4] for row in parallelogram_tables(study)[0].rows}
     assert rows["turn in its plane, N mm/rad"] == ("0", "6.96×10⁷", "∞")
     assert distance_picture(study).content[:4] == b"\x89PNG"
+
+
+def test_a_path_that_ends_without_losing_its_stability_is_no_answer():
+    point = Equilibrium(0.0, np.zeros(6), np.zeros(6), 1.0, 1.0, 0, 1, 0.0, np.zeros((1, 3)), np.zeros(1))
+    there = replace(point, s=1.0, eigenvalue=0.5, ramp=700.0)
+    path = Path("vjm", "m", LoadCase("home", 1.0), (point, there), stopped="lost its way")
+    with pytest.raises(NoConvergenceError, match="lost its way"):
+        stability_lost(path)
+    assert stability_lost(replace(path, stopped="")) is None
+    # a knee too sharp to follow
+    assert stability_lost(replace(path, points=(point, replace(there, eigenvalue=1e-5)))) == 700.0

@@ -8,11 +8,12 @@ from typing import assert_never
 
 import numpy as np
 
+from vjm.machine.legs import ATTACHMENT, ROOT, in_pose
 from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.model.load_case import LoadCase
 from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
-from vjm.platform.manipulator import BASE, PLATFORM, Manipulator
-from vjm.platform.rigid import inverse_kinematics
+from vjm.platform.manipulator import PLATFORM, Manipulator
 from vjm.rotations import Array, translation, turn
 
 BEAM, RIGID, BODY = "beam", "rigid", "body"
@@ -92,15 +93,13 @@ def geometry(machine: Chain | Manipulator, posture: str) -> Geometry:
     return found
 
 
-def _draw(
-    chain: Chain, values: dict[str, float], base: Array, found: Geometry, prefix: str = ""
-) -> dict[str, tuple[Array, Array]]:
+def _draw(chain: Chain, values: dict[str, float], base: Array, found: Geometry) -> dict[str, tuple[Array, Array]]:
     """Add a chain's parts; frames where each begins, joints behind their motion, and ends, by name."""
     frames: dict[str, tuple[Array, Array]] = {"": (np.eye(4), base)}
     before = ""
     for part in chain.parts:
         begin = end = frames[chain.after.get(part.name, before)][1]
-        name = prefix + part.name
+        name = part.name
         match part:
             case Beam():
                 end = begin @ translation(part.tip)
@@ -142,24 +141,26 @@ def _kind(part: ActuatedJoint | SprungJoint | CoupledJoint) -> str:
             assert_never(part)
 
 
-def _of_platform(machine: Manipulator, label: str) -> Geometry:
-    pose = inverse_kinematics(machine, machine.displacement(label))
-    bodies = {body: pose.frame(body) for body in (BASE, *machine.bodies)}
+def _of_platform(manipulator: Manipulator, label: str) -> Geometry:
+    """The machine that a manipulator is, its bodies as lines to what the legs hold of them."""
+    machine, _ = in_pose(manipulator, LoadCase(label, 1.0))
+    values = dict(zip((joint.name for joint in machine.joints), machine.posture(label), strict=True))
     found = Geometry()
-    attached: dict[str, list[Array]] = {}
-    for leg, q, drive in zip(machine.legs, pose.q, pose.drives, strict=True):
-        root = bodies[leg.start] @ leg.driven_root(float(drive))
-        values = dict(zip((joint.name for joint in leg.chain.joints), q, strict=True))
-        held = next(iter(leg.chain.held), "")
-        chain = leg.chain.at(held) if leg.chain.held_joints else leg.chain
-        frames = _draw(chain, values, root @ leg.chain.base, found, f"{leg.name}/")
-        attached.setdefault(leg.end, []).append(frames[leg.chain.parts[-1].name][1][:3, 3])
-    for body, points in attached.items():
-        centre = bodies[body][:3, 3]
-        for point in points:
-            if np.linalg.norm(point - centre) > 1e-6:
-                found.lines.append(Line(body, BODY, np.array([centre, point])))
-    found.ends = [(PLATFORM, bodies[PLATFORM])]
+    frames = _draw(machine.at(label), values, machine.base, found)
+    drives = {leg.name for leg in manipulator.legs}
+    held = {f"{leg.name}/{part}" for leg in manipulator.legs for part in (ROOT, ATTACHMENT)}
+    found.lines = [line for line in found.lines if line.name not in drives | held]
+    found.joints = [joint for joint in found.joints if joint.name not in drives]
+    centres: dict[str, Array] = {}
+    for leg in manipulator.legs:
+        if leg.end not in centres:
+            # the first leg that ends on a body carries it
+            centres[leg.end] = frames[f"{leg.name}/{ATTACHMENT}"][1][:3, 3]
+        centre = centres[leg.end]
+        point = frames[f"{leg.name}/{leg.chain.parts[-1].name}"][1][:3, 3]
+        if np.linalg.norm(point - centre) > 1e-6:
+            found.lines.append(Line(leg.end, BODY, np.array([centre, point])))
+    found.ends = [(PLATFORM, frames[PLATFORM][1])]
     return found
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from vjm.continuation.path import Equilibrium, Path
 from vjm.io.manipulator_file import load_manipulator
+from vjm.machine.legs import ATTACHMENT, ROOT
 from vjm.rotations import Array
 from vjm_output.plot_style import FE, PAPER, REFINED, Picture
 from vjm_validation.report.renders import rendered_states
@@ -50,10 +51,12 @@ def robot_renders(study: RobotStudy) -> list[Picture]:
 
 def robot_skeleton(path: Path, point: Equilibrium) -> Skeleton:
     """The lines of a robot's legs, and thin ones from their ends to the middle of these, which is the platform."""
-    rest, shape = path.points[0].shape, point.shape
-    legs = [label.part.partition("/")[0] for label in path.stations]
-    parts = [label.part for label in path.stations]
-    thin = [label.fraction > 1.0 for label in path.stations]
+    own = [i for i, label in enumerate(path.stations) if label.part.partition("/")[2] not in ("", ROOT, ATTACHMENT)]
+    rest, shape = path.points[0].shape[own], point.shape[own]
+    stations = [path.stations[i] for i in own]
+    legs = [label.part.partition("/")[0] for label in stations]
+    parts = [label.part for label in stations]
+    thin = [label.fraction > 1.0 for label in stations]
     ends = [max(i for i, name in enumerate(legs) if name == leg) for leg in dict.fromkeys(legs)]
     points, moved = [rest], [shape]
     pieces, joints = [], []

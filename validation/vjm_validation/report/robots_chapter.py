@@ -95,7 +95,7 @@ def _pressed(rows: Robots) -> list[str]:
     same = f"in all engines leg {legs.pop()}" if len(legs) == 1 else f"legs {listed(sorted(legs))}"
     second = ""
     if all(SECOND.label in engines for engines in found.values()):
-        second = f" The sum over the chains of {SECOND.label} has it to {percent(_apart(found, SECOND.label))}."
+        second = f" {SECOND.label.capitalize()} has it to {percent(_apart(found, SECOND.label))}."
     text = (
         f"Pressed against x, the free platform loses its stability at {listed(where)} with finite elements, the "
         f"same with {REFINED} to {percent(_apart(found, REFINED))} and with {FOOT_SPRING}, the foot as one "

@@ -12,12 +12,12 @@ import numpy as np
 from vjm.batch import Failure, Task, trace_all
 from vjm.continuation.path import EventKind, Path, travel
 from vjm.engine import Engine
-from vjm.engines import EngineOptions, engine_by_name, for_manipulators, trace_machine
+from vjm.engines import EngineOptions, engine_by_name, trace_machine
 from vjm.loaded_stiffness import held_by_itself
+from vjm.machine.legs import in_pose
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, RAMP, TO_LIMIT, Load, LoadCase
 from vjm.platform.manipulator import Machine, Manipulator
-from vjm.platform.problem import ManipulatorProblem
 from vjm.rotations import Array
 from vjm.tree.equilibria import Equilibria, equilibria, largest_residual
 from vjm.tree.model import Gravity, TreeModel
@@ -131,10 +131,7 @@ def study(request: Request, progress: Progress = lambda name, done, total: None)
     engines: list[Engine] = [lumped]
     for name in request.engines[1:]:
         try:
-            other = engine_by_name(name, EngineOptions(ELEMENTS), machine)
-            if not isinstance(machine, Chain) and for_manipulators(other) is None:
-                raise ValueError("here engines sum up a platform's legs; `validate curve` takes it")
-            engines.append(other)
+            engines.append(engine_by_name(name, EngineOptions(ELEMENTS), machine))
         except (ValueError, ImportError) as error:
             found.notes.append(f"{name} was left out: {error}")
     if isinstance(machine, Chain):
@@ -185,7 +182,7 @@ def _size(request: Request, machine: Machine, labels: Sequence[str], lumped: Vjm
     softest = 0.0
     for label in labels:
         if isinstance(machine, Manipulator):
-            K = ManipulatorProblem(machine, LoadCase(label, 1.0), lumped).unloaded().stiffness
+            K = lumped.problem(*in_pose(machine, LoadCase(label, 1.0))).unloaded().stiffness
             assert K is not None
             C = np.linalg.pinv(K, rcond=1e-12)
         else:

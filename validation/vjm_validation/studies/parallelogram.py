@@ -7,18 +7,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.continuation.arc_length import ArcControl, trace
-from vjm.continuation.path import EventKind
+from vjm.continuation.path import EventKind, Path
+from vjm.errors import NoConvergenceError
 from vjm.io.manipulator_file import load_manipulator
+from vjm.machine.legs import in_pose
 from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.model.parts import Beam
 from vjm.platform.manipulator import Manipulator
-from vjm.platform.problem import ManipulatorProblem
 from vjm.rotations import Array, frame
 from vjm.statics.stiffness import unloaded_stiffness
 from vjm.vjm_engine import VjmEngine
-from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine, platform_stiffness
-from vjm_updating.maps.evaluate import stability_lost
+from vjm_fea.common.platforms import platform_stiffness
+from vjm_fea.exudyn.engine import ExudynEngine
 
 SPRINGS = VjmEngine(8, 8)
 DISTANCES = (20.0, 40.0, 80.0, 120.0, 200.0)
@@ -27,6 +28,8 @@ FINE = VjmEngine(16, 16)
 """Of critical forces: with 4 springs a beam the real one's limit point at Q2 is 1.7 % off, with these 0.1 %."""
 LARGEST = 14_000.0
 """N up to which the whole robot is pressed."""
+NEARLY = 1e-4
+"""Smallest eigenvalue over its unloaded value at which stability is as good as lost."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +86,7 @@ def study(elements: int = 8) -> Study:
     """
     machine = load_manipulator("parallelogram")
     alone = [element(machine, "straight", d) for d in DISTANCES]
-    exudyn = ManipulatorExudynEngine(elements)
+    exudyn = ExudynEngine(elements=elements)
     for pose in machine.poses:
         found = element(machine, pose, 80.0)
         theirs = np.diag(platform_stiffness(exudyn, machine, pose, np.zeros(6)))
@@ -94,11 +97,12 @@ def study(elements: int = 8) -> Study:
 def element(machine: Manipulator, pose: str, distance: float) -> Element:
     """The parallelogram with its bars at a distance in mm, and the bar that stands for it."""
     spread = apart(machine, distance)
-    problem = ManipulatorProblem(spread, LoadCase(pose, 1.0), SPRINGS)
-    real = problem.unloaded().stiffness
+    alone, load_case = in_pose(spread, LoadCase(pose, 1.0))
+    real = SPRINGS.problem(alone, load_case).unloaded().stiffness
     assert real is not None
     chain = doubled(machine.legs[0].chain)
-    q = problem.model.pose.q[0]
+    # the first leg carries the platform: its joints come first
+    q = alone.posture(pose)[: len(chain.joints)]
     # the chain's own axes are those of the near axis
     single = unloaded_stiffness(SPRINGS_OF_BAR.model(chain), q)
     return Element(pose, distance, np.diag(single).copy(), np.diag(real).copy())
@@ -129,7 +133,7 @@ def robot(pose: str) -> Robot:
     values, forces = [], []
     for name in ("orthoglide", "orthoglide-parallelograms"):
         machine = load_manipulator(name)
-        K = ManipulatorProblem(machine, LoadCase(pose, 1.0), SPRINGS).unloaded().stiffness
+        K = SPRINGS.problem(*in_pose(machine, LoadCase(pose, 1.0))).unloaded().stiffness
         unit = np.repeat([1.0, machine.characteristic_length], 3)
         values.append(np.linalg.eigvalsh(np.asarray(K) / unit[:, None] / unit))
         forces.append(critical_force(machine, pose))
@@ -145,5 +149,24 @@ def critical_force(machine: Manipulator, pose: str) -> float | None:
     load_case = LoadCase(
         pose, -LARGEST, "load", loads=(Load((1.0, 0, 0, 0, 0, 0)),), free=COMPONENTS, control=TO_LIMIT
     )
-    problem = ManipulatorProblem(machine, load_case, FINE)
+    problem = FINE.problem(*in_pose(machine, load_case))
     return stability_lost(trace(problem, load_case, ArcControl(last=EventKind.BIFURCATION)))
+
+
+def stability_lost(path: Path) -> float | None:
+    """The force at which a path along the arc loses its stability, N; None where it keeps it to its end.
+
+    The path of an over-constrained robot has no perfect bifurcation, but a knee so sharp that no step may follow
+    it: there the path ends with its smallest eigenvalue all but zero, and that is the force.
+
+    Raises:
+        NoConvergenceError: it ends before, for another reason.
+    """
+    for event in path.events:
+        if event.kind in (EventKind.BIFURCATION, EventKind.LIMIT):
+            return event.force
+    if path.complete:
+        return None
+    if abs(path.eigenvalue_relative[-1]) < NEARLY:
+        return path.points[-1].ramp
+    raise NoConvergenceError(path.stopped)

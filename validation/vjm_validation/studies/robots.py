@@ -11,35 +11,35 @@ from pydantic import BaseModel, ConfigDict
 
 from vjm.batch import map_all
 from vjm.continuation.arc_length import ArcControl, trace
-from vjm.continuation.path import EventKind, Path
+from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.continuation.path import Equilibrium, EventKind, Path
+from vjm.engines import trace_machine
 from vjm.io.manipulator_file import load_manipulator
+from vjm.machine import loaded_legs
+from vjm.machine.closing import Closing
+from vjm.machine.legs import in_pose
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.platform.manipulator import Manipulator
-from vjm.platform.problem import ManipulatorEngine, ManipulatorProblem
-from vjm.platform.rigid import inverse_kinematics, mobility
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
-from vjm_fea.common.manipulator_sum import SummedPlatform
-from vjm_fea.exudyn.manipulator_engine import ManipulatorExudynEngine, platform_stiffness
+from vjm_fea.common import platforms
+from vjm_fea.common.beam_problem import BeamProblem
+from vjm_fea.common.platforms import platform_stiffness
+from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_fea.opensees import OpenSeesEngine
 from vjm_fea.opensees.backend import available
 
 ROBOT, REAL = "orthoglide", "orthoglide-parallelograms"
 OTHERS = ("3-puu", "delta", "par2")
 SPRINGS = VjmEngine(16, 16)
-EXUDYN = ManipulatorExudynEngine(6)
+EXUDYN = ExudynEngine(elements=6)
 """Within 1e-4 of the beam where it does not buckle, and 7e-4 where it does."""
-ENGINES = (
-    ManipulatorEngine(),
-    ManipulatorEngine(VjmEngine(16)),
-    ManipulatorEngine(SPRINGS),
-    ManipulatorExudynEngine(8),
-)
+ENGINES = (VjmEngine(), VjmEngine(16), SPRINGS, ExudynEngine(elements=8))
 """That are asked for critical forces; the first has the paper's one spring a link."""
 PAPER, COMPARED = ENGINES[0].label, tuple(engine.label for engine in ENGINES[1:])
 CURVES = (ENGINES[0], ENGINES[2], EXUDYN)
 SECOND = OpenSeesEngine(8)
-"""A second finite element program: it knows single chains, whose sum is the robot; where it is installed."""
+"""A second finite element program, where it is installed."""
 LOAD = 1000.0
 """N on the free platform."""
 LARGEST = 12_000.0
@@ -93,7 +93,6 @@ class CriticalRow(Row):
     direction: str
     engine: str
     kind: EventKind | None
-    """Where the engine follows no path, ``bifurcation`` stands for any loss of stability."""
     F_cr: float | None
     """N, a magnitude; null where it is stable up to the largest force tried."""
     stopped: str
@@ -175,7 +174,7 @@ def tasks(robots: Sequence[str] = (ROBOT, *OTHERS)) -> list[Task]:
     curves = [("curve", pose, sign) for pose, sign in product(poses, "+-")]
     critical: list[Task] = [("critical", pose, sign) for pose, sign in product(poses, "+-")]
     if available():
-        critical += [("summed", pose) for pose in poses]
+        critical += [("second", pose) for pose in poses]
     loaded = [("stiffness", ROBOT, pose, sign + axis) for pose, sign, axis in product(poses, "+-", "xyz")]
     plain = [("stiffness", name, pose, "none") for name in robots for pose in load_manipulator(name).poses]
     misfits = [("misfit", ROBOT, "x", "link"), ("misfit", REAL, "bar-x1", "bar")]
@@ -213,7 +212,7 @@ def gathered(rows: Sequence[Row]) -> Robots:
 def piece(task: Task) -> list[Row] | list[Path]:
     """One piece of the study, see `tasks`."""
     work: dict[str, Callable[..., list[Row] | list[Path]]] = {
-        "curve": curve, "critical": critical, "summed": summed, "stiffness": stiffness, "misfit": misfit,
+        "curve": curve, "critical": critical, "second": second, "stiffness": stiffness, "misfit": misfit,
         "mobility": freedoms,
     }  # fmt: skip
     return work[task[0]](*task[1:])
@@ -223,7 +222,7 @@ def curve(pose: str, sign: str) -> list[Path]:
     """Force-displacement curves of the Orthoglide along x, the rest of the pose held."""
     machine = load_manipulator(ROBOT)
     load_case = LoadCase(pose, float(sign + "1") * REACH, "x")
-    return [engine.trace(machine, load_case) for engine in CURVES]
+    return [trace_machine(engine, machine, load_case) for engine in CURVES]
 
 
 def under(pose: str, force: float, axis: str = "x", control: str = "ramp", steps: int | None = None) -> LoadCase:
@@ -234,34 +233,34 @@ def under(pose: str, force: float, axis: str = "x", control: str = "ramp", steps
 
 def critical(pose: str, sign: str) -> list[Row]:
     """Critical forces of the Orthoglide along x, and which leg loses stability."""
+    return [_critical(engine, pose, sign) for engine in ENGINES]
+
+
+def second(pose: str) -> list[Row]:
+    """The critical force against x by the second finite element program."""
+    return [_critical(SECOND, pose, "-")]
+
+
+def _critical(engine: VjmEngine | ExudynEngine | OpenSeesEngine, pose: str, sign: str) -> CriticalRow:
     machine = load_manipulator(ROBOT)
     load_case = under(pose, float(sign + "1") * LARGEST, control=TO_LIMIT)
-    rows: list[Row] = []
-    for engine in ENGINES:
-        problem = engine.problem(machine, load_case)
-        path = trace(problem, load_case, ArcControl(last=EventKind.BIFURCATION))
-        event = next((e for e in path.events if e.kind in (EventKind.BIFURCATION, EventKind.LIMIT)), None)
-        shares = problem.giving_way(event.point) if event is not None and event.point is not None else {}
-        rows.append(
-            CriticalRow(
-                pose=pose, direction=sign + "x", engine=engine.label, kind=event and event.kind,
-                F_cr=event and event.force, stopped=path.stopped, shares=shares,
-            )
-        )  # fmt: skip
-    return rows
+    problem = engine.problem(*in_pose(machine, load_case))
+    path = trace(problem, load_case, ArcControl(last=EventKind.BIFURCATION))
+    event = next((e for e in path.events if e.kind in (EventKind.BIFURCATION, EventKind.LIMIT)), None)
+    shares: dict[str, float] = {}
+    if event is not None and event.point is not None:
+        shares = _shares(problem, machine, event.point)
+    return CriticalRow(
+        pose=pose, direction=sign + "x", engine=engine.label, kind=event and event.kind,
+        F_cr=event and event.force, stopped=path.stopped, shares=shares,
+    )  # fmt: skip
 
 
-def summed(pose: str) -> list[Row]:
-    """The critical force against x by the sum over OpenSees' chains, by bisection to 0.2 %."""
-    machine = load_manipulator(ROBOT)
-    platform = SummedPlatform(inverse_kinematics(machine, machine.displacement(pose)), SECOND.problem)
-    force = platform.critical_force(np.array([-1.0, 0.0, 0.0]), 2.0 * LOAD, LARGEST, 2e-3)
-    kind = EventKind.BIFURCATION if force is not None else None
-    return [
-        CriticalRow(
-            pose=pose, direction="-x", engine=SECOND.label, kind=kind, F_cr=force, stopped="", shares={}
-        )
-    ]  # fmt: skip
+def _shares(problem: LumpedProblem | BeamProblem, machine: Manipulator, point: Equilibrium) -> dict[str, float]:
+    """Each leg's share of a critical mode."""
+    if isinstance(problem, LumpedProblem):
+        return loaded_legs.giving_way(problem, machine, point)
+    return platforms.giving_way(problem, point)
 
 
 def eigenvalues(K: Array | None, machine: Manipulator) -> Array:
@@ -276,11 +275,11 @@ def stiffness(name: str, pose: str, load: str) -> list[Row]:
     machine = load_manipulator(name)
     at = np.zeros(6)
     if load == "none":
-        K = ManipulatorProblem(machine, LoadCase(pose, 1.0), SPRINGS).unloaded().stiffness
+        K = SPRINGS.problem(*in_pose(machine, LoadCase(pose, 1.0))).unloaded().stiffness
     else:
         load_case = under(pose, float(load[0] + "1") * LOAD, load[1], steps=2)
-        K = trace(ManipulatorProblem(machine, load_case, SPRINGS), load_case).points[-1].stiffness
-        at = EXUDYN.trace(machine, load_case).points[-1].displacement
+        K = trace_machine(SPRINGS, machine, load_case).points[-1].stiffness
+        at = trace_machine(EXUDYN, machine, load_case).points[-1].displacement
     ours = eigenvalues(K, machine)
     theirs = eigenvalues(platform_stiffness(EXUDYN, machine, pose, at), machine)
     return [
@@ -299,14 +298,15 @@ def misfit(name: str, leg: str, part: str) -> list[Row]:
     rows: list[Row] = []
     for load in (0.0, -LOAD):
         load_case = under(MISFIT_POSE, load or LOAD, steps=2)
-        problem, other = ManipulatorProblem(machine, load_case, SPRINGS), EXUDYN.problem(machine, load_case)
+        posed = in_pose(machine, load_case)
+        problem, other = SPRINGS.problem(*posed), EXUDYN.problem(*posed)
         if load:
             ours, theirs = (trace(each, load_case).points[-1] for each in (problem, other))
         else:
             ours, theirs = problem.unloaded(), other.unloaded()
         what = f"{leg}, {part} {TOO_LONG:g} mm too long" + (f", {-load:g} N against x" if load else "")
-        forces = np.linalg.norm(problem.leg_wrenches(ours)[elastic, :3], axis=1)
-        borne = [np.linalg.norm(other.beam_force(*beam, theirs)) for beam in beams.items()]
+        forces = np.linalg.norm(loaded_legs.leg_wrenches(problem, machine, ours)[elastic, :3], axis=1)
+        borne = [np.linalg.norm(other.beam_force(f"{each}/{beam}", theirs)) for each, beam in beams.items()]
         d, fe, tilt = ours.displacement, theirs.displacement, TOO_LONG / machine.characteristic_length
         rows += _misfit_rows(name, what, [f"platform, {n}, mm" for n in "xyz"], d[:3], fe[:3], TOO_LONG)
         rows += _misfit_rows(name, what, [f"platform, r{n}, rad" for n in "xyz"], d[3:], fe[3:], tilt)
@@ -331,15 +331,16 @@ def freedoms(name: str) -> list[Row]:
     unit = np.repeat([1.0, machine.characteristic_length], 3)
     rows: list[Row] = []
     for pose in machine.poses:
-        problem = ManipulatorProblem(machine, LoadCase(pose, 1.0), VjmEngine())
-        found = mobility(problem.model.pose)
-        K = problem.unloaded().stiffness
+        alone, load_case = in_pose(machine, LoadCase(pose, 1.0))
+        closing = Closing(alone, pose)
+        found = closing.mobility(closing.home)
+        K = VjmEngine().problem(alone, load_case).unloaded().stiffness
         assert K is not None
         values = np.linalg.svd(K / unit[:, None] / unit, compute_uv=False)
         rank = int(np.count_nonzero(values > NO_STIFFNESS * values[0]))
         rows.append(
             MobilityRow(
-                robot=name, pose=pose, freedom=found.freedom, overconstraint=found.overconstraint, rank=rank,
+                robot=name, pose=pose, freedom=found.freedom, overconstraint=found.redundant, rank=rank,
                 theory=THEORY[name],
             )
         )  # fmt: skip
