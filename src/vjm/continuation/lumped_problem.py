@@ -11,7 +11,7 @@ from vjm.continuation.loaded_problem import LoadedProblem
 from vjm.continuation.path import StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.applied_loads import NO_LOADS
-from vjm.model.end_condition import held
+from vjm.model.end_condition import held, movable
 from vjm.model.load_case import COMPONENTS, LoadCase, PointControl
 from vjm.model.loading import loading_of
 from vjm.model.lumped import LumpedModel
@@ -85,10 +85,9 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
         if set(self.load_case.free) != set(COMPONENTS):
             return super()._stiffness(at)
         alone = self._alone
-        x = at.x[: alone.size]
-        unit = np.repeat([alone.characteristic_length, 1.0], 3)
-        J = alone.kinematics(x).jacobian * alone.coordinate_scale / unit[:, None]
-        if np.linalg.matrix_rank(J) < 6:
+        # the support's joints stand between the coordinates and what closures bear
+        x = np.concatenate([at.x[: alone.coordinates], at.x[self.model.coordinates :]])
+        if not movable(alone, alone.kinematics(x)):
             return np.full((6, 6), np.inf)
         return super()._stiffness(Configuration(alone, x, np.zeros(6), at.residual, at.iterations, at.load))
 

@@ -47,7 +47,9 @@ class EndCondition:
         if not self.joints:
             return end_condition
         T = frame(self.tool[:3, :3].T)
-        for joint, value in zip(self.joints, x[-len(self.joints) :], strict=True):
+        # behind the machine's own coordinates, before what closures bear
+        own = x[: self.model.coordinates][-len(self.joints) :]
+        for joint, value in zip(self.joints, own, strict=True):
             T = T @ (translation(joint.axis * value) if joint.slides else turn(joint.axis, value))
         return end_condition @ inverse_frame(T)
 
@@ -85,7 +87,7 @@ def held(model: LumpedModel, load_case: LoadCase) -> EndCondition:
     """
     chain = model.chain
     q = chain.posture(load_case.posture)
-    tool, rank, movable = _drawn(model, load_case.posture)
+    tool, rank, deflects = _drawn(model, load_case.posture)
     if rank < len(model.passive) and not chain.closures:
         raise ValueError(
             f"{chain.name}, posture {load_case.posture} is singular: some of its passive joints move without "
@@ -98,7 +100,7 @@ def held(model: LumpedModel, load_case: LoadCase) -> EndCondition:
         loose = _loose(there, len(joints), np.concatenate([q, np.zeros(len(joints))]))
         if loose is None:
             x = there.configuration(there.chain.posture(load_case.posture))
-            return _checked(EndCondition(there, tool, joints), _movable(there, there.kinematics(x)), load_case)
+            return _checked(EndCondition(there, tool, joints), movable(there, there.kinematics(x)), load_case)
         hinge = next((name for name in free if len(name) == 2 and abs(loose[free.index(name)]) > DEPENDENT), None)
         if hinge is None:
             raise ValueError(
@@ -106,7 +108,7 @@ def held(model: LumpedModel, load_case: LoadCase) -> EndCondition:
                 f"mechanism: it moves without straining a spring; hold one of them"
             )
         free.remove(hinge)
-    return _checked(EndCondition(model, tool, ()), movable, load_case)
+    return _checked(EndCondition(model, tool, ()), deflects, load_case)
 
 
 @lru_cache(maxsize=KEPT)
@@ -118,11 +120,11 @@ def _drawn(model: LumpedModel, posture: str) -> tuple[Array, int, bool]:
         deflects in every direction.
     """
     here = model.kinematics(model.configuration(model.chain.posture(posture)))
-    return here.end, _rank(model, here), _movable(model, here)
+    return here.end, _rank(model, here), movable(model, here)
 
 
-def _movable(model: LumpedModel, k: Kinematics) -> bool:
-    """Whether a chain deflects in every direction in which it is held: else its wrench is not determined."""
+def movable(model: LumpedModel, k: Kinematics) -> bool:
+    """Whether a machine's end deflects in every direction: one in which it is held has no determined wrench else."""
     unit = model.coordinate_scale[: model.coordinates]
     J = k.jacobian[:, : model.coordinates] * unit / np.repeat([model.chain.characteristic_length, 1.0], 3)[:, None]
     if model.chain.closures or model.chain.couplings:
@@ -154,8 +156,8 @@ def rigid_direction(where: str) -> ValueError:
     )
 
 
-def _checked(end_condition: EndCondition, movable: bool, load_case: LoadCase) -> EndCondition:
-    if movable:
+def _checked(end_condition: EndCondition, deflects: bool, load_case: LoadCase) -> EndCondition:
+    if deflects:
         return end_condition
     raise rigid_direction(f"{end_condition.model.chain.name}, posture {load_case.posture}")
 
