@@ -157,7 +157,8 @@ class Closing:
         way = np.asarray(displacement, dtype=float)
         rows = np.asarray(components, dtype=bool)
         # what has fewer freedoms takes only some poses: its way leads over those that are near the straight one
-        bound = self._freedom(self.home).shape[1] < np.count_nonzero(rows)
+        freedom, asked = self._freedom(self.home).shape[1], int(np.count_nonzero(rows))
+        bound = freedom < asked
         nothing = np.zeros(len(self.home), dtype=bool)
         where = _words(way)
 
@@ -168,7 +169,15 @@ class Closing:
                 there, left = self.solve(there, nothing)
             return there[0], float(left[0])
 
-        q = self._followed(closed, where, watch=True)
+        try:
+            q = self._followed(closed, where, watch=True)
+        except PoseError as error:
+            if not bound or not freedom:
+                raise
+            raise PoseError(
+                f"{error}; the end-effector has {freedom} {'freedom' if freedom == 1 else 'freedoms'}, and takes only "
+                f"some of the poses by {asked} components: give the drives' coordinates"
+            ) from error
         self.refuse_unfit(q)
         return q
 

@@ -18,7 +18,7 @@ from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import Load
 from vjm.rotations import Array
 from vjm.tree.equilibria import equilibria, unloaded_frames
-from vjm.tree.inverse_kinematics import followed, ranges_of
+from vjm.tree.inverse_kinematics import ClosedPostures, ReachError, followed, ranges_of
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_output.optional_page import why_not
@@ -122,7 +122,7 @@ def map_arm(
         engine: that splits its beams.
         quantity: stiffness or deflection.
         grid: see `parsed_arm_grid`; what it leaves out stays as in the posture, the tool's direction too where the
-            machine has six drives or more. Passive joints stay.
+            machine has six drives or more. Passive joints stay, or follow where loops are closed.
         posture: label.
         wrench: ``(6,)`` on the end, N, N mm.
         gravity: m/s².
@@ -164,12 +164,26 @@ def map_arm(
 
 def _joint_rows(model: TreeModel, grid: ArmGrid, home: Array) -> tuple[Array, list[str]]:
     """Joint coordinates of a grid, and which of them are beyond their limits, and by how much."""
+    if model.chain.closes:
+        return _driven_rows(model, grid, home)
     rows = np.tile(home, (int(np.prod([len(v) for v in grid.axes.values()])), 1))
     columns = [model.joints.index(name) for name in grid.axes]
     rows[:, columns] = np.array(list(product(*grid.axes.values())))
     limits = joint_limits(model.chain, model.joints)
     kept = limits.kept(rows)
     return rows, ["" if good else f"out of reach: {limits.said(q)}" for q, good in zip(rows, kept, strict=True)]
+
+
+def _driven_rows(model: TreeModel, grid: ArmGrid, home: Array) -> tuple[Array, list[str]]:
+    """The same of a machine with closed loops, whose passive joints follow."""
+    closed, points = ClosedPostures(model, home), list(product(*grid.axes.values()))
+    rows, why = np.full((len(points), len(model.joints)), np.nan), [""] * len(points)
+    for k, values in enumerate(points):
+        try:
+            rows[k] = closed.driven(dict(zip(grid.axes, values, strict=True)))
+        except ReachError as error:
+            why[k] = str(error).removeprefix(f"{model.chain.name}: ")
+    return rows, why
 
 
 def _tool_rows(model: TreeModel, grid: ArmGrid, home: Array, index: int) -> tuple[Array, list[str]]:
