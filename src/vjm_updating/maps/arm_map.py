@@ -22,11 +22,14 @@ from vjm.tree.inverse_kinematics import ClosedPostures, ReachError, followed, ra
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_output.optional_page import why_not
+from vjm_updating.maps.arm_critical import WeakestForce
 from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, Quantity, principal
 from vjm_updating.maps.pose_grid import MOST, grid_axis
 
 TOOL = ("x", "y", "z")
 LOST, UNSTABLE = "no equilibrium under these loads", "the equilibrium is unstable"
+MOST_FORCE = 20_000.0
+"""N: largest force tried for a critical one."""
 RIGID = "empty_where_ok=rigid"
 """Of a map's file: an empty cell of a row with an answer is an infinite stiffness."""
 
@@ -112,6 +115,7 @@ def map_arm(
     gravity: Gravity | None = None,
     loads: Sequence[Load] = (),
     end: str = "",
+    most: float = MOST_FORCE,
 ) -> ArmMap:
     """Evaluate a quantity at every point of a grid, all equilibria in one batch.
 
@@ -120,7 +124,7 @@ def map_arm(
     Args:
         chain: arm or tree.
         engine: that splits its beams.
-        quantity: stiffness or deflection.
+        quantity: stiffness, deflection, or the smallest critical force on the end over all directions.
         grid: see `parsed_arm_grid`; what it leaves out stays as in the posture, the tool's direction too where the
             machine has six drives or more. Passive joints stay, or follow where loops are closed.
         posture: label.
@@ -128,12 +132,11 @@ def map_arm(
         gravity: m/s².
         loads: on parts, in full.
         end: name of the end frame; the first where it is empty.
+        most: largest force tried for a critical one, N.
 
     Raises:
-        ValueError: the quantity, the grid, the posture or the end makes no sense.
+        ValueError: the grid, the posture or the end makes no sense.
     """
-    if quantity is Quantity.CRITICAL:
-        raise ValueError("--quantity critical: is for platforms; arms have stiffness and deflection")
     model = engine.tree_model(chain)
     if end and end not in model.ends:
         raise ValueError(f"--end: {chain.name} has no end frame '{end}' (it has {', '.join(model.ends)})")
@@ -143,11 +146,17 @@ def map_arm(
     reached = np.array([not each for each in why])
     values, tool = np.full((len(q), len(COLUMNS[quantity])), np.nan), np.full((len(q), 3), np.nan)
     if reached.any():
+        tool[reached] = unloaded_frames(model, q[reached])[1][:, index]
+    if quantity is Quantity.CRITICAL:
+        search = WeakestForce(model, index, most, gravity=gravity, loads=loads)
+        for row in np.flatnonzero(reached):
+            weak = search.weakest(q[row])
+            values[row], why[row] = [weak.force, *weak.direction], weak.why or OK
+    elif reached.any():
         on_ends = np.zeros((len(model.ends), 6))
         on_ends[index] = wrench
         stiff = quantity is Quantity.STIFFNESS
         found = equilibria(model, q[reached], gravity=gravity, wrench=on_ends, loads=loads, compliance=stiff)
-        tool[reached] = unloaded_frames(model, q[reached])[1][:, index]
         if stiff:
             assert found.compliance is not None
             rows = principal(found.compliance[:, index])

@@ -91,7 +91,9 @@ def map_(
     if isinstance(target, Chain):
         doubts = considered(model, strict, weighed=bool(gravity))
         loads = [parsed_load(text) for text in load]
-        arm = _of_arm(target, springs, quantity, grid, posture, wrench, acceleration(gravity), loads, end, folder)
+        arm = _of_arm(
+            target, springs, quantity, grid, posture, wrench, acceleration(gravity), loads, end, most, folder
+        )
         return _said(arm, doubts, plot, report, json=json)
     if posture or gravity or load or end:
         raise ValueError("--posture, --gravity, --load and --end are for maps of arms: leave them out")
@@ -154,6 +156,7 @@ def _of_arm(
     gravity: tuple[float, float, float] | None,
     loads: Sequence[Load],
     end: str,
+    most: float,
     folder: Path,
 ) -> Mapped:
     if not held_by_itself(chain):
@@ -161,7 +164,9 @@ def _of_arm(
     chain, (label, *_) = in_postures(chain, (posture,) if posture else ())
     on_end = (0.0,) * 6 if not wrench and (gravity or loads) else _wrench(wrench, quantity)
     with locked(folder):
-        found = map_arm(chain, springs, quantity, grid, label, wrench=on_end, gravity=gravity, loads=loads, end=end)
+        found = map_arm(
+            chain, springs, quantity, grid, label, wrench=on_end, gravity=gravity, loads=loads, end=end, most=most
+        )
         files, left_out = write_arm_map(found, folder)
     joints = dict(zip(found.joints, found.q.T, strict=True))
     return Mapped(chain, springs.label, quantity, found.tool, found.values, found.why, files, left_out, joints)
