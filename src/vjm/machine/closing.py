@@ -175,8 +175,8 @@ class Closing:
             if not bound or not freedom:
                 raise
             raise PoseError(
-                f"{error}; the end-effector has {freedom} {'freedom' if freedom == 1 else 'freedoms'}, and takes only "
-                f"some of the poses by {asked} components: give the drives' coordinates"
+                f"{error}; the end-effector has {freedom} {'freedom' if freedom == 1 else 'freedoms'}, and takes "
+                f"only some of the poses by {asked} components: give the drives' coordinates"
             ) from error
         self.refuse_unfit(q)
         return q

@@ -124,7 +124,7 @@ def _drawn(model: LumpedModel, posture: str) -> tuple[Array, int, bool]:
 
 
 def movable(model: LumpedModel, k: Kinematics) -> bool:
-    """Whether a machine's end deflects in every direction: one in which it is held has no determined wrench else."""
+    """Whether a machine's end deflects in every direction: held in a rigid one, its wrench is not determined."""
     unit = model.coordinate_scale[: model.coordinates]
     J = k.jacobian[:, : model.coordinates] * unit / np.repeat([model.chain.characteristic_length, 1.0], 3)[:, None]
     if model.chain.closures or model.chain.couplings:

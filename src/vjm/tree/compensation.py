@@ -12,8 +12,8 @@ from vjm.rotations import Array, rotation_from_vector
 from vjm.tree.damped_search import damped_search
 from vjm.tree.equilibria import equilibria, unloaded_frames
 from vjm.tree.inverse_kinematics import (
-    Ranges,
     ClosedPostures,
+    Ranges,
     ReachError,
     difference,
     end_index,
@@ -139,7 +139,7 @@ class _LoadedArm:
     closing: Closing | None
 
     def closed(self, q: Array) -> Array:
-        """Coordinates ``(s, n)`` with the passive joints where closed loops put them, nan where they do not close."""
+        """Coordinates ``(s, n)`` with passive joints where closed loops put them, nan where they do not close."""
         if self.closing is None:
             return q
         result, left = self.closing.solve(q, ~self.closing.tree.passive)
@@ -147,7 +147,7 @@ class _LoadedArm:
         return result
 
     def unloaded(self, q: Array) -> tuple[Array, Array]:
-        """Rotations ``(s, 3, 3)`` and positions ``(s, 3)`` mm of the end without loads, nan where no loop closes."""
+        """Rotations ``(s, 3, 3)`` and positions ``(s, 3)`` mm of the unloaded end, nan where loops do not close."""
         q = self.closed(q)
         closes = np.isfinite(q).all(axis=1)
         R, p = unloaded_frames(self.model, np.where(closes[:, None], q, 0.0))

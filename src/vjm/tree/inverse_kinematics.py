@@ -222,8 +222,8 @@ class ClosedPostures:
         self._model, chain = model, model.chain
         if chain.ends and chain.ends[model.ends[end_index(model, end)]] != chain.parts[-1].name:
             raise ValueError(
-                f"{chain.name}: its loops are closed by the pose of its last part, '{chain.parts[-1].name}': ask for "
-                "the end frame behind that"
+                f"{chain.name}: its loops are closed by the pose of its last part, '{chain.parts[-1].name}': ask "
+                "for the end frame behind that"
             )
         q = model.posture(next(iter(chain.postures))) if start is None else start
         self._home = dict(zip(model.joints, q.tolist(), strict=True))

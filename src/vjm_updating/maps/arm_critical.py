@@ -269,7 +269,8 @@ class WeakestForce:
         wrench = np.zeros((4, len(self.model.ends), 6))
         wrench[:3, self.end, :3] = force * np.eye(3)
         found = equilibria(
-            self.model, np.tile(self.q, (4, 1)), gravity=self.gravity, wrench=wrench, loads=self.loads, compliance=False
+            self.model, np.tile(self.q, (4, 1)), gravity=self.gravity, wrench=wrench, loads=self.loads,
+            compliance=False,
         )  # fmt: skip
         slopes = found.closures[:3] - found.closures[3]
         firsts = np.cumsum([0, *rows])[:-1]
@@ -284,7 +285,7 @@ def _none(why: str) -> Weakest:
 
 
 def _zeros(low: float, before: Array, high: float, now: Array) -> Array:
-    """Forces ``(k,)`` at which stiffnesses that fall in straight lines between two forces are zero; else infinite."""
+    """Forces ``(k,)`` at which stiffnesses that fall in a straight line are zero; infinite where they rise."""
     fallen = before - now
     with np.errstate(divide="ignore", over="ignore"):
         result: Array = np.where(fallen > 0.0, high + now * (high - low) / np.maximum(fallen, 1e-300), np.inf)

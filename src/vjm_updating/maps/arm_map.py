@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 
 from vjm import __version__
+from vjm.engine import Engine
 from vjm.io.files import write_whole
 from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
@@ -23,6 +24,7 @@ from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_output.optional_page import why_not
 from vjm_updating.maps.arm_critical import WeakestForce
+from vjm_updating.maps.by_engine import rows_by
 from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, Quantity, principal
 from vjm_updating.maps.pose_grid import MOST, grid_axis
 
@@ -45,6 +47,11 @@ class ArmGrid:
 
     axes: dict[str, tuple[float, ...]]
     tool: bool
+
+    @property
+    def ordered(self) -> dict[str, tuple[float, ...]]:
+        """The axes in the order in which the poses run: of the tool x, y, z whatever the option's order."""
+        return {name: self.axes[name] for name in TOOL if name in self.axes} if self.tool else self.axes
 
     @property
     def varied(self) -> list[str]:
@@ -106,7 +113,7 @@ class ArmMap:
 
 def map_arm(
     chain: Chain,
-    engine: VjmEngine,
+    engine: Engine,
     quantity: Quantity,
     grid: str,
     posture: str,
@@ -123,7 +130,7 @@ def map_arm(
 
     Args:
         chain: arm or tree.
-        engine: that splits its beams.
+        engine: any; ``vjm`` solves for all points in one batch.
         quantity: stiffness, deflection, or the smallest critical force on the end over all directions.
         grid: see `parsed_arm_grid`; what it leaves out stays as in the posture, the tool's direction too where the
             machine has six drives or more. Passive joints stay, or follow where loops are closed.
@@ -135,9 +142,10 @@ def map_arm(
         most: largest force tried for a critical one, N.
 
     Raises:
-        ValueError: the grid, the posture or the end makes no sense.
+        ValueError: the grid, the posture or the end makes no sense, or the engine does not have the quantity.
     """
-    model = engine.tree_model(chain)
+    springs = engine if isinstance(engine, VjmEngine) else VjmEngine()
+    model = springs.tree_model(chain)
     if end and end not in model.ends:
         raise ValueError(f"--end: {chain.name} has no end frame '{end}' (it has {', '.join(model.ends)})")
     index = model.ends.index(end) if end else 0
@@ -147,7 +155,17 @@ def map_arm(
     values, tool = np.full((len(q), len(COLUMNS[quantity])), np.nan), np.full((len(q), 3), np.nan)
     if reached.any():
         tool[reached] = unloaded_frames(model, q[reached])[1][:, index]
-    if quantity is Quantity.CRITICAL:
+    if not isinstance(engine, VjmEngine):
+        if gravity is not None or loads or end:
+            raise ValueError(
+                f"--engine {engine.label}: maps by it have a wrench on the end alone: leave --gravity, --load and "
+                "--end out"
+            )
+        rows, own = rows_by(engine, [_standing(chain, model, each) for each in q[reached]], quantity, wrench)
+        values[reached] = rows
+        for row, each in zip(np.flatnonzero(reached), own, strict=True):
+            why[row] = each
+    elif quantity is Quantity.CRITICAL:
         search = WeakestForce(model, index, most, gravity=gravity, loads=loads)
         for row in np.flatnonzero(reached):
             weak = search.weakest(q[row])
@@ -169,6 +187,13 @@ def map_arm(
         for k, row in enumerate(np.flatnonzero(reached)):
             why[row] = OK if good[k] else UNSTABLE if found.found[k] else LOST
     return ArmMap(chain, engine.label, model.joints, quantity, points, q, tool, values, why)
+
+
+def _standing(chain: Chain, model: TreeModel, q: Array) -> tuple[Chain, str]:
+    """The machine with one posture, of coordinates ``(n_joints,)``, and its label."""
+    values = dict(zip(model.joints, q.tolist(), strict=True))
+    passive = np.array([values.pop(joint.name) for joint in chain.joints])
+    return replace(chain, postures={"point": passive}, held={"point": values}, poses={}, home=""), "point"
 
 
 def _joint_rows(model: TreeModel, grid: ArmGrid, home: Array) -> tuple[Array, list[str]]:

@@ -1,4 +1,4 @@
-"""The smallest critical force of arms and of machines with closed loops, against closed forms and a search of its own."""
+"""The smallest critical force of arms and closed loops: closed forms, and a search over all angles."""
 
 from __future__ import annotations
 
