@@ -50,6 +50,8 @@ INTERRUPTED = 130
 UNITS = {"_N_per_mm": "N/mm", "_Nmm_per_rad": "N mm/rad", "_mm": "mm", "_rad": "rad", "_N": "N"}
 """Endings of columns, the longer ones first."""
 NUMBER = re.compile(r"[-+]?\d[\d.]*(e[-+]?\d+)?")
+NOTHING: tuple[list[Path], list[str]] = [], []
+"""Files that are written, and those left out, where there is no folder."""
 REFINED = "vjm-4"
 """Springs a beam by default: critical loads of a pinned column within 1e-3, at a quarter of the cost of 16."""
 
@@ -124,7 +126,8 @@ def map_(
                 _of_wrench(mapper, solvers, each, folder if len(wrenches) == 1 else folder / f"wrench-{k}")
                 for k, each in enumerate(wrenches, start=1)
             ]
-            files, left_out = [], []
+            files: list[Path] = []
+            left_out: list[str] = []
             if len(found) > 1:
                 panels = [(_title(each), one.values) for each, one in zip(wrenches, found, strict=True)]
                 files, left_out = write_side_by_side(folder, quantity, found[0].axes, panels)
@@ -197,7 +200,7 @@ class _OfArm:
             chain, engine, self.quantity, self.grid, label, wrench=wrench, gravity=self.gravity, loads=self.loads,
             end=self.end, most=self.most,
         )  # fmt: skip
-        files, left_out = ([], []) if folder is None else write_arm_map(found, folder)
+        files, left_out = NOTHING if folder is None else write_arm_map(found, folder)
         joints = dict(zip(found.joints, found.q.T, strict=True))
         return Mapped(
             chain, engine.label, self.quantity, wrench, found.tool, found.values, found.why, files, left_out,
@@ -227,7 +230,7 @@ class _OfPlatform:
             result = run_map(
                 wanted, kept, self.jobs, self.scheduler, lambda done, total: progress("poses", done, total)
             )
-        files, left_out = ([], []) if folder is None else write_map(result, folder)
+        files, left_out = NOTHING if folder is None else write_map(result, folder)
         places, axes = self.grid.poses()[:, :3], dict(zip("xyz", self.grid.axes, strict=True))
         return Mapped(
             self.machine, engine.label, self.quantity, wrench, places, result.values, result.why, files, left_out,
