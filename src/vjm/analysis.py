@@ -186,6 +186,12 @@ def stiffness(
         raise ValueError(f"{control} must be six finite numbers, got {list(given)}")
     machine, label = in_posture(machine, posture or _labels(machine)[0])
     solver = _solver(machine, engine, options)
+    if isinstance(machine, Manipulator) and (gravity is not None or loads) and displacement is None:
+        # weight and loads act on bodies: on the whole machine, of which a platform's legs are parts; imported when
+        # it is asked for: closing loops takes linear algebra that no chain needs
+        from vjm.machine.legs import machine_of
+
+        machine, label = in_posture(machine_of(machine), label)
     if displacement is None and isinstance(machine, Chain) and isinstance(solver, VjmEngine):
         if held_by_itself(machine):
             return of_free_end(machine, solver, label, values, gravity=gravity, loads=loads, end=end)

@@ -35,7 +35,8 @@ def in_posture(machine: Chain | Manipulator, posture: Posture) -> tuple[Chain | 
         posture: a label of the machine's; or coordinates in mm and rad of its joints, from base to tool
             without coupled ones; or by the joints' names. Of a machine with closed loops: a label, or by name all
             held joints, which the passive ones follow, or its end-effector's ``x, y, z`` from home in mm and
-            perhaps ``rx, ry, rz`` in rad.
+            perhaps ``rx, ry, rz`` in rad; without these it keeps its direction if it has all six freedoms, else
+            it turns as its loops let it.
 
     Returns:
         The machine itself for a label; else one that has the posture too.
@@ -87,7 +88,9 @@ def _closed_in(machine: Chain, posture: Posture) -> tuple[Chain, str]:
         if len(numbers) not in (3, 6) or not np.all(np.isfinite(numbers)):
             raise ValueError(f"{machine.name}: {len(numbers)} coordinates are no pose of it: {known}")
         label = _label(numbers)
-        q = closing.displaced(np.concatenate([numbers, np.zeros(6 - len(numbers))]))
+        # what cannot keep its direction turns as its loops let it
+        turns = len(numbers) == 6 or closing.mobility(closing.home).freedom == 6
+        q = closing.displaced(np.concatenate([numbers, np.zeros(6 - len(numbers))]), (True,) * 3 + (turns,) * 3)
     passive, stands = closing.posture(q)
     return replace(
         machine, postures={**machine.postures, label: passive}, held={**machine.held, label: stands}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,11 @@ from vjm import __version__
 from vjm.io.files import write_whole
 from vjm.loaded_stiffness import held_by_itself
 from vjm.machine.compensation import compensated_platform
+from vjm.machine.legs import machine_of
+from vjm.model.chain import Chain
 from vjm.platform.manipulator import Machine, Manipulator
-from vjm.rotations import Array
-from vjm.tree.compensation import compensated_arm, rotations_of
+from vjm.rotations import Array, displaced, rotation_vector
+from vjm.tree.compensation import Compensation, compensated_arm, rotations_of
 from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import DoubtRow
@@ -71,7 +74,7 @@ def compensation(
         machine: an arm, or a manipulator, whose poses count from home.
         engine: that splits its beams.
         path: poses and wrenches.
-        gravity: m/s²; of arms.
+        gravity: m/s².
         posture: of an arm, near which the path begins; empty for any.
         end: name of the end frame.
 
@@ -80,16 +83,20 @@ def compensation(
         NoConvergenceError: there is no stable equilibrium somewhere.
     """
     if isinstance(machine, Manipulator):
-        if gravity is not None:
-            raise ValueError("--gravity: legs of a platform are taken without weight; leave it out")
-        turns = np.zeros_like(path.positions) if path.turns is None else path.turns
-        found = compensated_platform(machine, np.hstack([path.positions, turns]), path.wrenches, engine)
+        if gravity is None and not np.any(path.wrenches):
+            raise ValueError(
+                f"{machine.name}: no load acts along the path, so that nothing is to be compensated: give the path "
+                "columns fx_N to mz_Nmm, or --gravity"
+            )
+        if gravity is None:
+            turns = np.zeros_like(path.positions) if path.turns is None else path.turns
+            found = compensated_platform(machine, np.hstack([path.positions, turns]), path.wrenches, engine)
+        else:
+            # weight acts on bodies, of which the whole machine is made
+            label = next(iter(machine.poses))
+            found = _arm(machine_of(machine), engine, _from_home(machine, path), gravity, label, end)
     elif held_by_itself(machine):
-        model = engine.tree_model(machine)
-        found = compensated_arm(
-            model, path.positions, None if path.turns is None else rotations_of(path.turns), path.wrenches,
-            gravity=gravity, start=model.posture(posture) if posture else None, end=end,
-        )  # fmt: skip
+        found = _arm(machine, engine, path, gravity, posture, end)
     else:
         raise ValueError(f"{machine.name}: its passive joints let the end swing: give the whole machine instead")
     commands = dict(zip(MODELS, (found.q, found.q_linear, found.q_loaded), strict=True))
@@ -105,6 +112,36 @@ def compensation(
         errors={name: rows.tolist() for name, rows in errors.items()},
         left={name: _left(rows) for name, rows in errors.items()},
     )
+
+
+def _arm(
+    machine: Chain, engine: VjmEngine, path: ToolPath, gravity: Gravity | None, posture: str, end: str
+) -> Compensation:
+    """The coordinates of the joints that drives set; passive ones follow or stay."""
+    model = engine.tree_model(machine)
+    found = compensated_arm(
+        model, path.positions, None if path.turns is None else rotations_of(path.turns), path.wrenches,
+        gravity=gravity, start=model.posture(posture) if posture else None, end=end,
+    )  # fmt: skip
+    driven = {part.name for part in machine.held_joints}
+    shown = [k for k, name in enumerate(found.joints) if name in driven]
+    return replace(
+        found,
+        joints=tuple(found.joints[k] for k in shown),
+        q=found.q[:, shown],
+        q_linear=found.q_linear[:, shown],
+        q_loaded=found.q_loaded[:, shown],
+    )
+
+
+def _from_home(machine: Manipulator, path: ToolPath) -> ToolPath:
+    """The path in the world, whose poses count from home."""
+    turns = np.zeros_like(path.positions) if path.turns is None else path.turns
+    frames = np.array([displaced(machine.home, pose) for pose in np.hstack([path.positions, turns])])
+    # what cannot keep its direction turns as its loops let it
+    keeps = path.turns is not None or sum(leg.drive is not None for leg in machine.legs) >= 6
+    vectors = np.array([rotation_vector(T[:3, :3]) for T in frames]) if keeps else None
+    return replace(path, positions=frames[:, :3, 3], turns=vectors)
 
 
 def _left(errors: Array) -> ModelError:

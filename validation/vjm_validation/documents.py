@@ -199,7 +199,22 @@ class MapRowsDocument(BaseModel):
     """Null where there is none, or where it is infinite."""
     status: list[str]
     """``ok``, or why there is no value."""
+    wrench: list[float]
+    """On the platform or the end, N and N mm."""
+    against: str
+    """Engine of the difference; empty where none is asked for."""
+    difference_percent: list[float | None]
+    """Of the shown column to that engine's, pose by pose; null where one has no value; empty without another."""
     files: list[str]
     """That were written."""
     doubts: list[DoubtRow] = []
     """What is implausible about the model."""
+
+
+class MapsDocument(BaseModel):
+    """What ``validate map --json`` prints for several wrenches."""
+
+    model_config = ConfigDict(frozen=True)
+
+    maps: list[MapRowsDocument]
+    """One a wrench."""

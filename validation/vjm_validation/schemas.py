@@ -23,7 +23,13 @@ from vjm_updating.maps.documents import MapDocument, MapTaskDocument
 from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.simulate.command import Truth
 from vjm_validation.compensation import CompensationDocument
-from vjm_validation.documents import BucklingDocument, CurveDocument, MapRowsDocument, StiffnessDocument
+from vjm_validation.documents import (
+    BucklingDocument,
+    CurveDocument,
+    MapRowsDocument,
+    MapsDocument,
+    StiffnessDocument,
+)
 from vjm_validation.studies.own_machine_rows import OwnMachineSummary
 from vjm_validation.studies.table2_document import Table2Document
 from vjm_validation.summary import Summary
@@ -47,6 +53,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         "table2.schema.json": schema(Table2Document),
         "map.schema.json": schema(MapDocument),
         "map-rows.schema.json": schema(MapRowsDocument),
+        "maps.schema.json": schema(MapsDocument),
         "map-task.schema.json": schema(MapTaskDocument),
         "truth.schema.json": schema(Truth),
         "manipulator.schema.json": manipulator_schema(),

@@ -43,13 +43,16 @@ class YieldRow(BaseModel):
 
 
 def yield_rows(
-    chain: Machine, content: Mapping[str, Any], cases: Sequence[tuple[str, str, Engine]], paths: Sequence[Path]
+    chain: Machine,
+    parts: Sequence[Mapping[str, Any]],
+    cases: Sequence[tuple[str, str, Engine]],
+    paths: Sequence[Path],
 ) -> list[YieldRow]:
     """A row for every path of the virtual joint method; none where the file says no yield stress.
 
     Args:
         chain: that was walked.
-        content: of its model file.
+        parts: tables of its model file, see `vjm.io.machine_file.part_tables`.
         cases: posture, direction and engine of every path.
         paths: the paths.
     """
@@ -57,7 +60,7 @@ def yield_rows(
     for (posture, direction, engine), path in zip(cases, paths, strict=True):
         if not isinstance(chain, Chain) or not isinstance(engine, VjmEngine):
             continue
-        first = first_yield(engine.problem(chain, path.load_case), path, content)
+        first = first_yield(engine.problem(chain, path.load_case), path, parts)
         if first.known:
             critical = None if path.critical is None else float(path.critical.force)
             rows.append(

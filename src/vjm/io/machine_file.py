@@ -6,6 +6,7 @@ import hashlib
 from dataclasses import replace
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from vjm.io.manipulator_file import (
     LegTable,
     build_manipulator,
     leg_chain,
+    leg_document,
     leg_drive,
     leg_posture,
     legs_folder,
@@ -93,6 +95,23 @@ def load_machine(name_or_path: str | Path) -> Chain:
     if document.content.get("kind") == KIND:
         return build_machine(document, legs_folder(name_or_path))
     return build_chain(document.content, document.file, document.sha256)
+
+
+def part_tables(name_or_path: str | Path) -> list[dict[str, Any]]:
+    """The tables of a file's parts as they are written; of legs on bodies those of all legs, named ``leg/part``.
+
+    Raises:
+        ModelFileError: as `load_model`.
+    """
+    document = read_document(name_or_path)
+    if document.content.get("kind") != KIND:
+        return list(document.content.get("parts", []))
+    folder = legs_folder(name_or_path)
+    return [
+        part | {"name": f"{leg.name}/{part['name']}"}
+        for leg in read_table(document).legs
+        for part in leg_document(leg.chain, folder).content.get("parts", [])
+    ]
 
 
 def build_machine(document: ModelDocument, folder: Path | Traversable) -> Chain:

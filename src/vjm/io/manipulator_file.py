@@ -253,7 +253,7 @@ def leg_documents(name_or_path: str | Path) -> dict[str, ModelDocument]:
     """
     folder = legs_folder(name_or_path)
     legs = read_document(name_or_path).content.get("legs", [])
-    return {name: _leg_document(name, folder) for name in dict.fromkeys(str(leg["chain"]) for leg in legs)}
+    return {name: leg_document(name, folder) for name in dict.fromkeys(str(leg["chain"]) for leg in legs)}
 
 
 def leg_chain(name: str, folder: Path | Traversable, *, may_be_rigid: bool = False) -> Chain:
@@ -262,11 +262,16 @@ def leg_chain(name: str, folder: Path | Traversable, *, may_be_rigid: bool = Fal
     Raises:
         ModelFileError: there is none, or it is no sane chain.
     """
-    document = _leg_document(name, folder)
+    document = leg_document(name, folder)
     return build_chain(document.content, document.file, document.sha256, may_be_rigid=may_be_rigid)
 
 
-def _leg_document(name: str, folder: Path | Traversable) -> ModelDocument:
+def leg_document(name: str, folder: Path | Traversable) -> ModelDocument:
+    """The document of a leg's chain: a file of a folder, or of the library.
+
+    Raises:
+        ModelFileError: there is none, or it is no chain's.
+    """
     file = folder / (name if name.endswith(".toml") else f"{name}.toml")
     if file.is_file():
         document = parsed(file.name, file.read_bytes())

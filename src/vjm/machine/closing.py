@@ -131,7 +131,17 @@ class Closing:
             PoseError: out of reach, on another branch, singular, or beyond a joint's limits.
         """
         way = np.asarray(displacement, dtype=float)
-        q = self._arrived(self._towards(self.home[None], way[None], components), _words(way))
+        # what has fewer freedoms takes only some poses
+        freedom, asked = self._freedom(self.home).shape[1], int(np.count_nonzero(np.array(components)))
+        try:
+            q = self._arrived(self._towards(self.home[None], way[None], components), _words(way))
+        except PoseError as error:
+            if not 0 < freedom < asked:
+                raise
+            raise PoseError(
+                f"{error}; the end-effector has {freedom} {'freedom' if freedom == 1 else 'freedoms'}, and takes "
+                f"only some of the poses by {asked} components: give the drives' coordinates"
+            ) from error
         self.refuse_unfit(q)
         return q
 

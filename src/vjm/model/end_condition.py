@@ -169,8 +169,8 @@ def rigid_direction(where: str) -> RigidDirectionError:
     )
 
 
-def _checked(end_condition: EndCondition, movable: bool, load_case: LoadCase) -> EndCondition:
-    if movable:
+def _checked(end_condition: EndCondition, deflects: bool, load_case: LoadCase) -> EndCondition:
+    if deflects:
         return end_condition
     raise rigid_direction(f"{end_condition.model.chain.name}, posture {load_case.posture}")
 

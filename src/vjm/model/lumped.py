@@ -324,31 +324,31 @@ class LumpedModel:
         result: Array = (np.concatenate([shifts, turns], axis=1) * moving[:, None]).T
         return result
 
+    def motion(self, kinematics: Kinematics, joint: int, point: Array) -> Array:
+        """Velocity and angular velocity ``(6, size)`` of a point ``(3,)`` behind a joint by the coordinates'."""
+        moving = self._joint_jacobian(kinematics.behind, kinematics.axes, point, self._before[joint + 1])
+        result: Array = moving @ self.drive
+        return result
+
     def stretching(self, kinematics: Kinematics) -> Array:
         """Derivative ``(s, n)`` of the lengths of the springs between points; zero where the two points meet."""
-        rows, behind = [], kinematics.behind
+        rows = []
         for joints, ends in zip(self._spring_joints, self._spring_ends(kinematics), strict=True):
-            first, second = (
-                self._joint_jacobian(behind, kinematics.axes, end, self._before[j + 1])[:3]
-                for j, end in zip(joints, ends, strict=True)
-            )
+            first, second = (self.motion(kinematics, j, end)[:3] for j, end in zip(joints, ends, strict=True))
             length = float(np.linalg.norm(ends[1] - ends[0]))
             along = (ends[1] - ends[0]) / length if length > 0.0 else np.zeros(3)
-            rows.append(along @ (second - first) @ self.drive)
+            rows.append(along @ (second - first))
         return np.array(rows).reshape(-1, self.size)
 
     def closing(self, kinematics: Kinematics) -> Array:
         """Derivative ``(f + k, size)`` of what closures and couplings hold by the coordinates; mm and rad."""
-        rows, behind = [], kinematics.behind
+        rows = []
         for closure, joints, frames in zip(
             self.chain.closures, self.closure_joints, self.closure_frames, strict=True
         ):
-            point = (behind[joints[1] + 1] @ frames[1])[:3, 3]
-            first, second = (
-                self._joint_jacobian(behind, kinematics.axes, point, self._before[j + 1])[: closure.rows]
-                for j in joints
-            )
-            rows.append((second - first) @ self.drive)
+            point = (kinematics.behind[joints[1] + 1] @ frames[1])[:3, 3]
+            first, second = (self.motion(kinematics, j, point)[: closure.rows] for j in joints)
+            rows.append(second - first)
         couplings = np.zeros((len(self.chain.couplings), self.size))
         couplings[:, : self.coordinates] = coupling_rows(self.chain, self._built)
         rows.append(couplings)

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.errors import NoConvergenceError
+from vjm.machine.closing import CLOSED, Closing
 from vjm.rotations import Array, rotation_from_vector
 from vjm.tree.damped_search import damped_search
 from vjm.tree.equilibria import equilibria, unloaded_frames
 from vjm.tree.inverse_kinematics import (
+    ClosedPostures,
     Ranges,
     ReachError,
     difference,
@@ -75,7 +77,8 @@ def compensated_arm(
     """Joint coordinates of a path of tool poses for the rigid, the linear and the loaded model.
 
     All of them are within the joints' limits. Of several solutions of the loaded arm that near the rigid arm's is
-    taken. Only what the rigid arm's joints can move is put right: a planar arm's sag out of its plane stays.
+    taken. Only what the rigid arm's joints can move is put right: a planar arm's sag out of its plane stays. Of a
+    machine with closed loops the drives are set, and its passive joints follow from the loops.
 
     Args:
         model: the machine.
@@ -99,13 +102,15 @@ def compensated_arm(
     if lost is not None:
         raise ReachError(f"row {lost + 1} of the path: {why[lost]}")
     wanted_R = unloaded_frames(model, q)[0][:, index] if rotations is None else rotations
-    arm = _LoadedArm(model, index, positions, wanted_R, wrenches, gravity)
+    ranges, closing = ranges_of(model, start), None
+    if model.chain.closes:
+        ranges, closing = ranges.following(), ClosedPostures(model, start, end).closing
+    arm = _LoadedArm(model, index, positions, wanted_R, wrenches, gravity, closing)
     rigid = arm.errors(q)
     unfound = np.flatnonzero(np.isnan(rigid).any(axis=1))
     if len(unfound):
         raise NoConvergenceError(f"{model.chain.name}: no stable equilibrium at row {1 + unfound[0]} of the path")
-    ranges = ranges_of(model, start)
-    ways = _movable(model, ranges, q, index, rotations is not None)
+    ways = _movable(arm, ranges, q, rotations is not None)
     q_linear = _linear(arm, ranges, ways, q)
     q_loaded = _put_right(arm, ranges, ways, q)
     return Compensation(model.joints, q, q_linear, q_loaded, rigid, arm.errors(q_linear), arm.errors(q_loaded))
@@ -122,6 +127,7 @@ class _LoadedArm:
         rotations: ``(g, 3, 3)`` wanted.
         wrenches: ``(g, 6)`` on the end.
         gravity: m/s².
+        closing: of a machine with closed loops.
     """
 
     model: TreeModel
@@ -130,6 +136,23 @@ class _LoadedArm:
     rotations: Array
     wrenches: Array
     gravity: Gravity | None
+    closing: Closing | None
+
+    def closed(self, q: Array) -> Array:
+        """Coordinates ``(s, n)`` with passive joints where closed loops put them, nan where they do not close."""
+        if self.closing is None:
+            return q
+        result, left = self.closing.solve(q, ~self.closing.tree.passive)
+        result[~(left < CLOSED)] = np.nan
+        return result
+
+    def unloaded(self, q: Array) -> tuple[Array, Array]:
+        """Rotations ``(s, 3, 3)`` and positions ``(s, 3)`` mm of the unloaded end, nan where loops do not close."""
+        q = self.closed(q)
+        closes = np.isfinite(q).all(axis=1)
+        R, p = unloaded_frames(self.model, np.where(closes[:, None], q, 0.0))
+        R[~closes], p[~closes] = np.nan, np.nan
+        return R[:, self.index], p[:, self.index]
 
     def errors(self, q: Array, rows: np.ndarray | None = None, share: float = 1.0) -> Array:
         """Errors ``(s, 6)`` of the end, nan where no equilibrium is stable.
@@ -142,16 +165,21 @@ class _LoadedArm:
         rows = np.arange(len(self.positions)) if rows is None else rows
         wrench = np.zeros((len(q), len(self.model.ends), 6))
         wrench[:, self.index] = self.wrenches[rows]
-        at = equilibria(self.model, q, gravity=self.gravity, wrench=wrench, compliance=False, share=share)
+        q = self.closed(q)
+        closes = np.isfinite(q).all(axis=1)
+        at = equilibria(
+            self.model, np.where(closes[:, None], q, 0.0), gravity=self.gravity, wrench=wrench, compliance=False,
+            share=share,
+        )  # fmt: skip
         p, R = at.position[:, self.index], at.rotation[:, self.index]
         e = difference(p, R, self.positions[rows], self.rotations[rows])
-        e[~(at.found & at.stable)] = np.nan
+        e[~(at.found & at.stable & closes)] = np.nan
         return e
 
     def rigid_errors(self, q: Array, rows: np.ndarray) -> Array:
         """Errors ``(s, 6)`` of the arm without loads and deflections."""
-        R, p = unloaded_frames(self.model, q)
-        return difference(p[:, self.index], R[:, self.index], self.positions[rows], self.rotations[rows])
+        R, p = self.unloaded(q)
+        return difference(p, R, self.positions[rows], self.rotations[rows])
 
 
 def _linear(arm: _LoadedArm, ranges: Ranges, ways: Array, q: Array) -> Array:
@@ -171,7 +199,7 @@ def _linear(arm: _LoadedArm, ranges: Ranges, ways: Array, q: Array) -> Array:
     def left(q: Array, rows: np.ndarray) -> Array:
         return _projected(ways[rows], arm.rigid_errors(q, rows) + sagged[rows])
 
-    return damped_search(left, q, ranges.low, ranges.high, ranges.unit)[0]
+    return arm.closed(damped_search(left, q, ranges.low, ranges.high, ranges.unit)[0])
 
 
 def _put_right(arm: _LoadedArm, ranges: Ranges, ways: Array, q: Array) -> Array:
@@ -185,6 +213,7 @@ def _put_right(arm: _LoadedArm, ranges: Ranges, ways: Array, q: Array) -> Array:
         return _projected(ways[rows], arm.errors(q, rows))
 
     found, size = damped_search(left, q, ranges.low, ranges.high, ranges.unit)
+    found = arm.closed(found)
     lost = (size >= EXACT) | ~ranges.limits.kept(found)
     for k in np.flatnonzero(lost).tolist():
         starts = _around(q[k], ranges)
@@ -193,6 +222,7 @@ def _put_right(arm: _LoadedArm, ranges: Ranges, ways: Array, q: Array) -> Array:
             return left(q, np.full(len(q), k))
 
         near, size = damped_search(of_row, starts, ranges.low, ranges.high, ranges.unit)
+        near = arm.closed(near)
         good = (size < EXACT) & ranges.limits.kept(near)
         if not good.any():
             within, missed = ranges.limits.kept(near), "no posture near it keeps the limits of coupled joints"
@@ -225,16 +255,17 @@ def _projected(ways: Array, error: Array) -> Array:
     return result
 
 
-def _movable(model: TreeModel, ranges: Ranges, q: Array, index: int, turns: bool) -> Array:
+def _movable(arm: _LoadedArm, ranges: Ranges, q: Array, turns: bool) -> Array:
     """Projections ``(g, 6, 6)`` of errors on what the rigid arm's drives move: shifts over the reach, and turns.
 
     A stretched arm does not go outwards, and one beside it does: what joints move there counts too.
     """
+    model = arm.model
     unit = np.repeat([1.0 / model.reach, 1.0], 3)
     shown = unit * (np.arange(6) < 3 if not turns else np.ones(6))
     aside = ranges.driven * ASIDE * ranges.unit * np.random.default_rng(0).choice([-1.0, 1.0], len(model.joints))
     result = np.zeros((len(q), 6, 6))
-    for k, (J, J2) in enumerate(zip(*(_jacobian(model, ranges, at, index) for at in (q, q + aside)), strict=True)):
+    for k, (J, J2) in enumerate(zip(*(_jacobian(arm, ranges, at) for at in (q, q + aside)), strict=True)):
         U = _range(shown[:, None] * J)
         other = _range(shown[:, None] * J2)
         if other.shape[1] > U.shape[1]:
@@ -250,13 +281,14 @@ def _range(J: Array) -> Array:
     return U[:, s > SINGULAR * s[0]]
 
 
-def _jacobian(model: TreeModel, ranges: Ranges, q: Array, index: int) -> Array:
+def _jacobian(arm: _LoadedArm, ranges: Ranges, q: Array) -> Array:
     """Derivative ``(g, 6, n)`` of the unloaded end by what drives set, in units, by central differences."""
     columns = []
     for shift in STEP * np.diag(ranges.driven * ranges.unit):
-        (R1, p1), (R0, p0) = (unloaded_frames(model, q + sign * shift) for sign in (1.0, -1.0))
-        columns.append(difference(p1[:, index], R1[:, index], p0[:, index], R0[:, index]) / (2.0 * STEP))
-    return np.stack(columns, axis=2)
+        (R1, p1), (R0, p0) = (arm.unloaded(q + sign * shift) for sign in (1.0, -1.0))
+        columns.append(difference(p1, R1, p0, R0) / (2.0 * STEP))
+    # beside its loops' reach a machine moves by no drive
+    return np.nan_to_num(np.stack(columns, axis=2))
 
 
 def rotations_of(vectors: Array) -> Array:

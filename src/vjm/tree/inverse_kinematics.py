@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from vjm.machine.closing import Closing, PoseError
 from vjm.model.joint_limits import JointLimits, joint_limits
 from vjm.model.joints import HeldJoint, SprungJoint
 from vjm.model.parts import PassiveJoint
-from vjm.rotations import Array
+from vjm.rotations import Array, displacement_between, frame
 from vjm.tree.damped_search import damped_search
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.model import TreeModel
@@ -58,6 +60,11 @@ class Ranges:
         q = self.low + (self.high - self.low) * np.random.default_rng(seed).random((count, len(self.low)))
         q[0] = np.clip(0.0, self.low, self.high)
         return q
+
+    def following(self) -> Ranges:
+        """The same where passive joints follow from closed loops, wherever these lead them."""
+        wide = np.where(self.driven, 0.0, np.where(self.turns, 2.0 * np.pi, self.unit))
+        return Ranges(self.low - wide, self.high + wide, self.unit, self.turns, self.limits)
 
     def without_limits(self) -> Ranges:
         """Joints that turn a whole turn either way of the middle of their limits, and slide as far as the reach."""
@@ -109,7 +116,8 @@ def postures_of(
 ) -> list[Array]:
     """Joint coordinates that put an end frame at a pose, by damped least squares from many random postures.
 
-    Passive joints keep the coordinates of the machine's first posture, see `ranges_of`.
+    Passive joints keep the coordinates of the machine's first posture, see `ranges_of`. Those of a machine with
+    closed loops follow from its pose: it has one solution, on the branch of that posture, see `ClosedPostures`.
 
     Args:
         model: the machine.
@@ -131,6 +139,8 @@ def postures_of(
         >>> [q.round(3).tolist() for q in postures_of(model, np.array([600.0, 300.0, 0.0]))]
         [[-0.171, 1.471], [1.099, -1.471]]
     """
+    if model.chain.closes:
+        return [ClosedPostures(model, None, end).at_pose(position, rotation)]
     ranges, index = ranges_of(model), end_index(model, end)
     return _postures(model, ranges, position, rotation, index, ranges.random(STARTS, seed))
 
@@ -165,6 +175,8 @@ def followed(
     Raises:
         ValueError: there is no such end frame.
     """
+    if model.chain.closes:
+        return _closed_path(model, positions, rotations, start, end)
     ranges, index = ranges_of(model, start), end_index(model, end)
     drawn = ranges.random(DRAWN, 0)
     R, p = unloaded_frames(model, drawn)
@@ -186,6 +198,78 @@ def followed(
             continue
         far = [0.0 if before is None else float(np.abs((q - before) / ranges.unit).max()) for q in solutions]
         rows[k] = before = solutions[int(np.argmin(far))]
+    return rows, why
+
+
+class ClosedPostures:
+    """Postures of a machine with closed loops, on the branch of one of them.
+
+    Attributes:
+        closing: the rigid machine with its loops.
+    """
+
+    def __init__(self, model: TreeModel, start: Array | None, end: str = "") -> None:
+        """Take a machine.
+
+        Args:
+            model: the machine.
+            start: coordinates ``(n_joints,)`` of the posture; None for the machine's first.
+            end: name of the end frame.
+
+        Raises:
+            ValueError: the end frame is not the end-effector, or the loops do not close in the posture.
+        """
+        self._model, chain = model, model.chain
+        if chain.ends and chain.ends[model.ends[end_index(model, end)]] != chain.parts[-1].name:
+            raise ValueError(
+                f"{chain.name}: its loops are closed by the pose of its last part, '{chain.parts[-1].name}': ask "
+                "for the end frame behind that"
+            )
+        q = model.posture(next(iter(chain.postures))) if start is None else start
+        self._home = dict(zip(model.joints, q.tolist(), strict=True))
+        self.closing = Closing(chain, self._home)
+
+    def at_pose(self, position: Array, rotation: Array | None) -> Array:
+        """Coordinates ``(n_joints,)`` with the end-effector at a pose.
+
+        Args:
+            position: ``(3,)`` mm, world.
+            rotation: ``(3, 3)``; None where the end-effector may turn as the loops let it.
+
+        Raises:
+            ReachError: it does not come there.
+        """
+        home = self.closing.end
+        way = displacement_between(home, frame(home[:3, :3] if rotation is None else rotation, position))
+        try:
+            return self.closing.displaced(way, (True,) * 3 + (rotation is not None,) * 3)
+        except PoseError as error:
+            raise ReachError(str(error)) from None
+
+    def driven(self, values: Mapping[str, float]) -> Array:
+        """Coordinates ``(n_joints,)`` with some joints elsewhere, by name, mm or rad; passive ones follow.
+
+        Raises:
+            ReachError: the loops do not close there.
+        """
+        held = [part.name for part in self._model.chain.held_joints]
+        try:
+            return self.closing.held({name: values.get(name, self._home[name]) for name in held})
+        except PoseError as error:
+            raise ReachError(str(error)) from None
+
+
+def _closed_path(
+    model: TreeModel, positions: Array, rotations: Array | None, start: Array | None, end: str
+) -> tuple[Array, list[str]]:
+    """See `followed`; of a machine with closed loops."""
+    closed = ClosedPostures(model, start, end)
+    rows, why = np.full((len(positions), len(model.joints)), np.nan), [""] * len(positions)
+    for k, position in enumerate(positions):
+        try:
+            rows[k] = closed.at_pose(position, None if rotations is None else rotations[k])
+        except ReachError as error:
+            why[k] = str(error)
     return rows, why
 
 

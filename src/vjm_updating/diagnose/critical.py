@@ -190,4 +190,4 @@ def _point(
     point = Point() if event is None else Point(str(event.kind), float(event.force))
     if fitter is None:
         return point, First(None, "")
-    return point, first_yield(problem, path, fitter.forward.observed.measurement.document)
+    return point, first_yield(problem, path, fitter.forward.observed.measurement.document["parts"])

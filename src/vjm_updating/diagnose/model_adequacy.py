@@ -120,7 +120,7 @@ def _together(blocks: Sequence[Block], space: Projection) -> tuple[float, int]:
     if not blocks:
         return 0.0, 0
     U, values, _ = np.linalg.svd(np.column_stack([b.directions for b in blocks]), full_matrices=False)
-    U = U[:, values > 1e-6 * values[0]]
+    U = U[:, values > 1e-6 * values.max(initial=0.0)]
     return float(np.sum((U.T @ space.residual) ** 2)), U.shape[1]
 
 
@@ -143,7 +143,7 @@ def _blocks(fitter: Fitter, space: Projection, shapes: Array, names: Sequence[st
             columns = columns[:, size > 0.05 * before]
             if columns.shape[1]:
                 U, values, _ = np.linalg.svd(columns, full_matrices=False)
-                result.append(Block(f"{channel}: {kind}", U[:, values > 0.05 * values[0]]))
+                result.append(Block(f"{channel}: {kind}", U[:, values > 0.05 * values.max(initial=0.0)]))
     return result
 
 

@@ -179,7 +179,7 @@ def projection(fitter: Fitter, base: Fit) -> Projection:
     r = np.concatenate([fitter.whitening.flat(base.at.residual), p])
     size = np.linalg.norm(A, axis=0)
     U, values, _ = np.linalg.svd(A[:, size > 0.0] / size[size > 0.0], full_matrices=False)
-    basis = U[:, values > 1e-10 * values[0]]
+    basis = U[:, values > 1e-10 * values.max(initial=0.0)]
     rows = len(W)
     released = {(c.kind, c.subject): rows + i for i, c in enumerate(base.found) if c.kind != "effect"}
     rest = r - basis @ (basis.T @ r)
@@ -222,7 +222,7 @@ def scores(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> lis
         order = np.argsort(-worth)[:STARTS]
         starts = tuple(_scaled(kept[i], float(z[i] / size[i])) for i in order)
         U, values, _ = np.linalg.svd(columns, full_matrices=False)
-        U = U[:, values > SAME * values[0]]
+        U = U[:, values > SAME * values.max(initial=0.0)]
         effect = kept[0].effect
         cone = Cone.of(U.T @ columns, one_sided=all(s.one_sided for s in kept), vector=effect.extent > 1)
         left = U.T @ space.residual

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -123,19 +123,19 @@ def material_of(table: Mapping[str, Any]) -> Fibre | Solid | str:
     return Solid(np.array(drawn.stress_at_mm), drawn.forms(), drawn.yield_stress_MPa)
 
 
-def first_yield(problem: LumpedProblem, path: Path, document: Mapping[str, Any]) -> First:
+def first_yield(problem: LumpedProblem, path: Path, parts: Sequence[Mapping[str, Any]]) -> First:
     """Where the first part yields along a path as far as its critical point, or its end.
 
     Args:
         problem: of the path.
         path: traced.
-        document: of the model, with shapes or drawings, and yield stresses.
+        parts: tables of the model's parts, with shapes or drawings, and yield stresses.
     """
     model = problem.model
     beams = {part.name: part for part in model.chain.parts if isinstance(part, Beam)}
     materials: dict[str, Fibre | Solid] = {}
     unknown = []
-    for table in document["parts"]:
+    for table in parts:
         if table.get("kind") == "beam":
             material = material_of(table)
             if isinstance(material, str):

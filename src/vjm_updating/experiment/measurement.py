@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from vjm.io.manipulator_file import KIND
 from vjm.io.model_file import build_chain, read_document
 from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
@@ -215,6 +216,11 @@ def _machine(sheet: Sheet, path: Path) -> tuple[dict[str, Any], Chain, str]:
     if (path.parent / sheet.test.model).is_file():
         name = path.parent / sheet.test.model
     source = read_document(name)
+    if source.content.get("kind") == KIND:
+        raise SheetError(
+            f"{sheet.file}: model {source.file}: a load on a platform strains all of its legs at once, and "
+            "readings there do not tell which of them gives way: test a leg by itself, and give its chain's file"
+        )
     build_chain(source.content, source.file)  # what is wrong with the model itself is said of the model
     try:
         document = overridden(source.content, sheet.model)

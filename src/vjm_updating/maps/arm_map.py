@@ -5,28 +5,33 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 
 from vjm import __version__
+from vjm.engine import Engine
 from vjm.io.files import write_whole
 from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import Load
 from vjm.rotations import Array
 from vjm.tree.equilibria import equilibria, unloaded_frames
-from vjm.tree.inverse_kinematics import followed, ranges_of
+from vjm.tree.inverse_kinematics import ClosedPostures, ReachError, followed, ranges_of
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_output.optional_page import why_not
+from vjm_updating.maps.arm_critical import WeakestForce
+from vjm_updating.maps.by_engine import rows_by
 from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, Quantity, principal
 from vjm_updating.maps.pose_grid import MOST, grid_axis
 
 TOOL = ("x", "y", "z")
 LOST, UNSTABLE = "no equilibrium under these loads", "the equilibrium is unstable"
+MOST_FORCE = 20_000.0
+"""N: largest force tried for a critical one."""
 RIGID = "empty_where_ok=rigid"
 """Of a map's file: an empty cell of a row with an answer is an infinite stiffness."""
 
@@ -42,6 +47,11 @@ class ArmGrid:
 
     axes: dict[str, tuple[float, ...]]
     tool: bool
+
+    @property
+    def ordered(self) -> dict[str, tuple[float, ...]]:
+        """The axes in the order in which the poses run: of the tool x, y, z whatever the option's order."""
+        return {name: self.axes[name] for name in TOOL if name in self.axes} if self.tool else self.axes
 
     @property
     def varied(self) -> list[str]:
@@ -103,7 +113,7 @@ class ArmMap:
 
 def map_arm(
     chain: Chain,
-    engine: VjmEngine,
+    engine: Engine,
     quantity: Quantity,
     grid: str,
     posture: str,
@@ -112,6 +122,7 @@ def map_arm(
     gravity: Gravity | None = None,
     loads: Sequence[Load] = (),
     end: str = "",
+    most: float = MOST_FORCE,
 ) -> ArmMap:
     """Evaluate a quantity at every point of a grid, all equilibria in one batch.
 
@@ -119,22 +130,22 @@ def map_arm(
 
     Args:
         chain: arm or tree.
-        engine: that splits its beams.
-        quantity: stiffness or deflection.
+        engine: any; ``vjm`` solves for all points in one batch.
+        quantity: stiffness, deflection, or the smallest critical force on the end over all directions.
         grid: see `parsed_arm_grid`; what it leaves out stays as in the posture, the tool's direction too where the
-            machine has six drives or more. Passive joints stay.
+            machine has six drives or more. Passive joints stay, or follow where loops are closed.
         posture: label.
         wrench: ``(6,)`` on the end, N, N mm.
         gravity: m/s².
         loads: on parts, in full.
         end: name of the end frame; the first where it is empty.
+        most: largest force tried for a critical one, N.
 
     Raises:
-        ValueError: the quantity, the grid, the posture or the end makes no sense.
+        ValueError: the grid, the posture or the end makes no sense, or the engine does not have the quantity.
     """
-    if quantity is Quantity.CRITICAL:
-        raise ValueError("--quantity critical: is for platforms; arms have stiffness and deflection")
-    model = engine.tree_model(chain)
+    springs = engine if isinstance(engine, VjmEngine) else VjmEngine()
+    model = springs.tree_model(chain)
     if end and end not in model.ends:
         raise ValueError(f"--end: {chain.name} has no end frame '{end}' (it has {', '.join(model.ends)})")
     index = model.ends.index(end) if end else 0
@@ -143,11 +154,27 @@ def map_arm(
     reached = np.array([not each for each in why])
     values, tool = np.full((len(q), len(COLUMNS[quantity])), np.nan), np.full((len(q), 3), np.nan)
     if reached.any():
+        tool[reached] = unloaded_frames(model, q[reached])[1][:, index]
+    if not isinstance(engine, VjmEngine):
+        if gravity is not None or loads or end:
+            raise ValueError(
+                f"--engine {engine.label}: maps by it have a wrench on the end alone: leave --gravity, --load and "
+                "--end out"
+            )
+        rows, own = rows_by(engine, [_standing(chain, model, each) for each in q[reached]], quantity, wrench)
+        values[reached] = rows
+        for row, each in zip(np.flatnonzero(reached), own, strict=True):
+            why[row] = each
+    elif quantity is Quantity.CRITICAL:
+        search = WeakestForce(model, index, most, gravity=gravity, loads=loads)
+        for row in np.flatnonzero(reached):
+            weak = search.weakest(q[row])
+            values[row], why[row] = [weak.force, *weak.direction], weak.why or OK
+    elif reached.any():
         on_ends = np.zeros((len(model.ends), 6))
         on_ends[index] = wrench
         stiff = quantity is Quantity.STIFFNESS
         found = equilibria(model, q[reached], gravity=gravity, wrench=on_ends, loads=loads, compliance=stiff)
-        tool[reached] = unloaded_frames(model, q[reached])[1][:, index]
         if stiff:
             assert found.compliance is not None
             rows = principal(found.compliance[:, index])
@@ -162,14 +189,35 @@ def map_arm(
     return ArmMap(chain, engine.label, model.joints, quantity, points, q, tool, values, why)
 
 
+def _standing(chain: Chain, model: TreeModel, q: Array) -> tuple[Chain, str]:
+    """The machine with one posture, of coordinates ``(n_joints,)``, and its label."""
+    values = dict(zip(model.joints, q.tolist(), strict=True))
+    passive = np.array([values.pop(joint.name) for joint in chain.joints])
+    return replace(chain, postures={"point": passive}, held={"point": values}, poses={}, home=""), "point"
+
+
 def _joint_rows(model: TreeModel, grid: ArmGrid, home: Array) -> tuple[Array, list[str]]:
     """Joint coordinates of a grid, and which of them are beyond their limits, and by how much."""
+    if model.chain.closes:
+        return _driven_rows(model, grid, home)
     rows = np.tile(home, (int(np.prod([len(v) for v in grid.axes.values()])), 1))
     columns = [model.joints.index(name) for name in grid.axes]
     rows[:, columns] = np.array(list(product(*grid.axes.values())))
     limits = joint_limits(model.chain, model.joints)
     kept = limits.kept(rows)
     return rows, ["" if good else f"out of reach: {limits.said(q)}" for q, good in zip(rows, kept, strict=True)]
+
+
+def _driven_rows(model: TreeModel, grid: ArmGrid, home: Array) -> tuple[Array, list[str]]:
+    """The same of a machine with closed loops, whose passive joints follow."""
+    closed, points = ClosedPostures(model, home), list(product(*grid.axes.values()))
+    rows, why = np.full((len(points), len(model.joints)), np.nan), [""] * len(points)
+    for k, values in enumerate(points):
+        try:
+            rows[k] = closed.driven(dict(zip(grid.axes, values, strict=True)))
+        except ReachError as error:
+            why[k] = str(error).removeprefix(f"{model.chain.name}: ")
+    return rows, why
 
 
 def _tool_rows(model: TreeModel, grid: ArmGrid, home: Array, index: int) -> tuple[Array, list[str]]:

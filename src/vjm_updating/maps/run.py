@@ -13,12 +13,14 @@ import numpy as np
 
 from vjm import __version__
 from vjm.batch import map_all
+from vjm.engine import Engine
 from vjm.io.files import check_writable, write_whole
 from vjm.io.findings import Finding
 from vjm.platform.manipulator import Manipulator
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_output.documents import doubt_rows
+from vjm_updating.maps.by_engine import rows_by
 from vjm_updating.maps.documents import MapDocument, MapTaskDocument
 from vjm_updating.maps.evaluate import COLUMNS, MapRows, MapTask, Quantity, evaluate
 from vjm_updating.maps.pose_grid import Grid
@@ -37,7 +39,7 @@ class Map:
 
     Attributes:
         manipulator: the machine.
-        springs: how its beams become springs.
+        springs: engine; ``vjm`` keeps the poses that are done.
         quantity: what is asked at each pose.
         grid: of poses.
         wrench: on the platform, N, N mm.
@@ -46,7 +48,7 @@ class Map:
     """
 
     manipulator: Manipulator
-    springs: VjmEngine
+    springs: Engine
     quantity: Quantity
     grid: Grid
     wrench: tuple[float, ...] = (0.0,) * 6
@@ -71,6 +73,7 @@ class Map:
 
     def tasks(self) -> list[MapTask]:
         """The poses in pieces, neighbours together."""
+        assert isinstance(self.springs, VjmEngine)
         poses = self.grid.poses()
         size = POSES[self.quantity]
         starts = range(0, len(poses), size)
@@ -162,6 +165,11 @@ def run_map(
         ValueError: the folder holds another map, or no scheduler answers.
         ImportError: a scheduler is named, but the optional extra is not installed.
     """
+    if not isinstance(wanted.springs, VjmEngine):
+        labels = [",".join(f"{v:.12g}" for v in pose[:3]) for pose in wanted.grid.poses()]
+        machines = [(wanted.manipulator, label) for label in labels]
+        values, why = rows_by(wanted.springs, machines, wanted.quantity, wanted.wrench, progress)
+        return MapResult(wanted, values, tuple(why))
     store = MapStore(folder, wanted)
     tasks = wanted.tasks()
     found: dict[int, MapRows] = {}

@@ -113,8 +113,8 @@ def load_table(
     model = machine.model(half.posture, pulls)
     bow = bowed(model, half.posture, machine.bow) if machine.bow else None
     if bow is not None:
-        # the support's joints come behind the chain's own coordinates
-        bow = np.concatenate([bow, np.zeros(_support(model, load_case))])
+        # the support's joints come behind the machine's own coordinates, before what closures bear
+        bow = np.insert(bow, model.coordinates, np.zeros(_support(model, load_case)))
     problem = LumpedProblem(model, load_case, machine.engine.label, bow)
     held = [k for k, name in enumerate(COMPONENTS) if name not in free]
     probes = [_Probe(problem, *model.find(gauge.body, gauge.at)) for gauge in gauges]
@@ -152,15 +152,7 @@ class _Probe:
 
     def jacobian(self, k: Kinematics) -> Array:
         """Velocity and angular velocity ``(6, n)`` by the coordinates' velocities."""
-        J = np.zeros((6, len(k.axes)))
-        own = np.arange(len(k.axes)) <= self.joint
-        turns, slides = own & k.rotary, own & ~k.rotary
-        lever = self.frame(k)[:3, 3] - k.behind[1:, :3, 3]
-        J[:3, turns] = np.cross(k.axes, lever)[turns].T
-        J[3:, turns] = k.axes[turns].T
-        J[:3, slides] = k.axes[slides].T
-        result: Array = J @ k.drive
-        return result
+        return self.model.motion(k, self.joint, self.frame(k)[:3, 3])
 
 
 def _reached(problem: LumpedProblem, point: Equilibrium, to: float) -> Equilibrium:

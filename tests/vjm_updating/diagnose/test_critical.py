@@ -52,7 +52,7 @@ def squeezed(to):
 def test_a_pulled_bar_yields_all_through():
     # (a squeezed one buckles long before)
     problem, path = traced(COLUMN, LoadCase("straight", 1.5))
-    found = first_yield(problem, path, COLUMN)
+    found = first_yield(problem, path, COLUMN["parts"])
     # linear, so that the interpolation is exact
     assert found.force == pytest.approx(241.3 * 25.4 * 3.175, rel=1e-10)
     assert found.words == "on the way, in link"
@@ -61,7 +61,7 @@ def test_a_pulled_bar_yields_all_through():
 def test_a_column_buckles_long_before_it_yields():
     document = column()
     problem, path = traced(document, LoadCase("straight", -1.0))
-    found = first_yield(problem, path, document)
+    found = first_yield(problem, path, document["parts"])
     euler = np.pi**2 * 68948.0 * 25.4 * 3.175**3 / 12.0 / 299.085**2
     # it shortens before it buckles: P (1 - P/EA) is Euler's, a second step of which is below 2e-8
     assert path.critical.force == pytest.approx(euler * (1.0 + euler / (68948.0 * 25.4 * 3.175)), rel=1e-6)
@@ -73,7 +73,7 @@ def test_a_column_buckles_long_before_it_yields():
 def test_a_bowed_column_yields_where_beam_theory_says():
     document = column(bow_mm=[2.0, 0.0])
     problem, path = traced(document, squeezed(30.0), 64)
-    found = first_yield(problem, path, document)
+    found = first_yield(problem, path, document["parts"])
     w = np.linspace(1.0, 30.0, 400)
     P = column_force(w, 299.085, 68948.0 * 25.4 * 3.175**3 / 12.0, 2.0)
     stress = P / (25.4 * 3.175) + P * (w + 2.0) / (25.4 * 3.175**2 / 6.0)

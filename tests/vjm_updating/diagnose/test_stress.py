@@ -54,7 +54,7 @@ def firsts(documents, load_case, segments):
     found = []
     for document in documents:
         problem = VjmEngine(segments).problem(build_chain(document, "m.toml"), load_case)
-        found.append(first_yield(problem, trace(problem, load_case), document))
+        found.append(first_yield(problem, trace(problem, load_case), document["parts"]))
     return found
 
 

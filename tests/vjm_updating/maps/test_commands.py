@@ -93,7 +93,10 @@ def test_commands_about_one_chain_say_that_a_manipulator_is_none(command, tmp_pa
     measured = [command, str(data), "--sheet", str(sheet), "--out", str(tmp_path / "out")]
     assert run(["identify", "delta", "--part", "rod"] if command == "identify" else measured) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "delta.toml: is a whole manipulator, and this takes one chain" in said
+    if command == "identify":
+        assert "delta.toml: is a whole manipulator, and this takes one chain" in said
+    else:
+        assert "delta.toml: a load on a platform strains all of its legs at once" in said
     assert not (tmp_path / "out").exists()
 
 

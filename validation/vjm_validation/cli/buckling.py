@@ -13,7 +13,7 @@ from vjm.continuation.direction import Direction, ramp_end
 from vjm.continuation.path import Path
 from vjm.engines import engine_by_name
 from vjm.errors import NoConvergenceError
-from vjm.io.model_file import read_document
+from vjm.io.machine_file import part_tables
 from vjm.model.load_case import COMPONENTS, LOAD, RAMP, TO_LIMIT
 from vjm.model.parts import Placement
 from vjm_output import terminal
@@ -113,7 +113,7 @@ def buckling_(
             raise NoConvergenceError(path.message) if no_solution else UsageError(path.message)
         paths.append(path)
         found.setdefault(label, {}).setdefault(str(way), {})[solver.label] = path_metrics(path)
-    yields = yield_rows(chain, read_document(model).content, [(a, str(b), c) for a, b, c in cases], paths)
+    yields = yield_rows(chain, part_tables(model), [(a, str(b), c) for a, b, c in cases], paths)
     document = BucklingDocument(
         model=chain.name, model_sha256=chain.sha256, version=__version__, chain=found, yields=yields,
         doubts=doubt_rows(doubts),

@@ -6,15 +6,19 @@ import os
 import re
 import sys
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
+from rich.console import Console
 
 from vjm import __version__
+from vjm.engine import Engine
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.files import locked
 from vjm.io.findings import Finding
@@ -29,21 +33,25 @@ from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
 from vjm_updating.maps.arm_map import map_arm, write_arm_map
+from vjm_updating.maps.by_engine import refuse_critical
+from vjm_updating.maps.difference import Difference, difference_of, write_difference, write_side_by_side
 from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, Quantity
 from vjm_updating.maps.output import write_map
-from vjm_updating.maps.pose_grid import parsed_grid
+from vjm_updating.maps.pose_grid import Grid, parsed_grid
 from vjm_updating.maps.run import Map, run_map
 from vjm_validation.cli import pages
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
 from vjm_validation.cli.options import Json
-from vjm_validation.documents import MapRowsDocument
+from vjm_validation.documents import MapRowsDocument, MapsDocument
 from vjm_validation.load_any_model import in_postures
 
 INTERRUPTED = 130
 UNITS = {"_N_per_mm": "N/mm", "_Nmm_per_rad": "N mm/rad", "_mm": "mm", "_rad": "rad", "_N": "N"}
 """Endings of columns, the longer ones first."""
 NUMBER = re.compile(r"[-+]?\d[\d.]*(e[-+]?\d+)?")
+NOTHING: tuple[list[Path], list[str]] = [], []
+"""Files that are written, and those left out, where there is no folder."""
 REFINED = "vjm-4"
 """Springs a beam by default: critical loads of a pinned column within 1e-3, at a quarter of the cost of 16."""
 
@@ -60,14 +68,19 @@ def map_(
     ] = "11",
     quantity: Annotated[Quantity, Parameter(help="stiffness, critical or deflection.")] = Quantity.STIFFNESS,
     wrench: Annotated[
-        str,
-        Parameter(help="fx,fy,fz,mx,my,mz on the platform, N and N mm."),
-    ] = "",
+        tuple[str, ...],
+        Parameter(
+            allow_leading_hyphen=True,
+            help="fx,fy,fz,mx,my,mz on the platform or the end, N and N mm; given more than once: a map of each, "
+            "side by side, such as --wrench 100,0,0 --wrench 0,100,0 --wrench 0,0,100.",
+        ),
+    ] = (),
     most: Annotated[float, Parameter(help="Largest force tried for a critical one, N.")] = 20_000.0,
     posture: Annotated[str, Parameter(help="Of an arm: what the grid leaves out; the first by default.")] = "",
     gravity: GravityOption = "",
     end: Annotated[str, Parameter(help="Of a tree: name of the end frame.")] = "",
-    engine: Annotated[str, Parameter(help="vjm-<n> for n springs a beam, vjm, or vjm-paper.")] = REFINED,
+    engine: Annotated[str, Parameter(help="vjm-<n> for n springs a beam; or any of `validate list`.")] = REFINED,
+    against: Annotated[str, Parameter(help="Another engine: a map of the difference to it, in %.")] = "",
     jobs: Annotated[int, Parameter(help="Processes; one a core by default.")] = 0,
     scheduler: Annotated[str, Parameter(help="Address of a Dask scheduler instead, such as tcp://host:8786.")] = "",
     out: Annotated[Path | None, Parameter(help="Folder; a map that was cut off goes on there.")] = None,
@@ -79,42 +92,55 @@ def map_(
 ) -> int:
     """Map a quantity over a manipulator's workspace: CSV, VTK, a figure and a render."""
     target = load_model(model)
-    springs = engine_by_name(engine, EngineOptions(), target)
-    if not isinstance(springs, VjmEngine):
-        raise ValueError(f"--engine {engine}: maps are made with vjm, vjm-<n> or vjm-paper")
+    solvers = [engine_by_name(name, EngineOptions(), target) for name in (engine, against) if name]
+    for solver in solvers:
+        if not isinstance(solver, VjmEngine):
+            refuse_critical(solver, quantity)
     if jobs < 0:
         raise ValueError(f"--jobs: must be at least 1, not {jobs}")
     if not 0.0 < most < np.inf:
         raise ValueError(f"--most: must be a positive force in N, not {most}")
     pages.check(plot, report, pages.IMAGES)
     folder = out or Path("reports") / "maps" / f"{target.name}-{quantity}-{time.strftime('%Y%m%d-%H%M%S')}"
+    on_end = [*wrench] or [""]
+    mapper: _OfArm | _OfPlatform
     if isinstance(target, Chain):
         doubts = considered(model, strict, weighed=bool(gravity))
-        loads = [parsed_load(text) for text in load]
-        arm = _of_arm(target, springs, quantity, grid, posture, wrench, acceleration(gravity), loads, end, folder)
-        return _said(arm, doubts, plot, report, json=json)
-    if posture or gravity or load or end:
-        raise ValueError("--posture, --gravity, --load and --end are for maps of arms: leave them out")
-    machine = load_manipulator(model)
-    doubts = considered(model, strict)
-    wanted = Map(
-        machine, springs, quantity, parsed_grid(grid, machine), _wrench(wrench, quantity), most, tuple(doubts)
-    )
+        mapper = _OfArm(
+            target, quantity, grid, posture, acceleration(gravity), [parsed_load(text) for text in load], end, most
+        )
+        wrenches = [(0.0,) * 6 if not text and (gravity or load) else _wrench(text, quantity) for text in on_end]
+    else:
+        if posture or gravity or load or end:
+            raise ValueError("--posture, --gravity, --load and --end are for maps of arms: leave them out")
+        machine = load_manipulator(model)
+        doubts = considered(model, strict)
+        processes = jobs or len(os.sched_getaffinity(0))
+        mapper = _OfPlatform(
+            machine, quantity, parsed_grid(grid, machine), most, tuple(doubts), processes, scheduler, json
+        )
+        wrenches = [_wrench(text, quantity) for text in on_end]
     try:
-        with locked(folder), terminal.progress(quiet=json) as progress:
-            result = run_map(
-                wanted, folder, jobs or len(os.sched_getaffinity(0)), scheduler,
-                lambda done, total: progress("poses", done, total),
-            )  # fmt: skip
+        with locked(folder):
+            found = [
+                _of_wrench(mapper, solvers, each, folder if len(wrenches) == 1 else folder / f"wrench-{k}")
+                for k, each in enumerate(wrenches, start=1)
+            ]
+            files: list[Path] = []
+            left_out: list[str] = []
+            if len(found) > 1:
+                panels = [(_title(each), one.values) for each, one in zip(wrenches, found, strict=True)]
+                files, left_out = write_side_by_side(folder, quantity, found[0].axes, panels)
     except KeyboardInterrupt:
         terminal.error(
             f"interrupted; what is finished is in {folder}: the same command with --out {folder} goes on"
         )
         return INTERRUPTED
-    places = result.map.grid.poses()[:, :3]
-    files, left_out = write_map(result, folder)
-    found = Mapped(machine, springs.label, quantity, places, result.values, result.why, files, left_out)
-    return _said(found, doubts, plot, report, json=json)
+    return _said(found, files, left_out, doubts, plot, report, json=json)
+
+
+def _title(wrench: tuple[float, ...]) -> str:
+    return ", ".join(f"{v:g}" for v in (wrench if any(wrench[3:]) else wrench[:3])) + " N"
 
 
 @dataclass(frozen=True)
@@ -125,62 +151,135 @@ class Mapped:
         machine: whose map it is.
         engine: label.
         quantity: what was asked.
+        wrench: ``(6,)`` N, N mm.
         places: ``(g, 3)`` of the platform or tool, mm.
         values: ``(g, k)`` in the order of `COLUMNS`.
         why: ``ok``, or why there is no value.
         files: that were written.
         left_out: a line for each that was not, with the reason.
+        axes: of the grid by name, in the order of the poses.
         joints: of an arm, ``(g,)`` coordinates of each.
+        difference: to another engine, where one is asked for.
     """
 
     machine: Chain | Manipulator
     engine: str
     quantity: Quantity
+    wrench: tuple[float, ...]
     places: np.ndarray
     values: np.ndarray
     why: Sequence[str]
     files: Sequence[Path]
     left_out: Sequence[str]
+    axes: Mapping[str, Sequence[float]]
     joints: dict[str, np.ndarray] = field(default_factory=dict)
+    difference: Difference | None = None
 
 
-def _of_arm(
-    chain: Chain,
-    springs: VjmEngine,
-    quantity: Quantity,
-    grid: str,
-    posture: str,
-    wrench: str,
-    gravity: tuple[float, float, float] | None,
-    loads: Sequence[Load],
-    end: str,
-    folder: Path,
+@dataclass(frozen=True)
+class _OfArm:
+    """What is asked of an arm, a tree or a machine with closed loops."""
+
+    chain: Chain
+    quantity: Quantity
+    grid: str
+    posture: str
+    gravity: tuple[float, float, float] | None
+    loads: Sequence[Load]
+    end: str
+    most: float
+
+    def mapped(self, engine: Engine, wrench: tuple[float, ...], folder: Path | None) -> Mapped:
+        """The map by an engine, and its files where a folder is given."""
+        if not held_by_itself(self.chain):
+            raise ValueError(
+                f"{self.chain.name}: is a single chain that swings, and this needs a manipulator or an arm"
+            )
+        chain, (label, *_) = in_postures(self.chain, (self.posture,) if self.posture else ())
+        found = map_arm(
+            chain, engine, self.quantity, self.grid, label, wrench=wrench, gravity=self.gravity, loads=self.loads,
+            end=self.end, most=self.most,
+        )  # fmt: skip
+        files, left_out = NOTHING if folder is None else write_arm_map(found, folder)
+        joints = dict(zip(found.joints, found.q.T, strict=True))
+        return Mapped(
+            chain, engine.label, self.quantity, wrench, found.tool, found.values, found.why, files, left_out,
+            found.grid.ordered, joints,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _OfPlatform:
+    """What is asked of a platform."""
+
+    machine: Manipulator
+    quantity: Quantity
+    grid: Grid
+    most: float
+    doubts: tuple[Finding, ...]
+    jobs: int
+    scheduler: str
+    quiet: bool
+
+    def mapped(self, engine: Engine, wrench: tuple[float, ...], folder: Path | None) -> Mapped:
+        """The map by an engine, and its files where a folder is given."""
+        wanted = Map(self.machine, engine, self.quantity, self.grid, wrench, self.most, self.doubts)
+        with ExitStack() as stack:
+            kept = folder or Path(stack.enter_context(TemporaryDirectory()))
+            progress = stack.enter_context(terminal.progress(quiet=self.quiet))
+            result = run_map(
+                wanted, kept, self.jobs, self.scheduler, lambda done, total: progress("poses", done, total)
+            )
+        files, left_out = NOTHING if folder is None else write_map(result, folder)
+        places, axes = self.grid.poses()[:, :3], dict(zip("xyz", self.grid.axes, strict=True))
+        return Mapped(
+            self.machine, engine.label, self.quantity, wrench, places, result.values, result.why, files, left_out,
+            axes,
+        )  # fmt: skip
+
+
+def _of_wrench(
+    mapper: _OfArm | _OfPlatform, solvers: Sequence[Engine], wrench: tuple[float, ...], folder: Path
 ) -> Mapped:
-    if not held_by_itself(chain):
-        raise ValueError(f"{chain.name}: is a single chain that swings, and this needs a manipulator or an arm")
-    chain, (label, *_) = in_postures(chain, (posture,) if posture else ())
-    on_end = (0.0,) * 6 if not wrench and (gravity or loads) else _wrench(wrench, quantity)
-    with locked(folder):
-        found = map_arm(chain, springs, quantity, grid, label, wrench=on_end, gravity=gravity, loads=loads, end=end)
-        files, left_out = write_arm_map(found, folder)
-    joints = dict(zip(found.joints, found.q.T, strict=True))
-    return Mapped(chain, springs.label, quantity, found.tool, found.values, found.why, files, left_out, joints)
+    """The map by the first engine and, where there is a second, its difference to that."""
+    first = mapper.mapped(solvers[0], wrench, folder)
+    if len(solvers) == 1:
+        return first
+    second = mapper.mapped(solvers[1], wrench, None)
+    apart = difference_of(
+        (first.engine, second.engine), first.quantity, first.axes, first.places, (first.values, second.values),
+        (first.why, second.why),
+    )  # fmt: skip
+    files, left_out = write_difference(apart, folder)
+    return replace(first, files=[*first.files, *files], left_out=[*first.left_out, *left_out], difference=apart)
 
 
-def _said(found: Mapped, doubts: Sequence[Finding], plot: Path | None, report: Path | None, *, json: bool) -> int:
-    """What a map holds, in some lines or as a document."""
+def _said(
+    found: Sequence[Mapped], files: Sequence[Path], left_out: Sequence[str], doubts: Sequence[Finding],
+    plot: Path | None, report: Path | None, *, json: bool,
+) -> int:  # fmt: skip
+    """What maps hold, in some lines or as a document."""
     if json:
-        sys.stdout.write(as_json(_document(found, doubts)))
-        for line in found.left_out:
+        documents = [_document(each, doubts) for each in found]
+        sys.stdout.write(as_json(documents[0] if len(documents) == 1 else MapsDocument(maps=documents)))
+        for line in (*(line for each in found for line in each.left_out), *left_out):
             terminal.error(line)
-        pages.draw(plot, report, lambda: _content(found), None)
+        pages.draw(plot, report, lambda: _content(found, files), None)
         return 0
     console = terminal.console()
+    for each in found:
+        _print(each, console, under=_title(each.wrench) if len(found) > 1 else "")
+    for line in (*map(str, files), *left_out):
+        console.print(line, soft_wrap=True)
+    pages.draw(plot, report, lambda: _content(found, files), console)
+    sys.stdout.flush()
+    return 0
+
+
+def _print(found: Mapped, console: Console, under: str) -> None:
     solved = sum(each == OK for each in found.why)
-    console.print(
-        f"{found.machine.name}, {found.engine}, {found.quantity}: {solved} of {len(found.why)} poses",
-        soft_wrap=True,
-    )
+    what = f"{found.machine.name}, {found.engine}, {found.quantity}{f' under {under}' if under else ''}"
+    console.print(f"{what}: {solved} of {len(found.why)} poses", soft_wrap=True)
     for k, column in enumerate(COLUMNS[found.quantity]):
         finite = found.values[np.isfinite(found.values[:, k]), k]
         if finite.size:
@@ -188,13 +287,14 @@ def _said(found: Mapped, doubts: Sequence[Finding], plot: Path | None, report: P
         rigid = int(np.isinf(found.values[:, k]).sum())
         if rigid:
             console.print(f"  {column}: infinite at {rigid} poses, where nothing deflects", soft_wrap=True)
+    if found.difference is not None:
+        console.print(f"  {found.difference.words}", soft_wrap=True)
+        for line in _reasons([each for each in found.difference.why if each not in found.why]):
+            console.print(f"  {line}", soft_wrap=True)
     for line in _reasons(found.why):
         console.print(f"  {line}", soft_wrap=True)
     for line in (*map(str, found.files), *found.left_out):
         console.print(line, soft_wrap=True)
-    pages.draw(plot, report, lambda: _content(found), console)
-    sys.stdout.flush()
-    return 0
 
 
 def _reasons(why: Sequence[str]) -> list[str]:
@@ -225,30 +325,35 @@ def _document(found: Mapped, doubts: Sequence[Finding]) -> MapRowsDocument:
         joints={name: numbers(values) for name, values in found.joints.items()},
         values=[numbers(row) for row in found.values],
         status=list(found.why),
+        wrench=list(found.wrench),
+        against=found.difference.against if found.difference else "",
+        difference_percent=numbers(found.difference.percent) if found.difference else [],
         files=[str(file) for file in found.files],
         doubts=doubt_rows(doubts),
     )
 
 
-def _content(found: Mapped) -> pages.Content:
+def _content(maps: Sequence[Mapped], files: Sequence[Path]) -> pages.Content:
     from vjm_output.number_text import number
     from vjm_output.plot_style import Drawing, Picture
     from vjm_validation.report.tables import Table
 
-    titles = {"map.png": "The map", "render.png": "Planes through the middle of the workspace"}
+    found, several = maps[0], len(maps) > 1
+    titles = {
+        "map.png": "The map", "render.png": "Planes through the middle of the workspace",
+        "difference.png": "Difference of two engines", "side-by-side.png": "One map for each wrench",
+    }  # fmt: skip
     what = TITLES[found.quantity]
     caption = f"{what[:1].upper()}{what[1:]}; where there is none, nothing is drawn. One colour scale."
     pictures = [
-        Picture(file.stem, Drawing(file.read_bytes()), titles[file.name], caption)
-        for file in found.files
+        Picture(f"{file.parent.name}-{file.stem}" if several else file.stem, Drawing(file.read_bytes()),
+                titles[file.name], f"{_title(each.wrench)}. {caption}" if several else caption)
+        for each in maps
+        for file in each.files
         if file.name in titles
-    ]
-    joints = np.array([*found.joints.values()]).reshape(len(found.joints), len(found.why)).T
-    cells = np.hstack([joints, found.places, found.values])
-    rows = [
-        (*("∞" if np.isinf(v) else number(float(v)) for v in row), why)
-        for row, why in zip(cells, found.why, strict=True)
-    ]
+    ]  # fmt: skip
+    pictures = [*(Picture(file.stem, Drawing(file.read_bytes()), titles[file.name], caption) for file in files),
+                *pictures]  # fmt: skip
     header = (*found.joints, "x, mm", "y, mm", "z, mm", *map(_with_unit, COLUMNS[found.quantity]), "status")
     solved = sum(why == OK for why in found.why)
     title = f"{found.machine.name}, {found.engine}: {found.quantity}"
@@ -257,7 +362,22 @@ def _content(found: Mapped) -> pages.Content:
     if np.isfinite(shown).any():
         low, high = (number(float(edge(shown[np.isfinite(shown)]))) for edge in (np.min, np.max))
         verdict += f"; {what.replace(',', f' from {low} to {high}', 1)}"
-    return pages.Content(title, f"{verdict}.", pictures, [Table("Every pose", header, tuple(rows), words=0)])
+    words = [f"{each.difference.words}." for each in maps if each.difference is not None]
+    tables = [
+        Table(f"Every pose, {_title(each.wrench)}" if several else "Every pose", header, _rows(each), words=0)
+        for each in maps
+    ]
+    return pages.Content(title, f"{verdict}.", pictures, tables, words)
+
+
+def _rows(found: Mapped) -> tuple[tuple[str, ...], ...]:
+    from vjm_output.number_text import number
+
+    joints = np.array([*found.joints.values()]).reshape(len(found.joints), len(found.why)).T
+    return tuple(
+        (*("∞" if np.isinf(v) else number(float(v)) for v in row), why)
+        for row, why in zip(np.hstack([joints, found.places, found.values]), found.why, strict=True)
+    )
 
 
 def _with_unit(column: str) -> str:
