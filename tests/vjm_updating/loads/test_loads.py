@@ -331,21 +331,32 @@ def test_a_fit_that_is_no_model_is_said_of_the_readings(tmp_path):
     assert not list((tmp_path / "out").glob("*"))
 
 
-def test_no_model_is_written_from_loads_in_pounds(tmp_path):
-    """A tube 4.45 times as soft fits them: it is none that was loaded."""
-    data, sheet = write(tmp_path, Tube(clamp=1e-9), MID, 4)
+def in_pounds(data):
+    """The loads of a file in pounds."""
     head, *rows = data.read_text().splitlines()
     cells = [row.split(",") for row in rows]
     pounds = ([posture, f"{float(force) / 4.4482216152605:.9g}", *read] for posture, force, *read in cells)
-    turned = [",".join(row) for row in pounds]
-    data.write_text("\n".join([head, *turned]) + "\n")
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "calibrated-model.toml").write_text("# of another calibration")
-    document = calibrate(prepare(data, sheet, ("tube.factor",)), out)
-    assert document.calibrated_model == ""
+    data.write_text("\n".join([head, *(",".join(row) for row in pounds)]) + "\n")
+
+
+def test_loads_in_pounds_are_refused(tmp_path):
+    """A tube 4.45 times as soft fits them: it is none that was loaded."""
+    data, sheet = write(tmp_path, Tube(clamp=1e-9), MID, 4)
+    in_pounds(data)
+    with pytest.raises(ImplausibleError, match=r"readings\.csv: .*forces in lbf.* Convert them"):
+        prepare(data, sheet, ("tube.factor",))
+    document = calibrate(prepare(data, sheet, ("tube.factor",), force=True), tmp_path / "out", force=True)
     assert any("its readings are mistaken" in reason for reason in document.unfit)
-    assert not (out / "calibrated-model.toml").exists()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_loads_in_pounds_of_a_few_sigma_are_said_undecided(tmp_path, seed):
+    """Two newtons, under which the tip moves by five times the gauge's noise: each row alone says nothing."""
+    data, sheet = write(tmp_path, Tube(clamp=1e-9), MID, seed, force=2.0)
+    assert not [one for one in considered(read_measurement(data, sheet)) if "lbf" in str(one)]
+    in_pounds(data)
+    said = [str(one) for one in considered(read_measurement(data, sheet))]
+    assert [("forces in lbf" in one, "too few or too small to tell" in one) for one in said] == [(True, True)]
 
 
 def test_micrometres_are_refused(tmp_path):
