@@ -9,6 +9,8 @@ from collections import defaultdict
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from helpers.marked_text import renewed
+
 from hidden_effects.poses.plan import GROUPS, Planned, plans, write
 from hidden_effects.statistics import rate
 from vjm_updating.poses.command import diagnose_poses
@@ -21,7 +23,7 @@ HIDDEN = {
     "single": "one family",
     "pair": "two families",
     "stranger": "a cause outside the catalogue",
-    "soft wrist": "a heavy robot's drives, those of its wrist fifty times as soft; every other set with frame errors",
+    "soft wrist": "drives of a heavy robot, fifty times as soft in the wrist; half of them with frame errors",
 }
 PAYS = 0.2
 """Share of the error held out that what was named saves, from which on a set counts as one that can be named."""
@@ -68,7 +70,7 @@ def run(plan: Planned, folder: Path) -> Scored:
 
 
 def summary(rows: list[Scored]) -> dict[str, dict[str, float | int | list[float] | None]]:
-    """Shares by group, of the sets that can be named, and of false alarms among those in which nothing is hidden."""
+    """Shares by group, of the sets that can be named, and of false alarms where nothing is hidden."""
     groups = defaultdict(list)
     for row in rows:
         groups[row.group].append(row)
@@ -88,19 +90,6 @@ def markdown(rows: list[Scored], seed: int) -> str:
             low, high = (round(100.0 * end) for end in own["interval95"])
             lines.append(f"| {HIDDEN[name]} | {own['made']} | {own['sets']} | {own['hits']} | {low} to {high} % |")
     return "\n".join(lines)
-
-
-def renewed(page: str, table: str) -> str:
-    """A page with another table between the marks.
-
-    Raises:
-        ValueError: it has no marks.
-    """
-    before, begin, rest = page.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise ValueError(f"the page has no {BEGIN} … {END}: add them where the table shall stand")
-    return f"{before}{BEGIN}\n{table}\n{END}{after}"
 
 
 def main() -> None:
@@ -125,7 +114,8 @@ def main() -> None:
                   f"{'+'.join(row.named)}{mark}", flush=True)  # fmt: skip
     print(json.dumps(summary(rows)))
     if options.renew is not None:
-        options.renew.write_text(renewed(options.renew.read_text("utf-8"), markdown(rows, options.seed)), "utf-8")
+        table = markdown(rows, options.seed) + "\n"
+        options.renew.write_text(renewed(options.renew.read_text("utf-8"), BEGIN, END, table), "utf-8")
     if options.out is not None:
         options.out.write_text(json.dumps([asdict(row) for row in rows], indent=1), encoding="utf-8")
 

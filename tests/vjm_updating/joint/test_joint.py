@@ -192,7 +192,8 @@ def test_torques_in_pounds_of_a_few_sigma_are_said_undecided(tmp_path, seed):
     noisy = (f"{t},{r},{a},{float(m) + 60.0 * rng.standard_normal():.9g}" for t, r, a, m in cells)
     data.write_text("\n".join([head, *noisy]) + "\n")
     said = [str(one) for one in considered(read_measurement(data, sheet)) if one.grade is Grade.DOUBTFUL]
-    assert [("forces in lbf" in one, "too few or too small to tell" in one) for one in said] == [(True, True)]
+    # that the noise is large beside all that was read is said, too
+    assert sum("forces in lbf" in one and "too few or too small to tell" in one for one in said) == 1
 
 
 def test_a_cell_and_a_stiffness_are_one_class(tmp_path):
