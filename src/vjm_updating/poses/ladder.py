@@ -284,7 +284,8 @@ def with_needed(study: Study, state: State) -> State:
     """A state whose drives that are not needed keep the model's compliance."""
     if DRIVES not in state.hypothesis.families:
         return state
-    hypothesis = replace(state.hypothesis, kept=unneeded(study, state))
+    kept = unneeded(study, state)
+    hypothesis = replace(state.hypothesis, kept=tuple(m.name for m in study.members if m.name in kept))
     return state if hypothesis == state.hypothesis else study.settle(hypothesis, state)
 
 
