@@ -194,6 +194,8 @@ def climb(
             state = study.settle(step.state.hypothesis.plus(best.name), step.state)
             if _tells_drives(study, best.name):
                 state = with_needed(study, state)
+            elif best.name not in SECOND:
+                state = released(study, state)
             above = rung(study, best.name, state, (), series)
             if series:
                 gain = float(np.mean([saved(*pair) for pair in zip(step.beside, above.beside, strict=True)]))
@@ -286,7 +288,28 @@ def with_needed(study: Study, state: State) -> State:
         return state
     kept = unneeded(study, state)
     hypothesis = replace(state.hypothesis, kept=tuple(m.name for m in study.members if m.name in kept))
-    return state if hypothesis == state.hypothesis else study.settle(hypothesis, state)
+    return released(study, state if hypothesis == state.hypothesis else study.settle(hypothesis, state))
+
+
+def released(study: Study, state: State) -> State:
+    """A state in which no drive keeps the model's compliance that is needed beside all else that is fitted.
+
+    What another family leaves may show a drive that was lost in what the family explains.
+    """
+    while state.hypothesis.kept:
+        ends = errors_at_ends(study, state.blocks, state.solution, state.sigma)
+        found = []
+        for name in state.hypothesis.kept:
+            hypothesis = replace(state.hypothesis, kept=tuple(k for k in state.hypothesis.kept if k != name))
+            solution, errors = study.tried(state, hypothesis)
+            blocks = study.of(state.blocks, hypothesis)
+            better = saved(ends, errors_at_ends(study, blocks, solution, state.sigma))
+            if better >= LOST and not as_good(state.errors, replace(state, errors=errors)):
+                found.append((solution.log_evidence, hypothesis))
+        if not found:
+            break
+        state = study.settle(max(found, key=lambda one: one[0])[1], state)
+    return state
 
 
 def first_order(hypothesis: Hypothesis) -> Hypothesis:

@@ -180,6 +180,14 @@ def test_torques_in_another_unit_are_refused(tmp_path, factor, words):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_diagnosis_names_the_unit_and_nothing_else(tmp_path):
+    data, sheet = write(tmp_path, Joint(), 3)
+    in_unit(data, 98.0665)
+    document = diagnose(data, sheet, tmp_path / "out")
+    assert (document.verdict, document.causes) == ("named", ["instrument_unit"])
+    assert document.parameters["instrument_unit.torque_Nmm"].value == pytest.approx(98.0665, rel=1e-12)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_torques_in_pounds_of_a_few_sigma_are_said_undecided(tmp_path, seed):
     data, sheet = write(tmp_path, Joint(), seed, torque=400.0)
