@@ -20,11 +20,12 @@ from vjm_updating.calibrate.identifiability import identifiability
 from vjm_updating.calibrate.problem import Problem, problem_of, with_promises
 from vjm_updating.calibrate.results import results
 from vjm_updating.experiment import Measurement, read_measurement
-from vjm_updating.experiment.mistakes import columns_mistaken
+from vjm_updating.experiment.mistakes import columns_mistaken, refuse_mistaken
 from vjm_updating.experiment.plausibility import considered
 
 DOCUMENT, MODEL, PAGE = "calibration.json", "calibrated-model.toml", "calibration.html"
 MISSES, MISTAKEN = "it does not explain its own readings", "its readings are mistaken"
+TAKEN_BY_FORCE = "; --force takes the readings as they are, and the model says so"
 STAGES = 3
 """Fitting, judging, drawing."""
 
@@ -47,8 +48,9 @@ class Task:
 
 
 def prepare(
-    data: Path, sheet: Path, names: Sequence[str] = (), ramps: Sequence[str] = (), *, strict: bool = False
-) -> Task:
+    data: Path, sheet: Path, names: Sequence[str] = (), ramps: Sequence[str] = (), *, strict: bool = False,
+    force: bool = False,
+) -> Task:  # fmt: skip
     """Read and check all that a calibration needs.
 
     Args:
@@ -57,13 +59,17 @@ def prepare(
         names: parameters, see `vjm_updating.calibrate.parameters.unknowns`.
         ramps: feasible next experiments, see `vjm_updating.calibrate.design.parsed_ramps`.
         strict: whether doubtful readings are refused.
+        force: whether readings are taken whose columns are not what they say.
 
     Raises:
         ValueError: a file or an option cannot be used; one line.
     """
     measurement = read_measurement(data, sheet)
     problem, wanted = problem_of(measurement, names), tuple(parsed_ramps(ramps, measurement.chain))
-    return Task(measurement, problem, wanted, tuple(considered(measurement, strict=strict)))
+    findings = tuple(considered(measurement, strict=strict))
+    if not force:
+        refuse_mistaken(findings, TAKEN_BY_FORCE)
+    return Task(measurement, problem, wanted, findings)
 
 
 def calibrate(
@@ -117,8 +123,8 @@ def calibrate(
 def judged(document: Calibration, findings: Sequence[Finding], *, force: bool) -> Calibration:
     """A calibration with what is doubted, and whether its model is for use, and is written.
 
-    It is not for use where it misses its own readings, or where columns are not what they say: a machine that fits
-    them is another one.
+    It is not for use where it misses its own readings, or where columns are not what they say, which `prepare`
+    takes by force alone: a machine that fits them is another one.
 
     Args:
         document: what was found.

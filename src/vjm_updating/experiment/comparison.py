@@ -8,6 +8,7 @@ from vjm.rotations import Array
 from vjm_updating.experiment.channels import unit_of
 from vjm_updating.experiment.measurement import Measurement
 from vjm_updating.experiment.nominal_curve import NominalCurves
+from vjm_updating.experiment.nominal_joint import NominalJoint
 from vjm_updating.experiment.nominal_loads import NominalLoads
 
 FEW = 5
@@ -33,10 +34,19 @@ class Comparison:
     def __init__(self, measurement: Measurement) -> None:
         self.measurement, self.readings = measurement, measurement.readings
         self.labels: list[str] = list(dict.fromkeys(self.readings.posture.tolist()))
-        self.curves = NominalLoads(measurement) if measurement.loaded else NominalCurves(measurement)
+        self.curves: NominalJoint | NominalLoads | NominalCurves
+        if self.of_joint:
+            self.curves = NominalJoint(measurement)
+        else:
+            self.curves = NominalLoads(measurement) if measurement.loaded else NominalCurves(measurement)
         length = measurement.chain.characteristic_length
         lever = {"Nmm": 1.0 / length, "rad": length}
         self.unit = np.array([lever.get(unit_of(name), 1.0) for name in self.columns])
+
+    @property
+    def of_joint(self) -> bool:
+        """Whether one joint was tested."""
+        return self.measurement.sheet.kind == "joint"
 
     @property
     def given(self) -> tuple[str, ...]:
@@ -55,18 +65,21 @@ class Comparison:
 
     @property
     def main(self) -> list[int]:
-        """Which of what was read are forces; of a test by force, displacements."""
-        return [k for k, name in enumerate(self.columns) if unit_of(name) in ("N", "mm")]
+        """Which of what was read are forces, of a test by force displacements; all where none is."""
+        found = [k for k, name in enumerate(self.columns) if unit_of(name) in ("N", "mm")]
+        return found or list(range(len(self.columns)))
 
     @property
     def words(self) -> str:
         """What was read, in a word."""
+        if self.of_joint:
+            return "loads"
         return "displacements" if self.measurement.loaded else "forces"
 
     @property
     def comparable(self) -> bool:
         """Whether what was imposed is known, and something was read."""
-        known = self.measurement.loaded or self.measurement.imposed
+        known = self.of_joint or self.measurement.loaded or self.measurement.imposed
         return known and any(name in self.readings.values for name in self.columns)
 
     def at(self, label: str) -> np.ndarray:

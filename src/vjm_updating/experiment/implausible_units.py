@@ -12,10 +12,11 @@ from vjm_updating.experiment.checks import ALIKE as ONE_FACTOR
 from vjm_updating.experiment.checks import OPPOSITE, THOUSAND, ratio_of
 from vjm_updating.experiment.comparison import CLEAR, Comparison
 from vjm_updating.experiment.joint_levers import channels_of, expected, one_sided
-from vjm_updating.experiment.mistaken_as import MistakenAs
+from vjm_updating.experiment.mistaken_as import RIGHT, MistakenAs
 from vjm_updating.experiment.mistaken_columns import factors_of, turned_rows
-from vjm_updating.experiment.mistaken_rows import Mistaken, far_postures, mistaken_rows
+from vjm_updating.experiment.mistaken_rows import Mistaken, far_postures, mistaken_rows, ways_of
 from vjm_updating.experiment.mistakes import SIGN, UNIT, ColumnsMistaken, Mistake, MistakeFound
+from vjm_updating.observation.significance import NORMAL_95, level
 
 ALIKE = 0.95
 """Correlation of a channel with its prediction from which on, turned round, it is the prediction."""
@@ -30,6 +31,8 @@ def mistaken(c: Comparison) -> Iterator[Finding]:
         return
     explained = mistaken_rows(c)
     yield from _strange(c, explained)
+    if not explained:
+        yield from undecided(c)
     for found in explained:
         ways = [found.way, *found.others]
         words = ", or ".join(dict.fromkeys(way.words for way in ways))
@@ -46,6 +49,64 @@ def mistaken(c: Comparison) -> Iterator[Finding]:
             Grade.DOUBTFUL, where, f"{what}: {words}? {_remedy(found.way)}",
             Mistake(cause, found.rows, factors, found.way.exchanged, parameters=parameters),
         )  # fmt: skip
+
+
+def undecided(c: Comparison) -> Iterator[Finding]:
+    """A unit that all readings together fit, where none of them alone is large enough to say so.
+
+    What was read is a multiple of what is predicted, beside zeros that the sheet allows. The multiple is beyond
+    what a machine differs by, its distance from one is no accident, and in another unit it is one. These readings
+    do not tell such a unit from such a machine.
+    """
+    as_is, spread = _multiple(c, RIGHT)
+    if 1.0 / GAIN < as_is < GAIN or abs(as_is - 1.0) < level(1) * spread:
+        return
+    found = []
+    for way in ways_of(c):
+        multiple, own = _multiple(c, way) if way.cause == UNIT else (np.nan, np.nan)
+        if abs(multiple - 1.0) < NORMAL_95 * own:
+            found.append(way.words)
+    if found:
+        words = ", or ".join(dict.fromkeys(found))
+        yield Finding(
+            Grade.DOUBTFUL,
+            f"{c.readings.file}: every row",
+            f"{c.words} are {as_is:.2g} ± {spread:.1g} of what the model predicts: {words}, or a machine that "
+            "differs so much from its model? The readings are too few or too small to tell: load it more, or hang "
+            "a known weight on it",
+        )
+
+
+def _multiple(c: Comparison, way: MistakenAs) -> tuple[float, float]:
+    """What was read, put right, over what is predicted, by all readings together; its standard deviation.
+
+    Zeros and scales of the channels and the modulus are as uncertain as the sheet says. Where a multiple does not
+    describe the readings, its standard deviation grows by what is left.
+    """
+    f = c.read[:, list(way.order(c.columns))] * way.scaled(c.columns)
+    g = c.curves.predicted(way.scaled(c.given), way.order(c.given))
+    squares = products = left = 0.0
+    count, scale = 0, 0.0
+    for k, name in enumerate(c.columns):
+        known = c.measurement.sheet.instrument.get(name)
+        seen = ~np.isnan(f[:, k]) & ~np.isnan(g[:, k])
+        if known is None or not known.noise > 0.0 or not seen.any():
+            continue
+        a, b = f[seen, k], g[seen, k]
+        by = way.factors.get(name, 1.0)
+        noise, zero = abs(by) * known.noise, abs(by) * known.zero
+        # a constant of standard deviation zero beside the noise, by the inverse of I + z z' (Sherman and Morrison)
+        share = zero**2 / (noise**2 + len(a) * zero**2)
+        squares += float(b @ b - share * b.sum() ** 2) / noise**2
+        products += float(a @ b - share * a.sum() * b.sum()) / noise**2
+        left += float(a @ a - share * a.sum() ** 2) / noise**2
+        count, scale = count + len(a), max(scale, known.scale)
+    if not squares > 0.0 or count < 2:
+        return 1.0, np.inf
+    multiple = products / squares
+    misfit = max((left - multiple * products) / (count - 1), 1.0)
+    same = np.hypot(scale, c.measurement.sheet.tolerance.modulus_rel)
+    return multiple, float(np.hypot(np.sqrt(misfit / squares), multiple * same))
 
 
 def a_thousand(c: Comparison) -> Iterator[Finding]:

@@ -9,11 +9,13 @@ from itertools import combinations
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.experiment.channels import POSE, WRENCH, split_point, unit_of
+from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, WRENCH, split_point, unit_of
 from vjm_updating.experiment.mistakes import EXCHANGE, SIGN, UNIT
 from vjm_updating.experiment.readings import Readings
 
-FORCES, MOMENTS, SHIFTS, TURNS = WRENCH[:3], WRENCH[3:], POSE[:3], POSE[3:]
+TORQUE, FORCE, TURN, SHIFT = EFFORT[0], EFFORT[1], MOTION[0], MOTION[1]
+FORCES, MOMENTS, SHIFTS, TURNS = (*WRENCH[:3], FORCE), (*WRENCH[3:], TORQUE), (*POSE[:3], SHIFT), (*POSE[3:], TURN)
+LOADS, MOTIONS = (*WRENCH, *EFFORT), (*POSE, *MOTION)
 UNITS = (
     ("forces in kN", 1e3, FORCES),
     ("forces in kgf", 9.80665, FORCES),
@@ -21,10 +23,14 @@ UNITS = (
     ("forces in mN", 1e-3, FORCES),
     ("forces in gf", 9.80665e-3, FORCES),
     ("moments in N m", 1e3, MOMENTS),
-    ("forces in kN", 1e3, WRENCH),
-    ("forces in kgf", 9.80665, WRENCH),
-    ("forces in lbf", 4.4482216152605, WRENCH),
-    ("forces in mN", 1e-3, WRENCH),
+    ("forces in kN", 1e3, LOADS),
+    ("forces in kgf", 9.80665, LOADS),
+    ("forces in lbf", 4.4482216152605, LOADS),
+    ("forces in mN", 1e-3, LOADS),
+    ("torques in lbf in", 4.4482216152605 * 25.4, (TORQUE,)),
+    ("torques in lbf ft", 4.4482216152605 * 304.8, (TORQUE,)),
+    ("torques in kgf cm", 98.0665, (TORQUE,)),
+    ("torques in kgf m", 9806.65, (TORQUE,)),
     ("displacements in cm", 10.0, SHIFTS),
     ("displacements in inches", 25.4, SHIFTS),
     ("displacements in m", 1e3, SHIFTS),
@@ -33,7 +39,7 @@ UNITS = (
     ("rotations in degrees", float(np.pi / 180.0), TURNS),
 )
 """What is mistaken, what makes it right by multiplication, and what columns that concerns."""
-SIGNS = (("the sign of the forces", WRENCH), ("the sign of the displacements", POSE))
+SIGNS = (("the sign of the forces", LOADS), ("the sign of the displacements", MOTIONS))
 
 
 @dataclass(frozen=True)

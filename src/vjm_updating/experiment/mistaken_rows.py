@@ -156,7 +156,7 @@ def mistaken_rows(c: Comparison) -> list[Mistaken]:
             doubted.append(label)
     if not doubted:
         return []
-    known = ways(c.readings, tuple(c.measurement.chain.postures), (c.given, c.columns))
+    known = ways_of(c)
     found = {label: _stretches(distances, known, label, 1.0) for label in doubted}
     all_of_them = [rows for several in found.values() for s in several for rows in s.rows.values()]
     left = ~np.any([np.zeros(len(c.readings), dtype=bool), *all_of_them], axis=0)
@@ -169,6 +169,11 @@ def mistaken_rows(c: Comparison) -> list[Mistaken]:
             for label in doubted
         }
     return _by_way(c, [s for several in found.values() for s in several], known)
+
+
+def ways_of(c: Comparison) -> list[MistakenAs]:
+    """The ways in which readings may be mistaken; a test of one joint has no postures to exchange."""
+    return ways(c.readings, () if c.of_joint else tuple(c.measurement.chain.postures), (c.given, c.columns))
 
 
 def far_postures(c: Comparison, rest: np.ndarray) -> list[str]:

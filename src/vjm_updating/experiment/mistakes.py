@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from vjm.io.findings import Finding
+from vjm.io.findings import Finding, ImplausibleError
 from vjm.rotations import Array
 from vjm_updating.experiment.measurement import Measurement
 from vjm_updating.experiment.readings import Readings
@@ -84,6 +84,24 @@ def columns_mistaken(findings: Iterable[Finding]) -> list[ColumnsMistaken]:
         for one in findings
         if isinstance(one, ColumnsMistaken) and not (isinstance(one, MistakeFound) and one.mistake.cause == CLOCK)
     ]
+
+
+def refuse_mistaken(findings: Iterable[Finding], remedy: str = "") -> None:
+    """Stop where columns are not what they say, before anything is calibrated by them.
+
+    Args:
+        findings: what is implausible about a test.
+        remedy: what else may be done, for people.
+
+    Raises:
+        ImplausibleError: naming the first mistake, and how many more there are.
+    """
+    found = columns_mistaken(findings)
+    if found:
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        raise ImplausibleError(
+            f"{found[0]}{more}: no machine is calibrated by that; `validate diagnose` says what is left{remedy}"
+        )
 
 
 def mistakes_of(findings: Iterable[Finding]) -> list[Mistake]:

@@ -17,7 +17,7 @@ from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
 from vjm.io.toml_text import toml_text
 from vjm_output.documents import as_json, versions
-from vjm_updating.calibrate.command import judged, warned
+from vjm_updating.calibrate.command import TAKEN_BY_FORCE, judged, warned
 from vjm_updating.calibrate.document import (
     Calibration,
     ChannelRow,
@@ -39,6 +39,7 @@ from vjm_updating.diagnose.preprocess import Prepared, prepare
 from vjm_updating.experiment import Measurement, read_measurement
 from vjm_updating.experiment.channels import unit_of
 from vjm_updating.experiment.joint_levers import one_sided
+from vjm_updating.experiment.mistakes import refuse_mistaken
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.normal_equations import inverse
@@ -66,7 +67,8 @@ def calibrate_joint(
         data: readings, CSV.
         sheet: of ``kind = "joint"``.
         out: folder for `DOCUMENT` and `MODEL`; both are written at the end or none.
-        force: whether a model is written that is not for use, see `vjm_updating.calibrate.command.judged`.
+        force: whether a model is written that is not for use, see `vjm_updating.calibrate.command.judged`; so one
+            of readings whose columns are not what they say, which are refused else.
         strict: whether doubtful readings are refused.
         warn: told what is implausible, before anything is fitted.
         progress: told what is being done.
@@ -77,6 +79,8 @@ def calibrate_joint(
     """
     measurement = read_measurement(data, sheet)
     findings = considered(measurement, strict=strict)
+    if not force:
+        refuse_mistaken(findings, TAKEN_BY_FORCE)
     kind = JointTest()
     observed = kind.observe(measurement)
     check_writable(out)

@@ -1,7 +1,8 @@
 """Equilibria of a machine along half a ramp of loads: what gauges on it read, and how that changes with every load.
 
 The end-effector is free in some components of its pose and held in the others, as a `vjm.model.load_case.LoadCase`
-has it. Equilibria are found at equal steps; between them readings follow the cubic with their values and slopes.
+has it. Equilibria are found at equal steps; between them readings follow the cubic with their values and slopes,
+and all else the cubic spline through its values.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import Equilibrium
@@ -24,7 +25,7 @@ from vjm_updating.mechanisms.modified_chain import ModifiedChain, Ways, bowed
 from vjm_updating.mechanisms.path_table import HalfRay
 
 NODES = 8
-"""Steps along half a ramp. A cubic through values and slopes errs by the fourth power of a step."""
+"""Steps along half a ramp. Both cubics err by the fourth power of a step."""
 HALVINGS = 6
 """Of a step at which Newton's method fails."""
 
@@ -86,10 +87,10 @@ class LoadTable:
         return CubicHermiteSpline(self.s, self.reading, self.compliance @ self.direction)
 
     @cached_property
-    def _others(self) -> PchipInterpolator:
+    def _others(self) -> CubicSpline:
         k = len(self.s)
         stacked = (self.compliance, self.carried, self.wrench, self.stiffness)
-        return PchipInterpolator(self.s, np.hstack([values.reshape(k, -1) for values in stacked]))
+        return CubicSpline(self.s, np.hstack([values.reshape(k, -1) for values in stacked]))
 
 
 def load_table(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,8 +25,9 @@ NO_WORD = (*SECOND, "link_compliance")
 
 
 def calibrated_document(
-    measurement: RobotMeasurement, study: Study, state: State, members: Sequence[MemberEstimate]
-) -> tuple[dict[str, Any], list[str]]:
+    measurement: RobotMeasurement, study: Study, state: State, members: Sequence[MemberEstimate],
+    kept: Collection[str],
+) -> tuple[dict[str, Any], list[str]]:  # fmt: skip
     """The model document, and what was found that a model file cannot hold.
 
     Args:
@@ -34,25 +35,22 @@ def calibrated_document(
         study: the same, aligned.
         state: the fit.
         members: its estimates.
+        kept: members that keep the model's own value: what the data do not learn.
     """
     document = copy.deepcopy(measurement.model.document)
     acts = {member.name: member for member in study.members}
-    # what the data do not learn keeps the model's own value; errors of frames and zeros have none
     found = {
         row.name: row.value - acts[row.name].nominal
         for row in members
-        if acts[row.name].family not in NO_WORD and (row.identifiable or acts[row.name].acts == VALUE)
+        if acts[row.name].family not in NO_WORD and row.name not in kept
     }
     pushing = measurement.model.chain.pushing
-    tables = {table["name"]: table for table in document["parts"]}
     left_out = sorted(
         {name for name in state.hypothesis.families if name in NO_WORD}
         | {"joint_offset" for joint in pushing if f"joint_offset.{joint}" in found}
     )
     # compliances of members that were asked are as judged, also where their family was not added
-    judged = {m.name for m in study.members if m.acts not in (VALUE, MASS)}
-    kept = {row.name for row in members if not row.identifiable}
-    judged -= kept
+    judged = {m.name for m in study.members if m.acts not in (VALUE, MASS)}.difference(kept)
     joints = {part.name: part for part in measurement.model.chain.parts if isinstance(part, HeldJoint)}
     parts: list[dict[str, Any]] = [_base(axis, value) for axis, value in _of_base(found)]
     for axis, _ in _of_base(found):
@@ -85,18 +83,11 @@ def calibrated_document(
     document["parts"] = parts
     document["name"] = f"{document['name']}-calibrated"
     document["source"] = f"{document['source']}; calibrated by {measurement.data.file}"
-    if not any(_elastic(table) for table in parts):
-        left_out.append(
-            "rigid joints: the model's own compliances are kept, for a model file must deflect somewhere"
-        )
-        for table, original in zip(
-            (t for t in parts if t["name"] in tables), measurement.model.document["parts"], strict=True
-        ):
-            table.update({k: v for k, v in original.items() if "compliance" in k or "lateral" in k})
     return document, left_out
 
 
-def _elastic(table: dict[str, Any]) -> bool:
+def elastic(table: dict[str, Any]) -> bool:
+    """Whether a part deflects."""
     keys = (
         "compliance_rad_per_Nmm",
         "compliance_mm_per_N",

@@ -16,14 +16,14 @@ from vjm.io.findings import Finding
 from vjm.rotations import rotation_vector
 from vjm_output.documents import as_json, doubt_rows
 from vjm_output.optional_page import page_of
-from vjm_updating.experiment.mistakes import columns_mistaken
+from vjm_updating.experiment.mistakes import columns_mistaken, refuse_mistaken
 from vjm_updating.poses import document as rows
 from vjm_updating.poses.contrasts import contrasts, correlations
 from vjm_updating.poses.families import TITLES
 from vjm_updating.poses.halves import Halves, halves
 from vjm_updating.poses.identifiability import MemberEstimate, estimates
 from vjm_updating.poses.kinds import read_test
-from vjm_updating.poses.ladder import Step, climb, rung
+from vjm_updating.poses.ladder import Step, climb, rung, with_needed
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.next_postures import next_postures
 from vjm_updating.poses.plausibility import mistaken
@@ -46,6 +46,8 @@ CALIBRATION, CALIBRATION_PAGE, CALIBRATED = "calibration.json", "calibration.htm
 URDF, MJCF = "calibrated.urdf", "calibrated.xml"
 USUAL = ("frame_error", "joint_compliance")
 """Families of a calibration that names none."""
+UNNEEDED = "postures held out are predicted as well without it: at random, by region and at the ends of the ranges"
+"""Why a drive's compliance that was asked keeps the model's value, see `vjm_updating.poses.ladder.unneeded`."""
 SHOWN = 12
 
 
@@ -178,6 +180,7 @@ def calibrate_poses(
     measurement, study = test.measurement, test.study
     chosen = _chosen(study, families or [name for name in USUAL if name in study.families], ())
     findings = test.considered(strict)
+    refuse_mistaken(findings)
     check_writable(out)
     warn(findings)
     progress("base frame and markers")
@@ -186,7 +189,7 @@ def calibrate_poses(
     for name in chosen:
         hypothesis = hypothesis.plus(name)
     progress("fit")
-    last = study.settle(hypothesis, first)
+    last = with_needed(study, study.settle(hypothesis, first))
     listed = None if candidates is None else test.candidates(candidates)
     steps = [rung(study, "", first, (), ()), rung(study, ", ".join(hypothesis.names), last, (), ())]
     members = estimates(study, last)
@@ -260,11 +263,13 @@ def _common(
             value=e.value,
             std=e.std,
             interval95=[e.low, e.high],
+            one_sided=e.side,
             unit=e.unit,
             learnt=e.learnt,
             identifiable=e.identifiable,
             one_with=list(e.one_with),
             at_bound=e.at_bound,
+            in_file=model.members.get(e.name),
             beyond_bound=e.pull,
         )
         for e in members
@@ -313,7 +318,10 @@ def _common(
         "joints": measurement.sheet.meaning,
         "not_asked": list(study.not_asked),
         "not_asked_for": study.not_asked_for,
-        "not_known": [rows.NotKnownRow(name=one.name, reason=one.reason) for one in study.unasked],
+        "not_known": [
+            *(rows.NotKnownRow(name=one.name, reason=one.reason) for one in study.unasked),
+            *(rows.NotKnownRow(name=name, reason=UNNEEDED) for name in last.hypothesis.kept),
+        ],
         "beside": [],
         "halves": None,
         "written": rows.WrittenRow(

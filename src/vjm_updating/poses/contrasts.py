@@ -17,6 +17,7 @@ from numpy.polynomial.legendre import legvander
 
 from vjm.rotations import Array
 from vjm_updating.observation.distributions import f_logsf, normal_isf
+from vjm_updating.poses.families import DRIVES
 from vjm_updating.poses.study import State, Study
 
 NOTED = 3.0
@@ -66,7 +67,9 @@ def contrasts(study: Study, state: State) -> list[Contrast]:
     result: list[Contrast] = []
     columns: dict[tuple[str, str], list[int]] = {}
     # columns are compared by their shapes: a torque that hardly changes has the shape of what makes it change
-    weighed = {m.part for m in study.members if m.family == "joint_compliance"}.intersection(study.data.joints)
+    weighed = {
+        m.part for i, m in enumerate(study.members) if m.family == DRIVES and m.name not in state.hypothesis.kept
+    }.intersection(study.data.joints)
     for i, member in enumerate(study.members):
         if member.family == "joint_offset" and member.part in study.data.joints:
             what = "angle" if member.part in study.machine.turning else "coordinate"

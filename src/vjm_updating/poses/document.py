@@ -22,11 +22,18 @@ class MemberRow(Row):
     value: float
     std: float
     interval95: list[float]
+    one_sided: Literal["", "at most", "at least"] = Field(
+        description="what the interval says where the value stands at its end, as at a bound; else empty"
+    )
     unit: str
     learnt: float = Field(description="share of the prior variance that the data took away")
     identifiable: bool
     one_with: list[str] = Field(description="members and frames that can make up its effect wholly")
     at_bound: bool
+    in_file: float | None = Field(
+        description="value in the model file, fitted anew with what the file keeps of the model; null where it is "
+        "not there, or the model's"
+    )
     beyond_bound: float = Field(description="standard deviations by which the data want it beyond its bound")
 
 

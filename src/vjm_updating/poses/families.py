@@ -101,6 +101,7 @@ SECOND = (
 can imitate what weight and geometry do, not the other way round. They are added only where they hold at the ends of
 the joints' ranges, and of the clock, too."""
 
+DRIVES = "joint_compliance"
 ZEROS = ("joint_offset", "load_zero")
 """Zeros of encoders and of force sensors, which are set anew between series of a machine."""
 CLOCK = ("tracker_drift", "temperature")

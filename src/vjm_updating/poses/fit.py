@@ -26,6 +26,8 @@ SETTLED = 1e-3
 SMALLEST_SIZE, LARGEST_SIZE = 1e-5, 1e4
 ATTEMPTS = 20
 """Rounds of the search for what stands at its bounds."""
+NO_FAMILY = 1_000_000
+"""Number of members that are left out of a fit."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class Blocks:
         posture: ``(rows,)``.
         nuisances: n_f.
         prior: ``(n_f,)`` standard deviations of the nuisances.
-        family: ``(P,)`` number of each unknown's family, −1 for nuisances.
+        family: ``(P,)`` number of each unknown's family, −1 for nuisances, `NO_FAMILY` for what is left out.
         lower: ``(P,)`` and
         upper: ``(P,)`` bounds.
         largest: sizes of families beyond which they are not physical, by number.

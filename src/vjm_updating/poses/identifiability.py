@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -16,6 +17,8 @@ ONE = 1.0 - 1e-5
 TAKES_PART = 0.2
 """Part in the combination, over the largest, from which on another member is named."""
 MOST_NAMED = 4
+SIDES: dict[int, Literal["", "at most", "at least"]] = {1: "at most", -1: "at least", 0: ""}
+"""Words for what a one-sided interval says."""
 HALF_NORMAL = float(np.sqrt(1.0 - 2.0 / np.pi))
 """Standard deviation of a normal distribution about a bound over that of the whole one."""
 
@@ -30,6 +33,8 @@ class MemberEstimate:
         std: standard deviation.
         low: and
         high: ends of the 95 % interval of its marginal distribution, within the bounds.
+        side: ``at most`` or ``at least`` where that interval is one-sided, with the value at one of its ends or at
+            its bound; else empty.
         unit: for people.
         learnt: share of its prior variance that the data took away.
         identifiable: whether they say anything of it.
@@ -43,6 +48,7 @@ class MemberEstimate:
     std: float
     low: float
     high: float
+    side: Literal["", "at most", "at least"]
     unit: str
     learnt: float
     identifiable: bool
@@ -77,6 +83,7 @@ def estimates(study: Study, state: State) -> list[MemberEstimate]:
                 std=sd * member.unit,
                 low=low,
                 high=high,
+                side=SIDES[int(marginal.side[place])],
                 unit=member.of,
                 learnt=max(1.0 - (sd / prior) ** 2, 0.0),
                 identifiable=sd < LEARNT * prior,

@@ -3,7 +3,8 @@
 Functions of a joint's angle: sine and cosine over a part of a turn are polynomials, such as frames, weights and
 springs make too, and what they were fitted to says nothing of the rest of the turn. So they are asked where the
 postures cover the turn. Compliances are seen by *changes* of the torque: a constant one turns the joint by a
-constant angle, which is an offset. Backlash is asked where the way of approach is no function of the angle.
+constant angle, which is an offset. Whether one whose torque changes little is needed, what is held out says (see
+`vjm_updating.poses.ladder.unneeded`). Backlash is asked where the way of approach is no function of the angle.
 """
 
 from __future__ import annotations
@@ -21,11 +22,8 @@ from vjm_updating.poses.readings import PoseData
 WORST_OVER_MEAN = 9.0
 """Variance of a once-a-turn error at the worst angle of the turn over its mean at the angles measured: three
 standard deviations there for one here. An even half turn has 9.7, six tenths of a turn 4.7, a whole one 1."""
-LEAST_CHANGE = 0.025
-"""Of the largest change of a torque: a spring whose own changes by less is not asked. To turn as much it would have
-to be forty times as compliant; drives of wrists are some five times as compliant as those of shoulders."""
 NO_TORQUE = 1e-3
-"""N mm: largest change of any torque below which nothing is weighed at all."""
+"""N mm: change of a torque below which it is none. The softest that is built turns by 1e-8 rad under it."""
 EXPANDS = 2.4e-5
 """1/K, of aluminium: the largest of what links are made of."""
 MOST_IMITATED = 0.75
@@ -58,8 +56,7 @@ def knowable(
         data: its postures.
         torque: ``(n_tree,)`` standard deviation over the postures of what each coordinate bears, N mm or N.
     """
-    largest = max((_moment(m, torque, machine.tree.reach) for m in members if m.acts == COMPLIANCE), default=0.0)
-    reasons = [_reason(member, machine, data, torque, largest) for member in members]
+    reasons = [_reason(member, machine, data, torque) for member in members]
     asked = [member for member, reason in zip(members, reasons, strict=True) if not reason]
     of_part = {(member.family, member.part) for member in asked}
     others: dict[str, Unasked] = {}
@@ -71,13 +68,10 @@ def knowable(
     return asked, tuple(others.values())
 
 
-def _reason(member: Member, machine: PoseMachine, data: PoseData, torque: Array, largest: float) -> str:
+def _reason(member: Member, machine: PoseMachine, data: PoseData, torque: Array) -> str:
     """Why a member cannot be known; empty where it can."""
-    if member.acts == COMPLIANCE:
-        own = _moment(member, torque, machine.tree.reach)
-        if own < max(LEAST_CHANGE * largest, NO_TORQUE):
-            share = "no" if own < NO_TORQUE else f"{own / largest:.1%} of the largest"
-            return f"its torque hardly changes over the postures: {share} change"
+    if member.acts == COMPLIANCE and _moment(member, torque, machine.tree.reach) < NO_TORQUE:
+        return "its torque does not change over the postures"
     if member.family in TURNED:
         q = data.q[:, machine.joints.index(member.part)]
         worst = worst_over_mean(q)

@@ -6,7 +6,7 @@ second not worse, and the evidence larger. Functions of the posture or the clock
 ends of what was measured. With other series of the machine beside, a family by which they are predicted worse is
 not added, also where it is of its own series: there the others show what it does to the rest. At the end each
 family that does not pay any more beside the others is taken out; one of the first order is never judged beside
-functions of the posture.
+functions of the posture. Drives are judged one by one, see `unneeded`.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.poses.ends import errors_at_ends
-from vjm_updating.poses.families import CLOCK, SECOND, TITLES
-from vjm_updating.poses.fit import Solution
+from vjm_updating.poses.families import CLOCK, COMPLIANCE, DRIVES, FACTOR, MASS, SECOND, TITLES
+from vjm_updating.poses.fit import Blocks, Solution, solve
 from vjm_updating.poses.study import Errors, Hypothesis, State, Study, couplings
 from vjm_updating.poses.transfer import Series
 
@@ -192,6 +192,10 @@ def climb(
         while above is None and (best := chosen(trials)) is not None:
             told(best.name)
             state = study.settle(step.state.hypothesis.plus(best.name), step.state)
+            if _tells_drives(study, best.name):
+                state = with_needed(study, state)
+            elif best.name not in SECOND:
+                state = released(study, state)
             above = rung(study, best.name, state, (), series)
             if series:
                 gain = float(np.mean([saved(*pair) for pair in zip(step.beside, above.beside, strict=True)]))
@@ -239,6 +243,73 @@ def thinner(study: Study, state: State, name: str) -> State | None:
         return None
     settled = study.settle(without, state)
     return settled if as_good(settled.errors, state) else None
+
+
+def unneeded(study: Study, state: State) -> tuple[str, ...]:
+    """Compliances of drives without which what is held out is predicted as well: at random, by region, at the ends.
+
+    A drive that bears little torque is seen where it is soft enough, as those of wrists are. But its column has the
+    shape of other errors, too, which a long test fits to a small standard deviation. So it has to hold where it was
+    not fitted. It is judged without functions of the posture, bearings, links and masses, which share what it does;
+    the weakest by the evidence is left out first, the sum against the fit with all.
+    """
+    names = tuple(name for name in state.hypothesis.families if _tells_drives(study, name))
+    bare = replace(state.hypothesis, families=names, kept=())
+    whole = state if bare == state.hypothesis else study.settle(bare, state)
+    ends = errors_at_ends(study, whole.blocks, whole.solution, whole.sigma)
+
+    def as_well(blocks: Blocks, solution: Solution) -> bool:
+        if not as_good(study.errors(blocks, solution, whole.sigma), whole):
+            return False
+        return -saved(ends, errors_at_ends(study, blocks, solution, whole.sigma)) < LOST
+
+    left, kept = {m.name for m in study.members if m.family == DRIVES}, tuple[str, ...]()
+    while left:
+        without = {name: study.of(whole.blocks, replace(bare, kept=(*kept, name))) for name in left}
+        fits = {name: solve(one, study.numbers(bare), whole.solution.sizes) for name, one in without.items()}
+        weakest_first = sorted(left, key=lambda name: -fits[name].log_evidence)
+        found = next((name for name in weakest_first if as_well(without[name], fits[name])), None)
+        if found is None:
+            break
+        left.remove(found)
+        kept = (*kept, found)
+    return kept
+
+
+def _tells_drives(study: Study, name: str) -> bool:
+    """Whether drives are judged beside a family or coupling: no function of the posture, bearing, link or mass."""
+    shares = {m.family for m in study.members if m.acts in (COMPLIANCE, FACTOR, MASS) and m.family != DRIVES}
+    return name.partition(".")[0] not in (*SECOND, *shares)
+
+
+def with_needed(study: Study, state: State) -> State:
+    """A state whose drives that are not needed keep the model's compliance."""
+    if DRIVES not in state.hypothesis.families:
+        return state
+    kept = unneeded(study, state)
+    hypothesis = replace(state.hypothesis, kept=tuple(m.name for m in study.members if m.name in kept))
+    return released(study, state if hypothesis == state.hypothesis else study.settle(hypothesis, state))
+
+
+def released(study: Study, state: State) -> State:
+    """A state in which no drive keeps the model's compliance that is needed beside all else that is fitted.
+
+    What another family leaves may show a drive that was lost in what the family explains.
+    """
+    while state.hypothesis.kept:
+        ends = errors_at_ends(study, state.blocks, state.solution, state.sigma)
+        found = []
+        for name in state.hypothesis.kept:
+            hypothesis = replace(state.hypothesis, kept=tuple(k for k in state.hypothesis.kept if k != name))
+            solution, errors = study.tried(state, hypothesis)
+            blocks = study.of(state.blocks, hypothesis)
+            better = saved(ends, errors_at_ends(study, blocks, solution, state.sigma))
+            if better >= LOST and not as_good(state.errors, replace(state, errors=errors)):
+                found.append((solution.log_evidence, hypothesis))
+        if not found:
+            break
+        state = study.settle(max(found, key=lambda one: one[0])[1], state)
+    return state
 
 
 def first_order(hypothesis: Hypothesis) -> Hypothesis:

@@ -9,6 +9,7 @@ that every hypothesis is a vector of numbers on the same machine, and its deriva
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import assert_never
 
@@ -27,6 +28,9 @@ FRAME = ("shift-x", "shift-y", "shift-z", "turn-x", "turn-y")
 """Errors of the frame before a joint: along and about axes of which z is the joint's."""
 BASE = ("x", "y", "z")
 OWN, ACROSS = "own", "across"
+LATERAL = ("first", "second")
+SPRINGS = (*LATERAL, OWN)
+"""Labels of a joint's springs: about the two axes across its own, and about or along that."""
 SHORTEST_LINK = 20.0
 """mm: a shorter one has no bending that could be seen."""
 
@@ -75,11 +79,13 @@ class PoseMachine:
         masses: part of each load of the tree's arrays that is a weight, in their order.
         moves: of a joint that pushes a beam out all one-degree joints that it moves and their shares, by the first.
         coupled: the coupled joints' names and whether what bends is passed on.
+        as_modelled: springs of joints that are not set aside.
     """
 
     def __init__(
-        self, chain: Chain, ends: dict[str, tuple[str, Array]], *, rigid: bool = False, at_output: bool = False
-    ) -> None:
+        self, chain: Chain, ends: dict[str, tuple[str, Array]], *, rigid: bool = False, at_output: bool = False,
+        as_modelled: Collection[tuple[str, str]] = (),
+    ) -> None:  # fmt: skip
         """Extend a machine.
 
         Args:
@@ -87,12 +93,13 @@ class PoseMachine:
             ends: part behind which each marker rides, and where there, ``(3,)`` mm, by the marker's name.
             rigid: set aside the compliances of joints.
             at_output: set aside those about the joints' own axes: what they bend by is in the coordinates.
+            as_modelled: joint and label of springs that `rigid` does not set aside.
 
         Raises:
             ValueError: a part or a spring that has no place here.
         """
         _refuse(chain)
-        self._chain, self._at_output = chain, at_output
+        self._chain, self._at_output, self.as_modelled = chain, at_output, frozenset(as_modelled)
         self._parts: list[Part] = []
         self._after: dict[str, str] = {}
         self._frames: list[tuple[str, str, str]] = []
@@ -191,25 +198,26 @@ class PoseMachine:
             self._append(ActuatedJoint(name, axes[:, k % 3], slides=k < 3), behind)
             self._frames.append((joint.name, label, name))
             behind = name
+        aside = {label for label in SPRINGS if rigid and (joint.name, label) not in self.as_modelled}
         keep = isinstance(joint, ActuatedJoint) and joint.matrix is not None
-        if keep and self._at_output and not rigid:
+        if keep and self._at_output and not aside:
             raise ValueError(
                 f"joint '{joint.name}': its 6×6 compliance mixes what a measured output has in it with what it has "
                 "not: write compliances about and across its axis"
             )
-        if keep and not rigid:
+        if keep and not aside:
             self._append(joint, behind)
             return
-        own = 0.0 if rigid or self._at_output else joint.compliance
-        lateral = (0.0, 0.0) if rigid else joint.lateral
+        own = 0.0 if OWN in aside or self._at_output else joint.compliance
+        lateral = [0.0 if label in aside else c for label, c in zip(LATERAL, joint.lateral, strict=True)]
         at_least = (max(lateral[0], RIGID), max(lateral[1], RIGID))
         changed = replace(joint, compliance=max(own, RIGID), lateral=at_least)
         if isinstance(changed, ActuatedJoint):
             changed = replace(changed, matrix=None)
         self._append(changed, behind)
-        for k, label in enumerate(("first", "second")):
+        for k, label in enumerate(LATERAL):
             self._springs.append((joint.name, ACROSS, label, joint.name, k, lateral[k], False))
-        self._springs.append((joint.name, OWN, "own", joint.name, 2, own, joint.slides))
+        self._springs.append((joint.name, OWN, OWN, joint.name, 2, own, joint.slides))
 
     def _append_link(self, link: RigidOffset, behind: str) -> None:
         along = link.transform[:3, 3]

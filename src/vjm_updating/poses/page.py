@@ -12,6 +12,7 @@ from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.poses.ladder import Step
 from vjm_updating.poses.sheet import RobotSheet
 from vjm_updating.poses.study import Study
+from vjm_updating.poses.summary_text import interval
 
 BEFORE, AFTER, FITTED = "#D55E00", "#0072B2", "#7a7a7a"
 HEADLINES = {
@@ -33,7 +34,7 @@ def page(sheet: RobotSheet, study: Study, steps: Sequence[Step], found: PoseCali
         found=found, diagnosis=diagnosis, ladder=diagnosis.ladder if diagnosis else [found.before, found.after],
         headline=HEADLINES[diagnosis.verdict] if diagnosis else f"Calibration by {found.kind}.",
         tone=TONES[diagnosis.verdict] if diagnosis else "cause",
-        pictures=[_ladder(steps, found.baseline), _residuals(steps, found.baseline)],
+        interval=interval, pictures=[_ladder(steps, found.baseline), _residuals(steps, found.baseline)],
     )  # fmt: skip
 
 

@@ -7,17 +7,18 @@ instruments leave unknown, and how they scatter.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
+from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
 from vjm.rotations import Array
 from vjm_updating.poses.families import LARGEST, Member
-from vjm_updating.poses.fit import SMALLEST_SIZE, Blocks, Solution, blocks_of, held_out, solve
+from vjm_updating.poses.fit import NO_FAMILY, SMALLEST_SIZE, Blocks, Solution, blocks_of, held_out, solve
 from vjm_updating.poses.folds import Folds, folds_of
 from vjm_updating.poses.forward import Forward, Frames, Linearised
 from vjm_updating.poses.knowable import knowable
@@ -50,10 +51,12 @@ class Hypothesis:
     Attributes:
         families: names, in the order in which they were added.
         bent: coupled joints that are thought to pass on what bends though the model says not, or the reverse.
+        kept: members of these families that keep the model's value all the same.
     """
 
     families: tuple[str, ...] = ()
     bent: tuple[str, ...] = ()
+    kept: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -63,13 +66,16 @@ class Hypothesis:
     def plus(self, name: str) -> Hypothesis:
         """With one more."""
         if name.startswith(f"{COUPLING}."):
-            return Hypothesis(self.families, (*self.bent, name.partition(".")[2]))
-        return Hypothesis((*self.families, name), self.bent)
+            return replace(self, bent=(*self.bent, name.partition(".")[2]))
+        return replace(self, families=(*self.families, name))
 
     def minus(self, name: str) -> Hypothesis:
         """Without one."""
-        bent = tuple(joint for joint in self.bent if f"{COUPLING}.{joint}" != name)
-        return Hypothesis(tuple(f for f in self.families if f != name), bent)
+        return Hypothesis(
+            tuple(f for f in self.families if f != name),
+            tuple(joint for joint in self.bent if f"{COUPLING}.{joint}" != name),
+            tuple(member for member in self.kept if not member.startswith(f"{name}.")),
+        )
 
 
 @dataclass(frozen=True)
@@ -277,7 +283,22 @@ class Study(ABC):
         chain = self.machine.chain
         for joint in bent:
             chain = with_coupling(chain, joint, as_bent=not self.machine.coupled[joint])
-        return PoseMachine(chain, self.ends(), rigid=self.sheet.test.rigid, at_output=self.sheet.at_output)
+        return self._machine(chain, self.machine.as_modelled)
+
+    def _machine(self, chain: Chain, as_modelled: Collection[tuple[str, str]]) -> PoseMachine:
+        test = self.sheet.test
+        return PoseMachine(
+            chain, self.ends(), rigid=test.rigid, at_output=self.sheet.at_output, as_modelled=as_modelled
+        )
+
+    def as_modelled(self, springs: Collection[tuple[str, str]]) -> Study:
+        """The same test of the machine in which some springs of joints have the model's compliance all the same.
+
+        Args:
+            springs: joint and label of each, see `vjm_updating.poses.machine.SPRINGS`.
+        """
+        machine = self._machine(self.machine.chain, springs)
+        return type(self)(self.sheet, machine, self.data, self.outliers)
 
     def number(self, family: str) -> int:
         """Of a family."""
@@ -310,7 +331,7 @@ class Study(ABC):
                 z, frames, mean = before, origin, last
             at = forward.evaluate(z, frames) if found is None else found
             sigma, weight = self.noise(at)
-            blocks = self.blocks(at, z, sigma)
+            blocks = self.blocks(at, z, sigma, hypothesis)
             solution = solve(blocks, self.numbers(hypothesis), sizes)
             # a family without effect on a rigid machine may have one at the next linearisation
             sizes = {f: size for f, size in solution.sizes.items() if size > SMALLEST_SIZE}
@@ -332,8 +353,8 @@ class Study(ABC):
         return at, float(np.nanmean(self.distance(at.residual)))
 
     def _kept(self, z: Array, hypothesis: Hypothesis) -> Array:
-        keep = np.array([member.family in hypothesis.families for member in self.members])
-        return np.where(keep, z, 0.0)
+        free = [m.family in hypothesis.families and m.name not in hypothesis.kept for m in self.members]
+        return np.where(free, z, 0.0)
 
     def noise(self, at: Linearised) -> tuple[Array, Array]:
         """Standard deviations ``(g, k, 6)`` with the robust weights in them, and those ``(g, k)``."""
@@ -343,11 +364,10 @@ class Study(ABC):
         weight = np.minimum((TAIL + count) / (TAIL + square), 1.0)
         return said / np.sqrt(weight)[..., None], weight
 
-    def blocks(self, at: Linearised, z: Array, sigma: Array) -> Blocks:
+    def blocks(self, at: Linearised, z: Array, sigma: Array, hypothesis: Hypothesis) -> Blocks:
         """Normal equations of all members and nuisances at a state."""
         J = np.concatenate([at.nuisance, at.member], axis=3)
         n = at.nuisance.shape[3]
-        family = np.concatenate([np.full(n, -1), [self.number(member.family) for member in self.members]])
         lower = np.concatenate([np.full(n, -np.inf), [member.lower / member.unit for member in self.members]])
         upper = np.concatenate([np.full(n, np.inf), [member.upper / member.unit for member in self.members]])
         largest = {self.number(name): size for name, size in LARGEST.items() if name in self.families}
@@ -358,11 +378,20 @@ class Study(ABC):
             self.folds.parts,
             n,
             self.prior,
-            family.astype(int),
+            self._family(n, hypothesis),
             lower,
             largest,
             upper,
         )
+
+    def of(self, blocks: Blocks, hypothesis: Hypothesis) -> Blocks:
+        """The same normal equations for a hypothesis that keeps other members."""
+        return replace(blocks, family=self._family(blocks.nuisances, hypothesis))
+
+    def _family(self, nuisances: int, hypothesis: Hypothesis) -> np.ndarray:
+        """Numbers ``(n_f + P,)`` of the unknowns' families; what a hypothesis keeps has none."""
+        own = [NO_FAMILY if m.name in hypothesis.kept else self.number(m.family) for m in self.members]
+        return np.array([-1] * nuisances + own, dtype=int)
 
     def errors(self, blocks: Blocks, solution: Solution, sigma: Array) -> Errors:
         """Distances by the linear fit, of readings fitted and held out."""
@@ -395,10 +424,10 @@ class Study(ABC):
 
     def tried(self, state: State, hypothesis: Hypothesis) -> tuple[Solution, Errors]:
         """The linear fit of another hypothesis at a state; couplings are linearised anew."""
-        blocks = state.blocks
+        blocks = self.of(state.blocks, hypothesis)
         if set(hypothesis.bent) != set(state.hypothesis.bent):
             at = self.forward(hypothesis.bent).evaluate(state.z, state.frames)
-            blocks = self.blocks(at, state.z, state.sigma)
+            blocks = self.blocks(at, state.z, state.sigma, hypothesis)
         solution = solve(blocks, self.numbers(hypothesis), state.solution.sizes)
         return solution, self.errors(blocks, solution, state.sigma)
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import assert_never
+
 from vjm.io.findings import Grade
-from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis, WrittenRow
+from vjm_updating.poses.document import MemberRow, PoseCalibration, PoseDiagnosis, WrittenRow
 
 SHOWN = 30
 """Members that are printed."""
@@ -17,10 +19,7 @@ def lines(found: PoseCalibration) -> list[str]:
         result.append(f"not asked, for {found.not_asked_for}: {', '.join(found.not_asked)}")
     result += _not_known(found)
     members = [m for family in found.families for m in family.members if m.identifiable and "compliance" in m.name]
-    result += [
-        f"  {m.name} = {m.value:.4g} ({m.interval95[0]:.3g} to {m.interval95[1]:.3g}) {m.unit}"
-        for m in members[:SHOWN]
-    ]
+    result += [f"  {m.name} = {m.value:.4g} ({interval(m)}) {m.unit}" for m in members[:SHOWN]]
     blind = [m.name for family in found.families for m in family.members if not m.identifiable]
     if blind:
         result.append(f"not identifiable: {', '.join(blind[:SHOWN])}{' and more' if len(blind) > SHOWN else ''}")
@@ -33,6 +32,20 @@ def lines(found: PoseCalibration) -> list[str]:
     if isinstance(found, PoseDiagnosis):
         result.append(f"next: {found.next}")
     return result
+
+
+def interval(row: MemberRow) -> str:
+    """The 95 % interval in words: both ends, or the one that it has."""
+    low, high = row.interval95
+    match row.one_sided:
+        case "":
+            return f"{low:.3g} to {high:.3g}"
+        case "at most":
+            return f"at most {high:.3g}"
+        case "at least":
+            return f"at least {low:.3g}"
+        case _:
+            assert_never(row.one_sided)
 
 
 def _errors(found: PoseCalibration) -> list[str]:

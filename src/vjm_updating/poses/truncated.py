@@ -32,7 +32,9 @@ class Marginal:
     Attributes:
         std: ``(p,)`` standard deviations.
         low: ``(p,)`` and
-        high: ``(p,)`` ends of the 95 % intervals; of a member at its bound from there on.
+        high: ``(p,)`` ends of the 95 % intervals; one-sided where the best value is no inner point of one.
+        side: ``(p,)`` 1 where the interval says what a member is at most, −1 where at least, 0 where it has two
+            ends.
         pull: ``(p,)`` standard deviations by which the best value without any bound lies beyond the bound; zero
             where it does not.
     """
@@ -40,6 +42,7 @@ class Marginal:
     std: Array
     low: Array
     high: Array
+    side: np.ndarray
     pull: Array
 
 
@@ -62,20 +65,22 @@ def marginals(blocks: Blocks, solution: Solution) -> Marginal:
     pull = np.maximum(np.maximum((low - mean) / sd, (mean - high) / sd), 0.0)
     near = np.flatnonzero(((mean - low) < FAR * sd) | ((high - mean) < FAR * sd))
     if not len(near):
-        return Marginal(sd, mean - 1.96 * sd, mean + 1.96 * sd, pull)
+        return Marginal(sd, mean - 1.96 * sd, mean + 1.96 * sd, np.zeros(len(A), dtype=int), pull)
     x = truncated_draws(mean[near], C[np.ix_(near, near)], low[near], high[near], solution.z[active][near])
     G = np.linalg.solve(C[np.ix_(near, near)], C[near]).T
     rest = np.maximum(np.diag(C) - np.einsum("ij,ij->i", G, C[:, near]), 0.0)
     draws = mean + (x - mean[near]) @ G.T
     draws += np.random.default_rng(SEED).normal(size=draws.shape) * np.sqrt(rest)
     draws[:, near] = x
-    ends = np.quantile(draws, [LOW, HIGH], axis=0)
-    at_low = solution.z[active] <= low
-    at_high = solution.z[active] >= high
-    ends[0] = np.where(at_low, low, np.where(at_high, np.quantile(draws, 1.0 - ONE_SIDED, axis=0), ends[0]))
-    ends[1] = np.where(at_high, high, np.where(at_low, np.quantile(draws, ONE_SIDED, axis=0), ends[1]))
     z = solution.z[active]
-    return Marginal(draws.std(axis=0), np.minimum(ends[0], z), np.maximum(ends[1], z), pull)
+    first, last = np.quantile(draws, [LOW, HIGH], axis=0)
+    least, most = np.quantile(draws, [1.0 - ONE_SIDED, ONE_SIDED], axis=0)
+    at_low, at_high = z <= low, z >= high
+    # the best of all members together may lie beyond nearly all of one's own distribution: it is then the end
+    side = np.where(at_low | (z >= last) & ~at_high, 1, np.where(at_high | (z <= first), -1, 0))
+    first = np.where(at_low, low, np.where(at_high, least, np.minimum(first, z)))
+    last = np.where(at_high, high, np.where(at_low, most, np.maximum(last, z)))
+    return Marginal(draws.std(axis=0), first, last, side, pull)
 
 
 def truncated_draws(mean: Array, C: Array, low: Array, high: Array, start: Array) -> Array:

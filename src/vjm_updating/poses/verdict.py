@@ -17,7 +17,7 @@ import numpy as np
 from vjm.io.findings import Finding, Grade
 from vjm_updating.poses.contrasts import LEAST_SHARED, NOTED, Contrast, abrupt, changed, contrasts, jump, jump_size
 from vjm_updating.poses.families import SECOND
-from vjm_updating.poses.fit import solve
+from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.halves import Halves, halves
 from vjm_updating.poses.identifiability import MemberEstimate, estimates
 from vjm_updating.poses.ladder import ALIKE, LEAST_EVIDENCE, Step
@@ -36,8 +36,6 @@ AS_GOOD = 1.005
 """Error held out of another set over that of the set named up to which it explains the data alike: the paired
 differences of a hundred postures have standard errors of half a percent."""
 GEARS, SPRING = "gear_error", "point_spring"
-NO_FAMILY = 1_000_000
-"""Number of members that are left out of a fit."""
 JUMPS = 8.0
 """Significance of a jump of the tracker's frame: the largest of a thousand places stays below 5 without one."""
 SMALLEST_JUMP = 2.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,15 +15,16 @@ from vjm.io.toml_parsing import parse_toml
 from vjm.io.toml_text import toml_text
 from vjm.io.urdf_text import urdf_text
 from vjm.model.chain import Chain
-from vjm_updating.poses.calibrated import NO_WORD, calibrated_document
+from vjm.model.joints import ActuatedJoint, CoupledJoint
+from vjm_updating.poses.calibrated import NO_WORD, calibrated_document, elastic
 from vjm_updating.poses.families import VALUE
-from vjm_updating.poses.fit import solve
+from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.identifiability import MemberEstimate, estimates
-from vjm_updating.poses.machine import PoseMachine
+from vjm_updating.poses.ladder import as_good
+from vjm_updating.poses.machine import LATERAL, OWN, PoseMachine
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.study import State, Study
 from vjm_updating.poses.transfer import refitted
-from vjm_updating.poses.verdict import NO_FAMILY
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,8 @@ class Written:
         text: of the file, TOML.
         urdf: the same as a URDF.
         mjcf: the same as an MJCF file.
-        state: the fit without what the file has no word for, or leaves at the model's values.
+        members: values that the file has from the fit, by the members' names; others keep the model's value.
+        state: the fit without what the file has no word for, with what it leaves at the model's values there.
         without: families for which it has none.
         left_out: what else it cannot hold, for people.
         error: mean distance in mm of the markers from the predictions of the file as read back.
@@ -45,6 +47,7 @@ class Written:
     text: str
     urdf: str
     mjcf: str
+    members: dict[str, float]
     state: State
     without: tuple[str, ...]
     left_out: list[str]
@@ -71,8 +74,18 @@ def written(
         families = tuple(name for name in state.hypothesis.families if name not in NO_WORD)
         state = study.settle(replace(state.hypothesis, families=families), state)
         members = estimates(study, state)
-    state, members = _as_in_file(study, state, members)
-    document, left_out = calibrated_document(measurement, study, state, members)
+    kept = _kept(study, state, members)
+    there, state = _as_in_file(study, state, kept)
+    rows = estimates(there, state)
+    document, left_out = calibrated_document(measurement, there, state, rows, kept)
+    if not any(elastic(table) for table in document["parts"]):
+        left_out.append(
+            "rigid joints: the model's own compliances are kept, for a model file must deflect somewhere"
+        )
+        kept |= {name for name, _ in _springs(study)}
+        there, state = _as_in_file(study, state, kept)
+        rows = estimates(there, state)
+        document, _ = calibrated_document(measurement, there, state, rows, kept)
     text = toml_text(document)
     content = parse_toml(text)
     chain = build_chain(content, "the calibrated model")
@@ -80,25 +93,71 @@ def written(
     new = [one for one in model_findings(content, "the calibrated model") if _said(one) not in known]
     refusals = tuple(one for one in new if one.grade is not Grade.NOTED)
     error = _error(study, chain)
-    return Written(text, urdf_text(chain), mjcf_text(chain), state, without, left_out, error, refusals)
+    values = {row.name: row.value for row in rows if row.name not in kept}
+    return Written(text, urdf_text(chain), mjcf_text(chain), values, state, without, left_out, error, refusals)
 
 
-def _as_in_file(
-    study: Study, state: State, members: Sequence[MemberEstimate]
-) -> tuple[State, list[MemberEstimate]]:
-    """A fit without the members that the file leaves at the model's values, which took a part of the others up."""
-    dropped = {row.name: row for row in members if not row.identifiable}
-    n, family = state.blocks.nuisances, state.blocks.family.copy()
-    held = [i for i, m in enumerate(study.members) if m.name in dropped and m.acts != VALUE]
-    if not held:
-        return state, list(members)
-    family[[n + i for i in held]] = NO_FAMILY
-    blocks = replace(state.blocks, family=family)
-    solution = solve(blocks, study.numbers(state.hypothesis), state.solution.sizes)
-    errors = study.errors(blocks, solution, state.sigma)
-    refit = replace(state, z=solution.z[n:], blocks=blocks, solution=solution, errors=errors)
-    names = {study.members[i].name for i in held}
-    return refit, [*estimates(study, refit), *(row for name, row in dropped.items() if name in names)]
+def _kept(study: Study, state: State, members: Sequence[MemberEstimate]) -> set[str]:
+    """Members that keep the model's own value in the file: those that were not asked, not needed, or not learnt.
+
+    Where the sheet sets the compliances of the model aside, one that was asked keeps it only where postures held
+    out are predicted as well with it: else the readings know that it is another, and it is written as judged.
+    """
+    asked = {m.name: i for i, m in enumerate(study.members)}
+    own = dict(_springs(study))
+    unlearnt = {
+        row.name for row in members if not row.identifiable and study.members[asked[row.name]].acts != VALUE
+    }
+    return {name for name in own if name not in asked} | {
+        name
+        for name in unlearnt.union(state.hypothesis.kept)
+        if name not in own or _as_good_with(study, state, asked[name], own[name])
+    }
+
+
+def _springs(study: Study) -> Iterator[tuple[str, float]]:
+    """Members that are springs of joints, by name, and the compliances that the model gives them."""
+    for part in study.machine.chain.parts:
+        if isinstance(part, ActuatedJoint | CoupledJoint):
+            yield f"joint_compliance.{part.name}", 0.0 if study.sheet.at_output else part.compliance
+            for label, compliance in zip(LATERAL, part.lateral, strict=True):
+                yield f"lateral_compliance.{part.name}.{label}", compliance
+
+
+def _as_good_with(study: Study, state: State, place: int, value: float) -> bool:
+    """Whether postures held out are predicted as well with one of the members held at a value."""
+    member, blocks, k = study.members[place], state.blocks, state.blocks.nuisances + place
+    z = (value - member.nominal) / member.unit
+    family = blocks.family.copy()
+    family[k] = NO_FAMILY
+    held = replace(
+        blocks,
+        b=blocks.b - blocks.N[:, k] * z,
+        c=blocks.c - 2.0 * z * float(blocks.b[k]) + z**2 * float(blocks.N[k, k]),
+        y=blocks.y - blocks.J[:, k] * z,
+        family=family,
+        parts=tuple([(N, b - N[:, k] * z) for N, b in way] for way in blocks.parts),
+    )
+    solution = solve(held, study.numbers(state.hypothesis), state.solution.sizes)
+    return as_good(study.errors(held, solution, state.sigma), state)
+
+
+def _as_in_file(study: Study, state: State, kept: Collection[str]) -> tuple[Study, State]:
+    """The test of the machine with the springs that the file keeps, and the fit of all else on it."""
+    springs = [name.split(".") for name, _ in _springs(study) if name in kept]
+    own = {(joint, (*label, OWN)[0]) for _, joint, *label in springs} if study.sheet.test.rigid else set()
+    hypothesis = replace(state.hypothesis, kept=tuple(sorted(kept)))
+    if own == study.machine.as_modelled and set(hypothesis.kept) == set(state.hypothesis.kept):
+        return study, state
+    there = study if own == study.machine.as_modelled else study.as_modelled(own)
+    z = {m.name: float(value) for m, value in zip(study.members, state.z, strict=True)}
+    sizes = {there.number(study.families[f]): size for f, size in state.solution.sizes.items()}
+    start = replace(
+        state,
+        z=np.array([z.get(m.name, 0.0) for m in there.members]),
+        solution=replace(state.solution, sizes=sizes),
+    )
+    return there, there.settle(hypothesis, start)
 
 
 def _said(finding: Finding) -> tuple[str, str]:

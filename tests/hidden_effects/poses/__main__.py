@@ -9,11 +9,22 @@ from collections import defaultdict
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from helpers.marked_text import renewed
+
 from hidden_effects.poses.plan import GROUPS, Planned, plans, write
+from hidden_effects.statistics import rate
 from vjm_updating.poses.command import diagnose_poses
 
-PUBLISHED = 92
-"""Seed of the figures in docs/poses.md."""
+PUBLISHED = 417
+"""Seed of the figures in docs/how-well/robots.md."""
+BEGIN, END = "<!-- hidden_effects.poses: begin -->", "<!-- hidden_effects.poses: end -->"
+HIDDEN = {
+    "none": "nothing",
+    "single": "one family",
+    "pair": "two families",
+    "stranger": "a cause outside the catalogue",
+    "soft wrist": "drives of a heavy robot, fifty times as soft in the wrist; half of them with frame errors",
+}
 PAYS = 0.2
 """Share of the error held out that what was named saves, from which on a set counts as one that can be named."""
 STANDS_FOR = {
@@ -58,17 +69,27 @@ def run(plan: Planned, folder: Path) -> Scored:
     )  # fmt: skip
 
 
-def summary(rows: list[Scored]) -> dict[str, object]:
-    """Shares by group."""
+def summary(rows: list[Scored]) -> dict[str, dict[str, float | int | list[float] | None]]:
+    """Shares by group, of the sets that can be named, and of false alarms where nothing is hidden."""
     groups = defaultdict(list)
     for row in rows:
         groups[row.group].append(row)
-    result: dict[str, object] = {}
+    result = {}
     for name, own in groups.items():
         counted = own if name in ("none", "stranger") else [row for row in own if row.pays]
-        result[name] = {"sets": len(own), "counted": len(counted), "right": sum(row.right for row in counted)}
-    result["false_alarms"] = sum(row.false_alarm for row in rows)
-    return result
+        result[name] = {"made": len(own)} | rate([row.right for row in counted])
+    return result | {"false alarms": {"made": len(groups["none"])} | rate([r.false_alarm for r in groups["none"]])}
+
+
+def markdown(rows: list[Scored], seed: int) -> str:
+    """The table of the docs."""
+    lines = [f"Seed {seed}, {len(rows)} sets.", "", "| hidden | sets | of these counted | right | 95 % interval |"]
+    lines.append("| --- | ---: | ---: | ---: | ---: |")
+    for name, own in summary(rows).items():
+        if name in HIDDEN:
+            low, high = (round(100.0 * end) for end in own["interval95"])
+            lines.append(f"| {HIDDEN[name]} | {own['made']} | {own['sets']} | {own['hits']} | {low} to {high} % |")
+    return "\n".join(lines)
 
 
 def main() -> None:
@@ -78,11 +99,13 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=PUBLISHED)
     parser.add_argument("--group", choices=sorted(GROUPS), default=None, help="only the sets of one group")
     parser.add_argument("--out", type=Path, default=None, help="JSON file of all rows")
+    parser.add_argument("--rows", type=Path, default=None, help="such a file of this seed: score it, run nothing")
+    parser.add_argument("--renew", type=Path, default=None, help="page whose table is renewed")
     options = parser.parse_args()
-    rows = []
+    rows = [] if options.rows is None else [Scored(**row) for row in json.loads(options.rows.read_text())]
     with tempfile.TemporaryDirectory() as folder:
         for plan in plans(options.sets, options.seed):
-            if options.group not in (None, plan.group):
+            if options.rows is not None or options.group not in (None, plan.group):
                 continue
             row = run(plan, Path(folder) / str(plan.number))
             rows.append(row)
@@ -90,6 +113,9 @@ def main() -> None:
             print(f"{row.number:4d} {row.robot:15s} {'+'.join(row.causes) or 'nothing':40s} {row.verdict:8s} "
                   f"{'+'.join(row.named)}{mark}", flush=True)  # fmt: skip
     print(json.dumps(summary(rows)))
+    if options.renew is not None:
+        table = markdown(rows, options.seed) + "\n"
+        options.renew.write_text(renewed(options.renew.read_text("utf-8"), BEGIN, END, table), "utf-8")
     if options.out is not None:
         options.out.write_text(json.dumps([asdict(row) for row in rows], indent=1), encoding="utf-8")
 

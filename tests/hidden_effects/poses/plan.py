@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hidden_effects.poses.injector import Array, Hidden, measure
-from hidden_effects.poses.robots import PLANAR, ROBOTS, Robot, document, sheet_text
+from hidden_effects.poses.robots import HEAVY, PLANAR, ROBOTS, Robot, document, sheet_text
 from vjm.io.toml_text import toml_text
 
 SINGLE = (
@@ -17,7 +17,8 @@ SINGLE = (
     "tracker_drift", "approach",
 )  # fmt: skip
 STRANGERS = ("slip", "crack", "flipped", "rubber")
-GROUPS = {"none": 0.2, "single": 0.4, "pair": 0.2, "stranger": 0.2}
+GROUPS = {"none": 0.2, "single": 0.4, "pair": 0.2, "stranger": 0.2, "soft wrist": 0.2}
+"""Sets of each group over those that were asked for; soft wrists are of the heavy robot, and come on top."""
 NOISE = 0.05
 """mm."""
 POSTURES = (120, 200)
@@ -40,12 +41,14 @@ def plans(count: int, seed: int) -> list[Planned]:
     result = []
     groups = [name for name, share in GROUPS.items() for _ in range(round(share * count))]
     for number, group in enumerate(groups):
-        robot = ROBOTS[number % len(ROBOTS)]
+        robot = HEAVY if group == "soft wrist" else ROBOTS[number % len(ROBOTS)]
         known = [
             name for name in SINGLE if robot is not PLANAR or name not in ("lateral_compliance", "frame_error")
         ]
         if group == "none":
             causes: tuple[str, ...] = ()
+        elif group == "soft wrist":
+            causes = (("joint_compliance",), ("frame_error", "joint_compliance"))[number % 2]
         elif group == "stranger":
             causes = (STRANGERS[(number // len(ROBOTS)) % len(STRANGERS)],)
         else:
@@ -68,7 +71,7 @@ def hidden_of(plan: Planned, rng: np.random.Generator) -> Hidden:
             found.tilt = size * rng.normal(0.0, 1e-3, (n, 2))
             found.offset = size * rng.normal(0.0, 1e-3, n)
         elif cause == "joint_compliance":
-            found.own = size * rng.uniform(0.3, 1.0, n) * 2e-3 / load * np.linspace(1.0, 3.0, n)
+            found.own = size * rng.uniform(0.3, 1.0, n) * 2e-3 / load * np.array(plan.robot.softer)
         elif cause == "lateral_compliance":
             found.across = size * rng.uniform(0.3, 1.0, (n, 2)) * 2e-3 / load
         elif cause == "base_compliance":

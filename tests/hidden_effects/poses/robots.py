@@ -1,4 +1,4 @@
-"""Three robots as plain numbers, and the model files that the finder gets."""
+"""Four robots as plain numbers, and the model files that the finder gets."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ class Robot:
         gravity: m/s².
         reach: rad, how far the joints turn to both sides.
         torque: N mm, what its largest joints bear.
+        softer: compliances of the joints' drives over that of the first, a joint each.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Robot:
     gravity: tuple[float, float, float]
     reach: float
     torque: float
+    softer: tuple[float, ...]
 
 
 UR10 = Robot(
@@ -41,7 +43,7 @@ UR10 = Robot(
     (7.8, 12.9, 3.9, 2.0, 2.0, 0.2),
     ((0.0, -27.0, 125.0), (-337.0, 0.0, 158.0), (-322.0, 0.0, 68.0), (0.0, -18.0, 164.0), (0.0, 18.0, 116.0),
      (0.0, 0.0, 92.0)),
-    5.0, (0.0, 0.0, -9.81), 2.4, 1.5e5,
+    5.0, (0.0, 0.0, -9.81), 2.4, 1.5e5, (1.0, 1.4, 1.8, 2.2, 2.6, 3.0),
 )  # fmt: skip
 SEVEN = Robot(
     "arm-7r",
@@ -50,12 +52,22 @@ SEVEN = Robot(
     (4.0, 4.0, 3.0, 2.7, 1.7, 1.8, 0.3),
     ((0.0, 30.0, 250.0), (0.0, 60.0, 40.0), (0.0, 30.0, 300.0), (0.0, 70.0, 30.0), (0.0, 20.0, 280.0),
      (0.0, 0.0, 20.0), (0.0, 0.0, 60.0)),
-    7.0, (0.0, 0.0, -9.81), 1.9, 1.0e5,
+    7.0, (0.0, 0.0, -9.81), 1.9, 1.0e5, tuple(1.0 + k / 3.0 for k in range(7)),
 )  # fmt: skip
 PLANAR = Robot(
     "planar-2r-like", ((0.0, 500.0, 0.0), (0.0, 400.0, 0.0)), (3.0, 2.0), ((250.0, 0.0, 0.0), (200.0, 0.0, 0.0)),
-    4.0, (0.0, -9.81, 0.0), 2.2, 5e4,
+    4.0, (0.0, -9.81, 0.0), 2.2, 5e4, (1.0, 3.0),
 )  # fmt: skip
+HEAVY = Robot(
+    "heavy-6r",
+    ((670.0, 312.0, -HALF), (0.0, 1075.0, 0.0), (0.0, 225.0, -HALF), (1280.0, 0.0, HALF), (0.0, 0.0, -HALF),
+     (215.0, 0.0, 0.0)),
+    (300.0, 200.0, 150.0, 60.0, 40.0, 60.0),
+    ((150.0, 0.0, 300.0), (500.0, 0.0, 100.0), (150.0, 20.0, 50.0), (0.0, 30.0, 600.0), (0.0, 40.0, 30.0),
+     (100.0, 0.0, 100.0)),
+    100.0, (0.0, 0.0, -9.81), 2.0, 6e6, (1.0, 1.0, 1.0, 50.0, 50.0, 50.0),
+)  # fmt: skip
+"""Of a large industrial robot's size, whose wrist bears a thirtieth of the shoulder's torque on soft drives."""
 ROBOTS = (UR10, SEVEN, PLANAR)
 
 

@@ -10,7 +10,7 @@ import pytest
 from helpers.joint_rig import SHEET, Joint, write
 from scipy.optimize import brentq
 
-from vjm.io.findings import ImplausibleError
+from vjm.io.findings import Grade, ImplausibleError
 from vjm_updating.diagnose.command import diagnose
 from vjm_updating.diagnose.joint_test import JointTest
 from vjm_updating.experiment import read_measurement
@@ -152,6 +152,56 @@ def test_a_diagnosis_names_what_was_hidden(tmp_path, joint, causes):
     document = diagnose(*write(tmp_path, joint, 3), tmp_path / "out")
     assert document.verdict == ("named" if causes else "none")
     assert document.causes == causes
+
+
+def in_unit(data, factor):
+    """The torques of a file over a factor."""
+    head, *rows = data.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    data.write_text("\n".join([head, *(f"{t},{r},{a},{float(m) / factor:.9g}" for t, r, a, m in cells)]) + "\n")
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (4.4482216152605, "forces in lbf"),
+        (4.4482216152605 * 25.4, "torques in lbf in"),
+        (98.0665, "torques in kgf cm"),
+        (9806.65, "torques in kgf m"),
+    ],
+)
+def test_torques_in_another_unit_are_refused(tmp_path, factor, words):
+    """With friction and backlash: half a percent and six of the largest torque and turn."""
+    data, sheet = write(tmp_path, Joint(gap=3e-4, friction=300.0), 3)
+    assert considered(read_measurement(data, sheet)) == []
+    in_unit(data, factor)
+    with pytest.raises(ImplausibleError, match=f"readings.csv: .*{words}.* Convert"):
+        calibrate_joint(data, sheet, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_diagnosis_names_the_unit_and_nothing_else(tmp_path):
+    data, sheet = write(tmp_path, Joint(), 3)
+    in_unit(data, 98.0665)
+    document = diagnose(data, sheet, tmp_path / "out")
+    assert (document.verdict, document.causes) == ("named", ["instrument_unit"])
+    assert document.parameters["instrument_unit.torque_Nmm"].value == pytest.approx(98.0665, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_torques_in_pounds_of_a_few_sigma_are_said_undecided(tmp_path, seed):
+    data, sheet = write(tmp_path, Joint(), seed, torque=400.0)
+    assert not [one for one in considered(read_measurement(data, sheet)) if "lbf" in str(one)]
+    in_unit(data, 4.4482216152605)
+    # the cell's noise is that of the sheet, in whatever unit it is written
+    rng = np.random.default_rng(seed)
+    head, *rows = data.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    noisy = (f"{t},{r},{a},{float(m) + 60.0 * rng.standard_normal():.9g}" for t, r, a, m in cells)
+    data.write_text("\n".join([head, *noisy]) + "\n")
+    said = [str(one) for one in considered(read_measurement(data, sheet)) if one.grade is Grade.DOUBTFUL]
+    # that the noise is large beside all that was read is said, too
+    assert sum("forces in lbf" in one and "too few or too small to tell" in one for one in said) == 1
 
 
 def test_a_cell_and_a_stiffness_are_one_class(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -88,6 +89,28 @@ def test_readings_between_equilibria_are_exact():
     exact = [table(reach=float(s)).reading[-1] for s in place]
     # reason: the cubic errs by the fourth power of a step of a ninth; measured 1e-5 mm of 66 mm
     np.testing.assert_allclose(coarse.at(place)[0], exact, rtol=2e-6)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_all_else_between_equilibria_is_exact(sign):
+    """Of a tip whose turn is held, against tables that end at the place."""
+    free, load = tuple(name for name in FREE if name != "ry"), (0.0, 0.0, sign, 0.0, 0.0, 0.0)
+    place = np.array([2300.0, 5100.0])
+    exact = [table(free=free, load=load, reach=float(s)) for s in place]
+    found = table(free=free, load=load, reach=8000.0).at(place)[1:]
+    for one, name in zip(found, ("compliance", "carried", "wrench", "stiffness"), strict=True):
+        wanted = np.array([getattr(own, name)[-1] for own in exact])
+        # reason: the spline errs by the fourth power of a step; measured 7e-10 of the largest
+        np.testing.assert_allclose(one, wanted, rtol=0.0, atol=1e-8 * np.abs(wanted).max())
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_is_zero_but_for_rounding_raises_no_warning():
+    """Products of roundings are as small as numbers can be: their slopes have no inverse."""
+    whole = table()
+    tiny = whole.carried + 1e-312 * np.random.default_rng(1).uniform(0.0, 9.0, whole.carried.shape)
+    found = replace(whole, carried=tiny).at(np.linspace(0.0, 100.0, 50))
+    assert np.abs(found[2]).max() < 1e-300
 
 
 def test_compliances_are_the_derivatives_of_readings():
@@ -331,21 +354,32 @@ def test_a_fit_that_is_no_model_is_said_of_the_readings(tmp_path):
     assert not list((tmp_path / "out").glob("*"))
 
 
-def test_no_model_is_written_from_loads_in_pounds(tmp_path):
-    """A tube 4.45 times as soft fits them: it is none that was loaded."""
-    data, sheet = write(tmp_path, Tube(clamp=1e-9), MID, 4)
+def in_pounds(data):
+    """The loads of a file in pounds."""
     head, *rows = data.read_text().splitlines()
     cells = [row.split(",") for row in rows]
     pounds = ([posture, f"{float(force) / 4.4482216152605:.9g}", *read] for posture, force, *read in cells)
-    turned = [",".join(row) for row in pounds]
-    data.write_text("\n".join([head, *turned]) + "\n")
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "calibrated-model.toml").write_text("# of another calibration")
-    document = calibrate(prepare(data, sheet, ("tube.factor",)), out)
-    assert document.calibrated_model == ""
+    data.write_text("\n".join([head, *(",".join(row) for row in pounds)]) + "\n")
+
+
+def test_loads_in_pounds_are_refused(tmp_path):
+    """A tube 4.45 times as soft fits them: it is none that was loaded."""
+    data, sheet = write(tmp_path, Tube(clamp=1e-9), MID, 4)
+    in_pounds(data)
+    with pytest.raises(ImplausibleError, match=r"readings\.csv: .*forces in lbf.* Convert them"):
+        prepare(data, sheet, ("tube.factor",))
+    document = calibrate(prepare(data, sheet, ("tube.factor",), force=True), tmp_path / "out", force=True)
     assert any("its readings are mistaken" in reason for reason in document.unfit)
-    assert not (out / "calibrated-model.toml").exists()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_loads_in_pounds_of_a_few_sigma_are_said_undecided(tmp_path, seed):
+    """Two newtons, under which the tip moves by five times the gauge's noise: each row alone says nothing."""
+    data, sheet = write(tmp_path, Tube(clamp=1e-9), MID, seed, force=2.0)
+    assert not [one for one in considered(read_measurement(data, sheet)) if "lbf" in str(one)]
+    in_pounds(data)
+    said = [str(one) for one in considered(read_measurement(data, sheet))]
+    assert [("forces in lbf" in one, "too few or too small to tell" in one) for one in said] == [(True, True)]
 
 
 def test_micrometres_are_refused(tmp_path):

@@ -124,6 +124,26 @@ def test_an_interval_at_a_bound_is_not_that_of_the_other_members_best_values(col
     assert got.high[place] > 3.0 * conditional
 
 
+def test_no_best_value_is_outside_of_its_interval_or_at_its_end_without_words(columns):
+    beyond = 0
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        J = columns.copy()
+        J[..., 2:] = J[..., 1:2] + 0.05 * J[..., 2:]  # members that are nearly one
+        y = J @ [1.0, *rng.normal(0.3, 1.0, 6)] + rng.normal(size=(G, 3))
+        made = blocks(J, y, [-1, 0, 0, 0, 0, 0, 0], lower=0.0, upper=1.5)
+        found = solve(made, [0])
+        got, z = marginals(made, found), found.z[found.active]
+        assert ((got.low <= z) & (z <= got.high)).all()
+        assert (((got.low < z) & (z < got.high)) | (got.side != 0)).all()
+        # at most: the value is its own end, or stands at the lower bound
+        assert all(z[i] in (got.high[i], 0.0) for i in np.flatnonzero(got.side > 0))
+        assert all(z[i] in (got.low[i], 1.5) for i in np.flatnonzero(got.side < 0))
+        beyond += int(np.sum((got.side != 0) & (z > 0.0) & (z < 1.5)))
+    # where others stand at their bounds, the best of all is beyond nearly all that the posterior has of one
+    assert beyond > 0
+
+
 def test_bounds_hold_from_both_sides(columns):
     y = columns @ [0.0, 5.0, -5.0, 0.0, 0.0, 0.0, 0.0] + np.random.default_rng(6).normal(size=(G, 3))
     made = blocks(columns, y, [-1, 0, 0, 0, 0, 0, 0], lower=-1.0, upper=2.0)

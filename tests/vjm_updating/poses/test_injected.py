@@ -98,7 +98,7 @@ def test_next_postures_promise_something(diagnosed):
     assert rows[1].prediction <= rows[0].prediction + 1e-2
     # what is left is noise, and postures are proposed: the last line does not deny them
     assert diagnosed[0].remainder.kind == "none"
-    assert "postures proposed" in diagnosed[0].next
+    assert "The postures that are proposed" in diagnosed[0].next
     assert "Nothing calls" not in diagnosed[0].next
 
 

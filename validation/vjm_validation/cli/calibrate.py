@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_output.optional_page import page_line
-from vjm_updating.calibrate.command import MISSES, PAGE, STAGES, calibrate, prepare
+from vjm_updating.calibrate.command import PAGE, STAGES, calibrate, prepare
 from vjm_updating.calibrate.document import Calibration
 from vjm_updating.calibrate.summary_text import tables
 from vjm_updating.joint.command import calibrate_joint
@@ -68,11 +68,10 @@ def calibrate_(
     if kind := KINDS.get(kind_of_sheet(sheet)):
         if force:
             raise ValueError(
-                f"--force: {sheet.name} is {kind}, whose model is written unless no machine is so, or its data are "
-                "mistaken: leave it out"
+                f"--force: {sheet.name} is {kind}, whose model is written unless no machine is so: leave it out"
             )
         return _by_poses(kind, data, sheet, out, fit, next_, figure, json=json, strict=strict)
-    task = prepare(data, sheet, fit, next_, strict=strict)
+    task = prepare(data, sheet, fit, next_, strict=strict, force=force)
     warn(task.findings)
     with terminal.progress(quiet=json) as progress:
         document = calibrate(
@@ -125,8 +124,6 @@ def _not_written(document: Calibration, data: Path, sheet: Path, out: Path) -> s
     remedies = ["--force writes it all the same"]
     if not document.fit.fits:
         remedies.insert(0, f"`{look}` looks for what it lacks")
-    if any(reason != MISSES for reason in document.unfit):
-        remedies.insert(0, "mend the readings as said, and calibrate again")
     return f"No calibrated model was written: {'; '.join([*document.unfit, *remedies])}."
 
 

@@ -1,0 +1,15 @@
+"""What several files of tests share."""
+
+import pytest
+from helpers.weighed_arm import compliant, drawn, files, measured
+
+from vjm_updating.poses.command import prepared
+from vjm_updating.poses.study import Hypothesis
+
+
+@pytest.fixture(scope="module")
+def springs(tmp_path_factory):
+    q = drawn(8)
+    where = files(tmp_path_factory.mktemp("springs"), q, measured(compliant(), q))
+    measurement, study = prepared(*where)
+    return where, measurement, study, study.settle(Hypothesis(("joint_compliance",)))
