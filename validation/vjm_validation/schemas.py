@@ -22,7 +22,13 @@ from vjm_updating.maps.documents import MapDocument, MapTaskDocument
 from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.simulate.command import Truth
 from vjm_validation.compensation import CompensationDocument
-from vjm_validation.documents import BucklingDocument, CurveDocument, MapRowsDocument, StiffnessDocument
+from vjm_validation.documents import (
+    BucklingDocument,
+    CurveDocument,
+    MapRowsDocument,
+    ModesDocument,
+    StiffnessDocument,
+)
 from vjm_validation.studies.own_machine_rows import OwnMachineSummary
 from vjm_validation.studies.table2_document import Table2Document
 from vjm_validation.summary import Summary
@@ -37,6 +43,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         "curve.schema.json": schema(CurveDocument),
         "compensation.schema.json": schema(CompensationDocument),
         "stiffness.schema.json": schema(StiffnessDocument),
+        "modes.schema.json": schema(ModesDocument),
         "identification.schema.json": schema(IdentificationDocument),
         "solid.schema.json": schema(SolidDocument),
         "calibration.schema.json": schema(Calibration),

@@ -1,8 +1,8 @@
 """A machine in equilibrium, with the matrices of small motions about it.
 
 All of it is dense and in the coordinates of `LumpedModel`: the tangent of springs, loads, closures and springs
-between points, the motions that the closures leave, and generalised forces. It serves every machine: a chain, an arm,
-a tree, a platform and closed loops.
+between points, the motions that the closures leave, and generalised forces. It serves every machine: chains, arms,
+trees, platforms and closed loops.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ from vjm.tree.equilibria import equilibria
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 
+ROUNDING = 1e-13
+"""Of a sum over the size of its terms: some hundred times that of a number."""
 CARRIED = 1e-9
 """Of a load over the load itself: what of it no spring carries, from which on the machine moves without strain."""
 
@@ -120,7 +122,7 @@ def question(
         end = next(iter(chain.ends), "")
     return Question(
         chain, label, engine, None if displacement is None else tuple(float(v) for v in displacement),
-        tuple(float(v) for v in wrench or (0.0,) * 6), gravity, tuple(loads), end,
+        tuple(float(v) for v in ((0.0,) * 6 if wrench is None else wrench)), gravity, tuple(loads), end,
     )  # fmt: skip
 
 
@@ -187,10 +189,12 @@ class LinearState:
     # --- forces -------------------------------------------------------------------------------------------
 
     def load_forces(self, loading: AppliedLoads) -> Array:
-        """Generalised forces ``(n,)`` of loads where the machine stands, N mm/rad and N."""
-        return sum((k.jacobian.T @ wrench for k, wrench, _ in self._acting(loading)), np.zeros(self.model.size))[
-            : self.n
-        ]
+        """Generalised forces ``(n,)`` of loads where the machine stands, N mm and N; sums of rounding are zero."""
+        total, size, length = np.zeros(self.n), 0.0, self.model.characteristic_length
+        for k, wrench, _ in self._acting(loading):
+            total += k.jacobian[:, : self.n].T @ wrench
+            size += float(np.linalg.norm(wrench[:3]) * length + np.linalg.norm(wrench[3:]))
+        return np.where(np.abs(total) * self.model.coordinate_scale[: self.n] > ROUNDING * size, total, 0.0)
 
     def _acting(self, loading: AppliedLoads) -> list[tuple[Kinematics, Array, bool]]:
         found = []

@@ -1,8 +1,8 @@
 """Natural frequencies and shapes of a loaded machine about its equilibrium.
 
 Small motions obey ``M ẍ + (K − H) x = 0`` on what the closures leave: the tangent stiffness with the loads'
-geometric terms, and the consistent mass matrix. A frequency that falls to zero is a loss of stability. Under followers
-and moments the tangent is not symmetric: two frequencies that meet become complex, which is flutter.
+geometric terms, and the consistent mass matrix. A frequency that falls to zero is a loss of stability. Under
+followers and moments the tangent is not symmetric: two frequencies that meet become complex, which is flutter.
 """
 
 from __future__ import annotations
@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import LinAlgError, cholesky, eig, eigh, solve, solve_triangular
 
-from vjm.design.linear_state import LinearState, question, state_of
+from vjm.design.linear_state import ROUNDING, LinearState, question, state_of
 from vjm.design.masses import mass_matrix, massless, total_mass
 from vjm.model.load_case import Load
 from vjm.platform.manipulator import Machine
@@ -30,15 +31,13 @@ if TYPE_CHECKING:
 
 MM_PER_M = 1000.0
 """N/mm over kg is 1000 of 1/s²."""
-ROUNDING = 1e-13
-"""Of the tangent over its norm: some hundred times that of a number."""
 NEAR = 1e-9
 """First shift over the mean of the tangent's eigenvalues: below what is wanted."""
 REAL = 1e-7
 """Imaginary part over the magnitude up to which an eigenvalue is real: two that nearly meet split by the root of
 rounding."""
-HEAVIEST = 1e-13
-"""Eigenvalue of the inverse problem over the largest one, below which a motion has no mass: rounding."""
+HEAVIEST = 1e-12
+"""Square of the lowest frequency over that of a motion, below which what moves is rounding: it has no mass."""
 SHIFTS = 40
 """Fourfold enlargements of the shift of a tangent that is not positive definite: more than double precision has."""
 
@@ -74,6 +73,7 @@ class Modes:
         shape: ``(s, 3)`` mm where the stations stand.
         shapes: ``(k, s, 3)`` motions of the stations, the largest being one; their real part under flutter.
         stations: the part and the fraction of each station.
+        lines: pairs ``(l, 2)`` of stations between which the machine's parts lie.
         mass: kg of all parts.
         massless: beams that have no mass.
     """
@@ -91,6 +91,7 @@ class Modes:
     shape: Array
     shapes: Array
     stations: tuple[tuple[str, float], ...]
+    lines: tuple[tuple[int, int], ...]
     mass: float
     massless: tuple[str, ...]
 
@@ -189,8 +190,25 @@ def modes(
         "wrench" if asked.displacement is None else "displacement", state.moved, frequencies, growth, motions,
         state.model.shape(state.kinematics), np.array(shapes).reshape(len(values), -1, 3),
         tuple((station.part, station.fraction) for station in state.model.stations),
-        total_mass(state), massless(state),
+        _lines(state), total_mass(state), massless(state),
     )  # fmt: skip
+
+
+def _lines(state: LinearState) -> tuple[tuple[int, int], ...]:
+    """Stations between which parts lie: along each part, and from the last station before it to its first."""
+    chain = state.model.chain
+    last: dict[str, int] = {}
+    found: list[tuple[int, int]] = []
+    before = ""
+    for part in chain.parts:
+        own = [k for k, station in enumerate(state.model.stations) if station.part == part.name]
+        behind = chain.after.get(part.name, before)
+        row = [last[behind], *own] if behind in last else own
+        found += pairwise(row)
+        if row:
+            last[part.name] = row[-1]
+        before = part.name
+    return tuple(found)
 
 
 def _padded(state: LinearState, motion: Array) -> Array:

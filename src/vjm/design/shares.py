@@ -1,8 +1,8 @@
 """Compliance shares: how much of the end-effector's deflection each joint, beam, spring and bearing causes.
 
 The deflection of an end frame along component i is, by virtual work, ``u_i = Σ_p t_p^(i)ᵀ θ_p``. Here ``θ_p`` is
-what part p deflects by under the loads, and ``t_p^(i)`` are the forces in it under a unit load along i. Without closed
-loops it is the sum over the parts of ``J_p C_p J_pᵀ F``.
+what part p deflects by under the loads, and ``t_p^(i)`` are the forces in it under a unit load along i. Without
+closed loops it is the sum over the parts of ``J_p C_p J_pᵀ F``.
 """
 
 from __future__ import annotations
@@ -73,8 +73,9 @@ class Shares:
         gravity: ``(3,)`` m/s², where the parts have their weight.
         deflection: ``(6,)`` of the end, linear: the sum of the shares, mm and rad.
         deflection_loaded: ``(6,)`` of the end at the loaded equilibrium, large deflections included.
-        nonlinearity: largest change of a component by large deflections, over the largest component; turns count
-            times the machine's characteristic length.
+        length: characteristic length of the machine, mm: turns times it are compared with shifts.
+        nonlinearity: largest change of a component by large deflections, over the largest component; nan where the
+            load strains nothing to first order.
         rows: a share for each part and kind, in the order of the parts.
     """
 
@@ -88,6 +89,7 @@ class Shares:
     gravity: Gravity | None
     deflection: Array
     deflection_loaded: Array
+    length: float
     nonlinearity: float
     rows: tuple[Share, ...]
 
@@ -110,7 +112,8 @@ class Shares:
     def energies_loaded(self) -> Array:
         """The same ``(k,)`` at the loaded equilibrium."""
         values = np.array([row.energy_loaded for row in self.rows])
-        return values / values.sum() if values.sum() else np.full(len(values), np.nan)
+        # where the linear deflection is zero, what is left is rounding
+        return np.full(len(values), np.nan) if np.isnan(self.nonlinearity) else values / values.sum()
 
     def table(self) -> list[dict[str, Any]]:
         """One row a part: names, six components in mm and rad, and shares in the strain energy."""
@@ -186,26 +189,27 @@ def shares(
         machine, posture, displacement=displacement, wrench=wrench, gravity=gravity, loads=loads, end=end,
         engine=engine,
     )  # fmt: skip
-    loaded = state_of(asked)
     rest = state_of(asked.unloaded)
     if asked.displacement is None:
-        forces = rest.load_forces(loading(asked, rest.model, rest.x))
-        if not forces.any():
+        acting_loads = loading(asked, rest.model, rest.x)
+        if not len(acting_loads):
             raise ValueError(
-                f"{asked.machine.name}: nothing loads it: give a wrench, weight, a load or a displacement"
+                f"{asked.machine.name}: nothing loads it: give a wrench, a load, a displacement, or weight and mass"
             )
-        motion, acting = _under(rest, forces), np.array(asked.wrench)
+        motion, acting = _under(rest, rest.load_forces(acting_loads)), np.array(asked.wrench)
     else:
         if not any(asked.displacement):
             raise ValueError(f"{asked.machine.name}: a displacement of zero has no shares: give another one")
         motion, acting = _at(rest, np.array(asked.displacement))
+    loaded, length = state_of(asked), rest.model.characteristic_length
     linear, large = rest.jacobian @ motion, loaded.moved - rest.moved
-    unit = np.repeat([1.0, rest.model.characteristic_length], 3)
-    nonlinear = float(np.abs((large - linear) * unit).max() / np.abs(linear * unit).max())
+    unit = np.repeat([1.0, length], 3)
+    whole = np.abs(linear * unit).max()
+    nonlinear = float(np.abs((large - linear) * unit).max() / whole) if whole else float("nan")
     return Shares(
         asked.machine.name, asked.machine.sha256, asked.engine.label, asked.posture, asked.end,
         "wrench" if asked.displacement is None else "displacement", acting, asked.gravity,
-        linear, large, nonlinear, tuple(_rows(rest, loaded, motion)),
+        linear, large, length, nonlinear, tuple(_rows(rest, loaded, motion)),
     )  # fmt: skip
 
 
