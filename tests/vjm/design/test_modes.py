@@ -6,12 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.urdf_arm import arm, written
 from scipy.optimize import brentq
 
 import vjm
 from vjm.design.linear_state import question, state_of
 from vjm.design.masses import mass_matrix, total_mass
 from vjm.design.modes import Verdict, modes
+from vjm.io.model_file import build_chain
+from vjm.io.urdf import import_urdf
 from vjm.machine.legs import machine_of
 from vjm.model.chain import Chain
 from vjm.model.closures import Closure
@@ -243,6 +246,49 @@ def test_the_mass_matrix_is_the_kinetic_energy_of_moving_points(six_joints):
                 places.append((k.behind[site.joint + 1] @ site.frame @ np.append(part.centre, 1.0))[:3])
             energy += 0.5 * part.mass * np.sum(((places[0] - places[1]) / (2.0 * h)) ** 2)
     assert 0.5 * rate @ mass_matrix(state) @ rate == pytest.approx(energy, rel=1e-8)
+
+
+TURNED = '<origin xyz="0.15 0.01 0.02" rpy="0.4 -0.3 1.1"/>'
+
+
+@pytest.mark.parametrize("name", ["turned.urdf", "ur10_robot.urdf", "xarm7.urdf", "icub.urdf"])
+def test_the_mass_matrix_of_a_urdf_is_pinocchio_s(tmp_path, name):
+    """Joint space inertia by Pinocchio's composite rigid body algorithm, every joint being elastic."""
+    pinocchio = pytest.importorskip("pinocchio")
+    if name == "turned.urdf":
+        inertia = '<inertia ixx="0.02" ixy="0.002" ixz="-0.001" iyy="0.03" iyz="0.003" izz="0.025"/>'
+        own = "<inertial>" + TURNED + f'<mass value="2"/>{inertia}</inertial>'
+        file = written(tmp_path, arm(l1=f'<link name="l1">{own}</link>', l2=f'<link name="l2">{own}</link>'))
+    else:
+        from helpers.as_pinocchio import ROBOTS
+
+        file = next(iter(sorted(ROBOTS.rglob(name))), None)
+        assert file is not None, f"example-robot-data has no {name}"
+    found = import_urdf(file)
+    chain = build_chain(found.document, "m.toml")
+    state = state_of(question(chain))
+    robot = pinocchio.buildModelFromUrdf(str(file))
+    data, q = robot.createData(), pinocchio.neutral(robot)
+    rows = []
+    for joint in robot.names[1:]:
+        label = found.joints[joint]
+        i = robot.getJointId(joint)
+        q[robot.joints[i].idx_q] = chain.held["home"][label]
+        rows.append(
+            (robot.joints[i].idx_v, state.built.spans[label].start, 1e3 if chain_slides(chain, label) else 1.0)
+        )
+    theirs, ours, unit = (np.array(column) for column in zip(*rows, strict=True))
+    M = pinocchio.crba(robot, data, q)
+    M = np.triu(M) + np.triu(M, 1).T
+    # kg m² to kg mm²; of a joint that slides per mm
+    expected = M[np.ix_(theirs, theirs)] * 1e6 / np.outer(unit, unit)
+    np.testing.assert_allclose(
+        mass_matrix(state)[np.ix_(ours, ours)], expected, atol=1e-10 * np.abs(expected).max()
+    )
+
+
+def chain_slides(chain, name):
+    return next(part.slides for part in chain.parts if part.name == name)
 
 
 def test_a_platform_on_massless_legs():
