@@ -1,9 +1,9 @@
 """Which joint deflects, and how a load lowers a frequency
 ==========================================================
 
-Left: the share of each joint of a UR10 in the strain energy under a force on the tool, in three postures. Right: the
-square of the lowest frequency of an arm of two joints under a force along it. It falls to zero where the arm loses
-its stability, see :doc:`/design`.
+Left: the share of each joint of a UR10 in the strain energy under a force on the tool, in three postures.
+Right: the square of the lowest frequency of an arm of two joints under a force along it. It falls to zero where the
+arm loses its stability, see :doc:`/design`.
 """
 
 import matplotlib.pyplot as plt
