@@ -10,11 +10,21 @@ from rich.table import Table
 
 from vjm import __version__
 from vjm.design.modes import Modes, Verdict
+from vjm.design.sensitivity import Quantity, Sensitivities
 from vjm.design.shares import Shares
 from vjm.rotations import Array
-from vjm_validation.documents import ModeRow, ModesDocument, ShareRow, SharesRow
+from vjm_validation.documents import (
+    ModeRow,
+    ModesDocument,
+    SensitivityDocument,
+    SensitivityRow,
+    ShareRow,
+    SharesRow,
+)
 
 AXES = ("ux mm", "uy mm", "uz mm", "rx rad", "ry rad", "rz rad")
+SOUGHT = 3
+"""Parameters of which it is said by what factor they alone would do."""
 NOTICED = 1e-3
 """Of a deflection, by which large deflections change it, from which on it is said."""
 NOTHING = 1e-12
@@ -167,3 +177,69 @@ def _print(
     for row in cells:
         table.add_row(*row)
     console.print(table)
+
+
+# --- sensitivity --------------------------------------------------------------------------------------------
+
+SENSITIVITY_HEADER = ("parameter", "value", "unit", "derivative", "% per %")
+GOAL_WORDS = {
+    Quantity.DEFLECTION: "halve the deflection",
+    Quantity.STIFFNESS: "double the stiffness",
+    Quantity.FREQUENCY: "double the frequency",
+    Quantity.MASS: "halve the mass",
+}
+"""What the factors of `vjm.design.sensitivity.GOALS` do."""
+
+
+def sensitivity_document(found: Sensitivities) -> SensitivityDocument:
+    """What ``validate sensitivity --json`` prints of a result."""
+    return SensitivityDocument(
+        model=found.model,
+        model_sha256=found.model_sha256,
+        version=__version__,
+        engine=found.engine,
+        posture=found.posture,
+        quantity=str(found.quantity),
+        along=found.along,
+        value=found.value,
+        unit=found.unit,
+        parameters=[
+            SensitivityRow(
+                parameter=row.parameter, unit=row.unit, value=row.value, derivative=row.derivative,
+                relative=row.relative, factor=row.factor,
+            )
+            for row in found.rows
+        ],
+    )  # fmt: skip
+
+
+def sensitivity_lines(document: SensitivityDocument) -> list[str]:
+    """What to change, in words."""
+    along = f" along {document.along}" if document.along else ""
+    lines = [f"The {document.quantity}{along} is {document.value:.6g} {document.unit}."]
+    goal = f"To {GOAL_WORDS[Quantity(document.quantity)]}{along}"
+    for row in document.parameters[:SOUGHT]:
+        if row.factor is not None:
+            lines.append(
+                f"{goal}: {row.parameter} from {row.value:.4g} to {row.factor * row.value:.4g} {row.unit} "
+                f"(times {row.factor:.3g})."
+            )
+        elif row.relative:
+            lines.append(f"{goal}: {row.parameter} alone is not enough, or no such part is possible.")
+    return lines
+
+
+def sensitivity_cells(document: SensitivityDocument) -> list[tuple[str, ...]]:
+    """Name, value, unit, derivative and relative derivative of each parameter."""
+    return [
+        (row.parameter, f"{row.value:.6g}", row.unit, f"{row.derivative:.5g}", f"{row.relative:.4f}")
+        for row in document.parameters
+    ]
+
+
+def print_sensitivity(console: Console, document: SensitivityDocument) -> None:
+    """The derivatives of a quantity, and what to change."""
+    title = f"{document.model}, posture {document.posture}, {document.engine}: {document.quantity}"
+    _print(console, title, SENSITIVITY_HEADER, sensitivity_cells(document), 1)
+    for line in sensitivity_lines(document):
+        console.print(line, soft_wrap=True)

@@ -162,6 +162,47 @@ class ModesDocument(BaseModel):
     """What is implausible about the model."""
 
 
+class SensitivityRow(BaseModel):
+    """The derivative of a quantity by one number of the model file."""
+
+    model_config = ConfigDict(frozen=True)
+
+    parameter: str
+    unit: str
+    value: float
+    derivative: float
+    """Of the quantity, in its unit per unit of the parameter."""
+    relative: float
+    """Per cent of the quantity per per cent of the parameter."""
+    factor: float | None
+    """On the parameter that alone halves a deflection or a mass, or doubles a stiffness or a frequency; null where
+    none up to ten does, or where it was not looked for."""
+
+
+class SensitivityDocument(BaseModel):
+    """What ``validate sensitivity --json`` prints."""
+
+    model_config = ConfigDict(frozen=True)
+
+    model: str
+    model_sha256: str
+    version: str
+    engine: str
+    posture: str
+    quantity: str
+    """``deflection``, ``stiffness``, ``frequency`` or ``mass``."""
+    along: str
+    """Component of a deflection or a stiffness; empty else."""
+    value: float
+    """Of the quantity."""
+    unit: str
+    """Of the quantity."""
+    parameters: list[SensitivityRow]
+    """The largest relative derivative first."""
+    doubts: list[DoubtRow] = []
+    """What is implausible about the model."""
+
+
 class CurvePointRow(BaseModel):
     """One equilibrium of a path."""
 

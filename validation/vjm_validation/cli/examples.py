@@ -33,6 +33,11 @@ EXAMPLES = {
         "validate stiffness ur10 --wrench 0,0,-100,0,0,0 --shares",
         "docs/design.md",
     ),
+    "sensitivity": (
+        "validate sensitivity planar-2r --posture bent --wrench 0,-50,0,0,0,0 --plot tornado.png",
+        "validate stiffness planar-2r --wrench 0,-50,0,0,0,0 --shares",
+        "docs/design.md",
+    ),
     "calibrate": (
         "validate calibrate DATA.csv --sheet SHEET.toml --out DIR",
         "validate diagnose",

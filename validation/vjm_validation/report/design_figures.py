@@ -9,11 +9,13 @@ import numpy as np
 from vjm.design.modes import Modes
 from vjm.rotations import Array
 from vjm_output.plot_style import Picture, drawing_of, figure, plain
-from vjm_validation.documents import SharesRow
+from vjm_validation.documents import SensitivityDocument, SharesRow
 from vjm_validation.report.command_figures import COLOURS
 
 SHOWN = 7
 """Parts that a figure names; the others are added up."""
+LONGEST_TORNADO = 15
+"""Parameters that a tornado shows."""
 REACH = 0.15
 """Of the machine's size, by which the largest motion of a shape is drawn."""
 
@@ -88,3 +90,18 @@ def _plane(shape: Array, motion: Array) -> tuple[int, int]:
     second = max(others, key=lambda axis: float(spans[axis]))
     across, up = sorted((first, second))
     return across, up
+
+
+def tornado_picture(document: SensitivityDocument) -> Picture:
+    """The relative derivatives by the parameters that matter most, the largest one on top."""
+    rows = [row for row in document.parameters if row.relative][:LONGEST_TORNADO]
+    with figure(1.0 + 0.28 * len(rows), 1) as (fig, (ax,)):
+        values = [row.relative for row in rows]
+        colours = ["#D55E00" if value > 0.0 else "#0072B2" for value in values]
+        ax.barh([plain(row.parameter) for row in rows], values, color=colours, height=0.7)
+        ax.axvline(0.0, color="black", lw=0.8)
+        ax.set(xlabel=f"change of the {document.quantity}, % per %", ylabel="parameter")
+        ax.invert_yaxis()
+        drawing = drawing_of(fig)
+    caption = "Red: it grows with the parameter. Blue: it falls. Each is for a small change of one parameter alone."
+    return Picture("sensitivity", drawing, f"{document.model}: what its {document.quantity} depends on", caption)
