@@ -9,7 +9,7 @@ import pytest
 
 import vjm
 from vjm_validation.cli.main import run
-from vjm_validation.documents import ModesDocument, StiffnessDocument
+from vjm_validation.documents import ModesDocument, SensitivityDocument, StiffnessDocument
 
 
 @pytest.fixture
@@ -126,5 +126,40 @@ def test_flutter_is_said(validate, tmp_path):
 )
 def test_modes_that_are_none_are_refused(validate, words, said):
     printed = validate("modes", *words, status=2)
+    assert said in printed.err
+    assert len(printed.err.strip().splitlines()) == 1
+
+
+def test_sensitivities_say_what_to_change(validate, tmp_path):
+    figure, page = tmp_path / "tornado.png", tmp_path / "tornado.html"
+    keys = "shoulder.compliance_rad_per_Nmm,elbow.compliance_rad_per_Nmm,tool.mass_kg"
+    words = ("--posture", "stretched", "--wrench", "0,-10,0,0,0,0", "--by", keys)
+    out = validate("sensitivity", "planar-2r", *words, "--plot", figure, "--report", page).out
+    found = SensitivityDocument.model_validate_json(validate("sensitivity", "planar-2r", *words, "--json").out)
+    shoulder, elbow, mass = found.parameters
+    # of a joint in series it is its share in the deflection
+    shares = vjm.shares(vjm.load("planar-2r"), "stretched", wrench=(0.0, -10.0, 0.0, 0.0, 0.0, 0.0))
+    of_joints = {row.part: share for row, share in zip(shares.rows, shares.fractions(1), strict=True)}
+    assert (shoulder.relative, elbow.relative) == pytest.approx(
+        (of_joints["shoulder"], of_joints["elbow"]), rel=1e-3
+    )
+    assert (mass.relative, mass.factor, elbow.factor) == (0.0, None, None)
+    assert f"(times {shoulder.factor:.3g})" in out
+    assert "elbow.compliance_rad_per_Nmm alone is not enough" in out
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert "Derivatives" in page.read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("planar-2r",), "--of deflection: say under which load"),
+        (("planar-2r", "--of", "mass", "--by", "upper.length"), "did you mean 'upper.length_mm'"),
+        (("planar-2r", "--of", "mass", "--along", "x"), "a mass has no component"),
+        (("orthoglide", "--of", "mass"), "is a manipulator's file"),
+    ],
+)
+def test_sensitivities_that_are_none_are_refused(validate, words, said):
+    printed = validate("sensitivity", *words, status=2)
     assert said in printed.err
     assert len(printed.err.strip().splitlines()) == 1
