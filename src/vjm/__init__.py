@@ -24,6 +24,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from vjm.analysis import Buckling, buckling, stiffness, trace
     from vjm.continuation.path import Equilibrium, Event, EventKind, Path
+    from vjm.design.modes import Modes, modes
+    from vjm.design.shares import Shares, shares
     from vjm.engines import EngineOptions, engine_by_name
     from vjm.errors import NoConvergenceError
     from vjm.io.errors import ModelFileError
@@ -51,15 +53,19 @@ _HOME = {
     "Machine": "vjm.platform.manipulator",
     "Manipulator": "vjm.platform.manipulator",
     "ModelFileError": "vjm.io.errors",
+    "Modes": "vjm.design.modes",
     "NoConvergenceError": "vjm.errors",
     "Path": "vjm.continuation.path",
     "PointControl": "vjm.model.load_case",
+    "Shares": "vjm.design.shares",
     "VjmEngine": "vjm.vjm_engine",
     "buckling": "vjm.analysis",
     "engine_by_name": "vjm.engines",
     "in_posture": "vjm.postures",
     "load": "vjm.io.machine_file:load_model",
+    "modes": "vjm.design.modes",
     "read_curve": "vjm.io.path_files",
+    "shares": "vjm.design.shares",
     "stiffness": "vjm.analysis",
     "trace": "vjm.analysis",
     "write_curve": "vjm.io.path_files",
@@ -79,16 +85,20 @@ __all__ = [
     "Machine",
     "Manipulator",
     "ModelFileError",
+    "Modes",
     "NoConvergenceError",
     "Path",
     "PointControl",
+    "Shares",
     "VjmEngine",
     "__version__",
     "buckling",
     "engine_by_name",
     "in_posture",
     "load",
+    "modes",
     "read_curve",
+    "shares",
     "stiffness",
     "trace",
     "write_curve",

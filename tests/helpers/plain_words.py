@@ -37,7 +37,7 @@ FORBIDDEN = {
     r"firmest": "stiffest",
     r"eased": "partially unloaded",
     r"bent": "rest shape; curved, deflected",
-    r"natural": "rest shape",
+    r"natural(?! (frequenc|motion))": "rest shape",
     r"ladder": "stepwise selection; verification hierarchy",
     r"yardsticks?": "reference",
     r"(what|all that) is left|lacking": "residual",

@@ -32,6 +32,39 @@ class BucklingDocument(BaseModel):
     """What is implausible about the model."""
 
 
+class ShareRow(BaseModel):
+    """What one part adds to the deflection of the end, see `vjm.shares`."""
+
+    model_config = ConfigDict(frozen=True)
+
+    part: str
+    kind: str
+    """``joint``, ``bearing`` (a joint across its axis), ``beam``, ``spring``, ``drive``, ``mount``; ``motion`` of
+    the passive joints where the end is held."""
+    deflection: list[float]
+    """Of the end by it alone, linear; shift and rotation vector, world axes."""
+    energy: float | None
+    """Its share in the linear strain energy, 0 to 1; null where there is none."""
+    energy_loaded: float | None
+    """The same at the loaded equilibrium."""
+
+
+class SharesRow(BaseModel):
+    """The shares of all parts in one posture."""
+
+    model_config = ConfigDict(frozen=True)
+
+    posture: str
+    deflection: list[float]
+    """Of the end, linear: the sum of the shares."""
+    deflection_loaded: list[float]
+    """Of the end at the loaded equilibrium."""
+    nonlinearity: float | None
+    """Largest change of a component by large deflections, over the largest component; turns count times the
+    machine's characteristic length. Null where the load strains nothing to first order."""
+    parts: list[ShareRow]
+
+
 class StiffnessDocument(BaseModel):
     """What ``validate stiffness --json`` prints."""
 
@@ -78,6 +111,94 @@ class StiffnessDocument(BaseModel):
     """Largest scaled component of the equilibrium equations."""
     events: list[str]
     """Critical points that the chain passed on the way."""
+    shares: list[SharesRow] = []
+    """What each part adds to the deflection, with ``--shares``: in the posture, or in all where none is given."""
+    doubts: list[DoubtRow] = []
+    """What is implausible about the model."""
+
+
+class ModeRow(BaseModel):
+    """One natural motion of a machine."""
+
+    model_config = ConfigDict(frozen=True)
+
+    frequency_Hz: float  # noqa: N815  (the unit's symbol)
+    growth_per_s: float
+    """By which its amplitude grows; zero for a stable one."""
+    largest_at: str
+    """Where it moves most, ``part@fraction``; empty where no station moves."""
+    shape: list[list[float]]
+    """Motions of the stations, the largest being one."""
+
+
+class ModesDocument(BaseModel):
+    """What ``validate modes --json`` prints."""
+
+    model_config = ConfigDict(frozen=True)
+
+    model: str
+    model_sha256: str
+    version: str
+    engine: str
+    posture: str
+    control: str
+    """``displacement``: the end is held in its pose; ``wrench``: it is free."""
+    end: str = ""
+    """Name of the end frame; empty where the machine names none."""
+    displacement: list[float]
+    """Of the end at the equilibrium: shift and rotation vector, world axes."""
+    verdict: str
+    """``stable``, ``neutral``, ``divergence`` or ``flutter``, as far as these modes tell."""
+    mass_kg: float
+    """Of all parts."""
+    massless: list[str]
+    """Beams that have no mass."""
+    stations: list[str]
+    """Points of the shapes, ``part@fraction``."""
+    positions: list[list[float]]
+    """Where they stand, mm."""
+    modes: list[ModeRow]
+    doubts: list[DoubtRow] = []
+    """What is implausible about the model."""
+
+
+class SensitivityRow(BaseModel):
+    """The derivative of a quantity by one number of the model file."""
+
+    model_config = ConfigDict(frozen=True)
+
+    parameter: str
+    unit: str
+    value: float
+    derivative: float
+    """Of the quantity, in its unit per unit of the parameter."""
+    relative: float
+    """Per cent of the quantity per per cent of the parameter."""
+    factor: float | None
+    """On the parameter that alone halves a deflection or a mass, or doubles a stiffness or a frequency; null where
+    none up to ten does, or where it was not looked for."""
+
+
+class SensitivityDocument(BaseModel):
+    """What ``validate sensitivity --json`` prints."""
+
+    model_config = ConfigDict(frozen=True)
+
+    model: str
+    model_sha256: str
+    version: str
+    engine: str
+    posture: str
+    quantity: str
+    """``deflection``, ``stiffness``, ``frequency`` or ``mass``."""
+    along: str
+    """Component of a deflection or a stiffness; empty else."""
+    value: float
+    """Of the quantity."""
+    unit: str
+    """Of the quantity."""
+    parameters: list[SensitivityRow]
+    """The largest relative derivative first."""
     doubts: list[DoubtRow] = []
     """What is implausible about the model."""
 

@@ -28,6 +28,8 @@ from vjm_validation.documents import (
     CurveDocument,
     MapRowsDocument,
     MapsDocument,
+    ModesDocument,
+    SensitivityDocument,
     StiffnessDocument,
 )
 from vjm_validation.studies.own_machine_rows import OwnMachineSummary
@@ -44,6 +46,8 @@ def schemas() -> dict[str, dict[str, Any]]:
         "curve.schema.json": schema(CurveDocument),
         "compensation.schema.json": schema(CompensationDocument),
         "stiffness.schema.json": schema(StiffnessDocument),
+        "modes.schema.json": schema(ModesDocument),
+        "sensitivity.schema.json": schema(SensitivityDocument),
         "identification.schema.json": schema(IdentificationDocument),
         "solid.schema.json": schema(SolidDocument),
         "calibration.schema.json": schema(Calibration),

@@ -139,8 +139,13 @@ def not_rigid(chain: Chain, format_name: str) -> list[str]:
         lines.append(f"that {', '.join(passive)} move freely: {format_name} does not tell them from driven joints")
     if chain.point_springs:
         lines.append(f"the springs between points: {', '.join(spring.name for spring in chain.point_springs)}")
-    if any(part.mass > 0.0 for part in chain.parts if isinstance(part, RigidOffset | Beam)):
-        lines.append("moments of inertia, which a model file does not have: they are zero")
+    points = [
+        part.name
+        for part in chain.parts
+        if isinstance(part, RigidOffset | Beam) and part.mass > 0.0 and getattr(part, "inertia", None) is None
+    ]
+    if points:
+        lines.append(f"moments of inertia of {', '.join(points)}, which the model does not give: they are zero")
     labels = [*chain.postures, *(label for label in chain.held if label not in chain.postures)]
     if labels:
         lines.append(f"the postures {', '.join(labels)}")

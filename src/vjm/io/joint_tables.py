@@ -9,6 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from vjm.io import checks
 from vjm.io.fields import Axis, Label, Matrix6, Turns, VectorMM, rotation
+from vjm.io.inertia import InertiaKgMM2, inertia_matrix
 from vjm.io.sections import Table
 from vjm.model import joints, parts
 from vjm.model.joint_limits import said_beyond, said_turned
@@ -41,9 +42,12 @@ class Offset(PartTable):
     turns: Turns = Field([])
     mass_kg: Mass = 0.0
     centre_of_mass_mm: VectorMM | None = Field(None, description="in the frame where the piece begins")
+    inertia_kg_mm2: InertiaKgMM2 | None = None
 
     @model_validator(mode="after")
     def _weighed(self) -> Offset:
+        if self.inertia_kg_mm2 is not None and not self.mass_kg:
+            raise ValueError("has inertia_kg_mm2 but no mass_kg: add it")
         if self.mass_kg and self.centre_of_mass_mm is None:
             raise ValueError("has mass_kg but no centre_of_mass_mm: add it, mm from where the part begins")
         return self
@@ -56,6 +60,7 @@ class Offset(PartTable):
             frame(rotation(self.turns), self.translation_mm),
             self.mass_kg,
             centre if self.mass_kg else None,
+            None if self.inertia_kg_mm2 is None else inertia_matrix(self.inertia_kg_mm2),
         )
 
 
@@ -65,10 +70,14 @@ class PayloadTable(PartTable):
     kind: Literal["payload"]
     mass_kg: Mass
     centre_of_mass_mm: VectorMM
+    inertia_kg_mm2: InertiaKgMM2 | None = None
 
     def part(self) -> parts.RigidOffset:
         """The part that the table describes."""
-        return parts.RigidOffset(self.name, np.eye(4), self.mass_kg, np.array(self.centre_of_mass_mm, dtype=float))
+        return parts.RigidOffset(
+            self.name, np.eye(4), self.mass_kg, np.array(self.centre_of_mass_mm, dtype=float),
+            None if self.inertia_kg_mm2 is None else inertia_matrix(self.inertia_kg_mm2),
+        )  # fmt: skip
 
 
 class ActuatorTable(PartTable):

@@ -12,9 +12,12 @@ import numpy as np
 
 from vjm.io.closure_tables import displacement
 from vjm.io.errors import ModelFileError, did_you_mean
+from vjm.io.inertia import inertia_matrix
 from vjm.io.manipulator_file import (
     KIND,
+    BodyTable,
     LegTable,
+    PlatformTable,
     build_manipulator,
     leg_chain,
     leg_document,
@@ -33,7 +36,7 @@ from vjm.model.joint_limits import joint_limits
 from vjm.model.joints import ActuatedJoint
 from vjm.model.parts import deflects
 from vjm.platform.manipulator import PLATFORM, Manipulator
-from vjm.rotations import frame
+from vjm.rotations import Array, frame
 
 
 def load_model(name_or_path: str | Path) -> Chain | Manipulator:
@@ -137,9 +140,9 @@ def build_machine(document: ModelDocument, folder: Path | Traversable) -> Chain:
                 digest.update(chains[leg.chain].sha256.encode())
         if not any(deflects(part) for chain in chains.values() for part in chain.parts):
             raise ValueError("nothing deflects: no leg has a beam, or a joint with a compliance; add one")
-        masses = {body.name: (body.mass_kg, np.array(body.centre_of_mass_mm)) for body in table.bodies}
+        masses = {body.name: _mass(body) for body in table.bodies}
         if table.platform.mass_kg:
-            masses[PLATFORM] = table.platform.mass_kg, np.array(table.platform.centre_of_mass_mm)
+            masses[PLATFORM] = _mass(table.platform)
         machine = joined(
             table.name,
             [_machine_leg(leg, chains[leg.chain]) for leg in table.legs],
@@ -174,6 +177,12 @@ def _machine_leg(table: LegTable, chain: Chain) -> MachineLeg:
         table.drive or "",
         home,
     )
+
+
+def _mass(table: PlatformTable | BodyTable) -> tuple[float, Array, Array | None]:
+    """Mass, kg, centre ``(3,)`` mm, and moments of inertia ``(3, 3)`` about it, kg mm²."""
+    inertia = None if table.inertia_kg_mm2 is None else inertia_matrix(table.inertia_kg_mm2)
+    return table.mass_kg, np.array(table.centre_of_mass_mm, dtype=float), inertia
 
 
 def _home(table: LegTable, chain: Chain) -> dict[str, float]:

@@ -19,6 +19,7 @@ from pydantic import Field, StringConstraints, model_validator
 
 from vjm.io.closure_tables import Poses, displacement
 from vjm.io.errors import ModelFileError, one_line
+from vjm.io.inertia import InertiaKgMM2
 from vjm.io.joint_tables import Mass
 from vjm.io.model_file import Entry, ModelDocument, build_chain, parsed, read_document
 from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM, rotation
@@ -38,6 +39,7 @@ class PlatformTable(Base):
 
     mass_kg: Mass = 0.0
     centre_of_mass_mm: VectorMM = Field([0.0, 0.0, 0.0], description="in its frame")
+    inertia_kg_mm2: InertiaKgMM2 | None = None
 
 
 class BodyTable(Table):
@@ -47,6 +49,7 @@ class BodyTable(Table):
     source: str = ""
     mass_kg: Mass
     centre_of_mass_mm: VectorMM = Field([0.0, 0.0, 0.0], description="in its frame")
+    inertia_kg_mm2: InertiaKgMM2 | None = None
 
 
 class LegTable(Table):

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from vjm.io.errors import ModelFileError, did_you_mean
-from vjm.io.robot import Body, Joint, Mimic, Notes, Placing, Robot, Turns
+from vjm.io.robot import Body, Joint, Mimic, Notes, Placing, Robot, Turns, turned
 from vjm.io.urdf_values import quaternion_turns, usable_limits
-from vjm.rotations import Array, rotation_from_vector
+from vjm.rotations import Array
 
 METRE = 1000.0
 Library = Any
@@ -218,15 +218,8 @@ class _Reader:
 
 def _placing(shift: Array, turns: Turns, then: Array) -> Placing:
     """Shifted, turned, and shifted again in the turned axes."""
-    moved = shift + _rotation(turns) @ then
+    moved = shift + turned(turns) @ then
     return Placing((float(moved[0]), float(moved[1]), float(moved[2])), turns)
-
-
-def _rotation(turns: Turns) -> Array:
-    R = np.eye(3)
-    for axis, angle in turns:
-        R = R @ rotation_from_vector(np.array(axis) * angle)
-    return R
 
 
 def _referred(place: Placing, axis: Array, reference: float, *, slides: bool) -> Placing:

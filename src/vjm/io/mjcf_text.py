@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from vjm.io.chain_bodies import ChainBody, chain_bodies, elastic_parts, not_rigid, written
 from vjm.model.chain import Chain
 from vjm.model.joints import ActuatedJoint, SprungJoint
+from vjm.model.parts import RigidOffset
 from vjm.rotations import Array
 
 LEAST = "1e-09"
@@ -67,6 +68,8 @@ def left_out(chain: Chain) -> list[str]:
         where = f"in the posture '{label}'" if label else "at zero"
         lines.append(f"where the springs of {', '.join(held)} are free of stress in other postures: {where}")
     lines += not_rigid(chain, "MJCF")
+    if turning := [p.name for p in chain.parts if isinstance(p, RigidOffset) and p.inertia is not None]:
+        lines.append(f"moments of inertia of {', '.join(turning)}: they are {LEAST} kg m²")
     if massless := _massless(chain_bodies(chain)[1]):
         lines.append(f"that {', '.join(massless)} have no mass: MuJoCo takes no zero, and has {LEAST} kg there")
     return lines

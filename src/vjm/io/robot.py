@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from vjm.io.sections import LONGEST_MM
-from vjm.rotations import Array
+from vjm.rotations import Array, rotation_from_vector
 
 Kind = Literal["fixed", "turns", "slides"]
 Turns = tuple[tuple[tuple[float, float, float], float], ...]
@@ -46,6 +46,14 @@ class Placing:
         return table
 
 
+def turned(turns: Turns) -> Array:
+    """Rotation ``(3, 3)`` of turns one after another."""
+    R = np.eye(3)
+    for axis, angle in turns:
+        R = R @ rotation_from_vector(np.array(axis) * angle)
+    return R
+
+
 def axis_key(axis: Array) -> str | list[float]:
     """A direction ``(3,)`` of any length above zero as a model file has it."""
     # scaled first: squares of tiny entries vanish
@@ -59,12 +67,22 @@ def axis_key(axis: Array) -> str | list[float]:
 
 @dataclass(frozen=True)
 class Body:
-    """A link: its mass, kg, and centre of mass, mm in its frame; ``between`` joints of a link it is none itself."""
+    """A link.
+
+    Attributes:
+        name: of the link.
+        mass: kg.
+        centre: of mass, mm in its frame.
+        between: it lies between joints of a link, and is none itself.
+        inertia: ``ixx, iyy, izz, ixy, ixz, iyz`` about the centre of mass, kg mm², axes of its frame; empty where
+            it is not known.
+    """
 
     name: str
     mass: float = 0.0
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     between: bool = False
+    inertia: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -199,8 +199,15 @@ class _Writer:
         body = self._robot.bodies[name]
         if not body.mass:
             return
-        table = {"kind": "payload", "name": self._names.new(f"{name}-mass"), **self._after(self._ends_with[name])}
-        self._parts.append({**table, "mass_kg": body.mass, "centre_of_mass_mm": list(body.centre)})
+        table: dict[str, Any] = {
+            "kind": "payload",
+            "name": self._names.new(f"{name}-mass"),
+            **self._after(self._ends_with[name]),
+        }
+        table |= {"mass_kg": body.mass, "centre_of_mass_mm": list(body.centre)}
+        if body.inertia:
+            table["inertia_kg_mm2"] = list(body.inertia)
+        self._parts.append(table)
         self._ends_with[name] = table["name"]
 
     def _say_massless(self) -> None:

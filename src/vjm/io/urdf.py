@@ -13,7 +13,8 @@ from pathlib import Path
 
 from vjm.io.bounded_xml import Element, XmlFile, read_xml
 from vjm.io.errors import ModelFileError, did_you_mean, printed
-from vjm.io.robot import Body, Joint, Kind, Mimic, Notes, Placing, Robot
+from vjm.io.inertia import inertia_matrix, inertia_values, is_of_a_body
+from vjm.io.robot import Body, Joint, Kind, Mimic, Notes, Placing, Robot, turned
 from vjm.io.robot_document import Imported, robot_document
 from vjm.io.urdf_content import XACRO, survey
 from vjm.io.urdf_values import WHOLE_TURN, Place, finite, length_vector, number, placing, usable_limits, vector
@@ -267,9 +268,33 @@ class _Reader:
         if not value:
             self._weightless.append(name)
         origin = inertial.first("origin")
-        if not value or origin is None:
+        if not value:
             return Body(name, value)
-        return Body(name, value, length_vector(place.inside(origin), origin, "xyz"))
+        centre = (0.0, 0.0, 0.0) if origin is None else length_vector(place.inside(origin), origin, "xyz")
+        return Body(name, value, centre, inertia=self._inertia(name, inertial))
+
+    def _inertia(self, name: str, inertial: Element) -> tuple[float, ...]:
+        """Moments of inertia in the axes of the link, kg mm²; empty, and said, where no body has them."""
+        element = inertial.first("inertia")
+        if element is None:
+            return ()
+        place = Place(self._file, f"link '{name}'", element.line)
+        try:
+            # statics needs none of it: what is wrong with it stops no import
+            values = [finite(place, element, key, "0", 6) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")]
+            turns = placing(
+                place, inertial.first("origin"), self._notes.doubtful, quaternions=self._quaternions
+            ).turns
+        except ModelFileError as error:
+            self._notes.doubtful.append(f"moments of inertia, left out: {error}")
+            return ()
+        if not any(values):
+            return ()
+        if not is_of_a_body(values):
+            self._notes.doubtful.append(f"link '{name}' has moments of inertia that no body has: left out")
+            return ()
+        R = turned(turns)
+        return tuple(inertia_values(R @ inertia_matrix(values) @ R.T))
 
     def _joint(self, raw: _RawJoint) -> Joint:
         place = Place(self._file, f"joint '{raw.name}'", raw.element.line)

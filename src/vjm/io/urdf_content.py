@@ -9,7 +9,6 @@ from vjm.io.robot import Notes
 from vjm.io.urdf_values import UNEXPANDED
 
 SHAPES = "shapes and meshes, which no command reads"
-INERTIA = "moments of inertia, which statics does not need"
 CONTROL = "what controllers and simulators take"
 DRIVES = "forces, speeds, damping and friction of joints"
 FIXED = "what a fixed joint has no use for"
@@ -24,7 +23,7 @@ CHILDREN: dict[str, dict[str, str]] = {
         "inertial": "", "visual": SHAPES, "collision": SHAPES, "sensor": CONTROL, "gazebo": CONTROL,
         "contact": CONTROL, "self_collision_checking": SHAPES,
     },
-    "inertial": {"origin": "", "mass": "", "inertia": INERTIA},
+    "inertial": {"origin": "", "mass": "", "inertia": ""},
     "joint": {
         "origin": "", "parent": "", "child": "", "axis": "", "limit": "", "mimic": "",
         "dynamics": DRIVES, "calibration": CONTROL, "safety_controller": CONTROL, "gazebo": CONTROL,
@@ -37,7 +36,7 @@ ATTRIBUTES: dict[str, dict[str, str]] = {
     "link": {"name": "", "type": CONTROL},
     "joint": {"name": "", "type": ""},
     "origin": {"xyz": "", "rpy": "", "quat_xyzw": ""},
-    "inertial/origin": {"xyz": "", "rpy": INERTIA, "quat_xyzw": INERTIA},
+    "inertia": dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), ""),
     "mass": {"value": ""},
     "parent": {"link": ""},
     "child": {"link": ""},
@@ -48,7 +47,7 @@ ATTRIBUTES: dict[str, dict[str, str]] = {
     },
     "mimic": {"joint": "", "multiplier": "", "offset": ""},
 }  # fmt: skip
-ONCE = {"inertial", "origin", "mass", "parent", "child", "axis", "limit", "mimic"}
+ONCE = {"inertial", "origin", "mass", "inertia", "parent", "child", "axis", "limit", "mimic"}
 """Elements of which the first is read."""
 UNUSED_WHEN_FIXED = ("axis", "limit", "mimic")
 XACRO = "xacro:"

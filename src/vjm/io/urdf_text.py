@@ -6,14 +6,16 @@ import math
 import xml.etree.ElementTree as ET
 
 from vjm.io.chain_bodies import ChainBody, chain_bodies, elastic_parts, limits_of, not_rigid, written
+from vjm.io.inertia import inertia_values
 from vjm.model.chain import Chain
+from vjm.model.parts import RigidOffset
 from vjm.rotations import Array
 
 
 def urdf_text(chain: Chain) -> str:
     """The URDF of a chain, a link for each part; metres and radians.
 
-    Beams are rigid there. Where a mass is a point, its inertia is left at zero. Lengths, limits, masses and
+    Beams are rigid there. A mass without moments of inertia is a point: they are zero. Lengths, limits, masses and
     couplings are written exactly, rotations to 1e-15: `vjm.io.urdf.import_urdf` finds the same machine.
 
     Example:
@@ -44,7 +46,11 @@ def _link(robot: ET.Element, body: ChainBody) -> None:
         inertial = ET.SubElement(link, "inertial")
         ET.SubElement(inertial, "origin", xyz=_metres(body.centre), rpy="0 0 0")
         ET.SubElement(inertial, "mass", value=written(body.mass))
-        ET.SubElement(inertial, "inertia", dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), "0"))
+        values = [0.0] * 6
+        if isinstance(body.part, RigidOffset) and body.part.inertia is not None:
+            values = inertia_values(body.part.inertia)
+        named = zip(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), values, strict=True)
+        ET.SubElement(inertial, "inertia", {key: written(value, -6) for key, value in named})
 
 
 def _joint(robot: ET.Element, body: ChainBody) -> None:

@@ -57,7 +57,7 @@ class MachineLeg:
 def joined(
     name: str,
     legs: Sequence[MachineLeg],
-    masses: Mapping[str, tuple[float, Array]] | None = None,
+    masses: Mapping[str, tuple[float, Array, Array | None]] | None = None,
     couplings: Sequence[tuple[str, Sequence[tuple[str, str, float]]]] = (),
 ) -> Chain:
     """Legs on bodies as one machine, in its one posture, home, not yet closed.
@@ -65,7 +65,8 @@ def joined(
     Args:
         name: of the machine.
         legs: those that carry a body come before those that begin on it.
-        masses: of bodies by name: kg, and the centre ``(3,)`` in the body's frame, mm.
+        masses: of bodies by name: kg, the centre ``(3,)`` in the body's frame, mm, and the moments of inertia
+            ``(3, 3)`` about it in that frame's axes, kg mm², or None.
         couplings: name, and leg, passive joint and weight of each term. The sum stays as at home.
 
     Returns:
@@ -102,10 +103,12 @@ def joined(
         closures += [_closure(leg, closure) for closure in leg.chain.closures]
         if leg.end not in carriers:
             carriers[leg.end] = _named(leg, ATTACHMENT)
-            mass, centre = (0.0, None) if leg.end == PLATFORM else masses.get(leg.end, (0.0, None))
+            nothing = (0.0, None, None)
+            mass, centre, inertia = nothing if leg.end == PLATFORM else masses.get(leg.end, nothing)
             T = inverse_frame(leg.attachment)
             at = None if centre is None else T[:3, :3] @ centre + T[:3, 3]
-            parts.append(RigidOffset(carriers[leg.end], T, mass, at))
+            turned = None if inertia is None else T[:3, :3] @ inertia @ T[:3, :3].T
+            parts.append(RigidOffset(carriers[leg.end], T, mass, at, turned))
         else:
             frames = np.array([np.eye(4), leg.attachment])
             closures.append(Closure(leg.name, (made[-1].name, carriers[leg.end]), frames))

@@ -8,6 +8,7 @@ every machine: chains, trees, and closed loops, whose closures' wrenches stand b
 from __future__ import annotations
 
 from copy import copy
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +21,7 @@ from vjm.model.kinematics import Kinematics
 from vjm.model.packing import Loads, packed
 from vjm.model.pieces import closure_sites, coupling_rows, machine_pieces, point_springs
 from vjm.model.springs import LinearSpring, Spring
-from vjm.rotations import Array
+from vjm.rotations import Array, translation
 
 DEPENDENT = 1e-9
 """Singular value over the largest below which motions, or what closures hold, depend on one another."""
@@ -329,6 +330,14 @@ class LumpedModel:
         moving = self._joint_jacobian(kinematics.behind, kinematics.axes, point, self._before[joint + 1])
         result: Array = moving @ self.drive
         return result
+
+    def at_point(self, kinematics: Kinematics, joint: int, offset: Array) -> Kinematics:
+        """The same geometry seen by a point ``offset`` (3,) mm behind a joint, −1 for the ground, as its end."""
+        end = kinematics.behind[joint + 1] @ translation(offset)
+        on_way = self._before[joint + 1]
+        J = self._joint_jacobian(kinematics.behind, kinematics.axes, end[:3, 3], on_way)
+        turning = self.joint_rotary & on_way
+        return replace(kinematics, end=end, rotary=turning, joint_jacobian=J, jacobian=J @ self.drive)
 
     def stretching(self, kinematics: Kinematics) -> Array:
         """Derivative ``(s, n)`` of the lengths of the springs between points; zero where the two points meet."""

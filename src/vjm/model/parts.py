@@ -113,12 +113,14 @@ class RigidOffset:
         transform: constant ``(4, 4)``, mm.
         mass: kg.
         centre: of mass ``(3,)`` mm, where the piece begins; None: half-way along the transform's shift.
+        inertia: about that centre ``(3, 3)`` kg mm², axes of the frame where the piece begins; None: a point mass.
     """
 
     name: str
     transform: Array = field(default_factory=lambda: np.eye(4))
     mass: float = 0.0
     centre: Array | None = None
+    inertia: Array | None = None
 
     @property
     def centre_of_mass(self) -> Array:

@@ -27,9 +27,6 @@ SHAPE = "<visual><geometry>{}</geometry></visual>"
         {"header": ""},
         {"robot": '<robot name="arm" version="1.1" xmlns:xacro="http://a.b">'},
         {"robot": '<!DOCTYPE robot><robot name="arm" xmlns="http://a.b">'},
-        {"l2": link("l2", inertia="")},
-        {"l2": link("l2", inertia='<inertia ixx="1" iyy="nan"/>')},
-        {"l2": link("l2", inertia='<inertia ixx="a"/>')},
         {"j2": joint("j2", "l1", "l2", more='<limit lower="-2" upper="2"/>')},
         {"j2": joint("j2", "l1", "l2", more='<limit lower="-2" upper="2" effort="inf" velocity="x"/>')},
         {"j2": joint("j2", "l1", "l2", more=LIMIT + '<dynamics damping="x"/><safety_controller/>')},
@@ -38,6 +35,28 @@ SHAPE = "<visual><geometry>{}</geometry></visual>"
 def test_what_is_not_used_does_not_matter(tmp_path, changes):
     sound = agrees(tmp_path, arm())
     assert imported(tmp_path, arm(**changes)).document["parts"] == sound.document["parts"]
+
+
+@pytest.mark.parametrize(
+    ("inertia", "said"),
+    [
+        ("", None),
+        ('<inertia ixx="0" iyy="0" izz="0"/>', None),
+        ('<inertia ixx="1" iyy="nan"/>', "moments of inertia, left out"),
+        ('<inertia ixx="a"/>', "moments of inertia, left out"),
+        ('<inertia ixx="1" iyy="1" izz="3"/>', "link 'l2' has moments of inertia that no body has: left out"),
+        ('<inertia ixx="-1" iyy="1" izz="1"/>', "link 'l2' has moments of inertia that no body has: left out"),
+    ],
+)
+def test_moments_of_inertia_that_are_none_are_left_out_and_said(tmp_path, inertia, said):
+    sound = agrees(tmp_path, arm()).document["parts"]
+    found = imported(tmp_path, arm(l2=link("l2", inertia=inertia)))
+    without = [
+        {key: value for key, value in part.items() if part["name"] != "l2-mass" or key != "inertia_kg_mm2"}
+        for part in sound
+    ]
+    assert found.document["parts"] == without != sound
+    assert any(said in line for line in found.notes.doubtful) if said else not found.notes.doubtful
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ def test_import_says_all_that_the_file_says_at_its_head(tmp_path, capsys):
     for line in (
         "left out: not understood: <lnik> in <robot> (line 10)",
         "doubtful: moving links without mass: l2; they weigh nothing",
-        "left out: moments of inertia, which statics does not need: <inertia> (2)",
+        "left out: forces, speeds, damping and friction of joints: effort (2), velocity (2)",
     ):
         assert line in said
         assert f"# {line}" in out.read_text()

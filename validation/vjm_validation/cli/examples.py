@@ -26,7 +26,17 @@ EXAMPLES = {
     "stiffness": (
         "validate stiffness orthoglide-chain --posture A --displacement=-1,0,0,0,0,0",
         "validate curve",
-        "docs/load-cases.md",
+        "docs/load-cases.md, docs/design.md",
+    ),
+    "modes": (
+        "validate modes ur10 --gravity 0,0,-9.81 --plot modes.png",
+        "validate stiffness ur10 --wrench 0,0,-100,0,0,0 --shares",
+        "docs/design.md",
+    ),
+    "sensitivity": (
+        "validate sensitivity planar-2r --posture bent --wrench 0,-50,0,0,0,0 --plot tornado.png",
+        "validate stiffness planar-2r --wrench 0,-50,0,0,0,0 --shares",
+        "docs/design.md",
     ),
     "calibrate": (
         "validate calibrate DATA.csv --sheet SHEET.toml --out DIR",

@@ -56,6 +56,8 @@ COMMANDS = {
     "curve": "Trace one equilibrium path and show it.",
     "buckling": "Stiffness, critical points and post-buckling stiffness.",
     "stiffness": "The loaded equilibrium: deflection, wrench, 6×6 stiffness (18) and the unloaded one, stability.",
+    "modes": "Natural frequencies and shapes of the loaded machine; divergence and flutter.",
+    "sensitivity": "What a deflection, a stiffness, a frequency or the mass depends on, and what to change.",
     "calibrate": "Fit spring compliances to measured force-displacement readings, with their uncertainty.",
     "diagnose": "Show what the model gets wrong, name the cause, extend the model and measure the gain.",
     "simulate": "Make the readings of a machine with a hidden effect, and say how strong it is in that test.",

@@ -1,0 +1,397 @@
+"""A machine in equilibrium, with the matrices of small motions about it.
+
+All of it is dense and in the coordinates of `LumpedModel`: the tangent of springs, loads, closures and springs
+between points, the motions that the closures leave, and generalised forces. It serves every machine: chains, arms,
+trees, platforms and closed loops.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from vjm.analysis import trace
+from vjm.errors import NoConvergenceError
+from vjm.model.applied_loads import NO_LOADS, AppliedLoads
+from vjm.model.assembly import Assembly
+from vjm.model.chain import Chain
+from vjm.model.kinematics import Kinematics
+from vjm.model.load_case import Load, LoadCase
+from vjm.model.loading import loading_of
+from vjm.model.lumped import DEPENDENT, LumpedModel
+from vjm.model.pieces import closure_sites, point_springs
+from vjm.platform.manipulator import Machine, Manipulator
+from vjm.postures import Posture, in_posture
+from vjm.rotations import Array, skew
+from vjm.tree.equilibria import equilibria
+from vjm.tree.model import Gravity, TreeModel
+from vjm.vjm_engine import VjmEngine
+
+ROUNDING = 1e-13
+"""Of a sum over the size of its terms: some hundred times that of a number."""
+CARRIED = 1e-9
+"""Of a load over the load itself: what of it no spring carries, from which on the machine moves without strain."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """A machine in a posture, and what is done to it.
+
+    Attributes:
+        machine: its beams not yet split; a platform as one machine with closures.
+        posture: label.
+        engine: that splits the beams.
+        displacement: ``(6,)`` at which its end is held, mm and rad; None where the end is free.
+        wrench: ``(6,)`` on the free end, N and N mm, world axes.
+        gravity: m/s².
+        loads: on parts, in full.
+        end: name of the end frame; empty for the first, or the only one.
+    """
+
+    machine: Chain
+    posture: str
+    engine: VjmEngine
+    displacement: tuple[float, ...] | None = None
+    wrench: tuple[float, ...] = (0.0,) * 6
+    gravity: Gravity | None = None
+    loads: tuple[Load, ...] = ()
+    end: str = ""
+
+    @property
+    def unloaded(self) -> Question:
+        """The same without loads; the end stays held where it is held."""
+        held = None if self.displacement is None else (0.0,) * 6
+        return replace(self, displacement=held, wrench=(0.0,) * 6, gravity=None, loads=())
+
+    @property
+    def acting(self) -> tuple[Load, ...]:
+        """All wrenches but weight, that on the end among them."""
+        loads = tuple(replace(load, ramped=False) for load in self.loads)
+        if any(self.wrench):
+            loads += (Load(self.wrench, self.end, ramped=False),)
+        return loads
+
+
+def question(
+    machine: Machine,
+    posture: Posture = "",
+    *,
+    displacement: Sequence[float] | None = None,
+    wrench: Sequence[float] | None = None,
+    gravity: Gravity | None = None,
+    loads: Sequence[Load] = (),
+    end: str = "",
+    engine: VjmEngine | None = None,
+) -> Question:
+    """A machine in a posture under loads, checked.
+
+    Args:
+        machine: see `vjm.load`.
+        posture: label or coordinates; the first one if left out.
+        displacement: ``(6,)`` at which the end is held, mm and rad, world axes; the end is free if left out.
+        wrench: ``(6,)`` on the free end, dead, N and N mm, world axes.
+        gravity: ``(3,)`` m/s²: the parts have their weight.
+        loads: on parts, in full.
+        end: name of the end frame; the first if left out.
+        engine: how its beams become springs; as `vjm` if left out.
+
+    Raises:
+        ValueError: not six finite numbers, a held end that is loaded, or no such posture or end frame.
+    """
+    for name, values in (("displacement", displacement), ("wrench", wrench)):
+        if values is not None and (len(values) != 6 or not np.all(np.isfinite(values))):
+            raise ValueError(f"{name} must be six finite numbers, got {list(values)}")
+    if displacement is not None and (wrench is not None or gravity is not None or loads or end):
+        raise ValueError("displacement holds the end in its pose: leave out wrench, gravity, loads and end frame")
+    if isinstance(machine, Manipulator):
+        # closing its loops takes linear algebra that no chain needs
+        from vjm.machine.legs import machine_of
+
+        machine = machine_of(machine)
+    label = posture or next(iter(machine.postures), "")
+    chain, label = in_posture(machine, label)
+    if end and end not in chain.ends:
+        raise ValueError(f"{chain.name} has no end frame '{end}' (it has {', '.join(chain.ends) or 'none'})")
+    if engine is None:
+        link, foot = chain.usual_segments
+        engine = VjmEngine(link, foot)
+    if not end and displacement is None:
+        end = next(iter(chain.ends), "")
+    return Question(
+        chain, label, engine, None if displacement is None else tuple(float(v) for v in displacement),
+        tuple(float(v) for v in ((0.0,) * 6 if wrench is None else wrench)), gravity, tuple(loads), end,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class LinearState:
+    """A machine in an equilibrium, and its small motions about it.
+
+    Attributes:
+        question: what is done to it.
+        model: its springs and joints, n coordinates.
+        x: ``(size,)`` the coordinates, the closures' wrenches and the couplings' forces, see `LumpedModel`.
+        wrench: ``(6,)`` on the end: what holds it, or nothing beside ``loading``.
+        loading: dead and follower wrenches, weight among them.
+        moved: ``(6,)`` displacement of the end from the unloaded posture, mm and rad.
+    """
+
+    question: Question
+    model: LumpedModel
+    x: Array
+    wrench: Array
+    loading: AppliedLoads
+    moved: Array
+
+    @cached_property
+    def built(self) -> Assembly:
+        """Its joints and bodies, with each part's own coordinates."""
+        return Assembly(self.model.chain)
+
+    @property
+    def n(self) -> int:
+        """Number of its coordinates."""
+        return self.model.coordinates
+
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """Of the end-effector behind the last part."""
+        return self.model.kinematics(self.x)
+
+    def at(self, joint: int, offset: Array) -> Kinematics:
+        """Of a point ``offset`` (3,) mm behind a joint, −1 for the ground."""
+        return self.model.at_point(self.kinematics, joint, offset)
+
+    @cached_property
+    def end(self) -> Kinematics:
+        """Of the end frame that is asked for."""
+        return self.at(*self.model.find(self.question.end, 1.0))
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """``(6, n)`` of the end frame, mm and rad, world axes."""
+        return self.end.jacobian[:, : self.n]
+
+    @cached_property
+    def unit(self) -> Array:
+        """Of each coordinate ``(n,)``: mm or rad that a work of 1 N mm strains its own spring by.
+
+        Of a coordinate without a spring it is what the machine's units of length and energy make of it. In these
+        units the tangent's diagonal is one, and solutions lose few digits.
+        """
+        own = np.diag(self.spring_stiffness)
+        free = self.model.coordinate_scale[: self.n] / np.sqrt(self.model.wrench_scale[3])
+        return np.where(own > 0.0, 1.0 / np.sqrt(np.where(own > 0.0, own, 1.0)), free)
+
+    # --- forces -------------------------------------------------------------------------------------------
+
+    def load_forces(self, loading: AppliedLoads) -> Array:
+        """Generalised forces ``(n,)`` of loads where the machine stands, N mm and N; sums of rounding are zero."""
+        total, size, length = np.zeros(self.n), 0.0, self.model.characteristic_length
+        for k, wrench, _ in self._acting(loading):
+            total += k.jacobian[:, : self.n].T @ wrench
+            size += float(np.linalg.norm(wrench[:3]) * length + np.linalg.norm(wrench[3:]))
+        return np.where(np.abs(total) * self.model.coordinate_scale[: self.n] > ROUNDING * size, total, 0.0)
+
+    def _acting(self, loading: AppliedLoads) -> list[tuple[Kinematics, Array, bool]]:
+        found = []
+        for joint, offset, follows, wrench in zip(
+            loading.joint, loading.offset, loading.follows, loading.constant, strict=True
+        ):
+            k = self.at(int(joint), offset)
+            if follows:
+                wrench = np.concatenate([k.end[:3, :3] @ wrench[:3], k.end[:3, :3] @ wrench[3:]])
+            found.append((k, wrench, bool(follows)))
+        return found
+
+    @cached_property
+    def _wrenches(self) -> list[tuple[Kinematics, Array, bool]]:
+        """All wrenches on its bodies: loads, what holds its end, and its closures' on both their bodies."""
+        found = [*self._acting(self.loading), (self.end, self.wrench, False)]
+        joints, frames = closure_sites(self.model.chain, self.built)
+        row = self.n
+        for closure, (first, second), own in zip(self.model.chain.closures, joints, frames, strict=True):
+            force = np.zeros(6)
+            force[: closure.rows] = self.x[row : row + closure.rows]
+            row += closure.rows
+            on_second = self.at(second, own[1][:3, 3])
+            place = np.linalg.inv(self.kinematics.behind[first + 1]) @ on_second.end
+            found += [(on_second, force, False), (self.at(first, place[:3, 3]), -force, False)]
+        return found
+
+    @cached_property
+    def _point_springs(self) -> list[tuple[Kinematics, Kinematics, Array, float, float, float]]:
+        """Both ends of each spring between points, its axis, length, stiffness and pull."""
+        found = []
+        for joints, points, (stiffness, free, preload) in zip(
+            *point_springs(self.model.chain, self.built), strict=True
+        ):
+            first, second = (self.at(int(j), p) for j, p in zip(joints, points, strict=True))
+            apart = second.end[:3, 3] - first.end[:3, 3]
+            length = float(np.linalg.norm(apart))
+            if not length:
+                raise ValueError(
+                    f"{self.model.name}: the two points of a spring meet, so that its direction is not defined"
+                )
+            pull = float(stiffness * (length - free) + preload)
+            found.append((first, second, apart / length, length, float(stiffness), pull))
+        return found
+
+    @cached_property
+    def stretching(self) -> Array:
+        """Derivative ``(s, n)`` of the lengths of the springs between points."""
+        return self.model.stretching(self.kinematics)[:, : self.n]
+
+    @cached_property
+    def point_stiffness(self) -> Array:
+        """Stiffness ``(s,)`` of the springs between points, N/mm."""
+        return np.array([spring.stiffness for spring in self.model.chain.point_springs], dtype=float)
+
+    @cached_property
+    def lengths(self) -> Array:
+        """Lengths ``(s,)`` of the springs between points, mm."""
+        return np.array([spring[3] for spring in self._point_springs], dtype=float)
+
+    @cached_property
+    def pulls(self) -> Array:
+        """Forces ``(s,)`` of the springs between points, N, pulling positive."""
+        return np.array([spring[-1] for spring in self._point_springs], dtype=float)
+
+    @cached_property
+    def reactions(self) -> Array:
+        """Generalised forces ``(size,)`` of all wrenches on the coordinates: what the virtual springs bear."""
+        total = sum((k.jacobian.T @ wrench for k, wrench, _ in self._wrenches), np.zeros(self.model.size))
+        total = total - self.model.stretching(self.kinematics).T @ self.pulls
+        couplings = len(self.model.chain.couplings)
+        if couplings:
+            total = total + self.model.closing(self.kinematics)[-couplings:].T @ self.x[-couplings:]
+        result: Array = total
+        return result
+
+    @cached_property
+    def imbalance(self) -> float:
+        """Largest generalised force that the equilibrium lacks, over the largest that acts on a coordinate.
+
+        Forces count times the characteristic length.
+        """
+        scale = np.where(np.arange(self.model.size) < self.n, self.model.coordinate_scale, 0.0)
+        passive = np.abs(self.reactions * scale)[self.model.passive].max(initial=0.0)
+        K = self.model.stiffness_under(self.reactions)
+        sprung = (self.model.strain(self.reactions) - self.x)[self.model.elastic]
+        lacking = K[np.ix_(self.model.elastic, self.model.elastic)] @ sprung * scale[self.model.elastic]
+        acting = max((float(np.abs(k.jacobian.T @ w * scale).max()) for k, w, _ in self._wrenches), default=0.0)
+        return max(float(passive), float(np.abs(lacking).max(initial=0.0))) / max(acting, 1.0)
+
+    # --- matrices -----------------------------------------------------------------------------------------
+
+    @cached_property
+    def spring_stiffness(self) -> Array:
+        """Tangent stiffness ``(n, n)`` of the virtual springs, zero on the passive joints."""
+        return self.model.stiffness_under(self.reactions)[: self.n, : self.n]
+
+    @cached_property
+    def elastic_stiffness(self) -> Array:
+        """The same ``(n, n)`` with the springs between points along themselves."""
+        S = self.stretching
+        result: Array = self.spring_stiffness + S.T @ (self.point_stiffness[:, None] * S)
+        return result
+
+    @cached_property
+    def tangent(self) -> Array:
+        """Derivative ``(n, n)`` of what the springs lack by the coordinates: ``K − H``, the loads turning with it.
+
+        It is symmetric on what the closures leave, but under followers and moments.
+        """
+        H = np.zeros((self.model.size, self.model.size))
+        for k, wrench, follows in self._wrenches:
+            if wrench.any():
+                H += k.force_hessian(wrench)
+                if follows:
+                    turned = np.vstack([-skew(wrench[:3]), -skew(wrench[3:])])
+                    H += k.jacobian.T @ turned @ k.jacobian[3:]
+        for first, second, along, length, _, pull in self._point_springs:
+            force = np.concatenate([pull * along, np.zeros(3)])
+            H += first.force_hessian(force) + second.force_hessian(-force)
+            apart = (second.jacobian - first.jacobian)[:3]
+            H -= apart.T @ (pull / length * (np.eye(3) - np.outer(along, along))) @ apart
+        result: Array = self.elastic_stiffness - H[: self.n, : self.n]
+        return result
+
+    @cached_property
+    def constraints(self) -> Array:
+        """Derivative ``(c, n)`` of what closures, couplings and the holding of the end keep at zero."""
+        rows = self.model.closing(self.kinematics)[:, : self.n]
+        return rows if self.question.displacement is None else np.vstack([rows, self.jacobian])
+
+    @cached_property
+    def motions(self) -> Array:
+        """Motions ``(n, m)`` that the closures leave, orthonormal in the coordinates' units."""
+        return free_motions(self.constraints, self.unit)
+
+    @property
+    def conservative(self) -> bool:
+        """Whether all loads on it have a potential."""
+        return not len(self.loading.turning)
+
+
+def free_motions(constraints: Array, unit: Array) -> Array:
+    """Motions ``(n, m)`` on which constraints ``(c, n)`` vanish, orthonormal in units ``(n,)``."""
+    n = len(unit)
+    rows = constraints * unit
+    size = np.abs(rows).max(axis=1, keepdims=True, initial=0.0)
+    rows = rows / np.where(size > 0.0, size, 1.0)
+    if not len(rows):
+        return np.diag(unit)
+    _, values, V = np.linalg.svd(rows)
+    rank = int(np.count_nonzero(values > DEPENDENT * values[0]))
+    return unit[:, None] * V[rank:n].T
+
+
+def state_of(asked: Question) -> LinearState:
+    """The equilibrium of a machine under loads, or held in a pose.
+
+    Raises:
+        NoConvergenceError: there is none near.
+        ValueError: a load stands on no point of the machine.
+    """
+    if asked.displacement is not None:
+        return _held(asked, asked.displacement)
+    chain = asked.engine.split(asked.machine.at(asked.posture))
+    model = LumpedModel(chain)
+    x0 = model.configuration(chain.posture(asked.posture))
+    if not asked.acting and asked.gravity is None and not model.strained(x0):
+        return LinearState(asked, model, x0, np.zeros(6), NO_LOADS, np.zeros(6))
+    tree = TreeModel(chain, split=False)
+    q = dict(zip((joint.name for joint in chain.joints), chain.posture(asked.posture).tolist(), strict=True))
+    q |= {joint.name: joint.held_at for joint in chain.held_joints}
+    found = equilibria(tree, q, gravity=asked.gravity, loads=asked.acting, compliance=False)
+    if not found.found[0]:
+        raise NoConvergenceError(
+            f"{chain.name}, posture {asked.posture}: no equilibrium was found under these loads"
+        )
+    x = np.concatenate([x0[: model.coordinates] + found.x[0], found.closures[0]])
+    moved = found.deflection[0, tree.ends.index(asked.end)]
+    return LinearState(asked, model, x, np.zeros(6), loading(asked, model, x0), moved)
+
+
+def loading(asked: Question, model: LumpedModel, x0: Array) -> AppliedLoads:
+    """The loads of a question on a model whose unloaded coordinates are ``x0`` (size,)."""
+    if not asked.acting and asked.gravity is None:
+        return NO_LOADS
+    return loading_of(model, x0, LoadCase(asked.posture, 1.0, loads=asked.acting, gravity=asked.gravity))[0]
+
+
+def _held(asked: Question, displacement: tuple[float, ...]) -> LinearState:
+    if any(displacement):
+        path = trace(asked.machine, LoadCase(asked.posture, 1.0, axis=displacement), asked.engine)
+        if not path.complete:
+            raise NoConvergenceError(f"the displacement is reached only to {path.points[-1].s:.1%}: {path.stopped}")
+        x, wrench = path.points[-1].state, path.points[-1].wrench
+    else:
+        at = asked.engine.problem(asked.machine, LoadCase(asked.posture, 1.0)).at_rest()
+        x, wrench = at.x, at.wrench
+    model = LumpedModel(asked.engine.split(asked.machine.at(asked.posture)))
+    return LinearState(asked, model, x[: model.size], wrench, NO_LOADS, np.array(displacement))

@@ -1,0 +1,183 @@
+"""The consistent mass matrix of a machine: beams by their segments' shapes, rigid bodies by their inertias."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.design.linear_state import LinearState
+from vjm.model.kinematics import Kinematics
+from vjm.model.parts import Beam, Part, RigidOffset, Section
+from vjm.rotations import Array, rotation_from_vector, rotation_vector, skew
+
+GAUSS = np.polynomial.legendre.leggauss(4)
+"""Points and weights that integrate squares of cubic shapes exactly."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A straight segment of a beam between two bodies.
+
+    Attributes:
+        first: kinematics of its beginning, on the body before it.
+        second: of its end, on the body behind it.
+        axes: rotation ``(3, 3)`` from the section's axes to the world, half-way between its two ends.
+        length: mm.
+    """
+
+    first: Kinematics
+    second: Kinematics
+    axes: Array
+    length: float
+
+    def rates(self, section: Section | None, at: float, n: int) -> Array:
+        """Velocity and angular velocity ``(6, n)`` of a cross-section by the coordinates, section axes.
+
+        The shape is that of a Timoshenko beam whose ends move, without load in between.
+
+        Args:
+            section: of all members; None: rigid in shear.
+            at: fraction of the length.
+            n: number of coordinates.
+        """
+        own = np.kron(np.eye(4), self.axes.T) @ np.vstack([self.first.jacobian, self.second.jacobian])[:, :n]
+        result: Array = shapes(section, self.length, at) @ own
+        return result
+
+
+def shapes(section: Section | None, length: float, at: float) -> Array:
+    """Shift and turn ``(6, 12)`` of a cross-section by those of both ends of a beam, section axes, mm and rad.
+
+    Args:
+        section: of all members; None: rigid in shear.
+        length: mm.
+        at: fraction of the length.
+
+    Example:
+        >>> shapes(None, 2.0, 0.5)[1, [1, 5, 7, 11]].tolist()  # deflection along y at the middle
+        [0.5, 0.25, 0.5, -0.25]
+    """
+    s, h = at, length
+    N = np.zeros((6, 12))
+    # along and about the beam: straight lines
+    N[[0, 3], [0, 3]], N[[0, 3], [6, 9]] = 1.0 - s, s
+    for shift, turn, sign, stiff, shear in ((1, 5, 1.0, "EIz", "GAy"), (2, 4, -1.0, "EIy", "GAz")):
+        phi = 0.0 if section is None else 12.0 * getattr(section, stiff) / (getattr(section, shear) * h**2)
+        over = 1.0 / (1.0 + phi)
+        bow = 0.5 * phi * (s - s**2)
+        N[shift, shift] = (1.0 - 3.0 * s**2 + 2.0 * s**3 + phi * (1.0 - s)) * over
+        N[shift, shift + 6] = (3.0 * s**2 - 2.0 * s**3 + phi * s) * over
+        N[shift, turn] = sign * h * (s - 2.0 * s**2 + s**3 + bow) * over
+        N[shift, turn + 6] = sign * h * (s**3 - s**2 - bow) * over
+        N[turn, shift] = sign * 6.0 * (s**2 - s) / h * over
+        N[turn, shift + 6] = -N[turn, shift]
+        N[turn, turn] = (1.0 - 4.0 * s + 3.0 * s**2 + phi * (1.0 - s)) * over
+        N[turn, turn + 6] = (3.0 * s**2 - 2.0 * s + phi * s) * over
+    return N
+
+
+def mass_matrix(state: LinearState) -> Array:
+    """Mass matrix ``(n, n)`` in the coordinates of an equilibrium, kg times squares of mm.
+
+    A beam's segments move as their end frames say, with the cubic shapes of a beam without load in between; its
+    cross-sections have their own rotary inertia. A rigid body moves with its mass at its centre, and so does a part
+    whose mass has no section along which to lie.
+
+    Raises:
+        ValueError: a part with a mass along it does not deflect, so that its cross-sections have no axes.
+    """
+    M = np.zeros((state.n, state.n))
+    for part in state.model.chain.parts:
+        M += sum(_contributions(state, part), np.zeros((state.n, state.n)))
+    result: Array = 0.5 * (M + M.T)
+    return result
+
+
+def massless(state: LinearState) -> tuple[str, ...]:
+    """Names of the beams without a mass: they count as if they had none."""
+    return tuple(beam.name for beam in state.model.chain.beams if not beam.mass)
+
+
+def total_mass(state: LinearState) -> float:
+    """Mass of all parts, kg, what stands on the base included."""
+    return sum(part.mass for part in state.model.chain.parts if isinstance(part, Beam | RigidOffset))
+
+
+def _contributions(state: LinearState, part: Part) -> Iterator[Array]:
+    match part:
+        case RigidOffset() if part.mass:
+            yield _rigid(state, part)
+        case Beam() if part.mass:
+            yield from _beam(state, part)
+        case _:
+            # joints have no mass of their own
+            return
+
+
+def _rigid(state: LinearState, part: RigidOffset) -> Array:
+    site = state.built.begins[part.name]
+    k = state.at(site.joint, (site.frame @ np.append(part.centre_of_mass, 1.0))[:3])
+    J = k.jacobian[:, : state.n]
+    inertia = np.zeros((3, 3))
+    if part.inertia is not None:
+        R = k.end[:3, :3] @ site.frame[:3, :3]
+        inertia = R @ part.inertia @ R.T
+    result: Array = part.mass * J[:3].T @ J[:3] + J[3:].T @ inertia @ J[3:]
+    return result
+
+
+def _beam(state: LinearState, beam: Beam) -> Iterator[Array]:
+    segments = list(_segments(state, beam))
+    if beam.section is None:
+        (segment,) = segments
+        own = beam.section_frame.T @ (np.zeros(3) if beam.centre is None else beam.centre)
+        rates = segment.rates(None, float(own[0]) / beam.length, state.n)
+        across = np.array([0.0, own[1], own[2]])
+        shift = rates[:3] - skew(across) @ rates[3:]
+        yield beam.own_mass * shift.T @ shift
+        return
+    section = beam.effective_section()
+    # of a homogeneous section the radii of gyration follow from its stiffnesses
+    round_y, round_z = section.EIy / section.EA, section.EIz / section.EA
+    inertia = section.mass * np.array([1.0, 1.0, 1.0, round_y + round_z, round_y, round_z])
+    for segment in segments:
+        for point, weight in zip(*GAUSS, strict=True):
+            rates = segment.rates(section, 0.5 * (1.0 + point), state.n)
+            yield 0.5 * segment.length * weight * rates.T @ (inertia[:, None] * rates)
+
+
+def _segments(state: LinearState, beam: Beam) -> Iterator[Segment]:
+    """The segments of a beam, from its root; one where it is one spring.
+
+    Raises:
+        ValueError: it has no spring.
+    """
+    model, built = state.model, state.built
+    pieces = [piece for piece in built.pieces if piece.part == beam.name]
+    springs = list(_springs(state, beam))
+    if not springs:
+        raise ValueError(f"part '{beam.name}' has a mass but is rigid: write it as a link with mass_kg")
+    own = beam.section_frame if beam.segments is None else np.eye(3)
+    for k, (begin, end) in enumerate(springs):
+        before = state.kinematics.behind[model.parent[begin] + 1][:3, :3] @ built.before[begin][:3, :3] @ own
+        behind = state.kinematics.behind[end + 1][:3, :3] @ own
+        half = rotation_from_vector(0.5 * rotation_vector(behind @ before.T))
+        first, second = pieces[2 * k], pieces[2 * k + 1]
+        stop = second.at(second.stop) if beam.segments is not None else second.root - beam.end_offset
+        yield Segment(
+            state.at(first.joint, first.root), state.at(second.joint, stop), half @ before,
+            beam.length / len(springs),
+        )  # fmt: skip
+
+
+def _springs(state: LinearState, beam: Beam) -> Iterator[tuple[int, int]]:
+    """First and last joint of each spring of a beam."""
+    span, built = state.built.spans[beam.name], state.built
+    count = beam.segments or 1
+    width = len(span) // count
+    for k in range(count if width else 0):
+        own = range(span.start + k * width, span.start + (k + 1) * width)
+        joints = [j for j, coordinate in enumerate(built.coordinate) if coordinate in own]
+        yield joints[0], joints[-1]

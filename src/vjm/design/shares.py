@@ -1,0 +1,357 @@
+"""Compliance shares: how much of the end-effector's deflection each joint, beam, spring and bearing causes.
+
+The deflection of an end frame along component i is, by virtual work, ``u_i = Σ_p t_p^(i)ᵀ θ_p``. Here ``θ_p`` is
+what part p deflects by under the loads, and ``t_p^(i)`` are the forces in it under a unit load along i. Without
+closed loops it is the sum over the parts of ``J_p C_p J_pᵀ F``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, assert_never
+
+import numpy as np
+
+from vjm.design.linear_state import CARRIED, LinearState, free_motions, loading, question, state_of
+from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.model.load_case import Load
+from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
+from vjm.model.springs import LinearSpring, Spring
+from vjm.platform.manipulator import Machine
+from vjm.postures import Posture
+from vjm.rotations import Array
+from vjm.threads import single_threaded
+from vjm.tree.model import Gravity
+from vjm.vjm_engine import VjmEngine
+
+if TYPE_CHECKING:
+    from vjm.notebook import DataFrame
+
+JOINT, BEARING, BEAM, SPRING, DRIVE, MOUNT, PASSIVE = (
+    "joint", "bearing", "beam", "spring", "drive", "mount", "passive joints",
+)  # fmt: skip
+"""Kinds of what deflects. A joint's bearings are what deflects across its axis."""
+GAUSS = np.polynomial.legendre.leggauss(8)
+"""Points and weights by which the energy of a nonlinear spring is integrated: its law is smooth, and the error is
+rounding."""
+
+
+@dataclass(frozen=True)
+class Share:
+    """What one part adds to the deflection of the end.
+
+    Attributes:
+        part: its name.
+        kind: ``joint``, ``bearing``, ``beam``, ``spring``, ``drive`` or ``mount``; ``motion`` for what the passive
+            joints move by where the end is held.
+        deflection: ``(6,)`` of the end by it alone, linear, mm and rad, world axes.
+        energy: linear strain energy in it, N mm.
+        energy_loaded: the same at the loaded equilibrium, N mm: strain energy, less that without loads and the work
+            of the stress without loads.
+    """
+
+    part: str
+    kind: str
+    deflection: Array
+    energy: float
+    energy_loaded: float
+
+
+@dataclass(frozen=True, repr=False)
+class Shares:
+    """The shares of all parts in the deflection of an end, in one posture.
+
+    Attributes:
+        model: name.
+        model_sha256: hash of its file.
+        engine: label.
+        posture: label.
+        end: name of the end frame; empty where the machine names none.
+        control: ``displacement`` where the end is held, else ``wrench``.
+        wrench: ``(6,)`` on the end, N and N mm: given, or what a held end needs in the linear case.
+        gravity: ``(3,)`` m/s², where the parts have their weight.
+        deflection: ``(6,)`` of the end, linear: the sum of the shares, mm and rad.
+        deflection_loaded: ``(6,)`` of the end at the loaded equilibrium, large deflections included.
+        length: characteristic length of the machine, mm: turns times it are compared with shifts.
+        nonlinearity: largest change of a component by large deflections, over the largest component; nan where the
+            load strains nothing to first order.
+        rows: a share for each part and kind, in the order of the parts.
+    """
+
+    model: str
+    model_sha256: str
+    engine: str
+    posture: str
+    end: str
+    control: str
+    wrench: Array
+    gravity: Gravity | None
+    deflection: Array
+    deflection_loaded: Array
+    length: float
+    nonlinearity: float
+    rows: tuple[Share, ...]
+
+    def fractions(self, component: int) -> Array:
+        """Shares ``(k,)`` in one component of the deflection, over the whole of it; nan where that is zero."""
+        whole = self.deflection[component]
+        values = np.array([row.deflection[component] for row in self.rows])
+        return values / whole if whole else np.full(len(values), np.nan)
+
+    @property
+    def energies(self) -> Array:
+        """Shares ``(k,)`` in the linear strain energy, over the whole of it.
+
+        Under a wrench on the end alone that is the share in the deflection along the wrench.
+        """
+        values = np.array([row.energy for row in self.rows])
+        return values / values.sum() if values.sum() else np.full(len(values), np.nan)
+
+    @property
+    def energies_loaded(self) -> Array:
+        """The same ``(k,)`` at the loaded equilibrium."""
+        values = np.array([row.energy_loaded for row in self.rows])
+        # where the linear deflection is zero, what is left is rounding
+        return np.full(len(values), np.nan) if np.isnan(self.nonlinearity) else values / values.sum()
+
+    def table(self) -> list[dict[str, Any]]:
+        """One row a part: names, six components in mm and rad, and shares in the strain energy."""
+        return [
+            {
+                "part": row.part,
+                "kind": row.kind,
+                **dict(zip(("ux", "uy", "uz", "rx", "ry", "rz"), row.deflection.tolist(), strict=True)),
+                "energy": linear,
+                "energy_loaded": loaded,
+            }
+            for row, linear, loaded in zip(
+                self.rows, self.energies.tolist(), self.energies_loaded.tolist(), strict=True
+            )
+        ]
+
+    def to_frame(self) -> DataFrame:
+        """`table` as a pandas DataFrame.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        from vjm.notebook import frame_of
+
+        return frame_of(self.table())
+
+    def __repr__(self) -> str:
+        largest = sorted(zip(self.energies, self.rows, strict=True), key=lambda pair: -pair[0])[:3]
+        words = ", ".join(f"{row.part} ({row.kind}) {share:.1%}" for share, row in largest)
+        return f"<Shares {self.model}, posture {self.posture}, {self.engine}\n of the strain energy: {words}>"
+
+
+@single_threaded
+def shares(
+    machine: Machine,
+    posture: Posture = "",
+    *,
+    wrench: Sequence[float] | None = None,
+    displacement: Sequence[float] | None = None,
+    gravity: Gravity | None = None,
+    loads: Sequence[Load] = (),
+    end: str = "",
+    engine: VjmEngine | None = None,
+) -> Shares:
+    """The part of every joint, beam, spring and bearing in the deflection of an end.
+
+    Args:
+        machine: see `vjm.load`.
+        posture: label or coordinates, see `vjm.in_posture`; the first one if left out.
+        wrench: ``(6,)`` on the free end, dead, N and N mm, world axes.
+        displacement: ``(6,)`` at which the end is held instead, mm and rad, for a chain with passive joints.
+        gravity: ``(3,)`` m/s², world axes: the parts have their weight.
+        loads: on parts, in full.
+        end: name of the end frame; the first if left out.
+        engine: how beams become springs; as the engine ``vjm`` if left out.
+
+    Returns:
+        Linear shares, which add up to the linear deflection, and the strain energies of the loaded equilibrium
+        beside them, which tell how far the shares change where deflections are large.
+
+    Raises:
+        ValueError: nothing loads the machine, the end is held and loaded at once, or it moves without straining a
+            spring, so that nothing carries the load.
+        NoConvergenceError: there is no equilibrium under the loads.
+
+    Example:
+        >>> import vjm
+        >>> vjm.shares(vjm.load("planar-2r"), wrench=(0, -1, 0, 0, 0, 0))
+        <Shares planar-2r, posture stretched, vjm-16
+         of the strain energy: shoulder (joint) 70.2%, elbow (joint) 27.8%, upper (beam) 1.5%>
+    """
+    asked = question(
+        machine, posture, displacement=displacement, wrench=wrench, gravity=gravity, loads=loads, end=end,
+        engine=engine,
+    )  # fmt: skip
+    rest = state_of(asked.unloaded)
+    if asked.displacement is None:
+        acting_loads = loading(asked, rest.model, rest.x)
+        if not len(acting_loads):
+            raise ValueError(
+                f"{asked.machine.name}: nothing loads it: give a wrench, a load, a displacement, or weight and mass"
+            )
+        motion, acting = _under(rest, rest.load_forces(acting_loads)), np.array(asked.wrench)
+    else:
+        if not any(asked.displacement):
+            raise ValueError(f"{asked.machine.name}: a displacement of zero has no shares: give another one")
+        motion, acting = _at(rest, np.array(asked.displacement))
+    loaded, length = state_of(asked), rest.model.characteristic_length
+    linear, large = rest.jacobian @ motion, loaded.moved - rest.moved
+    unit = np.repeat([1.0, length], 3)
+    whole = np.abs(linear * unit).max()
+    nonlinear = float(np.abs((large - linear) * unit).max() / whole) if whole else float("nan")
+    return Shares(
+        asked.machine.name, asked.machine.sha256, asked.engine.label, asked.posture, asked.end,
+        "wrench" if asked.displacement is None else "displacement", acting, asked.gravity,
+        linear, large, length, nonlinear, tuple(_rows(rest, loaded, motion)),
+    )  # fmt: skip
+
+
+def _under(rest: LinearState, forces: Array) -> Array:
+    """Linear motion ``(n,)`` under generalised forces ``(n,)``.
+
+    Raises:
+        ValueError: it is not determined.
+    """
+    N = rest.motions
+    A = N.T @ rest.tangent @ N
+    ends = N.T @ np.column_stack([forces, rest.jacobian.T])
+    y = np.linalg.lstsq(A, ends, rcond=CARRIED)[0]
+    if np.any(np.linalg.norm(A @ y - ends, axis=0) > CARRIED * np.linalg.norm(ends, axis=0)):
+        raise ValueError(
+            f"{rest.model.name}, posture {rest.question.posture}: its end moves without straining a spring: "
+            f"not every load is carried there; hold its pose by a displacement"
+        )
+    result: Array = N @ y[:, 0]
+    return result
+
+
+def _at(rest: LinearState, displacement: Array) -> tuple[Array, Array]:
+    """Linear motion ``(n,)`` at a displacement ``(6,)`` of the end, and the wrench ``(6,)`` that holds it there.
+
+    Raises:
+        ValueError: the end cannot take the displacement.
+    """
+    unit = np.repeat([rest.model.characteristic_length, 1.0], 3)
+    energy = float(rest.model.wrench_scale[3])
+    loops = rest.model.closing(rest.kinematics)[:, : rest.n]
+    N = free_motions(loops, rest.unit)
+    J = rest.jacobian @ N / unit[:, None]
+    m = N.shape[1]
+    A = np.zeros((m + 6, m + 6))
+    A[:m, :m], A[:m, m:], A[m:, :m] = N.T @ rest.tangent @ N / energy, J.T, J
+    right = np.concatenate([np.zeros(m), displacement / unit])
+    y = np.linalg.lstsq(A, right, rcond=CARRIED)[0]
+    if np.linalg.norm(A @ y - right) > CARRIED * np.linalg.norm(right):
+        raise ValueError(
+            f"{rest.model.name}, posture {rest.question.posture}: its end cannot take this displacement: "
+            f"the machine is rigid in a direction of it"
+        )
+    return N @ y[:m], -y[m:] * energy / unit
+
+
+def _rows(rest: LinearState, loaded: LinearState, motion: Array) -> Iterator[Share]:
+    """The shares, from the motion ``(n,)`` of the linear case."""
+    held = rest.question.displacement is not None
+    unit_motions, left = _unit_loads(rest, held=held)
+    forces = rest.spring_stiffness @ unit_motions
+    for part, kind, where in _coordinates(rest):
+        index = list(where)
+        bearing = rest.spring_stiffness[np.ix_(index, index)]
+        yield Share(
+            part, kind, forces[index].T @ motion[index],
+            0.5 * float(motion[index] @ bearing @ motion[index]), _gained(rest, loaded, index),
+        )  # fmt: skip
+    springs = rest.model.chain.point_springs
+    extension = rest.stretching @ motion
+    pulls = rest.point_stiffness[:, None] * (rest.stretching @ unit_motions)
+    change = loaded.lengths - rest.lengths
+    for k, spring in enumerate(springs):
+        linear, gained = 0.5 * spring.stiffness * np.array([extension[k], change[k]]) ** 2
+        yield Share(spring.name, SPRING, pulls[k] * extension[k], float(linear), float(gained))
+    if held and rest.model.passive.size:
+        yield Share(PASSIVE, "motion", left.T @ motion, 0.0, 0.0)
+
+
+def _unit_loads(rest: LinearState, *, held: bool) -> tuple[Array, Array]:
+    """Motions ``(n, 6)`` whose spring forces carry unit loads on the end, and the forces ``(n, 6)`` left over.
+
+    What is left over acts along the closures alone, or, where passive joints let the end move, on these joints.
+    """
+    loops = rest.model.closing(rest.kinematics)[:, : rest.n]
+    N = free_motions(loops, rest.unit) if held else rest.motions
+    A = N.T @ rest.elastic_stiffness @ N
+    y = np.linalg.lstsq(A, N.T @ rest.jacobian.T, rcond=CARRIED)[0]
+    motions = N @ y
+    return motions, rest.jacobian.T - rest.elastic_stiffness @ motions
+
+
+def _coordinates(state: LinearState) -> Iterator[tuple[str, str, range]]:
+    """Name, kind and coordinates of whatever deflects."""
+    for part in state.model.chain.parts:
+        span = state.built.spans[part.name]
+        across = _across(part)
+        kind = _kind(part)
+        if across:
+            yield part.name, BEARING, span[:across]
+        if kind != PASSIVE and len(span) > across:
+            yield part.name, kind, span[across:]
+
+
+def _across(part: Part) -> int:
+    """Number of a joint's coordinates across its axis, which come first."""
+    if isinstance(part, ActuatedJoint | CoupledJoint):
+        return sum(compliance > 0.0 for compliance in part.lateral)
+    return 0
+
+
+def _kind(part: Part) -> str:
+    match part:
+        case ActuatedJoint() | CoupledJoint():
+            return JOINT
+        case SprungJoint():
+            return SPRING
+        case Beam():
+            return BEAM
+        case Actuator():
+            return DRIVE
+        case Mount():
+            return MOUNT
+        case PassiveJoint() | RigidOffset():
+            return PASSIVE
+        case _:
+            assert_never(part)
+
+
+def _gained(rest: LinearState, loaded: LinearState, index: list[int]) -> float:
+    """Strain energy that loads bring to the springs of some coordinates, beyond the work of their first stress."""
+    inside, total = set(index), 0.0
+    for spring, where in rest.model.blocks:
+        if where.start in inside:
+            first, last = rest.reactions[where], loaded.reactions[where]
+            total += strain_energy(spring, last) - strain_energy(spring, first)
+            total -= float(first @ (spring.strain(last) - spring.strain(first)))
+    return total
+
+
+def strain_energy(spring: Spring, reaction: Array) -> float:
+    """Strain energy of a spring under reactions ``(k,)``, N mm: ``τᵀ θ(τ) − Ψ(τ)`` with ``Ψ = ∫ θ(s τ)ᵀ τ ds``.
+
+    Example:
+        >>> strain_energy(LinearSpring(np.array([[0.5]])), np.array([2.0]))
+        1.0
+    """
+    if isinstance(spring, LinearSpring):
+        return 0.5 * float(reaction @ spring.strain(reaction))
+    points, weights = GAUSS
+    complementary = sum(
+        0.5 * weight * float(spring.strain(0.5 * (1.0 + point) * reaction) @ reaction)
+        for point, weight in zip(points, weights, strict=True)
+    )
+    return float(reaction @ spring.strain(reaction)) - float(complementary)

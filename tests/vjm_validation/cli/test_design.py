@@ -1,0 +1,165 @@
+"""``validate stiffness --shares`` and ``validate modes``: what they print, draw and refuse."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import vjm
+from vjm_validation.cli.main import run
+from vjm_validation.documents import ModesDocument, SensitivityDocument, StiffnessDocument
+
+
+@pytest.fixture
+def validate(capsys):
+    """The command in this process: what it prints; its status must be the one expected."""
+
+    def command(*words, status=0):
+        capsys.readouterr()
+        found = run([str(word) for word in words])
+        printed = capsys.readouterr()
+        assert found == status, printed.err
+        return printed
+
+    return command
+
+
+def test_shares_are_printed_for_every_posture(validate):
+    printed = validate("stiffness", "ur10", "--wrench", "0,0,-100,0,0,0", "--shares", "--json").out
+    found = StiffnessDocument.model_validate_json(printed)
+    assert [row.posture for row in found.shares] == list(vjm.load("ur10").postures)
+    for row in found.shares:
+        np.testing.assert_allclose(
+            np.sum([part.deflection for part in row.parts], axis=0), row.deflection, atol=1e-12
+        )
+    stretched, upright, _ = found.shares
+    assert sum(part.energy for part in stretched.parts) == pytest.approx(1.0, rel=1e-12)
+    # a vertical force on a vertical arm
+    assert upright.nonlinearity is None
+    assert all(part.energy is None for part in upright.parts)
+
+
+def test_shares_of_one_posture_as_a_table_a_figure_and_a_page(validate, tmp_path):
+    figure, page = tmp_path / "shares.png", tmp_path / "shares.html"
+    words = ("--posture", "stretched", "--wrench", "0,-10,0,0,0,0", "--shares", "--plot", figure, "--report", page)
+    out = validate("stiffness", "planar-2r", *words).out
+    assert "Shares in the deflection, posture stretched" in out
+    assert "bearing" not in out
+    lines = {line.split("│")[1].strip(): line for line in out.splitlines() if line.count("│") > 9}
+    assert {"shoulder", "upper", "elbow", "fore", "sum"} <= set(lines)
+    assert "70.2%" in lines["shoulder"]
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert "Shares in the deflection" in page.read_text()
+
+
+def test_large_deflections_are_said(validate):
+    out = validate("stiffness", "planar-2r", "--posture", "stretched", "--wrench", "0,-100,0,0,0,0", "--shares").out
+    assert "Large deflections change the whole by 3.5%" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--shares",), "--shares: say under which load"),
+        (("--shares", "--wrench", "1,0,0,0,0,0", "--engine", "msa"), "--shares: msa has no springs"),
+    ],
+)
+def test_shares_that_cannot_be_told_are_refused(validate, words, said):
+    printed = validate("stiffness", "orthoglide", "--posture", "isotropic", *words, status=2)
+    assert said in printed.err
+    assert len(printed.err.strip().splitlines()) == 1
+    assert not printed.out
+
+
+def test_modes_are_printed_and_drawn(validate, tmp_path):
+    figure, page = tmp_path / "modes.png", tmp_path / "modes.html"
+    words = ("--gravity", "0,0,-9.81", "--number", "3", "--plot", figure, "--report", page)
+    out = validate("modes", "ur10", *words).out
+    assert "The equilibrium is stable." in out
+    expected = vjm.modes(vjm.load("ur10"), number=3, gravity=(0.0, 0.0, -9.81))
+    for frequency in expected.frequencies:
+        assert f"{frequency:.6g}" in out
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert "Natural frequencies" in page.read_text()
+
+
+def test_modes_as_json(validate):
+    found = ModesDocument.model_validate_json(validate("modes", "hexapod", "--json").out)
+    assert found.verdict == "stable"
+    assert len(found.modes) == 3
+    assert len(found.stations) == len(found.positions) == len(found.modes[0].shape)
+    assert found.massless == [f"{leg}/strut" for leg in "abcdef"]
+    out = validate("modes", "hexapod").out
+    assert "There are 3 frequencies" in out
+    assert "Without mass: a/strut" in out
+
+
+def test_flutter_is_said(validate, tmp_path):
+    """Beck's column below and beyond its load, 20.05 EI/L² = 2067 N."""
+    model = tmp_path / "beck.toml"
+    model.write_text(
+        'format = 1\nname = "beck"\ntitle = "a column"\nsource = "a test"\n'
+        '[units]\nlength = "mm"\nforce = "N"\nangle = "rad"\n'
+        '[[parts]]\nkind = "beam"\nname = "rod"\nlength_mm = 1000.0\nmass_kg = 0.6165\n'
+        "[parts.section]\nEA_N = 1.649e7\nGJ_Nmm2 = 7.93e7\nEIy_Nmm2 = 1.031e8\nEIz_Nmm2 = 1.031e8\n"
+        "[postures]\nstraight = {}\n"
+    )
+    out = validate("modes", model, "--load", "rod@1:-2200,0,0:follower").out
+    assert "an oscillation grows (flutter)" in out
+    assert (
+        json.loads(validate("modes", model, "--load", "rod@1:-1900,0,0:follower", "--json").out)["verdict"]
+        == "stable"
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("orthoglide",), "no part that moves has a mass"),
+        (("ur10", "--number", "0"), "--number: must be at least 1"),
+        (("ur10", "--displacement", "0,0,0,0,0,0", "--gravity", "0,0,-9.81"), "--displacement holds the end"),
+        (("ur10", "--displacement", "5000,0,0,0,0,0"), "--displacement: 5000 mm is out of reach"),
+        (("ur10", "--end", "hand"), "has no end frame 'hand'"),
+    ],
+)
+def test_modes_that_are_none_are_refused(validate, words, said):
+    printed = validate("modes", *words, status=2)
+    assert said in printed.err
+    assert len(printed.err.strip().splitlines()) == 1
+
+
+def test_sensitivities_say_what_to_change(validate, tmp_path):
+    figure, page = tmp_path / "tornado.png", tmp_path / "tornado.html"
+    keys = "shoulder.compliance_rad_per_Nmm,elbow.compliance_rad_per_Nmm,tool.mass_kg"
+    words = ("--posture", "stretched", "--wrench", "0,-10,0,0,0,0", "--by", keys)
+    out = validate("sensitivity", "planar-2r", *words, "--plot", figure, "--report", page).out
+    found = SensitivityDocument.model_validate_json(validate("sensitivity", "planar-2r", *words, "--json").out)
+    shoulder, elbow, mass = found.parameters
+    # of a joint in series it is its share in the deflection
+    shares = vjm.shares(vjm.load("planar-2r"), "stretched", wrench=(0.0, -10.0, 0.0, 0.0, 0.0, 0.0))
+    of_joints = {row.part: share for row, share in zip(shares.rows, shares.fractions(1), strict=True)}
+    assert (shoulder.relative, elbow.relative) == pytest.approx(
+        (of_joints["shoulder"], of_joints["elbow"]), rel=1e-3
+    )
+    assert (mass.relative, mass.factor, elbow.factor) == (0.0, None, None)
+    assert f"(times {shoulder.factor:.3g})" in out
+    assert "elbow.compliance_rad_per_Nmm alone is not enough" in out
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert "Derivatives" in page.read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("planar-2r",), "--of deflection: say under which load"),
+        (("planar-2r", "--of", "mass", "--by", "upper.length"), "did you mean 'upper.length_mm'"),
+        (("planar-2r", "--of", "mass", "--along", "x"), "a mass has no component"),
+        (("orthoglide", "--of", "mass"), "is a manipulator's file"),
+    ],
+)
+def test_sensitivities_that_are_none_are_refused(validate, words, said):
+    printed = validate("sensitivity", *words, status=2)
+    assert said in printed.err
+    assert len(printed.err.strip().splitlines()) == 1

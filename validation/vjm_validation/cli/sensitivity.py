@@ -1,0 +1,119 @@
+"""The command ``validate sensitivity``."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from vjm.design.sensitivity import Quantity, sensitivity
+from vjm.engines import engine_by_name
+from vjm.io.file_parameters import file_parameter, parameter_keys
+from vjm.io.model_file import read_document
+from vjm.model.chain import Chain
+from vjm.model.parts import Placement
+from vjm.vjm_engine import VjmEngine
+from vjm_output import terminal
+from vjm_output.documents import as_json, doubt_rows
+from vjm_validation.cli import pages
+from vjm_validation.cli.doubts import Strict, considered
+from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
+from vjm_validation.cli.options import (
+    FootSegments,
+    Json,
+    Model,
+    PlacementOption,
+    Posture,
+    Segments,
+    Shear,
+    engine_options,
+    six,
+    with_shear,
+)
+from vjm_validation.cli.status import OK, UsageError
+from vjm_validation.design_documents import (
+    SENSITIVITY_HEADER,
+    SOUGHT,
+    print_sensitivity,
+    sensitivity_cells,
+    sensitivity_document,
+    sensitivity_lines,
+)
+from vjm_validation.documents import SensitivityDocument
+from vjm_validation.load_any_model import in_postures, loaded
+
+
+def sensitivity_(
+    model: Model,
+    *,
+    of: Annotated[Quantity, Parameter(help="deflection, stiffness, frequency or mass.")] = Quantity.DEFLECTION,
+    by: Annotated[
+        tuple[str, ...],
+        Parameter(
+            consume_multiple=True,
+            help="Numbers of parts, such as upper.section.width_mm,elbow.compliance_rad_per_Nmm; all by default.",
+        ),
+    ] = (),
+    along: Annotated[
+        str,
+        Parameter(help="x, y, z, rx, ry, rz: of a deflection by default its largest shift, of a stiffness x."),
+    ] = "",
+    posture: Posture = None,
+    wrench: Annotated[str | None, Parameter(help="fx,fy,fz,mx,my,mz in N and N mm on the free end.")] = None,
+    gravity: GravityOption = "",
+    load: LoadOption = (),
+    end: Annotated[str, Parameter(help="Name of the end frame, where the machine names some.")] = "",
+    segments: Segments = None,
+    foot_segments: FootSegments = None,
+    placement: PlacementOption = Placement.BEST,
+    shear: Shear = None,
+    json: Json = False,
+    plot: pages.Plot = None,
+    report: pages.Report = None,
+    strict: Strict = False,
+) -> int:
+    """What a deflection, a stiffness, a frequency or the mass depends on, and what to change."""
+    if of is Quantity.DEFLECTION and wrench is None and not gravity and not load:
+        raise UsageError("--of deflection: say under which load: give --wrench, --gravity or --load")
+    pages.check(plot, report)
+    sheared = with_shear(shear)
+    machine = loaded(model, shear=sheared)
+    document = read_document(model)
+    if not isinstance(machine, Chain) or "parts" not in document.content:
+        raise UsageError(
+            f"{model}: is a manipulator's file, whose parts stand in the files of its legs: its derivatives are "
+            f"computed in Python, see vjm.design.sensitivity"
+        )
+    doubts = considered(model, strict, weighed=bool(gravity) or of in (Quantity.FREQUENCY, Quantity.MASS))
+    solver = engine_by_name("vjm", engine_options(segments, foot_segments, placement), machine)
+    assert isinstance(solver, VjmEngine)
+    machine, (label, *_) = in_postures(machine, (posture,) if posture else ())
+
+    def prepared(chain: Chain) -> Chain:
+        return chain if sheared else chain.rigid_in_shear()
+
+    keys = [key.strip() for text in by for key in text.split(",") if key.strip()]
+    parameters = [file_parameter(document, key, prepared) for key in keys or parameter_keys(document.content)]
+    found = sensitivity(
+        machine, parameters, of, label, along=along, wrench=None if wrench is None else six("--wrench", wrench),
+        gravity=acceleration(gravity), loads=[parsed_load(text) for text in load], end=end, engine=solver,
+        factors=SOUGHT,
+    )  # fmt: skip
+    result = sensitivity_document(found).model_copy(update={"doubts": doubt_rows(doubts)})
+    if json:
+        sys.stdout.write(as_json(result))
+    else:
+        print_sensitivity(terminal.console(), result)
+    pages.draw(plot, report, lambda: _content(result), None if json else terminal.console())
+    return OK
+
+
+def _content(document: SensitivityDocument) -> pages.Content:
+    from vjm_validation.report.design_figures import tornado_picture
+    from vjm_validation.report.tables import Table
+
+    verdict, *others = sensitivity_lines(document)
+    table = Table("Derivatives", SENSITIVITY_HEADER, tuple(sensitivity_cells(document)))
+    title = f"{document.model}, posture {document.posture}: what its {document.quantity} depends on"
+    return pages.Content(title, verdict, [tornado_picture(document)], [table], others)

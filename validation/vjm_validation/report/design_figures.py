@@ -1,0 +1,107 @@
+"""Figures of compliance shares and of natural motions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vjm.design.modes import Modes
+from vjm.rotations import Array
+from vjm_output.plot_style import Picture, drawing_of, figure, plain
+from vjm_validation.documents import SensitivityDocument, SharesRow
+from vjm_validation.report.command_figures import COLOURS
+
+SHOWN = 7
+"""Parts that a figure names; the others are added up."""
+LONGEST_TORNADO = 15
+"""Parameters that a tornado shows."""
+REACH = 0.15
+"""Of the machine's size, by which the largest motion of a shape is drawn."""
+
+
+def shares_picture(model: str, rows: Sequence[SharesRow]) -> Picture:
+    """What each part has in the strain energy, a bar for each posture."""
+    totals: dict[str, float] = {}
+    for row in rows:
+        for part in row.parts:
+            totals[f"{part.part} ({part.kind})"] = totals.get(f"{part.part} ({part.kind})", 0.0) + (
+                part.energy or 0.0
+            )
+    named = sorted((name for name in totals if totals[name]), key=lambda name: -totals[name])[:SHOWN]
+    labels = [row.posture for row in rows]
+    with figure(1.2 + 0.35 * len(rows) + 0.2 * ((len(named) + 3) // 3), 1) as (fig, (ax,)):
+        left = np.zeros(len(rows))
+        for name, colour in zip([*named, "others"], COLOURS, strict=False):
+            width = np.array([_energy(row, name, named) for row in rows])
+            if width.any():
+                ax.barh(labels, 100.0 * width, left=100.0 * left, color=colour, label=plain(name), height=0.7)
+            left += width
+        ax.set(xlabel="share in the strain energy, %", ylabel="posture", xlim=(0.0, 100.0))
+        ax.invert_yaxis()
+        fig.legend(loc="outside upper center", ncols=3)
+        drawing = drawing_of(fig)
+    caption = (
+        "Under a wrench on the end alone it is the share in the deflection along the wrench. Bearings are a "
+        "joint's compliance across its axis."
+    )
+    return Picture("shares", drawing, f"{model}: what deflects", caption)
+
+
+def _energy(row: SharesRow, name: str, named: Sequence[str]) -> float:
+    own = {f"{part.part} ({part.kind})": part.energy or 0.0 for part in row.parts}
+    return own.get(name, 0.0) if name != "others" else sum(v for key, v in own.items() if key not in named)
+
+
+def modes_picture(found: Modes) -> Picture:
+    """The shapes of the first motions beside the machine at its equilibrium."""
+    count = min(len(found.frequencies), 6)
+    columns = min(count, 3)
+    rows = (count + columns - 1) // columns
+    size = float(np.ptp(found.shape, axis=0).max()) or 1.0
+    with figure(2.3 * rows + 0.4, columns, rows=rows) as (fig, axes):
+        for k, ax in enumerate(axes):
+            if k >= count:
+                ax.set_visible(False)
+                continue
+            across, up = _plane(found.shape, found.shapes[k])
+            moved = found.shape + REACH * size * found.shapes[k]
+            for places, colour, width in ((found.shape, "#8C8C8C", 1.0), (moved, "#0072B2", 1.8)):
+                for pair in found.lines:
+                    ax.plot(*places[list(pair)][:, [across, up]].T, color=colour, lw=width)
+            growth = f", grows by {found.growth[k]:.3g}/s" if found.growth[k] else ""
+            ax.set_title(f"{k + 1}: {found.frequencies[k]:.4g} Hz{growth}")
+            ax.set(xlabel=f"{'xyz'[across]}, mm", ylabel=f"{'xyz'[up]}, mm")
+            ax.tick_params(labelbottom=True)
+            ax.set_aspect("equal", adjustable="datalim")
+        drawing = drawing_of(fig)
+    caption = (
+        "Grey: the equilibrium. Blue: the motion, its largest part drawn as 15 % of the machine's size, in the "
+        "plane in which it is seen best."
+    )
+    return Picture("modes", drawing, f"{found.model}: natural motions, posture {found.posture}", caption)
+
+
+def _plane(shape: Array, motion: Array) -> tuple[int, int]:
+    """The two world axes in which a motion is seen best: what moves most, and what the machine spans beside it."""
+    moves, spans = np.abs(motion).max(axis=0), np.ptp(shape, axis=0)
+    first = int(np.argmax(moves))
+    others = [axis for axis in range(3) if axis != first]
+    second = max(others, key=lambda axis: float(spans[axis]))
+    across, up = sorted((first, second))
+    return across, up
+
+
+def tornado_picture(document: SensitivityDocument) -> Picture:
+    """The relative derivatives by the parameters that matter most, the largest one on top."""
+    rows = [row for row in document.parameters if row.relative][:LONGEST_TORNADO]
+    with figure(1.0 + 0.28 * len(rows), 1) as (fig, (ax,)):
+        values = [row.relative for row in rows]
+        colours = ["#D55E00" if value > 0.0 else "#0072B2" for value in values]
+        ax.barh([plain(row.parameter) for row in rows], values, color=colours, height=0.7)
+        ax.axvline(0.0, color="black", lw=0.8)
+        ax.set(xlabel=f"change of the {document.quantity}, % per %", ylabel="parameter")
+        ax.invert_yaxis()
+        drawing = drawing_of(fig)
+    caption = "Orange: it grows with the parameter. Blue: it falls. Each is for a small change of one parameter alone."
+    return Picture("sensitivity", drawing, f"{document.model}: what its {document.quantity} depends on", caption)
