@@ -132,7 +132,7 @@ class Closing:
         """
         way = np.asarray(displacement, dtype=float)
         # what has fewer freedoms takes only some poses
-        freedom, asked = self._freedom(self.home).shape[1], int(np.count_nonzero(np.array(components)))
+        freedom, asked = self._mobility.freedom, int(np.count_nonzero(np.array(components)))
         try:
             q = self._arrived(self._towards(self.home[None], way[None], components), _words(way))
         except PoseError as error:

@@ -87,7 +87,9 @@ def markdown(rows: list[Scored], seed: int) -> str:
     lines.append("| --- | ---: | ---: | ---: | ---: |")
     for name, own in summary(rows).items():
         if name in HIDDEN:
-            low, high = (round(100.0 * end) for end in own["interval95"])
+            interval = own["interval95"]
+            assert isinstance(interval, list)
+            low, high = (round(100.0 * end) for end in interval)
             lines.append(f"| {HIDDEN[name]} | {own['made']} | {own['sets']} | {own['hits']} | {low} to {high} % |")
     return "\n".join(lines)
 
