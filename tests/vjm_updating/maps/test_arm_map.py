@@ -151,7 +151,6 @@ def test_the_page_of_a_map_has_joints_and_units(tmp_path, capsys):
         ),
         (["--grid", "x=0:1:3,elbow=1"], "give joints or coordinates of the tool, not both"),
         (["--grid", "elbow=2:1:3"], "'2:1:3' must run upwards"),
-        (["--grid", "elbow=0:1:3", "--quantity", "critical"], "--quantity critical: is for platforms"),
         (["--grid", "elbow=0:1:3", "--quantity", "deflection"], "--wrench: a map of the deflection needs one"),
         (["--grid", "elbow=0:1:3", "--end", "hand"], "no end frame 'hand'"),
     ],

@@ -6,9 +6,9 @@ import os
 import re
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated
@@ -17,7 +17,6 @@ import numpy as np
 from cyclopts import Parameter
 from rich.console import Console
 
-from vjm import __version__
 from vjm.engine import Engine
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.files import locked
@@ -31,24 +30,23 @@ from vjm.plain_numbers import plain_number
 from vjm.platform.manipulator import Manipulator
 from vjm.vjm_engine import VjmEngine
 from vjm_output import terminal
-from vjm_output.documents import as_json, doubt_rows
+from vjm_output.documents import as_json
 from vjm_updating.maps.arm_map import map_arm, write_arm_map
 from vjm_updating.maps.by_engine import refuse_critical
-from vjm_updating.maps.difference import Difference, difference_of, write_difference, write_side_by_side
-from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, Quantity
+from vjm_updating.maps.difference import difference_of, write_difference, write_side_by_side
+from vjm_updating.maps.evaluate import COLUMNS, OK, Quantity
 from vjm_updating.maps.output import write_map
 from vjm_updating.maps.pose_grid import Grid, parsed_grid
 from vjm_updating.maps.run import Map, run_map
 from vjm_validation.cli import pages
 from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
+from vjm_validation.cli.map_result import Mapped, content, document, title
 from vjm_validation.cli.options import Json
-from vjm_validation.documents import MapRowsDocument, MapsDocument
+from vjm_validation.documents import MapsDocument
 from vjm_validation.load_any_model import in_postures
 
 INTERRUPTED = 130
-UNITS = {"_N_per_mm": "N/mm", "_Nmm_per_rad": "N mm/rad", "_mm": "mm", "_rad": "rad", "_N": "N"}
-"""Endings of columns, the longer ones first."""
 NUMBER = re.compile(r"[-+]?\d[\d.]*(e[-+]?\d+)?")
 NOTHING: tuple[list[Path], list[str]] = [], []
 """Files that are written, and those left out, where there is no folder."""
@@ -129,7 +127,7 @@ def map_(
             files: list[Path] = []
             left_out: list[str] = []
             if len(found) > 1:
-                panels = [(_title(each), one.values) for each, one in zip(wrenches, found, strict=True)]
+                panels = [(title(each), one.values) for each, one in zip(wrenches, found, strict=True)]
                 files, left_out = write_side_by_side(folder, quantity, found[0].axes, panels)
     except KeyboardInterrupt:
         terminal.error(
@@ -137,43 +135,6 @@ def map_(
         )
         return INTERRUPTED
     return _said(found, files, left_out, doubts, plot, report, json=json)
-
-
-def _title(wrench: tuple[float, ...]) -> str:
-    return ", ".join(f"{v:g}" for v in (wrench if any(wrench[3:]) else wrench[:3])) + " N"
-
-
-@dataclass(frozen=True)
-class Mapped:
-    """A map as it is shown.
-
-    Attributes:
-        machine: whose map it is.
-        engine: label.
-        quantity: what was asked.
-        wrench: ``(6,)`` N, N mm.
-        places: ``(g, 3)`` of the platform or tool, mm.
-        values: ``(g, k)`` in the order of `COLUMNS`.
-        why: ``ok``, or why there is no value.
-        files: that were written.
-        left_out: a line for each that was not, with the reason.
-        axes: of the grid by name, in the order of the poses.
-        joints: of an arm, ``(g,)`` coordinates of each.
-        difference: to another engine, where one is asked for.
-    """
-
-    machine: Chain | Manipulator
-    engine: str
-    quantity: Quantity
-    wrench: tuple[float, ...]
-    places: np.ndarray
-    values: np.ndarray
-    why: Sequence[str]
-    files: Sequence[Path]
-    left_out: Sequence[str]
-    axes: Mapping[str, Sequence[float]]
-    joints: dict[str, np.ndarray] = field(default_factory=dict)
-    difference: Difference | None = None
 
 
 @dataclass(frozen=True)
@@ -260,18 +221,18 @@ def _said(
 ) -> int:  # fmt: skip
     """What maps hold, in some lines or as a document."""
     if json:
-        documents = [_document(each, doubts) for each in found]
+        documents = [document(each, doubts) for each in found]
         sys.stdout.write(as_json(documents[0] if len(documents) == 1 else MapsDocument(maps=documents)))
         for line in (*(line for each in found for line in each.left_out), *left_out):
             terminal.error(line)
-        pages.draw(plot, report, lambda: _content(found, files), None)
+        pages.draw(plot, report, lambda: content(found, files), None)
         return 0
     console = terminal.console()
     for each in found:
-        _print(each, console, under=_title(each.wrench) if len(found) > 1 else "")
+        _print(each, console, under=title(each.wrench) if len(found) > 1 else "")
     for line in (*map(str, files), *left_out):
         console.print(line, soft_wrap=True)
-    pages.draw(plot, report, lambda: _content(found, files), console)
+    pages.draw(plot, report, lambda: content(found, files), console)
     sys.stdout.flush()
     return 0
 
@@ -308,84 +269,6 @@ def _reasons(why: Sequence[str]) -> list[str]:
         like = "" if len(set(reasons)) == 1 else " (the first; each is in the file)"
         lines.append(f"{len(reasons)} poses: {reasons[0]}{like}")
     return lines
-
-
-def _document(found: Mapped, doubts: Sequence[Finding]) -> MapRowsDocument:
-    def numbers(values: np.ndarray) -> list[float | None]:
-        return [float(v) if np.isfinite(v) else None for v in values]
-
-    return MapRowsDocument(
-        model=found.machine.name,
-        model_sha256=found.machine.sha256,
-        version=__version__,
-        engine=found.engine,
-        quantity=str(found.quantity),
-        columns=list(COLUMNS[found.quantity]),
-        places_mm=[numbers(row) for row in found.places],
-        joints={name: numbers(values) for name, values in found.joints.items()},
-        values=[numbers(row) for row in found.values],
-        status=list(found.why),
-        wrench=list(found.wrench),
-        against=found.difference.against if found.difference else "",
-        difference_percent=numbers(found.difference.percent) if found.difference else [],
-        files=[str(file) for file in found.files],
-        doubts=doubt_rows(doubts),
-    )
-
-
-def _content(maps: Sequence[Mapped], files: Sequence[Path]) -> pages.Content:
-    from vjm_output.number_text import number
-    from vjm_output.plot_style import Drawing, Picture
-    from vjm_validation.report.tables import Table
-
-    found, several = maps[0], len(maps) > 1
-    titles = {
-        "map.png": "The map", "render.png": "Planes through the middle of the workspace",
-        "difference.png": "Difference of two engines", "side-by-side.png": "One map for each wrench",
-    }  # fmt: skip
-    what = TITLES[found.quantity]
-    caption = f"{what[:1].upper()}{what[1:]}; where there is none, nothing is drawn. One colour scale."
-    pictures = [
-        Picture(f"{file.parent.name}-{file.stem}" if several else file.stem, Drawing(file.read_bytes()),
-                titles[file.name], f"{_title(each.wrench)}. {caption}" if several else caption)
-        for each in maps
-        for file in each.files
-        if file.name in titles
-    ]  # fmt: skip
-    pictures = [*(Picture(file.stem, Drawing(file.read_bytes()), titles[file.name], caption) for file in files),
-                *pictures]  # fmt: skip
-    header = (*found.joints, "x, mm", "y, mm", "z, mm", *map(_with_unit, COLUMNS[found.quantity]), "status")
-    solved = sum(why == OK for why in found.why)
-    title = f"{found.machine.name}, {found.engine}: {found.quantity}"
-    verdict = f"{solved} of {len(found.why)} poses have an answer"
-    shown = found.values[:, SHOWN[found.quantity]]
-    if np.isfinite(shown).any():
-        low, high = (number(float(edge(shown[np.isfinite(shown)]))) for edge in (np.min, np.max))
-        verdict += f"; {what.replace(',', f' from {low} to {high}', 1)}"
-    words = [f"{each.difference.words}." for each in maps if each.difference is not None]
-    tables = [
-        Table(f"Every pose, {_title(each.wrench)}" if several else "Every pose", header, _rows(each), words=0)
-        for each in maps
-    ]
-    return pages.Content(title, f"{verdict}.", pictures, tables, words)
-
-
-def _rows(found: Mapped) -> tuple[tuple[str, ...], ...]:
-    from vjm_output.number_text import number
-
-    joints = np.array([*found.joints.values()]).reshape(len(found.joints), len(found.why)).T
-    return tuple(
-        (*("∞" if np.isinf(v) else number(float(v)) for v in row), why)
-        for row, why in zip(np.hstack([joints, found.places, found.values]), found.why, strict=True)
-    )
-
-
-def _with_unit(column: str) -> str:
-    """``kt_min_N_per_mm`` as ``kt_min, N/mm``."""
-    for ending, unit in UNITS.items():
-        if column.endswith(ending):
-            return f"{column.removesuffix(ending)}, {unit}"
-    return column
 
 
 def _wrench(text: str, quantity: Quantity) -> tuple[float, ...]:
