@@ -49,6 +49,21 @@ def rotation_vector(R: Array) -> Array:
     return result
 
 
+def rotation_vectors(R: Array) -> Array:
+    """Rotation vectors ``(..., 3)`` in rad of rotation matrices ``(..., 3, 3)``; nan for half a turn.
+
+    Example:
+        >>> rotation_vectors(np.array([np.eye(3), turn([0.0, 0.0, 1.0], 0.5)[:3, :3]])).round(9).tolist()
+        [[0.0, 0.0, 0.0], [0.0, 0.0, 0.5]]
+    """
+    w = 0.5 * np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1)
+    sine, cosine = np.linalg.norm(w, axis=-1), 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1.0)
+    small = sine < 1e-9
+    few = np.where(cosine > 0.0, 1.0, np.nan)
+    result: Array = w * np.where(small, few, np.arctan2(sine, cosine) / np.where(small, 1.0, sine))[..., None]
+    return result
+
+
 _IDENTITY = np.eye(4)
 """Copied, for that is faster than to make one."""
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from vjm.kernels.arrays import Floats, Ints
 from vjm.kernels.compilation import entry, kernel
+from vjm.kernels.statics import rotation_between
 
 
 class RigidArrays(NamedTuple):
@@ -122,19 +123,7 @@ def _apart(A: Floats, B: Floats, length: float, rows: int, gap: Floats) -> None:
         gap[a] = (A[a, 3] - B[a, 3]) / length
     if rows < 6:
         return
-    R = np.empty((3, 3))
-    for a in range(3):
-        for b in range(3):
-            R[a, b] = A[a, 0] * B[b, 0] + A[a, 1] * B[b, 1] + A[a, 2] * B[b, 2]
-    x, y, z = 0.5 * (R[2, 1] - R[1, 2]), 0.5 * (R[0, 2] - R[2, 0]), 0.5 * (R[1, 0] - R[0, 1])
-    sine = np.sqrt(x * x + y * y + z * z)
-    cosine = 0.5 * (R[0, 0] + R[1, 1] + R[2, 2] - 1.0)
-    factor = 1.0
-    if sine >= 1e-9:
-        factor = np.arctan2(sine, cosine) / sine
-    elif cosine <= 0.0:
-        factor = np.nan
-    gap[3], gap[4], gap[5] = factor * x, factor * y, factor * z
+    rotation_between(A, B, gap[3:6])
 
 
 @kernel

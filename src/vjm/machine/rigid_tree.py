@@ -14,7 +14,7 @@ import numpy as np
 from vjm.model.chain import Chain
 from vjm.model.joints import CoupledJoint, HeldJoint
 from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
-from vjm.rotations import Array, frame, translation
+from vjm.rotations import Array, frame, rotation_vectors, translation
 
 if TYPE_CHECKING:
     from vjm.machine.rigid_kernel import RigidArrays
@@ -184,15 +184,8 @@ def difference(start: Array, stop: Array) -> Array:
 
     Of half a turn, which has no one vector, the turn is NaN.
     """
-    R = stop[:, :3, :3] @ start[:, :3, :3].transpose(0, 2, 1)
-    w = 0.5 * np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1)
-    sine = np.linalg.norm(w, axis=1)
-    cosine = 0.5 * (np.trace(R, axis1=1, axis2=2) - 1.0)
-    small = sine < 1e-9
-    factor = np.where(
-        small, np.where(cosine > 0.0, 1.0, np.nan), np.arctan2(sine, cosine) / np.where(small, 1.0, sine)
-    )
-    return np.concatenate([stop[:, :3, 3] - start[:, :3, 3], w * factor[:, None]], axis=1)
+    turned = rotation_vectors(stop[:, :3, :3] @ start[:, :3, :3].transpose(0, 2, 1))
+    return np.concatenate([stop[:, :3, 3] - start[:, :3, 3], turned], axis=1)
 
 
 def displaced_frames(T: Array, displacement: Array) -> Array:

@@ -11,7 +11,7 @@ from vjm.machine.closing import Closing, PoseError
 from vjm.model.joint_limits import JointLimits, joint_limits
 from vjm.model.joints import HeldJoint, SprungJoint
 from vjm.model.parts import PassiveJoint
-from vjm.rotations import Array, displacement_between, frame
+from vjm.rotations import Array, displacement_between, frame, rotation_vectors
 from vjm.tree.damped_search import damped_search
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.model import TreeModel
@@ -275,13 +275,9 @@ def _closed_path(
 
 def difference(p: Array, R: Array, wanted_p: Array, wanted_R: Array) -> Array:
     """Errors ``(g, 6)`` of frames: shift, and rotation vector from the wanted ones, world axes."""
-    A = R @ np.swapaxes(wanted_R, 1, 2)
-    vector = 0.5 * np.stack([A[:, 2, 1] - A[:, 1, 2], A[:, 0, 2] - A[:, 2, 0], A[:, 1, 0] - A[:, 0, 1]], axis=1)
-    sine = np.linalg.norm(vector, axis=1)
-    angle = np.arctan2(sine, 0.5 * (np.trace(A, axis1=1, axis2=2) - 1.0))
     # at half a turn any axis is a way out
-    scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 1.0)
-    return np.hstack([p - wanted_p, scale[:, None] * vector])
+    turned = np.nan_to_num(rotation_vectors(R @ np.swapaxes(wanted_R, 1, 2)))
+    return np.hstack([p - wanted_p, turned])
 
 
 def _searched(

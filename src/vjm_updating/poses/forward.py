@@ -17,7 +17,7 @@ from vjm.errors import NoConvergenceError
 from vjm.kernels.arrays import MachineArrays
 from vjm.kernels.batch import LOST
 from vjm.kernels.derivatives import FrameDerivatives, frame_derivatives
-from vjm.rotations import Array, rotation_from_vector
+from vjm.rotations import Array, rotation_from_vector, rotation_vectors
 from vjm.tree.equilibria import free_equilibria
 from vjm_updating.poses.families import COMPLIANCE, DRIFT, FACTOR, MASS, STRETCH, VALUE, Member
 from vjm_updating.poses.machine import RIGID, PoseMachine
@@ -377,11 +377,4 @@ class PoseForward:
 
 def turn_between(R: Array, other: Array) -> Array:
     """Rotation vectors ``(g, k, 3)`` from predicted to read orientations, for small turns; nan where none."""
-    D = other @ np.swapaxes(R, -1, -2)
-    w = 0.5 * np.stack([D[..., 2, 1] - D[..., 1, 2], D[..., 0, 2] - D[..., 2, 0], D[..., 1, 0] - D[..., 0, 1]], -1)
-    sine = np.linalg.norm(w, axis=-1)
-    cosine = 0.5 * (np.trace(D, axis1=-2, axis2=-1) - 1.0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        scale = np.where(sine > 1e-9, np.arctan2(sine, cosine) / sine, 1.0)
-    result: Array = w * scale[..., None]
-    return result
+    return rotation_vectors(other @ np.swapaxes(R, -1, -2))
