@@ -42,7 +42,7 @@ def test_import_alone_loads_no_numpy():
     "module",
     [
         *("vjm", "vjm.analysis", "vjm.postures", "vjm.model.joint_limits", "vjm.tree.damped_search"),
-        "vjm.tree.inverse_kinematics",
+        *("vjm.tree.inverse_kinematics", "vjm.design.shares", "vjm.design.modes", "vjm.io.inertia"),
     ],
 )
 def test_examples_in_docstrings_hold(module):

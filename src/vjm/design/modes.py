@@ -170,7 +170,9 @@ def modes(
 
     Example:
         >>> import vjm
-        >>> vjm.modes(vjm.load("ur10"), "stretched", number=2, gravity=(0, 0, -9.81))  # doctest: +SKIP
+        >>> vjm.modes(vjm.load("planar-2r"), "stretched", number=2)
+        <Modes planar-2r, posture stretched, vjm-16: stable
+         4.3722, 31.44 Hz>
     """
     if number < 1:
         raise ValueError(f"number must be at least 1, not {number}")

@@ -103,5 +103,7 @@ def tornado_picture(document: SensitivityDocument) -> Picture:
         ax.set(xlabel=f"change of the {document.quantity}, % per %", ylabel="parameter")
         ax.invert_yaxis()
         drawing = drawing_of(fig)
-    caption = "Orange: it grows with the parameter. Blue: it falls. Each is for a small change of one parameter."
+    caption = (
+        "Orange: it grows with the parameter. Blue: it falls. Each is for a small change of one parameter alone."
+    )
     return Picture("sensitivity", drawing, f"{document.model}: what its {document.quantity} depends on", caption)
