@@ -18,7 +18,7 @@ from numba.core import event as events
 from vjm.kernels.compiling import watchers
 
 PACKAGE = Path(__file__).parents[1]
-ROOMS = ("kernels", "platform", "sensitivity")
+ROOMS = ("kernels", "sensitivity")
 """Folders of `vjm` with kernels that others call."""
 Function = TypeVar("Function", bound=Callable[..., Any])
 # its type stubs lack the options that follow, and what tells of events

@@ -14,7 +14,7 @@ import numpy as np
 
 from vjm.model.chain import Chain
 from vjm.model.joint_limits import said_beyond
-from vjm.model.parts import Actuator, Beam, RigidOffset
+from vjm.model.parts import Actuator, RigidOffset
 from vjm.plain_numbers import plain_number
 from vjm.rotations import Array, translation, turn
 
@@ -291,17 +291,6 @@ class Manipulator:
             if leg.drive is not None
         ]
         return "; ".join(text for text in said if text)
-
-    def built(self, leg: Leg) -> Chain:
-        """The chain of a leg as it was built: with its errors."""
-        wrong = self.errors.get(leg.name, {})
-        parts = [
-            replace(part, length=part.length + wrong[part.name])
-            if isinstance(part, Beam) and part.name in wrong
-            else part
-            for part in leg.chain.parts
-        ]
-        return replace(leg.chain, parts=tuple(parts))
 
     def with_errors(self, errors: Mapping[str, Mapping[str, float]]) -> Manipulator:
         """The same machine with beams that were built too long, by leg and part, mm."""
