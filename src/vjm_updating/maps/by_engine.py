@@ -66,7 +66,8 @@ def rows_by(
                 values[k] = moved(found.displacement)
             else:
                 C = found.loaded_compliance
-                values[k] = principal((np.linalg.inv(found.loaded) if C is None else C)[None])[0]
+                compliance: Array = np.asarray(np.linalg.inv(found.loaded), dtype=float) if C is None else C
+                values[k] = principal(compliance[None])[0]
             why.append(OK)
         except (ValueError, NoConvergenceError, np.linalg.LinAlgError) as error:
             why.append(" ".join(str(error).split()))
