@@ -152,15 +152,15 @@ REFUSALS = (
     ),
     Refusal(
         ("compensate",), CHAIN, "its passive joints let the end swing",
-        "no drive holds its end: a force swings it away",
+        "no drive holds its end: under a force it is a mechanism",
     ),
     Refusal(
         ("curve of a force",), CHAIN, "is a mechanism: it moves without straining a spring",
-        "with all components free its end swings",
+        "with all components free it is a mechanism",
     ),
     Refusal(
         ("stiffness under weight",), CHAIN, "are for machines that carry their free end",
-        "its end swings under its weight; `curve --gravity` has it with the pose held",
+        "under its weight it is a mechanism; `curve --gravity` has it with the pose held",
     ),
     Refusal(
         TESTED, PLATFORM, "do not tell which of them gives way",

@@ -150,7 +150,7 @@ class _LoadedArm:
     def unloaded(self, q: Array) -> tuple[Array, Array]:
         """Rotations ``(s, 3, 3)`` and positions ``(s, 3)`` mm of the unloaded end, nan where loops do not close."""
         q = self.closed(q)
-        closes = np.array([np.isfinite(row).all() for row in q])
+        closes = np.asarray(np.isfinite(q).all(axis=1))
         R, p = unloaded_frames(self.model, np.where(closes[:, None], q, 0.0))
         R[~closes], p[~closes] = np.nan, np.nan
         return R[:, self.index], p[:, self.index]
@@ -167,7 +167,7 @@ class _LoadedArm:
         wrench = np.zeros((len(q), len(self.model.ends), 6))
         wrench[:, self.index] = self.wrenches[rows]
         q = self.closed(q)
-        closes = np.array([np.isfinite(row).all() for row in q])
+        closes = np.asarray(np.isfinite(q).all(axis=1))
         at = equilibria(
             self.model, np.where(closes[:, None], q, 0.0), gravity=self.gravity, wrench=wrench, compliance=False,
             share=share,

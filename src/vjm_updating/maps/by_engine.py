@@ -65,9 +65,9 @@ def rows_by(
             if quantity is Quantity.DEFLECTION:
                 values[k] = moved(found.displacement)
             else:
-                known = found.loaded_compliance
-                C: Array = np.asarray(np.linalg.inv(found.loaded), dtype=float) if known is None else known
-                values[k] = principal(C[None])[0]
+                C = found.loaded_compliance
+                compliance: Array = np.asarray(np.linalg.inv(found.loaded), dtype=float) if C is None else C
+                values[k] = principal(compliance[None])[0]
             why.append(OK)
         except (ValueError, NoConvergenceError, np.linalg.LinAlgError) as error:
             why.append(" ".join(str(error).split()))
