@@ -20,6 +20,7 @@ from vjm_validation.documents import (
     SensitivityRow,
     ShareRow,
     SharesRow,
+    SweepDocument,
 )
 
 AXES = ("ux mm", "uy mm", "uz mm", "rx rad", "ry rad", "rz rad")
@@ -243,3 +244,26 @@ def print_sensitivity(console: Console, document: SensitivityDocument) -> None:
     _print(console, title, SENSITIVITY_HEADER, sensitivity_cells(document), 1)
     for line in sensitivity_lines(document):
         console.print(line, soft_wrap=True)
+
+
+# --- sweep --------------------------------------------------------------------------------------------------
+
+
+def sweep_header(document: SweepDocument) -> tuple[str, ...]:
+    """Names of the columns of `sweep_cells`."""
+    numbers = [f"{key}, {unit}" if unit else key for key, unit in zip(document.keys, document.units, strict=True)]
+    found = [f"{q}, {u}" for q, u in zip(document.quantities, document.quantity_units, strict=True)]
+    return (*numbers, *found, "front", "why")
+
+
+def sweep_cells(document: SweepDocument) -> list[tuple[str, ...]]:
+    """Numbers and quantities of each machine, whether it is on the Pareto front, and why it has no answer."""
+    return [
+        (
+            *(f"{v:.6g}" for v in row.numbers),
+            *("" if v is None else f"{v:.6g}" for v in row.values),
+            "yes" if row.on_front else "",
+            row.why,
+        )
+        for row in document.rows
+    ]

@@ -203,6 +203,92 @@ class SensitivityDocument(BaseModel):
     """What is implausible about the model."""
 
 
+class SweepRow(BaseModel):
+    """One machine of a sweep."""
+
+    model_config = ConfigDict(frozen=True)
+
+    numbers: list[float]
+    """Of the keys."""
+    values: list[float | None]
+    """Of the quantities; null where there is no answer."""
+    why: str
+    """There is no answer; empty where there is one."""
+    on_front: bool
+    """Whether no other machine is as good in all quantities and better in one."""
+
+
+class SweepDocument(BaseModel):
+    """What ``validate sweep --json`` prints."""
+
+    model_config = ConfigDict(frozen=True)
+
+    model: str
+    model_sha256: str
+    version: str
+    posture: str
+    keys: list[str]
+    """Numbers of the model file that vary."""
+    units: list[str]
+    quantities: list[str]
+    """Of a deflection the size."""
+    quantity_units: list[str]
+    rows: list[SweepRow]
+    doubts: list[DoubtRow] = []
+    """What is implausible about the model."""
+
+
+class OptimumNumber(BaseModel):
+    """A number of the model file at the optimum."""
+
+    model_config = ConfigDict(frozen=True)
+
+    key: str
+    unit: str
+    before: float
+    value: float
+    at_bound: bool
+
+
+class OptimumLimit(BaseModel):
+    """A limit at the optimum."""
+
+    model_config = ConfigDict(frozen=True)
+
+    limit: str
+    value: float
+    """Of the quantity."""
+    active: bool
+    """Whether the optimum reaches it."""
+
+
+class OptimumDocument(BaseModel):
+    """What ``validate optimise --json`` prints."""
+
+    model_config = ConfigDict(frozen=True)
+
+    model: str
+    model_sha256: str
+    version: str
+    posture: str
+    objective: str
+    unit: str
+    before: float | None
+    """With the file's own numbers."""
+    value: float
+    kept: bool
+    """Whether all limits are kept."""
+    numbers: list[OptimumNumber]
+    limits: list[OptimumLimit]
+    starts: int
+    agreeing: int
+    """Starts that ended there."""
+    machines: int
+    """That were computed."""
+    doubts: list[DoubtRow] = []
+    """What is implausible about the model."""
+
+
 class CurvePointRow(BaseModel):
     """One equilibrium of a path."""
 

@@ -29,8 +29,10 @@ from vjm_validation.documents import (
     MapRowsDocument,
     MapsDocument,
     ModesDocument,
+    OptimumDocument,
     SensitivityDocument,
     StiffnessDocument,
+    SweepDocument,
 )
 from vjm_validation.studies.own_machine_rows import OwnMachineSummary
 from vjm_validation.studies.table2_document import Table2Document
@@ -48,6 +50,8 @@ def schemas() -> dict[str, dict[str, Any]]:
         "stiffness.schema.json": schema(StiffnessDocument),
         "modes.schema.json": schema(ModesDocument),
         "sensitivity.schema.json": schema(SensitivityDocument),
+        "sweep.schema.json": schema(SweepDocument),
+        "optimum.schema.json": schema(OptimumDocument),
         "identification.schema.json": schema(IdentificationDocument),
         "solid.schema.json": schema(SolidDocument),
         "calibration.schema.json": schema(Calibration),

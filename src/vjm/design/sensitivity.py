@@ -177,7 +177,7 @@ def sensitivity(
     asked = question(machine, posture, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
     base = state_of(asked)
     along = _component(base, quantity, along)
-    value = _value(base, quantity, along)
+    value = value_of(base, quantity, along)
     if quantity is Quantity.DEFLECTION:
         unit = np.repeat([1.0, base.model.characteristic_length], 3)
         k, size = COMPONENTS.index(along), float(np.abs(_moved(base) * unit).max())
@@ -187,7 +187,7 @@ def sensitivity(
         raise ValueError(f"{asked.machine.name}: no part has a mass")
     rows = []
     for parameter in parameters:
-        derivative = _derivative(base, parameter, quantity, along)
+        derivative = derivative_of(base, parameter, quantity, along)
         rows.append(
             Sensitivity(
                 parameter.name, parameter.unit, parameter.value, derivative, derivative * parameter.value / value
@@ -221,10 +221,21 @@ def _component(base: LinearState, quantity: Quantity, along: str) -> str:
     return along or COMPONENTS[largest]
 
 
-def _value(state: LinearState, quantity: Quantity, along: str) -> float:
+def value_of(state: LinearState, quantity: Quantity, along: str) -> float:
+    """A quantity of a machine in equilibrium.
+
+    Args:
+        state: the equilibrium.
+        quantity: what is asked for.
+        along: component of a deflection or a stiffness; empty for the size of the end's shift.
+
+    Raises:
+        ValueError: there is none, such as the lowest frequency of an unstable machine.
+    """
     match quantity:
         case Quantity.DEFLECTION:
-            return float(_moved(state)[COMPONENTS.index(along)])
+            moved = _moved(state)
+            return float(moved[COMPONENTS.index(along)] if along else np.linalg.norm(moved[:3]))
         case Quantity.STIFFNESS:
             N, k = state.motions, COMPONENTS.index(along)
             J = state.jacobian[k] @ N
@@ -260,8 +271,8 @@ def _moved(state: LinearState) -> Array:
     return displacement_between(unloaded.end.end, state.end.end)
 
 
-def _derivative(base: LinearState, parameter: Parameter, quantity: Quantity, along: str) -> float:
-    """Total derivative of a quantity by a parameter, per its unit."""
+def derivative_of(base: LinearState, parameter: Parameter, quantity: Quantity, along: str) -> float:
+    """Total derivative of a quantity, see `value_of`, by a parameter, per its unit."""
     right, result = np.zeros(base.n + len(_gaps(base))), 0.0
     shares = ((STEP * parameter.scale, -1.0 / 3.0), (0.5 * STEP * parameter.scale, 4.0 / 3.0))
     for h, share in shares:
@@ -271,7 +282,7 @@ def _derivative(base: LinearState, parameter: Parameter, quantity: Quantity, alo
     rate = _rate(base, right)
     for h, share in shares:
         ahead, behind = (_changed(base, parameter, parameter.value + s, base.x + s * rate) for s in (h, -h))
-        result += share / (2.0 * h) * (_value(ahead, quantity, along) - _value(behind, quantity, along))
+        result += share / (2.0 * h) * (value_of(ahead, quantity, along) - value_of(behind, quantity, along))
     return result
 
 
@@ -345,7 +356,7 @@ def _factor(
 
     def missing(log_factor: float) -> float:
         changed = replace(asked, machine=_posed(asked, parameter, parameter.value * float(np.exp(log_factor))))
-        found = _value(state_of(changed), quantity, along)
+        found = value_of(state_of(changed), quantity, along)
         return float(np.log(max(found / (goal * value), np.finfo(float).tiny)))
 
     far = float(np.sign(np.log(goal) / relative) * np.log(MOST))

@@ -61,6 +61,22 @@ def file_parameter(document: ModelDocument, key: str, prepared: Callable[[Chain]
     Raises:
         ModelFileError: there is no such number.
     """
+    value = file_number(document, key)
+    if not value:
+        raise ModelFileError(f"{document.file}: '{key}' is zero, which has no size: give it a value first")
+
+    def apply(chain: Chain, now: float) -> Chain:
+        return prepared(build_chain(with_numbers(document, {key: now}).content, document.file, chain.sha256))
+
+    return Parameter(key, unit_of_key(key), value, abs(value), apply)
+
+
+def file_number(document: ModelDocument, key: str) -> float:
+    """A number of a part in a chain file.
+
+    Raises:
+        ModelFileError: there is no such number.
+    """
     part, *words = key.split(".")
     parts = document.content.get("parts", [])
     numbers = {
@@ -73,21 +89,33 @@ def file_parameter(document: ModelDocument, key: str, prepared: Callable[[Chain]
             f"{document.file}: '{key}' is no number of a part{did_you_mean(key, known)}; write "
             f"part.key, such as {known[0] if known else 'link.length_mm'}"
         )
-    value = numbers[rest]
-    if not value:
-        raise ModelFileError(f"{document.file}: '{key}' is zero, which has no size: give it a value first")
+    return numbers[rest]
 
-    def apply(chain: Chain, now: float) -> Chain:
-        content = deepcopy(document.content)
+
+def with_numbers(document: ModelDocument, values: Mapping[str, float]) -> ModelDocument:
+    """A chain file's document with other numbers of its parts, by their keys, see `parameter_keys`.
+
+    Example:
+        >>> document = ModelDocument("a.toml", {"parts": [{"name": "a", "length_mm": 5.0}]}, "")
+        >>> changed = with_numbers(document, {"a.length_mm": 6.0})
+        >>> changed.content["parts"][0]["length_mm"]
+        6.0
+    """
+    content = deepcopy(document.content)
+    for key, value in values.items():
+        part, *words = key.split(".")
         at: Any = next(one for one in content["parts"] if one.get("name") == part)
         for word in words[:-1]:
             at = at[word]
         if isinstance(at, list):
-            at[int(words[-1]) - 1] = now
+            at[int(words[-1]) - 1] = value
         else:
-            at[words[-1]] = now
-        return prepared(build_chain(content, document.file, chain.sha256))
+            at[words[-1]] = value
+    return document._replace(content=content)
 
+
+def unit_of_key(key: str) -> str:
+    """Unit that the end of a key names; empty for none."""
+    words = key.split(".")
     name = words[-2] if words[-1].isdigit() and len(words) > 1 else words[-1]
-    unit = next((text for end, text in UNITS.items() if name.endswith(f"_{end}")), "")
-    return Parameter(key, unit, value, abs(value), apply)
+    return next((text for end, text in UNITS.items() if name.endswith(f"_{end}")), "")

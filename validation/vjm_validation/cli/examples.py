@@ -38,6 +38,16 @@ EXAMPLES = {
         "validate stiffness planar-2r --wrench 0,-50,0,0,0,0 --shares",
         "docs/design.md",
     ),
+    "sweep": (
+        "validate sweep planar-2r --vary upper.section.width_mm=40:80:5 --wrench 0,-50,0,0,0,0 --plot sweep.png",
+        "validate optimise",
+        "docs/design.md",
+    ),
+    "optimise": (
+        "validate optimise planar-2r --minimise deflection --vary upper.length_mm=400:600 --wrench 0,-50,0,0,0,0",
+        "validate check BEST.toml",
+        "docs/design.md",
+    ),
     "calibrate": (
         "validate calibrate DATA.csv --sheet SHEET.toml --out DIR",
         "validate diagnose",

@@ -9,7 +9,7 @@ import numpy as np
 from vjm.design.modes import Modes
 from vjm.rotations import Array
 from vjm_output.plot_style import Picture, drawing_of, figure, plain
-from vjm_validation.documents import SensitivityDocument, SharesRow
+from vjm_validation.documents import SensitivityDocument, SharesRow, SweepDocument
 from vjm_validation.report.command_figures import COLOURS
 
 SHOWN = 7
@@ -107,3 +107,40 @@ def tornado_picture(document: SensitivityDocument) -> Picture:
         "Orange: it grows with the parameter. Blue: it falls. Each is for a small change of one parameter alone."
     )
     return Picture("sensitivity", drawing, f"{document.model}: what its {document.quantity} depends on", caption)
+
+
+def sweep_picture(document: SweepDocument) -> Picture:
+    """Quantities over the one number that varies; else the first two quantities against each other."""
+    good = [row for row in document.rows if not row.why]
+    names = [f"{q}, {u}" for q, u in zip(document.quantities, document.quantity_units, strict=True)]
+    if len(document.keys) == 1 or len(names) == 1:
+        x = [row.numbers[0] for row in good]
+        key = ", ".join(filter(None, (plain(document.keys[0]), document.units[0])))
+        with figure(2.2 * len(names) + 0.4, 1, rows=len(names)) as (fig, axes):
+            for k, ax in enumerate(axes):
+                ax.plot(
+                    x,
+                    [_number(row.values[k]) for row in good],
+                    "o-" if len(document.keys) == 1 else "o",
+                    color="#0072B2",
+                )
+                ax.set(xlabel=key, ylabel=names[k])
+                ax.tick_params(labelbottom=True)
+            drawing = drawing_of(fig)
+        return Picture("sweep", drawing, f"{document.model}: a sweep", "Each point is a machine.")
+    with figure(3.2, 1) as (fig, (ax,)):
+        for on_front, colour, label in ((False, "#8C8C8C", "others"), (True, "#D55E00", "beaten by no other")):
+            rows = [row for row in good if row.on_front is on_front]
+            rows.sort(key=lambda row: row.values[0] or 0.0)
+            places = [[_number(row.values[k]) for row in rows] for k in (0, 1)]
+            ax.plot(*places, "o-" if on_front and len(names) == 2 else "o", color=colour, label=label)
+        ax.set(xlabel=names[0], ylabel=names[1])
+        ax.legend()
+        drawing = drawing_of(fig)
+    return Picture(
+        "sweep", drawing, f"{document.model}: a sweep", "Each point is a machine. Orange: the Pareto front."
+    )
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value
