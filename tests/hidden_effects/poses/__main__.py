@@ -12,7 +12,7 @@ from pathlib import Path
 from helpers.marked_text import renewed
 
 from hidden_effects.poses.plan import GROUPS, Planned, plans, write
-from hidden_effects.statistics import rate
+from hidden_effects.statistics import rate, wilson
 from vjm_updating.poses.command import diagnose_poses
 
 PUBLISHED = 417
@@ -69,28 +69,32 @@ def run(plan: Planned, folder: Path) -> Scored:
     )  # fmt: skip
 
 
-def summary(rows: list[Scored]) -> dict[str, dict[str, float | int | list[float] | None]]:
-    """Shares by group, of the sets that can be named, and of false alarms where nothing is hidden."""
+def counted(rows: list[Scored]) -> dict[str, tuple[int, list[bool]]]:
+    """How many sets each group has, and which of those that can be named are right."""
     groups = defaultdict(list)
     for row in rows:
         groups[row.group].append(row)
-    result = {}
-    for name, own in groups.items():
-        counted = own if name in ("none", "stranger") else [row for row in own if row.pays]
-        result[name] = {"made": len(own)} | rate([row.right for row in counted])
-    return result | {"false alarms": {"made": len(groups["none"])} | rate([r.false_alarm for r in groups["none"]])}
+    return {
+        name: (len(own), [row.right for row in own if row.pays or name in ("none", "stranger")])
+        for name, own in groups.items()
+    }
+
+
+def summary(rows: list[Scored]) -> dict[str, dict[str, float | int | list[float] | None]]:
+    """Shares by group, of the sets that can be named, and of false alarms where nothing is hidden."""
+    result = {name: rate(flags) for name, (_, flags) in counted(rows).items()}
+    return result | {"false alarms": rate([row.false_alarm for row in rows if row.group == "none"])}
 
 
 def markdown(rows: list[Scored], seed: int) -> str:
     """The table of the docs."""
     lines = [f"Seed {seed}, {len(rows)} sets.", "", "| hidden | sets | of these counted | right | 95 % interval |"]
     lines.append("| --- | ---: | ---: | ---: | ---: |")
-    for name, own in summary(rows).items():
-        if name in HIDDEN:
-            interval = own["interval95"]
-            assert isinstance(interval, list)
-            low, high = (round(100.0 * end) for end in interval)
-            lines.append(f"| {HIDDEN[name]} | {own['made']} | {own['sets']} | {own['hits']} | {low} to {high} % |")
+    for name, (made, flags) in counted(rows).items():
+        low, high = wilson(sum(flags), len(flags))
+        lines.append(
+            f"| {HIDDEN[name]} | {made} | {len(flags)} | {sum(flags)} | {100 * low:.0f} to {100 * high:.0f} % |"
+        )
     return "\n".join(lines)
 
 
