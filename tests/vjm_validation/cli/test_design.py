@@ -1,4 +1,4 @@
-"""``validate stiffness --shares`` and ``validate modes``: what they print, draw and refuse."""
+"""Shares, modes, sensitivities, sweeps and optima on the command line: what they print, draw and refuse."""
 
 from __future__ import annotations
 
@@ -9,7 +9,13 @@ import pytest
 
 import vjm
 from vjm_validation.cli.main import run
-from vjm_validation.documents import ModesDocument, SensitivityDocument, StiffnessDocument
+from vjm_validation.documents import (
+    ModesDocument,
+    OptimumDocument,
+    SensitivityDocument,
+    StiffnessDocument,
+    SweepDocument,
+)
 
 
 @pytest.fixture
@@ -161,5 +167,72 @@ def test_sensitivities_say_what_to_change(validate, tmp_path):
 )
 def test_sensitivities_that_are_none_are_refused(validate, words, said):
     printed = validate("sensitivity", *words, status=2)
+    assert said in printed.err
+    assert len(printed.err.strip().splitlines()) == 1
+
+
+SWEEP = ("sweep", "planar-2r", "--posture", "stretched", "--wrench", "0,-10,0,0,0,0", "--segments", "2")
+
+
+def test_a_sweep_is_drawn_and_taken_up_again(validate, tmp_path):
+    table, figure = tmp_path / "sweep.csv", tmp_path / "sweep.png"
+    words = (*SWEEP, "--vary", "upper.section.width_mm=40:80:3", "--csv", table)
+    found = SweepDocument.model_validate_json(validate(*words, "--json").out)
+    assert [row.numbers for row in found.rows] == [[40.0], [60.0], [80.0]]
+    # heavier and stiffer
+    assert all(row.on_front for row in found.rows)
+    lines = table.read_text().splitlines()
+    table.write_text("\n".join(lines[:3]) + "\n")
+    again = validate(*words, "--json", "--plot", figure)
+    assert "has 1 of 3 rows already" in again.err
+    assert SweepDocument.model_validate_json(again.out) == found
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    other = validate(*SWEEP, "--vary", "upper.length_mm=400:500:2", "--csv", table, status=2)
+    assert "is of another machine" in other.err
+
+
+def test_an_optimum_is_written_as_a_file_that_keeps_its_limit(validate, tmp_path):
+    best = tmp_path / "best.toml"
+    words = (
+        "optimise", "planar-2r", "--posture", "stretched", "--wrench", "0,-10,0,0,0,0", "--segments", "2",
+        "--minimise", "mass", "--such-that", "deflection<=1", "--vary", "upper.section.width_mm=30:90", "--starts",
+        "1", "--out", best,
+    )  # fmt: skip
+    found = OptimumDocument.model_validate_json(validate(*words, "--json").out)
+    assert found.kept
+    assert found.limits[0].active
+    there = SweepDocument.model_validate_json(
+        validate(
+            "sweep", best, *SWEEP[2:], "--vary", f"upper.section.width_mm={found.numbers[0].value}:99:2", "--json"
+        ).out
+    )
+    mass, deflection = there.rows[0].values
+    assert mass == pytest.approx(found.value, rel=1e-9)
+    assert deflection == pytest.approx(1.0, rel=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("sweep", "planar-2r"), "say which number varies"),
+        (("sweep", "planar-2r", "--vary", "upper.length_mm=4:5"), "write KEY=a:b:n"),
+        (
+            ("sweep", "planar-2r", "--vary", "upper.length=400:500:2", "--of", "mass"),
+            "did you mean 'upper.length_mm'",
+        ),
+        (("sweep", "planar-2r", "--vary", "upper.length_mm=400:500:2"), "--of deflection: say under which load"),
+        (("optimise", "planar-2r", "--vary", "upper.length_mm=400:500"), "is no quantity"),
+        (
+            ("optimise", "planar-2r", "--maximise", "mass", "--vary", "upper.length_mm=400:500"),
+            "--minimise mass or",
+        ),
+        (
+            ("optimise", "orthoglide", "--minimise", "mass", "--vary", "link.length_mm=1:2"),
+            "is a manipulator's file",
+        ),
+    ],
+)
+def test_designs_that_are_none_are_refused(validate, words, said):
+    printed = validate(*words, status=2)
     assert said in printed.err
     assert len(printed.err.strip().splitlines()) == 1
