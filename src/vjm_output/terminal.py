@@ -21,13 +21,13 @@ LONGEST_WORD, LONGEST_MESSAGE = 160, 1200
 
 def console() -> Console:
     """Standard output, wide enough for the tables also where it is no terminal; brackets are printed as text."""
-    plain = Console(markup=False)
-    return plain if plain.is_terminal else Console(width=120, markup=False)
+    plain = Console(markup=False, emoji=False)
+    return plain if plain.is_terminal else Console(width=120, markup=False, emoji=False)
 
 
 def error(message: str) -> None:
     """One line on standard error."""
-    Console(stderr=True, highlight=False, markup=False).print(f"validate: {shortened(message)}", soft_wrap=True)
+    Console(stderr=True, highlight=False, markup=False, emoji=False).print(f"validate: {shortened(message)}", soft_wrap=True)
 
 
 def shortened(message: str) -> str:
