@@ -49,6 +49,7 @@ ROOMS = ("rotations", "kernels", "model", "statics", "sensitivity", "tree", "con
 
 LONGEST_MODULE = 400
 LONGER = {
+    "src/vjm/model/lumped.py": "one model: its geometry, springs, loads and closures share their arrays",
     "src/vjm/baselines/msa.py": "one assembly of elements, bodies, joints and conditions",
     "src/vjm_updating/poses/readings.py": "one table of columns, with every message on what is wrong with it",
     "src/vjm_updating/poses/study.py": "one study: its halves use what the study holds",

@@ -27,7 +27,9 @@ def console() -> Console:
 
 def error(message: str) -> None:
     """One line on standard error."""
-    Console(stderr=True, highlight=False, markup=False, emoji=False).print(f"validate: {shortened(message)}", soft_wrap=True)
+    Console(stderr=True, highlight=False, markup=False, emoji=False).print(
+        f"validate: {shortened(message)}", soft_wrap=True
+    )
 
 
 def shortened(message: str) -> str:

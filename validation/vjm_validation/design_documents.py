@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import assert_never
 
 import numpy as np
 from rich.console import Console
@@ -20,7 +21,6 @@ from vjm_validation.documents import (
     SensitivityRow,
     ShareRow,
     SharesRow,
-    SweepDocument,
 )
 
 AXES = ("ux mm", "uy mm", "uz mm", "rx rad", "ry rad", "rz rad")
@@ -102,7 +102,8 @@ def shares_lines(row: SharesRow) -> list[str]:
 def modes_lines(document: ModesDocument, wanted: int) -> list[str]:
     """What is to be said of natural frequencies besides their table."""
     lines = []
-    match Verdict(document.verdict):
+    verdict = Verdict(document.verdict)
+    match verdict:
         case Verdict.STABLE:
             lines.append("The equilibrium is stable.")
         case Verdict.NEUTRAL:
@@ -111,6 +112,8 @@ def modes_lines(document: ModesDocument, wanted: int) -> list[str]:
             lines.append("The equilibrium is unstable: a motion grows without oscillation (divergence).")
         case Verdict.FLUTTER:
             lines.append("The equilibrium is unstable: an oscillation grows (flutter).")
+        case _:
+            assert_never(verdict)
     if len(document.modes) < wanted:
         lines.append(f"There are {len(document.modes)} frequencies: no further motion of this model moves a mass.")
     if document.massless:
@@ -244,26 +247,3 @@ def print_sensitivity(console: Console, document: SensitivityDocument) -> None:
     _print(console, title, SENSITIVITY_HEADER, sensitivity_cells(document), 1)
     for line in sensitivity_lines(document):
         console.print(line, soft_wrap=True)
-
-
-# --- sweep --------------------------------------------------------------------------------------------------
-
-
-def sweep_header(document: SweepDocument) -> tuple[str, ...]:
-    """Names of the columns of `sweep_cells`."""
-    numbers = [f"{key}, {unit}" if unit else key for key, unit in zip(document.keys, document.units, strict=True)]
-    found = [f"{q}, {u}" for q, u in zip(document.quantities, document.quantity_units, strict=True)]
-    return (*numbers, *found, "front", "why")
-
-
-def sweep_cells(document: SweepDocument) -> list[tuple[str, ...]]:
-    """Numbers and quantities of each machine, whether it is on the Pareto front, and why it has no answer."""
-    return [
-        (
-            *(f"{v:.6g}" for v in row.numbers),
-            *("" if v is None else f"{v:.6g}" for v in row.values),
-            "yes" if row.on_front else "",
-            row.why,
-        )
-        for row in document.rows
-    ]

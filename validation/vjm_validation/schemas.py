@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from vjm.io.body_file import BodyFile
+from vjm.io.body_tables import BodyFile
 from vjm.io.files import write_whole
 from vjm.io.manipulator_file import manipulator_schema
 from vjm.io.model_file import model_schema
@@ -29,14 +29,13 @@ from vjm_validation.documents import (
     MapRowsDocument,
     MapsDocument,
     ModesDocument,
-    OptimumDocument,
     SensitivityDocument,
     StiffnessDocument,
-    SweepDocument,
 )
 from vjm_validation.studies.own_machine_rows import OwnMachineSummary
 from vjm_validation.studies.table2_document import Table2Document
 from vjm_validation.summary import Summary
+from vjm_validation.sweep_documents import OptimumDocument, SweepDocument
 
 
 def schemas() -> dict[str, dict[str, Any]]:

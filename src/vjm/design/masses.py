@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
 
 from vjm.design.linear_state import LinearState
+from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
 from vjm.model.kinematics import Kinematics
-from vjm.model.parts import Beam, Part, RigidOffset, Section
+from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset, Section
 from vjm.rotations import Array, rotation_from_vector, rotation_vector, skew
 
 GAUSS = np.polynomial.legendre.leggauss(4)
@@ -107,13 +109,17 @@ def total_mass(state: LinearState) -> float:
 
 def _contributions(state: LinearState, part: Part) -> Iterator[Array]:
     match part:
-        case RigidOffset() if part.mass:
-            yield _rigid(state, part)
-        case Beam() if part.mass:
-            yield from _beam(state, part)
-        case _:
+        case RigidOffset():
+            if part.mass:
+                yield _rigid(state, part)
+        case Beam():
+            if part.mass:
+                yield from _beam(state, part)
+        case ActuatedJoint() | CoupledJoint() | SprungJoint() | PassiveJoint() | Actuator() | Mount():
             # joints have no mass of their own
             return
+        case _:
+            assert_never(part)
 
 
 def _rigid(state: LinearState, part: RigidOffset) -> Array:

@@ -9,16 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal
+from typing import Any, assert_never
 
 import numpy as np
 import pydantic
-from pydantic import ConfigDict, Field
 
-from vjm.io.closure_tables import CouplingTable, Poses
+from vjm.io.body_tables import BeamTable, BodyFile, BodyTable, EndTable, JointTable, SpringTable
+from vjm.io.closure_tables import CouplingTable
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
-from vjm.io.fields import Axis, Label, VectorMM
-from vjm.io.joint_tables import Mass, PointSpringTable
 from vjm.io.schema import ModelFile, known_keys
 from vjm.io.sections import Table
 from vjm.machine.closing import Closing
@@ -31,88 +29,7 @@ DRAWN = "drawn"
 """Label of the posture in which the file gives all places."""
 END = "end-effector"
 """Name of the last part, behind the body that carries the tool."""
-Pair = Annotated[list[Label], Field(min_length=2, max_length=2)]
 Content = dict[str, Any]
-
-
-class BodyTable(Table):
-    """A rigid body."""
-
-    name: Label
-    source: str = ""
-    mass_kg: Mass = 0.0
-    centre_of_mass_mm: VectorMM | None = Field(None, description="where it is drawn")
-
-
-class JointTable(Table):
-    """A joint; its coordinate is that of the second body against the first.
-
-    All keys that are not here are those of the part of a chain file, which checks them.
-    """
-
-    model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False, frozen=True)
-
-    name: Label
-    between: Pair
-    kind: Literal["joint", "actuated", "coupled", "universal", "ball", "weld"] = "joint"
-    at_mm: VectorMM
-    axis: Axis = None
-    axes: Annotated[list[Axis], Field(min_length=2, max_length=2)] | None = Field(
-        None, description="of a universal joint: that of the first body, then that of the second"
-    )
-    drawn: float = Field(0.0, description="coordinate where it is drawn, rad or mm")
-
-
-class BeamTable(Table):
-    """An elastic link; its two ends are fixed to the bodies. What is said of its section a chain file checks."""
-
-    name: Label
-    between: Pair
-    from_mm: VectorMM
-    to_mm: VectorMM
-    y_axis: Axis = Field(
-        None, description="direction of the section's y; else the world's axis that is most across"
-    )
-    source: str = ""
-    section: dict[str, Any]
-    count: int = 1
-    segments: int | None = None
-    mass_kg: float | None = None
-    bow_mm: list[float] | None = None
-
-
-class SpringTable(PointSpringTable):
-    """A spring between points of two bodies, which are given where they are drawn."""
-
-
-class EndTable(Table):
-    """The end-effector's frame."""
-
-    body: Label
-    at_mm: VectorMM
-    turns: list[dict[str, Any]] = Field([])
-
-
-class BodyFile(Table):
-    """A file of bodies and joints."""
-
-    format: Literal[1]
-    kind: Literal["bodies"]
-    name: Label
-    title: str = Field(min_length=1)
-    source: str = Field(min_length=1)
-    units: dict[str, Any]
-    springs: dict[str, Any] = Field({})
-    bodies: list[BodyTable] = Field(min_length=1)
-    joints: list[JointTable] = Field([])
-    beams: list[BeamTable] = Field([])
-    point_springs: list[SpringTable] = Field([])
-    couplings: list[CouplingTable] = Field([])
-    end: EndTable
-    postures: dict[Label, dict[Label, float]] = Field(
-        {}, description="coordinates of held joints; those that are not named stand as drawn"
-    )
-    poses: Poses = Field({})
 
 
 _TABLES: dict[str, type[Table]] = {
@@ -349,7 +266,7 @@ def _joint_parts(table: JointTable, own: Content, sign: int) -> list[Content]:
                 own | {"kind": "joint", "name": name, "axis": (sign * axis).tolist()}
                 for name, axis in zip(_coordinates(table)[::sign], axes[::sign], strict=True)
             ]
-        case _:
+        case "joint" | "actuated" | "coupled":
             axis = sign * table.axis
             joint = own | {"kind": table.kind, "name": table.name, "axis": axis.tolist()}
             if not table.drawn:
@@ -358,6 +275,8 @@ def _joint_parts(table: JointTable, own: Content, sign: int) -> list[Content]:
                 return [joint, _link(f"{table.name}-drawn", -table.drawn * axis)]
             back = [{"turn_about": axis.tolist(), "angle_deg": float(-np.rad2deg(table.drawn))}]
             return [joint, _link(f"{table.name}-drawn", np.zeros(3), back)]
+        case _:
+            assert_never(table.kind)
 
 
 def _coordinates(joint: JointTable) -> list[str]:
@@ -369,8 +288,10 @@ def _coordinates(joint: JointTable) -> list[str]:
             return [f"{joint.name}-1", f"{joint.name}-2"]
         case "ball":
             return [f"{joint.name}-{axis}" for axis in "xyz"]
-        case _:
+        case "joint" | "actuated":
             return [joint.name]
+        case _:
+            assert_never(joint.kind)
 
 
 def _close(tree: _Tree, edge: _Edge) -> None:

@@ -11,11 +11,10 @@ import vjm
 from vjm_validation.cli.main import run
 from vjm_validation.documents import (
     ModesDocument,
-    OptimumDocument,
     SensitivityDocument,
     StiffnessDocument,
-    SweepDocument,
 )
+from vjm_validation.sweep_documents import OptimumDocument, SweepDocument
 
 
 @pytest.fixture
@@ -195,8 +194,8 @@ def test_an_optimum_is_written_as_a_file_that_keeps_its_limit(validate, tmp_path
     best = tmp_path / "best.toml"
     words = (
         "optimise", "planar-2r", "--posture", "stretched", "--wrench", "0,-10,0,0,0,0", "--segments", "2",
-        "--minimise", "mass", "--such-that", "deflection<=5.9", "--vary", "upper.section.width_mm=30:90", "--starts",
-        "1", "--out", best,
+        "--minimise", "mass", "--such-that", "deflection<=5.9", "--vary", "upper.section.width_mm=30:90",
+        "--starts", "1", "--out", best,
     )  # fmt: skip
     found = OptimumDocument.model_validate_json(validate(*words, "--json").out)
     assert found.kept

@@ -21,7 +21,7 @@ from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
 from vjm_validation.cli.options import Json, Model, Posture, Segments, six
 from vjm_validation.cli.status import NOT_ACCEPTED, OK, UsageError
-from vjm_validation.documents import OptimumDocument, OptimumLimit, OptimumNumber
+from vjm_validation.sweep_documents import OptimumDocument, OptimumLimit, OptimumNumber
 
 
 def optimise_(

@@ -24,8 +24,7 @@ from vjm_validation.cli.doubts import Strict, considered
 from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
 from vjm_validation.cli.options import Json, Model, Posture, Segments, six
 from vjm_validation.cli.status import OK, UsageError
-from vjm_validation.design_documents import sweep_cells, sweep_header
-from vjm_validation.documents import SweepDocument, SweepRow
+from vjm_validation.sweep_documents import SweepDocument, SweepRow, sweep_cells, sweep_header
 
 AT_ONCE = 20
 """Machines that are computed before the CSV is written again."""

@@ -9,8 +9,9 @@ import numpy as np
 from vjm.design.modes import Modes
 from vjm.rotations import Array
 from vjm_output.plot_style import Picture, drawing_of, figure, plain
-from vjm_validation.documents import SensitivityDocument, SharesRow, SweepDocument
+from vjm_validation.documents import SensitivityDocument, SharesRow
 from vjm_validation.report.command_figures import COLOURS
+from vjm_validation.sweep_documents import SweepDocument
 
 SHOWN = 7
 """Parts that a figure names; the others are added up."""
