@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import NonlinearConstraint, minimize
-from scipy.stats import qmc
 
 from vjm.design.linear_state import LinearState, Question, state_of
 from vjm.design.sensitivity import Quantity, derivative_of, unit_of, value_of
@@ -281,6 +280,9 @@ def optimised(
         ValueError: bounds that are not positive and ordered.
         NoConvergenceError: no start led to a machine that has the quantities.
     """
+    # imported when it is asked for: it takes a third of a second, which a sweep does not need
+    from scipy.stats import qmc
+
     if not (np.all(bounds > 0.0) and np.all(bounds[:, 0] < bounds[:, 1])):
         raise ValueError("bounds must be positive, the smaller first")
     low, high = np.log(bounds).T

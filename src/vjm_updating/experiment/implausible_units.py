@@ -95,6 +95,9 @@ def _multiple(c: Comparison, way: MistakenAs) -> tuple[float, float]:
         a, b = f[seen, k], g[seen, k]
         by = way.factors.get(name, 1.0)
         noise, zero = abs(by) * known.noise, abs(by) * known.zero
+        if not noise**2 > 0.0:
+            # below the last digit of any number: the sheet is doubted for it
+            continue
         # a constant of standard deviation zero beside the noise, by the inverse of I + z z' (Sherman and Morrison)
         share = zero**2 / (noise**2 + len(a) * zero**2)
         squares += float(b @ b - share * b.sum() ** 2) / noise**2

@@ -12,9 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import gamma, norm
+from scipy.special import gammaincc
 
 from vjm.rotations import Array
+from vjm_updating.observation.distributions import normal_sf
 from vjm_updating.observation.significance import NORMAL_95
 from vjm_updating.poses.fit import best_of, precision_of
 from vjm_updating.poses.identifiability import MemberEstimate
@@ -63,7 +64,7 @@ def halves(study: Study, state: State, members: Sequence[MemberEstimate]) -> Hal
         return Halves(covered, None, False, ())
     d = _differences(state, np.arange(len(study.data)) < len(study.data) // 2)[places]
     own = float(np.mean(d**2))
-    differ = chance(own, squares) < float(norm.sf(SURE))
+    differ = chance(own, squares) < float(normal_sf(SURE))
     worst = np.argsort(-np.abs(d))[:NAMED]
     names = tuple(
         (study.members[int(state.solution.active[places[i]]) - n].name, float(d[i]))
@@ -84,7 +85,7 @@ def chance(square: float, squares: Sequence[float]) -> float:
         squares: the same of random halves.
     """
     mean, variance = float(np.mean(squares)), max(float(np.var(squares, ddof=1)), 1e-300)
-    return float(gamma.sf(square, mean**2 / variance, scale=variance / mean))
+    return float(gammaincc(mean**2 / variance, square * mean / variance))
 
 
 def _differences(state: State, first: np.ndarray) -> Array:
