@@ -63,7 +63,7 @@ def rows_by(
         try:
             found = stiffness(machine, label, wrench=wrench, engine=engine)
             if quantity is Quantity.DEFLECTION:
-                values[k] = moved(found.displacement)
+                values[k] = moved(found.displacement[None])[0]
             else:
                 C = found.loaded_compliance
                 compliance: Array = np.asarray(np.linalg.inv(found.loaded), dtype=float) if C is None else C

@@ -149,7 +149,7 @@ def test_the_command_writes_csv_vtk_and_a_figure(tmp_path, capsys, monkeypatch):
         (["orthoglide", "--quantity", "deflection"], "needs one"),
         (["orthoglide", "--wrench", "1,2"], "not three or six"),
         (["orthoglide", "--quantity", "critical", "--wrench", "1,2,3"], "leave it out"),
-        (["orthoglide", "--grid", "x=0", "--engine", "exudyn"], "maps are made with"),
+        (["orthoglide", "--quantity", "critical", "--engine", "exudyn"], "follows one force at a time"),
         (["orthoglide", "--grid", "x=0", "--most", "-1"], "positive force"),
         (["orthoglid"], "did you mean 'orthoglide'"),
     ],

@@ -8,6 +8,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
+import vjm
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine
@@ -215,8 +216,8 @@ def test_a_ramp_or_an_instrument_that_makes_no_sense_is_refused(sheet, tmp_path)
         simulate(MODEL, sheet, tmp_path, hide=[], ramps=["A:1"])
 
 
-def test_a_machine_with_branches_is_refused_in_one_line(tmp_path):
-    """Readings along a ramp are marched through by kernels of parts in series; a tree has none of these."""
+def test_a_machine_with_a_spring_between_points_has_the_readings_of_its_path(tmp_path):
+    """The force at the end of the ramp is that of a path of the same machine."""
     text = (files("vjm") / "models/planar-2r.toml").read_text()
     model = tmp_path / "sprung.toml"
     part = load_chain("planar-2r").parts[-1].name
@@ -233,8 +234,10 @@ free_length_mm = 100.0
     )
     sheet = tmp_path / "own.toml"
     sheet.write_text(BARE.replace("A = []", "").replace("link_segments = 4", ""))
-    with pytest.raises(
-        ValueError, match="has springs between two parts: readings along a ramp are computed for parts"
-    ):
-        simulate(str(model), sheet, tmp_path / "out", hide=[], noise="none", ramps=["bent:0.5"])
-    assert not (tmp_path / "out").exists()
+    simulate(str(model), sheet, tmp_path / "out", hide=[], noise="none", ramps=["bent:0.5"])
+    rows = list(csv.DictReader((tmp_path / "out" / "readings.csv").read_text().splitlines()))
+    furthest = max(rows, key=lambda row: float(row["ux_mm"]))
+    assert float(furthest["ux_mm"]) == 0.5
+    path = vjm.trace(vjm.load(model), vjm.LoadCase("bent", to=0.5), engine="vjm")
+    # the readings are written to six decimals
+    assert float(furthest["fx_N"]) == pytest.approx(path.points[-1].wrench[0], abs=1e-6)

@@ -103,9 +103,14 @@ def map_(
     on_end = [*wrench] or [""]
     mapper: _OfArm | _OfPlatform
     if isinstance(target, Chain):
+        if not held_by_itself(target):
+            raise ValueError(
+                f"{target.name}: is a single chain that swings, and this needs a manipulator or an arm"
+            )
+        chain, (label, *_) = in_postures(target, (posture,) if posture else ())
         doubts = considered(model, strict, weighed=bool(gravity))
         mapper = _OfArm(
-            target, quantity, grid, posture, acceleration(gravity), [parsed_load(text) for text in load], end, most
+            chain, quantity, grid, label, acceleration(gravity), [parsed_load(text) for text in load], end, most
         )
         wrenches = [(0.0,) * 6 if not text and (gravity or load) else _wrench(text, quantity) for text in on_end]
     else:
@@ -152,19 +157,14 @@ class _OfArm:
 
     def mapped(self, engine: Engine, wrench: tuple[float, ...], folder: Path | None) -> Mapped:
         """The map by an engine, and its files where a folder is given."""
-        if not held_by_itself(self.chain):
-            raise ValueError(
-                f"{self.chain.name}: is a single chain that swings, and this needs a manipulator or an arm"
-            )
-        chain, (label, *_) = in_postures(self.chain, (self.posture,) if self.posture else ())
         found = map_arm(
-            chain, engine, self.quantity, self.grid, label, wrench=wrench, gravity=self.gravity, loads=self.loads,
-            end=self.end, most=self.most,
+            self.chain, engine, self.quantity, self.grid, self.posture, wrench=wrench, gravity=self.gravity,
+            loads=self.loads, end=self.end, most=self.most,
         )  # fmt: skip
         files, left_out = NOTHING if folder is None else write_arm_map(found, folder)
         joints = dict(zip(found.joints, found.q.T, strict=True))
         return Mapped(
-            chain, engine.label, self.quantity, wrench, found.tool, found.values, found.why, files, left_out,
+            self.chain, engine.label, self.quantity, wrench, found.tool, found.values, found.why, files, left_out,
             found.grid.ordered, joints,
         )  # fmt: skip
 
