@@ -27,7 +27,7 @@ def palletiser() -> TreeModel:
 
 
 def gaps(model: TreeModel, q: np.ndarray) -> np.ndarray:
-    return RigidTree(model.chain).closing(q[None])[0]
+    return RigidTree(model.chain).linearised(q[None])[0]
 
 
 def test_a_tool_position_is_reached_with_the_loop_closed(palletiser):
