@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.kernels.arrays import Floats, Ints, MachineArrays, Work
-from vjm.kernels.border import solve
+from vjm.kernels.border import invert, solve
 from vjm.kernels.compilation import entry, kernel
 from vjm.kernels.newton import linearise, loaded
 from vjm.kernels.statics import behind, joint_forces, place, rotation_between, turn_followers
@@ -50,46 +50,12 @@ def inverse_of(C: Floats, F: Floats, K: Floats) -> None:
             for b in range(6):
                 F[a, b] = C[a, b] / np.sqrt(abs(C[a, a] * C[b, b]))
                 good = good and np.isfinite(F[a, b])
-    if not good or not regular_inverse(F, REGULAR):
+    if not good or not invert(F, REGULAR):
         K[:, :] = np.nan
         return
     for a in range(6):
         for b in range(6):
             K[a, b] = F[a, b] / np.sqrt(abs(C[a, a] * C[b, b]))
-
-
-@kernel
-def regular_inverse(A: Floats, least: float) -> bool:
-    """Invert a matrix in place by Gauss and Jordan; false where a pivot is below the least."""
-    k = len(A)
-    swaps = np.empty(k, dtype=np.int64)
-    for i in range(k):
-        p = i
-        for r in range(i + 1, k):
-            if abs(A[r, i]) > abs(A[p, i]):
-                p = r
-        swaps[i] = p
-        pivot = A[p, i]
-        if not abs(pivot) > least:
-            return False
-        if p != i:
-            for c in range(k):
-                A[i, c], A[p, c] = A[p, c], A[i, c]
-        A[i, i] = 1.0
-        for c in range(k):
-            A[i, c] /= pivot
-        for r in range(k):
-            if r != i:
-                f = A[r, i]
-                A[r, i] = 0.0
-                for c in range(k):
-                    A[r, c] -= f * A[i, c]
-    for i in range(k - 1, -1, -1):
-        p = swaps[i]
-        if p != i:
-            for r in range(k):
-                A[r, i], A[r, p] = A[r, p], A[r, i]
-    return True
 
 
 @entry

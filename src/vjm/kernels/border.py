@@ -267,9 +267,9 @@ def factor_turning(model: MachineArrays, work: Work) -> bool:
                 s -= T[y + row, i] * Z[i, j]
             for i in range(first, first + 6):
                 M[i, j] -= N[i, row - first] * s
-    determinant = invert(M)
-    work.state[3] = 1 if determinant < 0.0 else 0
-    return determinant != 0.0
+    sign = invert(M, 0.0)
+    work.state[3] = 1 if sign < 0 else 0
+    return sign != 0
 
 
 @kernel
@@ -284,11 +284,15 @@ def transpose(model: MachineArrays, work: Work) -> bool:
 
 
 @kernel
-def invert(A: Floats) -> float:
-    """Invert a small matrix in place by Gauss and Jordan with row exchanges; its determinant, 0 if singular."""
+def invert(A: Floats, least: float) -> int:
+    """Invert a small matrix in place by Gauss and Jordan with row exchanges.
+
+    Returns:
+        Sign of its determinant; 0 where a pivot is not above the least, or not finite.
+    """
     k = len(A)
     swaps = np.empty(k, dtype=np.int64)
-    determinant = 1.0
+    sign = 1
     for i in range(k):
         p = i
         for r in range(i + 1, k):
@@ -296,13 +300,14 @@ def invert(A: Floats) -> float:
                 p = r
         swaps[i] = p
         pivot = A[p, i]
-        if pivot == 0.0 or not np.isfinite(pivot):
-            return 0.0
+        if not abs(pivot) > least or not np.isfinite(pivot):
+            return 0
         if p != i:
-            determinant = -determinant
+            sign = -sign
             for c in range(k):
                 A[i, c], A[p, c] = A[p, c], A[i, c]
-        determinant *= pivot
+        if pivot < 0.0:
+            sign = -sign
         A[i, i] = 1.0
         for c in range(k):
             A[i, c] /= pivot
@@ -317,7 +322,7 @@ def invert(A: Floats) -> float:
         if p != i:
             for r in range(k):
                 A[r, i], A[r, p] = A[r, p], A[r, i]
-    return determinant
+    return sign
 
 
 @kernel
