@@ -68,6 +68,17 @@ def in_posture(machine: Chain | Manipulator, posture: Posture) -> tuple[Chain | 
     return _standing(machine, label, values), label
 
 
+def in_posture_of(machine: Chain, label: str, other: Chain) -> Chain:
+    """The machine with another's posture of a label, where it has none of it itself: coordinates given by hand."""
+    if label in machine.postures:
+        return machine
+    return replace(
+        machine,
+        postures={**machine.postures, label: other.postures[label]},
+        held={**machine.held, label: other.held.get(label, {})},
+    )
+
+
 def _closed_in(machine: Chain, posture: Posture) -> tuple[Chain, str]:
     """A machine with closed loops that has a posture, and its label.
 

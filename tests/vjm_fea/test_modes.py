@@ -13,7 +13,7 @@ from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import frame, rotation_from_vector
 from vjm.vjm_engine import VjmEngine
 
-pytest.importorskip("exudyn")
+pytest.importorskip("exudyn", reason="Exudyn, whose eigenvalues are the reference, is not installed")
 
 from vjm_fea.exudyn.backend import exu, items
 

@@ -26,7 +26,7 @@ from vjm.model.lumped import LumpedModel
 from vjm.model.parameters import Parameter
 from vjm.model.pieces import closure_sites
 from vjm.platform.manipulator import Machine
-from vjm.postures import Posture
+from vjm.postures import Posture, in_posture_of
 from vjm.rotations import Array, displacement_between
 from vjm.threads import single_threaded
 from vjm.tree.model import Gravity
@@ -314,13 +314,7 @@ def _changed(base: LinearState, parameter: Parameter, value: float, x: Array) ->
 
 def _posed(asked: Question, parameter: Parameter, value: float) -> Chain:
     """The machine with another value of a parameter, with the posture that is asked for."""
-    machine = parameter.apply(asked.machine, value)
-    if asked.posture in machine.postures:
-        return machine
-    # coordinates that were given by hand
-    postures = {**machine.postures, asked.posture: asked.machine.postures[asked.posture]}
-    held = {**machine.held, asked.posture: asked.machine.held.get(asked.posture, {})}
-    return replace(machine, postures=postures, held=held)
+    return in_posture_of(parameter.apply(asked.machine, value), asked.posture, asked.machine)
 
 
 def _lacking(state: LinearState) -> Array:

@@ -128,6 +128,7 @@ def _postures(table: BodyFile, drawn: ModelFile) -> dict[str, dict[str, float]]:
         ValueError: a joint that is none, or the loops do not close.
     """
     machine, home = drawn.chain(), drawn.given(DRAWN)
+    closing = Closing(machine, DRAWN) if table.postures and machine.closes else None
     result = {}
     for label, values in table.postures.items():
         if label == DRAWN:
@@ -139,8 +140,7 @@ def _postures(table: BodyFile, drawn: ModelFile) -> dict[str, dict[str, float]]:
                 f"joints are {', '.join(home) or 'none'}"
             )
         result[label] = home | values
-        if machine.closes:
-            closing = Closing(machine, DRAWN)
+        if closing is not None:
             try:
                 q = closing.held({**machine.held[DRAWN], **values})
             except ValueError as error:

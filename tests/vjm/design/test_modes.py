@@ -254,7 +254,9 @@ TURNED = '<origin xyz="0.15 0.01 0.02" rpy="0.4 -0.3 1.1"/>'
 @pytest.mark.parametrize("name", ["turned.urdf", "ur10_robot.urdf", "xarm7.urdf", "icub.urdf"])
 def test_the_mass_matrix_of_a_urdf_is_pinocchio_s(tmp_path, name):
     """Joint space inertia by Pinocchio's composite rigid body algorithm, every joint being elastic."""
-    pinocchio = pytest.importorskip("pinocchio")
+    pinocchio = pytest.importorskip(
+        "pinocchio", reason="Pinocchio, whose mass matrices are the reference, is not installed"
+    )
     if name == "turned.urdf":
         inertia = '<inertia ixx="0.02" ixy="0.002" ixz="-0.001" iyy="0.03" iyz="0.003" izz="0.025"/>'
         own = "<inertial>" + TURNED + f'<mass value="2"/>{inertia}</inertial>'

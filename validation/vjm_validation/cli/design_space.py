@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from vjm.design.linear_state import Question, question
+from vjm.design.sensitivity import Quantity
+from vjm.design.sweep import Asked
 from vjm.engines import EngineOptions, engine_by_name
 from vjm.io.file_parameters import file_number, file_parameter, unit_of_key, with_numbers
 from vjm.io.model_file import ModelDocument, build_chain, read_document
 from vjm.model.chain import Chain
 from vjm.model.load_case import Load
 from vjm.model.parameters import Parameter
+from vjm.postures import in_posture_of
 from vjm.rotations import Array
 from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
-from vjm_validation.cli.options import segments_of
+from vjm_validation.cli.load_case_options import acceleration, parsed_load
+from vjm_validation.cli.options import segments_of, six
 from vjm_validation.cli.status import UsageError
 from vjm_validation.load_any_model import in_postures, loaded
 
@@ -38,10 +42,25 @@ class Loading:
     loads: tuple[Load, ...]
     end: str
 
-    @property
-    def nothing(self) -> bool:
-        """Whether nothing acts."""
-        return self.wrench is None and self.gravity is None and not self.loads
+    @classmethod
+    def of(cls, wrench: str | None, gravity: str, loads: Sequence[str], end: str) -> Loading:
+        """What the options say."""
+        return cls(
+            None if wrench is None else tuple(six("--wrench", wrench)),
+            acceleration(gravity),
+            tuple(parsed_load(text) for text in loads),
+            end,
+        )
+
+    def refuse_deflection_of_nothing(self, quantities: Iterable[Asked]) -> None:
+        """Refuse to ask for a deflection where nothing acts.
+
+        Raises:
+            UsageError: it is asked for.
+        """
+        nothing = self.wrench is None and self.gravity is None and not self.loads
+        if nothing and any(each.quantity is Quantity.DEFLECTION for each in quantities):
+            raise UsageError("--of deflection: say under which load: give --wrench, --gravity or --load")
 
 
 @dataclass(frozen=True)
@@ -104,16 +123,10 @@ def design_space(
     solver = engine_by_name("vjm", EngineOptions(number, parts=parts), machine)
     assert isinstance(solver, VjmEngine)
     machine, (label, *_) = in_postures(machine, (posture,) if posture else ())
-    given = machine.postures.get(label), machine.held.get(label, {})
 
     def at(row: Array) -> Question:
         content = with_numbers(document, dict(zip(keys, row.tolist(), strict=True))).content
-        chain = build_chain(content, document.file)
-        if label not in chain.postures:
-            # coordinates that were given by hand
-            assert given[0] is not None
-            postures, held = {**chain.postures, label: given[0]}, {**chain.held, label: given[1]}
-            chain = Chain(**{**vars(chain), "postures": postures, "held": held})
+        chain = in_posture_of(build_chain(content, document.file), label, machine)
         return question(
             chain, label, wrench=loading.wrench, gravity=loading.gravity, loads=loading.loads, end=loading.end,
             engine=solver,

@@ -18,8 +18,8 @@ from vjm_output import terminal
 from vjm_output.documents import as_json, doubt_rows
 from vjm_validation.cli.design_space import Loading, design_space, ranges_of
 from vjm_validation.cli.doubts import Strict, considered
-from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
-from vjm_validation.cli.options import Json, Model, Posture, Segments, six
+from vjm_validation.cli.load_case_options import GravityOption, LoadOption
+from vjm_validation.cli.options import Json, Model, Posture, Segments
 from vjm_validation.cli.status import NOT_ACCEPTED, OK, UsageError
 from vjm_validation.sweep_documents import OptimumDocument, OptimumLimit, OptimumNumber
 
@@ -52,16 +52,8 @@ def optimise_(
     ranges = ranges_of(vary, counted=False)
     if starts < 1:
         raise UsageError(f"--starts {starts}: take one at least")
-    loading = Loading(
-        None if wrench is None else tuple(six("--wrench", wrench)),
-        acceleration(gravity),
-        tuple(parsed_load(text) for text in load),
-        end,
-    )
-    if loading.nothing and any(
-        each.quantity == "deflection" for each in [objective, *(limit.of for limit in limits)]
-    ):
-        raise UsageError("a deflection: say under which load: give --wrench, --gravity or --load")
+    loading = Loading.of(wrench, gravity, load, end)
+    loading.refuse_deflection_of_nothing([objective, *(limit.of for limit in limits)])
     if out is not None:
         if out.suffix != ".toml":
             raise UsageError(f"--out {out}: write a name that ends in .toml")

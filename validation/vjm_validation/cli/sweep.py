@@ -21,8 +21,8 @@ from vjm_output.documents import as_json, doubt_rows
 from vjm_validation.cli import pages
 from vjm_validation.cli.design_space import DesignSpace, Loading, design_space, ranges_of
 from vjm_validation.cli.doubts import Strict, considered
-from vjm_validation.cli.load_case_options import GravityOption, LoadOption, acceleration, parsed_load
-from vjm_validation.cli.options import Json, Model, Posture, Segments, six
+from vjm_validation.cli.load_case_options import GravityOption, LoadOption
+from vjm_validation.cli.options import Json, Model, Posture, Segments
 from vjm_validation.cli.status import OK, UsageError
 from vjm_validation.sweep_documents import SweepDocument, SweepRow, sweep_cells, sweep_header
 
@@ -60,14 +60,8 @@ def sweep_(
     """Compute quantities over ranges of numbers of a model file, and say which machines no other one beats."""
     ranges = ranges_of(vary, counted=True)
     quantities = [asked(word) for text in of for word in text.split(",")]
-    loading = Loading(
-        None if wrench is None else tuple(six("--wrench", wrench)),
-        acceleration(gravity),
-        tuple(parsed_load(text) for text in load),
-        end,
-    )
-    if loading.nothing and any(each.quantity == "deflection" for each in quantities):
-        raise UsageError("--of deflection: say under which load: give --wrench, --gravity or --load")
+    loading = Loading.of(wrench, gravity, load, end)
+    loading.refuse_deflection_of_nothing(quantities)
     pages.check(plot, report)
     grid = grid_of(ranges)
     if len(grid) > MOST:
