@@ -217,6 +217,12 @@ def test_one_version_everywhere():
     assert f"\nversion: {vjm.__version__}\n" in citation
 
 
+@pytest.mark.parametrize("package", SOURCES)
+def test_no_product_module_is_named_like_a_test(package: str):
+    """`pytest` collects `test_*.py` and `*_test.py` wherever it is pointed."""
+    assert [path.name for path in SOURCES[package].rglob("*.py") if re.search(r"^test_|_test$", path.stem)] == []
+
+
 def test_modules_fit_in_one_reading():
     folders = [*SOURCES.values(), ROOT / "tests"]
     lengths = {

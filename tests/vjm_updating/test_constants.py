@@ -26,7 +26,7 @@ PRIORS = {
     "inference/instrument": "MOST_DRIFT LEVER USUAL_LAG",
     "observation/autocorrelation": "ALIKE USUAL WIDE",
     "inference/parameters": "FARTHEST PARTS SHARE LOST USUAL",
-    "diagnose/ramp_test": "LONG_BEFORE",
+    "diagnose/ramp_kind": "LONG_BEFORE",
     "diagnose/column": "SET BEFORE",
     "diagnose/command": "NOISE_ALONE",
     "calibrate/parameters": "WEAK SOFT_DRIVE RIGID",
@@ -75,11 +75,11 @@ time and moves a result by less than its interval."""
 
 SHOWN = {
     "diagnose/column": "GONE",
-    "diagnose/column_test": "MANY",
+    "diagnose/column_kind": "MANY",
     "diagnose/command": "SHOWN",
     "diagnose/critical": "FURTHER",
     "diagnose/figures": "MOST_POSTURES THRESHOLD TICKS LETTER",
-    "diagnose/ramp_test": "MOST_PAIRS",
+    "diagnose/ramp_kind": "MOST_PAIRS",
     "diagnose/summary_text": "ANY_DIRECTION",
     "calibrate/command": "STAGES",
     "calibrate/figures": "MOST_NAMED EDGE STRONG",

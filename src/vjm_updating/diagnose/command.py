@@ -32,7 +32,7 @@ from vjm_updating.diagnose.document import (
 from vjm_updating.diagnose.estimates import Estimate, estimates, joined, nuisance_estimates
 from vjm_updating.diagnose.evidence import effective_samples
 from vjm_updating.diagnose.extended import extended_text
-from vjm_updating.diagnose.kind_of_test import HoldOut, KindOfTest
+from vjm_updating.diagnose.kind_protocol import HoldOut, KindOfTest
 from vjm_updating.diagnose.kinds import kind_of
 from vjm_updating.diagnose.mistaken import unless_unexplained, with_mistakes
 from vjm_updating.diagnose.preprocess import Prepared, possible, prepare, refresh

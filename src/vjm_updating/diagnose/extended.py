@@ -24,13 +24,13 @@ from vjm_updating.mechanisms.base_compliance import BaseCompliance
 from vjm_updating.mechanisms.effect import Effect, part_table
 from vjm_updating.mechanisms.foot_lumping import FootLumping
 from vjm_updating.mechanisms.gravity import Gravity
-from vjm_updating.mechanisms.joint_test import JointHardening
 from vjm_updating.mechanisms.link_bow import LinkBow
 from vjm_updating.mechanisms.link_length import LinkLength
 from vjm_updating.mechanisms.link_lumping import LinkLumping
 from vjm_updating.mechanisms.load_misalignment import LoadMisalignment
 from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, ModifiedChain, beam_of
 from vjm_updating.mechanisms.part_compliance import PartCompliance
+from vjm_updating.mechanisms.single_joint import JointHardening
 
 FILE = "extended-model.toml"
 WORDS: dict[type[Effect], str] = {

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from vjm_updating.diagnose.column_test import ColumnTest
-from vjm_updating.diagnose.joint_test import JointTest
-from vjm_updating.diagnose.kind_of_test import KindOfTest
-from vjm_updating.diagnose.load_test import LoadTest
-from vjm_updating.diagnose.ramp_test import RampTest
+from vjm_updating.diagnose.column_kind import ColumnTest
+from vjm_updating.diagnose.joint_kind import JointTest
+from vjm_updating.diagnose.kind_protocol import KindOfTest
+from vjm_updating.diagnose.load_kind import LoadTest
+from vjm_updating.diagnose.ramp_kind import RampTest
 from vjm_updating.experiment import Measurement
 
 KINDS: tuple[KindOfTest, ...] = (JointTest(), ColumnTest(), LoadTest(), RampTest())

@@ -34,7 +34,7 @@ from vjm_updating.calibrate.fit import spread_of
 from vjm_updating.calibrate.results import strained
 from vjm_updating.diagnose.estimates import Estimate, estimates, nuisance_estimates
 from vjm_updating.diagnose.extended import extended_document
-from vjm_updating.diagnose.joint_test import JointTest, joint_effects, together
+from vjm_updating.diagnose.joint_kind import JointTest, joint_effects, together
 from vjm_updating.diagnose.preprocess import Prepared, prepare
 from vjm_updating.experiment import Measurement, read_measurement
 from vjm_updating.experiment.channels import unit_of
@@ -44,7 +44,7 @@ from vjm_updating.experiment.plausibility import considered
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.refit import refit
-from vjm_updating.mechanisms.joint_test import JointCompliance
+from vjm_updating.mechanisms.single_joint import JointCompliance
 
 DOCUMENT, MODEL = "calibration.json", "calibrated-model.toml"
 NOTHING = 1e-3

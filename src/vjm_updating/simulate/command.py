@@ -16,7 +16,7 @@ from vjm.io.files import check_writable, write_whole
 from vjm.rotations import Array
 from vjm_output.documents import as_json
 from vjm_updating.diagnose.experiment import left_over
-from vjm_updating.diagnose.kind_of_test import KindOfTest
+from vjm_updating.diagnose.kind_protocol import KindOfTest
 from vjm_updating.diagnose.kinds import kind_of
 from vjm_updating.experiment import Readings, read_sheet
 from vjm_updating.experiment.channels import POSE, POSTURE, RUN, TEMPERATURE, WRENCH

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vjm_updating.diagnose.ramp_test import observe_ramps, ramp_effects
+from vjm_updating.diagnose.ramp_kind import observe_ramps, ramp_effects
 from vjm_updating.experiment import measurement as reading
 from vjm_updating.inference.forward import Forward
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, start

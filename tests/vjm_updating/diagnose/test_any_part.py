@@ -15,7 +15,7 @@ from vjm.model.parameters import compliance_factor
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnose.command import diagnose
 from vjm_updating.diagnose.document import Diagnosis
-from vjm_updating.diagnose.ramp_test import observe_ramps
+from vjm_updating.diagnose.ramp_kind import observe_ramps
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.parameters import nuisance_coordinates
 from vjm_updating.mechanisms.catalogue import catalogue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from vjm_updating.diagnose.ramp_test import observe_ramps
+from vjm_updating.diagnose.ramp_kind import observe_ramps
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.parameters import SHARE, nuisance_coordinates
 

@@ -16,7 +16,7 @@ from vjm.model.parameters import compliance_factor
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnose.critical import critical_points, knee
 from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.ramp_test import observe_ramps
+from vjm_updating.diagnose.ramp_kind import observe_ramps
 from vjm_updating.diagnose.stress import fibre_of, first_yield
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.trust_region import best_fit

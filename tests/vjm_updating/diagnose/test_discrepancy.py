@@ -12,7 +12,7 @@ from scipy.stats import multivariate_normal, truncnorm
 from vjm_updating.diagnose.discrepancy import NODES, WEIGHTS, Softened, costs, integrated, response
 from vjm_updating.diagnose.evidence import LAW_ERROR
 from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.ramp_test import observe_ramps
+from vjm_updating.diagnose.ramp_kind import observe_ramps
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.parameters import coordinates
 

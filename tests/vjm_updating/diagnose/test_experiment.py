@@ -15,7 +15,7 @@ from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnose import experiment
 from vjm_updating.diagnose.experiment import FURTHER, MOST, SHORT_OF, WANTED, Proposal, propose
 from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.ramp_test import observe_ramps
+from vjm_updating.diagnose.ramp_kind import observe_ramps
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.observation.coordinate import Coordinate

@@ -11,7 +11,7 @@ import pytest
 
 from vjm.io.model_file import build_chain, load_chain
 from vjm_updating.diagnose.extended import FILE, extended_document, extended_text
-from vjm_updating.diagnose.ramp_test import observe_ramps
+from vjm_updating.diagnose.ramp_kind import observe_ramps
 from vjm_updating.experiment import measurement as reading
 from vjm_updating.inference.fitting import Fit
 from vjm_updating.inference.forward import Forward

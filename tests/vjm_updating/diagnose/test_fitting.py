@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.ramp_test import observe_ramps
+from vjm_updating.diagnose.ramp_kind import observe_ramps
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.fitting import ROUNDING
 from vjm_updating.inference.trust_region import ENOUGH, best_fit

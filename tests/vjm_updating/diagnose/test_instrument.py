@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from vjm_updating.diagnose.command import diagnose
-from vjm_updating.diagnose.ramp_test import observe_ramps, ramp_effects
+from vjm_updating.diagnose.ramp_kind import observe_ramps, ramp_effects
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.instrument import ThermalDrift, lagging
 

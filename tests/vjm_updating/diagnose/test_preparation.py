@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vjm_updating.diagnose import preprocess as preparation
-from vjm_updating.diagnose.ramp_test import observe_ramps
+from vjm_updating.diagnose.ramp_kind import observe_ramps
 from vjm_updating.diagnose.screening import NEAR_BY, signatures
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference import refit

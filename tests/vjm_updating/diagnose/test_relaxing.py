@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vjm_updating.diagnose.ramp_test import observe_ramps
+from vjm_updating.diagnose.ramp_kind import observe_ramps
 from vjm_updating.experiment import measurement as reading
 from vjm_updating.inference.forward import Forward
 from vjm_updating.inference.parameters import coordinates, start

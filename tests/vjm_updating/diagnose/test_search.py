@@ -8,7 +8,7 @@ import pytest
 
 from vjm_updating.diagnose.evidence import effective_samples
 from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.ramp_test import observe_ramps
+from vjm_updating.diagnose.ramp_kind import observe_ramps
 from vjm_updating.diagnose.search import Search
 from vjm_updating.experiment import read_measurement
 from vjm_updating.mechanisms.link_bow import LinkBow

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.ramp_test import observe_ramps
+from vjm_updating.diagnose.ramp_kind import observe_ramps
 from vjm_updating.diagnose.unmodelled import SIZES, kind_present, unmodelled
 from vjm_updating.experiment.measurement import read_measurement
 from vjm_updating.inference.fitting import prior

@@ -12,12 +12,12 @@ from scipy.optimize import brentq
 
 from vjm.io.findings import Grade, ImplausibleError
 from vjm_updating.diagnose.command import diagnose
-from vjm_updating.diagnose.joint_test import JointTest
+from vjm_updating.diagnose.joint_kind import JointTest
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.joint.command import DOCUMENT, MODEL, calibrate_joint
-from vjm_updating.mechanisms.joint_test import wound_up
 from vjm_updating.mechanisms.play import ActuatorBacklash
+from vjm_updating.mechanisms.single_joint import wound_up
 from vjm_updating.observation.joint_readings import observe_joint
 
 CUBIC = 7e6 / 0.005**2

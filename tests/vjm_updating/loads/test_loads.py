@@ -22,8 +22,8 @@ from vjm_updating.calibrate.document import NuisanceRow
 from vjm_updating.calibrate.results import strained
 from vjm_updating.diagnose.command import diagnose
 from vjm_updating.diagnose.kinds import kind_of
-from vjm_updating.diagnose.load_test import LoadTest
-from vjm_updating.diagnose.ramp_test import RampTest
+from vjm_updating.diagnose.load_kind import LoadTest
+from vjm_updating.diagnose.ramp_kind import RampTest
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.inference.load_forward import LoadForward

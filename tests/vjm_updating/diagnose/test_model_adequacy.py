@@ -9,7 +9,7 @@ import pytest
 
 from vjm_updating.diagnose.model_adequacy import misfit
 from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.ramp_test import observe_ramps
+from vjm_updating.diagnose.ramp_kind import observe_ramps
 from vjm_updating.diagnose.search import Search
 from vjm_updating.diagnose.verdict import judge
 from vjm_updating.experiment.measurement import read_measurement

@@ -1,4 +1,4 @@
-"""Paths that a point's displacement steers: where they go on, and why they end where they do."""
+"""Paths that the displacement of a point controls: where they go on, and why they end where they do."""
 
 import warnings
 

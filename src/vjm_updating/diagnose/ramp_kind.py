@@ -13,7 +13,7 @@ from vjm_updating.diagnose.evidence import Costs
 from vjm_updating.diagnose.experiment import propose
 from vjm_updating.diagnose.holdout import Gain, gain, held_out_residual, split_of, unsure
 from vjm_updating.diagnose.holdout_folds import Fold, folds
-from vjm_updating.diagnose.kind_of_test import HoldOut
+from vjm_updating.diagnose.kind_protocol import HoldOut
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.screening import far_off
 from vjm_updating.diagnose.search import Search
@@ -34,7 +34,7 @@ MOST_PAIRS = 5
 
 
 class RampTest:
-    """The kind that takes every test; see `vjm_updating.diagnose.kind_of_test.KindOfTest`."""
+    """The kind that takes every test; see `vjm_updating.diagnose.kind_protocol.KindOfTest`."""
 
     costs = Costs()
 

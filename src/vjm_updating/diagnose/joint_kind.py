@@ -9,7 +9,7 @@ import numpy as np
 from vjm_updating.diagnose.critical import Critical
 from vjm_updating.diagnose.document import ExperimentRow
 from vjm_updating.diagnose.evidence import Costs
-from vjm_updating.diagnose.ramp_test import RampTest, instrument_effects
+from vjm_updating.diagnose.ramp_kind import RampTest, instrument_effects
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import Search
 from vjm_updating.diagnose.verdict import Verdict
@@ -21,14 +21,14 @@ from vjm_updating.inference.joint_forward import JointForward
 from vjm_updating.inference.trust_region import best_fit
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
-from vjm_updating.mechanisms.joint_test import DriveFriction, JointCompliance, JointHardening, drive_of
 from vjm_updating.mechanisms.play import ActuatorBacklash
+from vjm_updating.mechanisms.single_joint import DriveFriction, JointCompliance, JointHardening, drive_of
 from vjm_updating.observation.joint_readings import observe_joint
 from vjm_updating.observation.observed import Observed
 
 
 class JointTest(RampTest):
-    """The kind of a test of one joint; see `vjm_updating.mechanisms.joint_test`.
+    """The kind of a test of one joint; see `vjm_updating.mechanisms.single_joint`.
 
     A geared joint that is loaded through zero has some of everything: a third cause costs no more than a second.
     """

@@ -10,7 +10,7 @@ import pytest
 from vjm_updating.diagnose.command import diagnose
 from vjm_updating.diagnose.experiment import propose
 from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.ramp_test import observe_ramps
+from vjm_updating.diagnose.ramp_kind import observe_ramps
 from vjm_updating.experiment import measurement as reading
 from vjm_updating.inference.forward import Forward
 from vjm_updating.inference.instrument import ThermalDrift

@@ -8,7 +8,7 @@ import numpy as np
 
 from vjm_updating.diagnose.critical import Critical
 from vjm_updating.diagnose.document import ExperimentRow
-from vjm_updating.diagnose.ramp_test import RampTest, instrument_effects
+from vjm_updating.diagnose.ramp_kind import RampTest, instrument_effects
 from vjm_updating.diagnose.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import unit_of

@@ -19,7 +19,7 @@ from vjm_updating.diagnose.critical import Critical, Point
 from vjm_updating.diagnose.document import ExperimentRow, ValueRow
 from vjm_updating.diagnose.estimates import Estimate, estimates
 from vjm_updating.diagnose.evidence import Costs
-from vjm_updating.diagnose.kind_of_test import HoldOut
+from vjm_updating.diagnose.kind_protocol import HoldOut
 from vjm_updating.diagnose.mark_selection import completed, marks_gain
 from vjm_updating.diagnose.scored_hypothesis import Ranked
 from vjm_updating.diagnose.search import Search
@@ -40,7 +40,7 @@ MANY = 6.0
 
 
 class ColumnTest:
-    """Marks of deflection with a load each; see `vjm_updating.diagnose.kind_of_test.KindOfTest`.
+    """Marks of deflection with a load each; see `vjm_updating.diagnose.kind_protocol.KindOfTest`.
 
     Every column is bowed, however little, and yields in the end: a cause whose own parameter may as well be nothing
     costs nothing more. The elastica's law is exact, and marks scatter by a noise that is found.
