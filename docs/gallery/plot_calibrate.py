@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import vjm
-from vjm_updating.calibrate.command import calibrate, prepare
+from vjm_updating.calibration.command import calibrate, prepare
 
 folder = files("vjm_validation") / "examples/soft-springs"
 readings = np.genfromtxt(folder / "readings.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")

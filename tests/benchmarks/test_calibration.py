@@ -8,7 +8,7 @@ import numpy as np
 from vjm.continuation.load_grid import trace_grid
 from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.calibrate.command import calibrate, prepare
+from vjm_updating.calibration.command import calibrate, prepare
 
 ENGINE = VjmEngine(8, 8)
 RAMPS = {"A": (4.0, -4.0), "B": (4.0, -12.0), "C": (4.0, -3.0)}

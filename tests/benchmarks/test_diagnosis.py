@@ -9,7 +9,7 @@ from hidden_effects.causes import catalogue
 from hidden_effects.noise import with_nuisances
 from hidden_effects.rig import drawn
 
-from vjm_updating.diagnose.command import diagnose
+from vjm_updating.diagnosis.command import diagnose
 from vjm_validation.virtual_rig import WRENCH, Design, Known, Sequence, data_text, read, sheet_text
 
 INSTRUMENTS = {"ux_mm": Known(0.001, 0.002, 0.001)} | {

@@ -7,7 +7,7 @@ from importlib import resources
 import pytest
 
 from vjm_updating import warm_up
-from vjm_updating.diagnose.command import diagnose
+from vjm_updating.diagnosis.command import diagnose
 from vjm_updating.mechanisms import column, history_kernel, relaxation_kernel
 
 ENTRIES = (

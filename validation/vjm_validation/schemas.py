@@ -15,8 +15,8 @@ from vjm.io.files import write_whole
 from vjm.io.manipulator_file import manipulator_schema
 from vjm.io.model_file import model_schema
 from vjm_output.documents import schema
-from vjm_updating.calibrate.document import Calibration
-from vjm_updating.diagnose.document import Diagnosis
+from vjm_updating.calibration.document import Calibration
+from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.identify.documents import IdentificationDocument
 from vjm_updating.identify.solid_documents import SolidDocument
 from vjm_updating.maps.documents import MapDocument, MapTaskDocument

@@ -12,7 +12,7 @@ from vjm.engine import Engine
 from vjm.model.chain import Chain
 from vjm.platform.manipulator import Machine
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.diagnose.stress import first_yield
+from vjm_updating.diagnosis.stress import first_yield
 
 
 class YieldRow(BaseModel):

@@ -17,8 +17,8 @@ from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
 from vjm.io.toml_text import toml_text
 from vjm_output.documents import as_json, versions
-from vjm_updating.calibrate.command import TAKEN_BY_FORCE, judged, warned
-from vjm_updating.calibrate.document import (
+from vjm_updating.calibration.command import TAKEN_BY_FORCE, judged, warned
+from vjm_updating.calibration.document import (
     Calibration,
     ChannelRow,
     DesignRow,
@@ -30,12 +30,12 @@ from vjm_updating.calibrate.document import (
     ParameterRow,
     PredictionsRow,
 )
-from vjm_updating.calibrate.fit import spread_of
-from vjm_updating.calibrate.results import strained
-from vjm_updating.diagnose.estimates import Estimate, estimates, nuisance_estimates
-from vjm_updating.diagnose.extended import extended_document
-from vjm_updating.diagnose.joint_kind import JointTest, joint_effects, together
-from vjm_updating.diagnose.preprocess import Prepared, prepare
+from vjm_updating.calibration.fit import spread_of
+from vjm_updating.calibration.results import strained
+from vjm_updating.diagnosis.estimates import Estimate, estimates, nuisance_estimates
+from vjm_updating.diagnosis.extended import extended_document
+from vjm_updating.diagnosis.joint_kind import JointTest, joint_effects, together
+from vjm_updating.diagnosis.preprocess import Prepared, prepare
 from vjm_updating.experiment import Measurement, read_measurement
 from vjm_updating.experiment.channels import unit_of
 from vjm_updating.experiment.joint_levers import one_sided
@@ -67,7 +67,7 @@ def calibrate_joint(
         data: readings, CSV.
         sheet: of ``kind = "joint"``.
         out: folder for `DOCUMENT` and `MODEL`; both are written at the end or none.
-        force: whether a model is written that is not for use, see `vjm_updating.calibrate.command.judged`; so one
+        force: whether a model is written that is not for use, see `vjm_updating.calibration.command.judged`; so one
             of readings whose columns are not what they say, which are refused else.
         strict: whether doubtful readings are refused.
         warn: told what is implausible, before anything is fitted.

@@ -15,9 +15,9 @@ from vjm.errors import NoConvergenceError
 from vjm.io.files import check_writable, write_whole
 from vjm.rotations import Array
 from vjm_output.documents import as_json
-from vjm_updating.diagnose.experiment import left_over
-from vjm_updating.diagnose.kind_protocol import KindOfTest
-from vjm_updating.diagnose.kinds import kind_of
+from vjm_updating.diagnosis.experiment import left_over
+from vjm_updating.diagnosis.kind_protocol import KindOfTest
+from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.experiment import Readings, read_sheet
 from vjm_updating.experiment.channels import POSE, POSTURE, RUN, TEMPERATURE, WRENCH
 from vjm_updating.experiment.measurement import planned_measurement

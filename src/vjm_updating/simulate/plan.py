@@ -13,7 +13,7 @@ from vjm.model.chain import Chain
 from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.diagnose.experiment import SHORT_OF, out_and_back
+from vjm_updating.diagnosis.experiment import SHORT_OF, out_and_back
 from vjm_updating.experiment import Readings
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH, split_point
 from vjm_updating.experiment.sheet import Sheet, SheetError

@@ -15,8 +15,8 @@ MAY = (
 """Numbers, files, compilation; `truth_models` alone takes the lumped model, for sheets whose link is one spring."""
 FINDER = (
     "vjm_updating.mechanisms",
-    "vjm_updating.diagnose",
-    "vjm_updating.calibrate",
+    "vjm_updating.diagnosis",
+    "vjm_updating.calibration",
     "vjm_validation.cli.diagnose",
 )
 
@@ -57,7 +57,7 @@ def test_only_the_runner_calls_the_command():
 def test_an_import_of_the_finder_would_be_seen(tmp_path):
     path = tmp_path / "made_up.py"
     path.write_text(
-        "def late():\n    from vjm_updating.mechanisms import catalogue\n    import vjm_updating.diagnose.search\n"
+        "def late():\n    from vjm_updating.mechanisms import catalogue\n    import vjm_updating.diagnosis.search\n"
     )
     names = imported(path)
-    assert {"vjm_updating.mechanisms", "vjm_updating.diagnose.search"} <= names
+    assert {"vjm_updating.mechanisms", "vjm_updating.diagnosis.search"} <= names

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from vjm_updating.calibrate.fit import solve
-from vjm_updating.calibrate.problem import problem_of
-from vjm_updating.diagnose.estimates import estimates
-from vjm_updating.diagnose.preprocess import prepare
-from vjm_updating.diagnose.ramp_kind import observe_ramps
+from vjm_updating.calibration.fit import solve
+from vjm_updating.calibration.problem import problem_of
+from vjm_updating.diagnosis.estimates import estimates
+from vjm_updating.diagnosis.preprocess import prepare
+from vjm_updating.diagnosis.ramp_kind import observe_ramps
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.trust_region import best_fit
 

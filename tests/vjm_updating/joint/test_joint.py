@@ -11,8 +11,8 @@ from helpers.joint_rig import SHEET, Joint, write
 from scipy.optimize import brentq
 
 from vjm.io.findings import Grade, ImplausibleError
-from vjm_updating.diagnose.command import diagnose
-from vjm_updating.diagnose.joint_kind import JointTest
+from vjm_updating.diagnosis.command import diagnose
+from vjm_updating.diagnosis.joint_kind import JointTest
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.joint.command import DOCUMENT, MODEL, calibrate_joint

@@ -17,13 +17,13 @@ from vjm.io.findings import ImplausibleError
 from vjm.io.model_file import build_chain
 from vjm.io.toml_parsing import parse_toml
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.calibrate.command import calibrate, prepare
-from vjm_updating.calibrate.document import NuisanceRow
-from vjm_updating.calibrate.results import strained
-from vjm_updating.diagnose.command import diagnose
-from vjm_updating.diagnose.kinds import kind_of
-from vjm_updating.diagnose.load_kind import LoadTest
-from vjm_updating.diagnose.ramp_kind import RampTest
+from vjm_updating.calibration.command import calibrate, prepare
+from vjm_updating.calibration.document import NuisanceRow
+from vjm_updating.calibration.results import strained
+from vjm_updating.diagnosis.command import diagnose
+from vjm_updating.diagnosis.kinds import kind_of
+from vjm_updating.diagnosis.load_kind import LoadTest
+from vjm_updating.diagnosis.ramp_kind import RampTest
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.inference.load_forward import LoadForward

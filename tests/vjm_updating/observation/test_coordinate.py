@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vjm_updating.calibrate.parameters import Unknown
+from vjm_updating.calibration.parameters import Unknown
 from vjm_updating.experiment import Kind
 from vjm_updating.inference.parameters import EffectCoordinate
 from vjm_updating.mechanisms.effect import Quantity

@@ -12,9 +12,9 @@ from cyclopts import Parameter
 from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_output.optional_page import page_line
-from vjm_updating.calibrate.command import PAGE, STAGES, calibrate, prepare
-from vjm_updating.calibrate.document import Calibration
-from vjm_updating.calibrate.summary_text import tables
+from vjm_updating.calibration.command import PAGE, STAGES, calibrate, prepare
+from vjm_updating.calibration.document import Calibration
+from vjm_updating.calibration.summary_text import tables
 from vjm_updating.joint.command import calibrate_joint
 from vjm_updating.poses.command import calibrate_poses
 from vjm_updating.poses.kinds import KINDS

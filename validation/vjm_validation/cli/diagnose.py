@@ -13,9 +13,9 @@ from cyclopts import Parameter
 from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_output.optional_page import page_line
-from vjm_updating.diagnose.command import PAGE, diagnose
-from vjm_updating.diagnose.document import Diagnosis
-from vjm_updating.diagnose.summary_text import lines
+from vjm_updating.diagnosis.command import PAGE, diagnose
+from vjm_updating.diagnosis.document import Diagnosis
+from vjm_updating.diagnosis.summary_text import lines
 from vjm_updating.poses.command import diagnose_poses
 from vjm_updating.poses.document import PoseDiagnosis
 from vjm_updating.poses.kinds import KINDS

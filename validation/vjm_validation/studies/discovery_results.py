@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict
 
 from vjm.continuation.path import Path
 from vjm.rotations import Array
-from vjm_updating.diagnose.document import CriticalPointRow, FoldRow
+from vjm_updating.diagnosis.document import CriticalPointRow, FoldRow
 
 CAUSE = "link_lumping"
 """What the data hold and the sheet lacks."""

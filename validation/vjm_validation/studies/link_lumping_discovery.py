@@ -1,7 +1,7 @@
 """The suite's own discovery: finite elements' data under a sheet with one spring per link, diagnosed.
 
 Exudyn's beams are pulled and pushed in posture A, with tolerances, zeros, scales and noise drawn as a test rig has
-them. The sheet says the paper's model. `vjm_updating.diagnose` reads the two files and nothing else.
+them. The sheet says the paper's model. `vjm_updating.diagnosis` reads the two files and nothing else.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
-from vjm_updating.diagnose.command import MODEL, PAGE, diagnose
-from vjm_updating.diagnose.document import Diagnosis
+from vjm_updating.diagnosis.command import MODEL, PAGE, diagnose
+from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.experiment import read_measurement
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_validation.studies.discovery_results import Discovery, DiscoveryStudy

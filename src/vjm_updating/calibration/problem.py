@@ -1,0 +1,132 @@
+"""What a calibration looks for in which readings, and the forward model of both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from vjm.rotations import Array
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.calibration.parameters import Unknowns, default_parameters, unknowns
+from vjm_updating.experiment import Kind, Measurement
+from vjm_updating.inference.forward import Forward
+from vjm_updating.inference.load_forward import LoadForward
+from vjm_updating.inference.parameters import Hypothesis
+from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.observation.coordinate import Coordinate
+from vjm_updating.observation.loads import observe_loads
+from vjm_updating.observation.observed import Observed, observe
+
+
+@dataclass
+class CalibratedForward(Forward):
+    """Predicts readings by a machine with other parameters.
+
+    Attributes:
+        unknowns: parameters of the machine and nuisances of the test.
+    """
+
+    unknowns: Unknowns = field(kw_only=True)
+
+    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+        """The chain that the unknowns ``(n_z,)`` mean."""
+        changed = tuple(z[self.unknowns.on_chain].tolist())
+        return ModifiedChain(self.unknowns.build(z), self.observed.measurement.engine, changed=changed)
+
+    def reading(self, observed: Observed) -> CalibratedForward:
+        """The same for other readings of the same test."""
+        return CalibratedForward(
+            observed, dict(self.branches), self._tables, self._known_pulls, at_readings=True, unknowns=self.unknowns
+        )
+
+
+@dataclass
+class CalibratedLoads(LoadForward):
+    """Predicts what gauges read under loads on a machine with other parameters.
+
+    Attributes:
+        unknowns: parameters of the machine and nuisances of the test.
+    """
+
+    unknowns: Unknowns = field(kw_only=True)
+
+    def machine(self, found: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+        """The chain that the unknowns ``(n_z,)`` mean."""
+        changed = tuple(z[self.unknowns.on_chain].tolist())
+        return ModifiedChain(self.unknowns.build(z), self.observed.measurement.engine, changed=changed)
+
+    def reading(self, observed: Observed) -> CalibratedLoads:
+        """The same for other readings of the same test."""
+        return CalibratedLoads(observed, {}, self._tables, unknowns=self.unknowns)
+
+
+Calibrated = CalibratedForward | CalibratedLoads
+"""What predicts the readings of a calibration, by its kind of test."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is to be fitted, to what.
+
+    Attributes:
+        unknowns: of the fit.
+        observed: the readings, displacements as read.
+        by_default: whether nobody said what to look for.
+        promised: beams that are not looked for, because readings do not tell them from other parts: of them counts
+            what the sheet promises.
+    """
+
+    unknowns: Unknowns
+    observed: Observed
+    by_default: bool = False
+    promised: tuple[str, ...] = ()
+
+    @property
+    def engine(self) -> VjmEngine:
+        """Of the lumped model."""
+        return self.observed.measurement.engine
+
+    def forward(self, observed: Observed) -> Calibrated:
+        """The model at readings of this test, or at such as could be taken next."""
+        if observed.measurement.loaded:
+            return CalibratedLoads(observed, unknowns=self.unknowns)
+        return CalibratedForward(observed, at_readings=True, unknowns=self.unknowns)
+
+
+def problem_of(measurement: Measurement, names: Sequence[str] = ()) -> Problem:
+    """The calibration of a measurement.
+
+    Args:
+        measurement: sheet, readings and nominal machine.
+        names: parameters to look for, see `vjm_updating.calibration.parameters.unknowns`; one factor for every
+            elastic part by default.
+
+    Raises:
+        ValueError: the data are of a kind that cannot be calibrated with, or a parameter means nothing.
+    """
+    engine, chain = measurement.engine, measurement.chain
+    observed = observe_loads(measurement) if measurement.loaded else observe(measurement)
+    found = unknowns(chain, engine, names or default_parameters(engine, chain), measurement.nuisances)
+    count = int(observed.present.sum())
+    if count <= found.parameters:
+        raise ValueError(
+            f"{observed.readings.file}: {count} readings for {found.parameters} parameters: "
+            "look for fewer of them, or read more"
+        )
+    return Problem(found, observed, by_default=not names)
+
+
+def with_promises(problem: Problem) -> Problem | None:
+    """The same with each beam as the sheet promises it; None where the sheet promises none, or nothing is left.
+
+    For readings that do not tell a beam from the joint or mount that carries it: of the beam more is known.
+    """
+    observed, engine = problem.observed, problem.engine
+    measurement, chain = observed.measurement, observed.measurement.chain
+    promised = {n.subject for n in measurement.nuisances if n.kind is Kind.MODULUS}
+    names = [f"{beam.name}.factor" for beam in chain.beams if beam.name in promised]
+    left = [name for name in default_parameters(engine, chain) if name not in names]
+    if not problem.by_default or not names or not left:
+        return None
+    found = unknowns(chain, engine, left, measurement.nuisances)
+    return Problem(found, observed, promised=tuple(name.partition(".")[0] for name in names))

@@ -1,0 +1,359 @@
+"""A solved calibration as the rows of ``calibration.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vjm.model.load_case import LoadCase
+from vjm.rotations import Array
+from vjm_output.documents import versions
+from vjm_updating.calibration import carried, design
+from vjm_updating.calibration.calibrated_model import calibrated_text
+from vjm_updating.calibration.carried import Predicted
+from vjm_updating.calibration.document import (
+    Calibration,
+    CandidateRow,
+    ChannelRow,
+    CombinationRow,
+    ComplianceRow,
+    DesignRow,
+    DirectionRow,
+    FigureRow,
+    FitRow,
+    IdentifiabilityRow,
+    MatrixRow,
+    NuisanceRow,
+    OutlierRow,
+    ParameterRow,
+    PredictionsRow,
+)
+from vjm_updating.calibration.fit import MISFIT, Solution
+from vjm_updating.calibration.identifiability import Identifiability, identifiability, in_words
+from vjm_updating.calibration.parameters import MATRIX
+from vjm_updating.calibration.profile import profile_interval
+from vjm_updating.experiment import Kind, Measurement
+from vjm_updating.experiment.channels import unit_of
+from vjm_updating.observation.coordinate import Coordinate
+from vjm_updating.observation.significance import NORMAL_95
+
+AT_BOUND = 1.5
+"""Over the lowest z of a rigid drive: below, it is as rigid as can be told."""
+SOURCES = 6
+"""Most sources of a figure's uncertainty that are worth naming."""
+STEP = 1e-5
+"""Of the differences of a 6×6 by its factor's entries."""
+
+
+def results(
+    measurement: Measurement,
+    fit: Solution,
+    *,
+    ramps: Sequence[LoadCase] = (),
+    figure: str = "",
+    model_file: str = "",
+) -> tuple[Calibration, str]:
+    """What a fit says, and the text of the calibrated model file.
+
+    Args:
+        measurement: that was fitted.
+        fit: solved.
+        ramps: feasible next ones; every posture along x where empty.
+        figure: that the next experiment is to make certain, see `vjm_updating.calibration.design.in_view`.
+        model_file: name under which the calibrated model is kept.
+
+    Raises:
+        ValueError: the figure is unknown, or the calibrated machine is none that a model file admits.
+    """
+    found, unknowns = identifiability(fit), fit.problem.unknowns
+    text = calibrated_text(measurement, unknowns.build(fit.z))
+    calibrated = carried.after_calibration(fit)
+    document = Calibration(
+        title=measurement.sheet.test.title,
+        model=measurement.chain.name,
+        engine=measurement.engine.label,
+        data=measurement.readings.file,
+        sheet=measurement.sheet.file,
+        fit=_fit(fit),
+        parameters=_parameters(fit, found),
+        combinations=_combinations(fit, found),
+        compliances=_compliances(fit, found),
+        nuisances=_nuisances(fit, found),
+        joint=_joint(fit, found),
+        identifiability=_identifiability(fit, found),
+        predictions=PredictionsRow(
+            calibrated=_figures(*calibrated),
+            tolerances=_figures(*carried.within_tolerances(measurement)),
+            rounding=_figures(*carried.within_rounding(measurement)),
+        ),
+        next_experiment=_design(fit, calibrated, ramps, figure),
+        calibrated_model=model_file,
+        versions=versions(),
+        hashes={"model": measurement.model_sha256, "data": measurement.data_sha256},
+    )
+    return document, text
+
+
+def _names(fit: Solution) -> list[str]:
+    return [unknown.name for unknown in fit.problem.unknowns.sought]
+
+
+def _parameters(fit: Solution, found: Identifiability) -> list[ParameterRow]:
+    rows = []
+    for i in np.flatnonzero(found.separable):
+        unknown, z = fit.problem.unknowns.sought[i], float(fit.z[i])
+        low, high = profile_interval(fit, int(i))
+        value = unknown.value(z)
+        rows.append(
+            ParameterRow(
+                name=unknown.name,
+                unit=unknown.unit,
+                nominal=unknown.nominal,
+                value=value,
+                std=abs(unknown.slope(z)) * float(np.sqrt(fit.covariance[i, i])),
+                interval95=[unknown.value(low), unknown.value(high)],
+                over_nominal=value / unknown.nominal if unknown.nominal else None,
+                at_bound=bool(np.isfinite(unknown.low) and z <= AT_BOUND * unknown.low),
+            )
+        )
+    return rows
+
+
+def _combinations(fit: Solution, found: Identifiability) -> list[CombinationRow]:
+    names, rows = _names(fit), []
+    for one in found.combinations:
+        half = NORMAL_95 * one.std
+        rows.append(
+            CombinationRow(
+                name=in_words(one, names),
+                coefficients={n: float(c) for n, c in zip(names, one.coefficients, strict=True) if c},
+                seen=one.seen,
+                singular_value=one.singular_value,
+                value=one.value if one.seen else None,
+                std=one.std if one.seen else None,
+                interval95=[one.value - half, one.value + half] if one.seen else None,
+            )
+        )
+    return rows
+
+
+def _compliances(fit: Solution, found: Identifiability) -> list[ComplianceRow]:
+    """The entries of every 6×6 that was looked for as a whole, with what is known of each."""
+    names, p = _names(fit), fit.problem.unknowns.parameters
+    rows = []
+    for part in dict.fromkeys(name.partition(".")[0] for name in names if name.endswith(".R11")):
+        at = [names.index(f"{part}.R{i + 1}{j + 1}") for i, j in MATRIX]
+
+        def matrix(z: Array, part: str = part) -> Array:
+            beam = next(beam for beam in fit.problem.unknowns.build(z).beams if beam.name == part)
+            assert beam.compliance is not None
+            return beam.compliance
+
+        gradient = np.zeros((6, 6, p))
+        for k in at:
+            step = STEP * np.eye(len(fit.z))[k]
+            gradient[:, :, k] = (matrix(fit.z + step) - matrix(fit.z - step)) / (2.0 * STEP)
+        variance = np.einsum("ijk,kl,ijl->ij", gradient, fit.covariance[:p, :p], gradient)
+        std = [
+            [float(np.sqrt(v)) if found.determined(g, float(v)) else None for g, v in zip(*line, strict=True)]
+            for line in zip(gradient, variance, strict=True)
+        ]
+        nominal = matrix(np.zeros(len(fit.z))).tolist()
+        rows.append(ComplianceRow(part=part, value=matrix(fit.z).tolist(), std=std, nominal=nominal))
+    return rows
+
+
+def _nuisances(fit: Solution, found: Identifiability) -> list[NuisanceRow]:
+    rows = []
+    for i, own in enumerate(fit.problem.unknowns.nuisances, fit.problem.unknowns.parameters):
+        z, share = float(fit.z[i]), float(np.clip(found.from_data[i], 0.0, 1.0))
+        rows.append(
+            NuisanceRow(
+                name=own.name,
+                unit=_unit(own),
+                value=own.value(z),
+                std=own.slope(z) * float(np.sqrt(fit.covariance[i, i])),
+                sheet_std=own.scale,
+                from_data=share,
+            )
+        )
+    return rows
+
+
+def strained(rows: Sequence[NuisanceRow]) -> list[str]:
+    """In words, the nuisances that lie further off than the sheet's tolerances let expect."""
+    return [
+        f"The fit takes {row.name} to {row.value:.3g}, {abs(row.value) / row.sheet_std:.1f} of the sheet's "
+        "standard deviations: doubt that tolerance, or what the model says."
+        for row in rows
+        if abs(row.value) > MISFIT * row.sheet_std
+    ]
+
+
+def _unit(nuisance: Coordinate) -> str:
+    if nuisance.kind == Kind.ZERO:
+        return nuisance.subject.rpartition("_")[2].replace("Nmm", "N mm")
+    return "mm" if nuisance.kind == Kind.LENGTH else "1"
+
+
+def _joint(fit: Solution, found: Identifiability) -> MatrixRow:
+    """Covariance of what has a number of its own: separable parameters, seen combinations, nuisances."""
+    unknowns = fit.problem.unknowns
+    p, n = unknowns.parameters, len(unknowns)
+    names, rows = [], []
+
+    def add(name: str, row: Array) -> None:
+        names.append(name)
+        rows.append(row)
+
+    def own(i: int, unknown: Coordinate) -> None:
+        add(unknown.name, unknown.slope(float(fit.z[i])) * np.eye(n)[i])
+
+    for k in np.flatnonzero(found.separable):
+        own(int(k), unknowns.all[k])
+    for one in found.combinations:
+        if one.seen:
+            add(in_words(one, _names(fit)), np.concatenate([one.coefficients, np.zeros(n - p)]))
+    for i in range(p, n):
+        own(i, unknowns.all[i])
+    G = np.array(rows).reshape(-1, n)
+    C = G @ fit.covariance @ G.T
+    size = np.sqrt(np.diag(C))
+    return MatrixRow(names=names, covariance=C.tolist(), correlation=(C / np.outer(size, size)).tolist())
+
+
+def _identifiability(fit: Solution, found: Identifiability) -> IdentifiabilityRow:
+    names = _names(fit)
+    lost = [name for name, separable in zip(names, found.separable, strict=True) if not separable]
+    postures = ", ".join(dict.fromkeys(ray.posture for ray in fit.problem.observed.rays))
+    seen = sum(one.seen for one in found.directions)
+    words = [f"Postures {postures} see {seen} of {len(names)} directions in the space of the parameters."]
+    if promised := fit.problem.promised:
+        words.insert(
+            0,
+            f"The readings do not tell {', '.join(promised)} from what carries it: what the sheet promises of it "
+            "counts, and it is not looked for. --fit says otherwise.",
+        )
+    if fit.refuted:
+        words.append(
+            f"What the sheet promises of {', '.join(fit.refuted)} does not explain the readings as well, and does "
+            "not count."
+        )
+    if not lost:
+        words.append("Every parameter has a number of its own.")
+    else:
+        words.append(f"No number of its own has {', '.join(lost)}.")
+        visible = [in_words(one, names) for one in found.combinations if one.seen]
+        if visible:
+            words.append(f"Of these the readings determine only {'; '.join(visible)}, in terms of z.")
+        hidden = [in_words(one, names) for one in found.combinations if not one.seen]
+        if hidden:
+            words.append(f"They do not see {'; '.join(hidden)}.")
+    rows = [
+        DirectionRow(name=in_words(one, names), singular_value=one.singular_value, seen=one.seen)
+        for one in found.directions
+    ]
+    words += strained(_nuisances(fit, found))
+    return IdentifiabilityRow(statement=words, directions=rows, not_separable=lost)
+
+
+def _fit(fit: Solution) -> FitRow:
+    problem = fit.problem
+    present = problem.observed.present
+    channels = []
+    for c in np.flatnonzero(present.any(axis=0)):
+        at = present[:, c]
+        good = at & ~fit.outliers[:, c]
+        channels.append(
+            ChannelRow(
+                channel=problem.observed.columns[c],
+                readings=int(at.sum()),
+                rmse_nominal=float(np.sqrt(np.mean(fit.nominal.residual[at, c] ** 2))),
+                rmse=float(np.sqrt(np.mean(fit.at.residual[at, c] ** 2))),
+                unit=unit_of(problem.observed.columns[c]).replace("Nmm", "N mm"),
+                in_sigma=float(fit.whitening.spread[c] * np.sqrt(np.mean(fit.residual[good, c] ** 2))),
+                spread=float(fit.whitening.spread[c]),
+                autocorrelation=float(fit.whitening.memory.rho[c]),
+                quantum=problem.observed.noise.quantum.get(problem.observed.columns[c], 0.0),
+            )
+        )
+    outliers = [_outlier(fit, int(k)) for k in np.flatnonzero(fit.outliers.any(axis=1))]
+    worst = max(channels, key=lambda row: row.spread)
+    fits = worst.spread == 1.0
+    if fits:
+        statement = "The residuals are what the sheet's noise allows."
+    else:
+        statement = (
+            f"The model misses the readings by more than the sheet's noise: {worst.channel} by {worst.spread:.3g} "
+            "sigma. The uncertainties are widened by that, but what the model lacks can bias every number: "
+            "`validate diagnose` says what it may be."
+        )
+    return FitRow(
+        readings=int(present.sum()),
+        converged=fit.fit.converged,
+        fits=fits,
+        statement=statement,
+        channels=channels,
+        outliers=outliers,
+        behind_bifurcation=int(fit.branched.sum()),
+    )
+
+
+def _outlier(fit: Solution, k: int) -> OutlierRow:
+    observed = fit.problem.observed
+    posture = next(ray.posture for ray in observed.rays if k in ray.index)
+    bad = np.flatnonzero(fit.outliers[k])
+    off = float(np.abs(fit.noises[k, bad]).max())
+    channels = [observed.columns[c] for c in bad]
+    return OutlierRow(row=int(observed.readings.row[k]), posture=posture, channels=channels, in_sigma=off)
+
+
+def _figures(figures: Sequence[Predicted], covariance: Array, names: Sequence[str]) -> list[FigureRow]:
+    rows = []
+    for one in figures:
+        std = one.std(covariance)
+        known = bool(np.isfinite(std))
+        alone = one.gradient * np.sqrt(np.diag(covariance))
+        largest = [int(i) for i in np.argsort(-np.nan_to_num(np.abs(alone), nan=np.inf))[:SOURCES]]
+        rows.append(
+            FigureRow(
+                posture=one.posture,
+                direction=str(one.direction),
+                quantity=one.quantity,
+                unit=carried.QUANTITIES[one.quantity],
+                kind=one.kind,
+                value=one.value,
+                std=std if known else None,
+                interval95=[one.value - NORMAL_95 * std, one.value + NORMAL_95 * std] if known else None,
+                sensitivities={names[i]: float(alone[i]) if np.isfinite(alone[i]) else None for i in largest},
+                reasons=sorted({reason for reason in one.reasons if reason}),
+            )
+        )
+    return rows
+
+
+def _design(
+    fit: Solution, calibrated: tuple[list[Predicted], Array, list[str]], ramps: Sequence[LoadCase], wanted: str
+) -> DesignRow:
+    figures, covariance, _ = calibrated
+    target = design.in_view(figures, covariance, wanted)
+    found, left_out = design.candidates(fit, target, ramps or design.usual_ramps(fit))
+    rows = [
+        CandidateRow(
+            posture=one.ramp.posture,
+            ramp=f"{one.ramp.axis}:{one.ramp.to:.4g}",
+            parameters_shrink_to=one.shrinks,
+            figure_std=one.std_after if target is not None else None,
+        )
+        for one in found
+    ]
+    by_figure = sorted((row for row in rows if row.figure_std is not None), key=lambda row: row.figure_std or 0.0)
+    return DesignRow(
+        d_optimal=rows[0] if rows else None,
+        i_optimal=by_figure[0] if by_figure else None,
+        figure="" if target is None else design.label(target),
+        figure_std=None if target is None else target.std(covariance),
+        candidates=rows,
+        left_out=left_out,
+    )

@@ -1,0 +1,297 @@
+"""``validate diagnose``: from a test's two files to the diagnosis' three."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from vjm import __version__
+from vjm.io.files import check_writable, write_together
+from vjm.io.findings import Finding
+from vjm_output.documents import as_json, doubt_rows
+from vjm_output.optional_page import page_of
+from vjm_updating.diagnosis.contrasts import contrasts
+from vjm_updating.diagnosis.critical import Critical
+from vjm_updating.diagnosis.document import (
+    AlternativeRow,
+    CandidateRow,
+    ContrastRow,
+    CriticalPointRow,
+    CriticalRow,
+    Diagnosis,
+    ExperimentRow,
+    FoldRow,
+    GainRow,
+    NoiseRow,
+    TransferRow,
+    ValueRow,
+    VersionRow,
+)
+from vjm_updating.diagnosis.estimates import Estimate, estimates, joined, nuisance_estimates
+from vjm_updating.diagnosis.evidence import effective_samples
+from vjm_updating.diagnosis.extended import extended_text
+from vjm_updating.diagnosis.kind_protocol import HoldOut, KindOfTest
+from vjm_updating.diagnosis.kinds import kind_of
+from vjm_updating.diagnosis.mistaken import unless_unexplained, with_mistakes
+from vjm_updating.diagnosis.preprocess import Prepared, possible, prepare, refresh
+from vjm_updating.diagnosis.scored_hypothesis import Ranked
+from vjm_updating.diagnosis.search import Search
+from vjm_updating.diagnosis.transfer import transfer
+from vjm_updating.diagnosis.verdict import Verdict, judge, proved
+from vjm_updating.experiment import Measurement, read_measurement
+from vjm_updating.experiment.mistakes import mended, mistakes_of
+from vjm_updating.experiment.plausibility import considered
+from vjm_updating.inference.fitting import Fit
+from vjm_updating.mechanisms.catalogue import plug_in
+
+DOCUMENT, MODEL, PAGE = "diagnosis.json", "extended-model.toml", "diagnosis.html"
+AGAIN = 2
+"""Searches more at most, each about what the last one found."""
+NOISE_ALONE = 0.5
+"""Prior probability, even odds, that scatter far beyond what a sheet says of its instruments is noise, not a cause
+outside the catalogue: both may be of any size, so that no reading tells. Beside such a cause no verdict would be
+right; so the probability that one is, is this times that where the scatter is noise."""
+SHOWN = 12
+"""Contrasts that are kept."""
+
+
+def diagnose(
+    data: Path,
+    sheet: Path,
+    out: Path,
+    *,
+    plug_ins: Sequence[Path] = (),
+    only: Sequence[str] = (),
+    without: Sequence[str] = (),
+    beside: tuple[Path, Path] | None = None,
+    strict: bool = False,
+    warn: Callable[[Sequence[Finding]], None] = lambda _: None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Diagnose a test and write what was found.
+
+    Args:
+        data: readings, CSV.
+        sheet: test sheet, TOML.
+        out: folder for `DOCUMENT`, `MODEL` and, where the extra ``report`` is installed, `PAGE`; all are written
+            at the end or none.
+        plug_ins: files with effects of one's own, see docs/effects.md.
+        only: the causes that are thought possible; all where none is given.
+        without: causes that are not.
+        beside: readings and sheet of another specimen, of which is said what the findings are worth there.
+        strict: whether doubtful readings are refused.
+        warn: told what is implausible, before anything is fitted.
+        progress: told what is being done.
+
+    Raises:
+        ValueError: a file cannot be used; one line.
+        vjm.statics.equilibrium.NoConvergenceError: the nominal model does not reach the readings.
+        OSError: the folder cannot be written to.
+    """
+    begun = time.perf_counter()
+    more = [plug_in(path) for path in plug_ins]
+    measurement = read_measurement(data, sheet)
+    findings = considered(measurement, strict=strict)
+    mistakes = mistakes_of(findings)
+    measurement = mended(measurement, mistakes)
+    second = None if beside is None else read_measurement(*beside)
+    kind = kind_of(measurement)
+    if second is not None and kind_of(second) is not kind:
+        raise ValueError(
+            f"--beside {second.readings.file}: is another kind of test than {measurement.readings.file}"
+        )
+    observed = kind.observe(measurement)
+    possible(kind.effects(observed, more), only, without)
+    check_writable(out)
+    warn(findings)
+    progress("the nominal model")
+    prepared = prepare(observed, more, only=only, without=without)
+    search = _search(prepared, kind, progress)
+    best = search.run()
+    prepared = replace(prepared, null=search.null)
+    for _ in range(AGAIN):
+        # seen from a model that was off, noise and wild samples were guesses
+        again = refresh(prepared, best.fit)
+        if again is None:
+            break
+        prepared = again
+        before, search = best, replace(_search(prepared, kind, progress), known=search.tried)
+        best = search.run()
+        prepared = replace(prepared, null=search.null)
+        if best.labels == before.labels:
+            break
+    best = kind.completed(search, best)
+    prepared = replace(prepared, null=search.null)
+    progress("verdict")
+    verdict, candidates, points = _proved(prepared, kind, unless_unexplained(judge(search, best), mistakes))
+    document = _document(measurement, prepared, kind, verdict, candidates, points, begun)
+    if second is not None:
+        document = document.model_copy(update={"transfer": _transfer(verdict, second)})
+    document = with_mistakes(document, mistakes).model_copy(update={"doubts": doubt_rows(findings)})
+    progress("report")
+    chosen = verdict.members[0].fit if verdict.members else prepared.null
+    found = estimates(prepared.fitter, chosen, 0.0)
+    model = extended_text(measurement, prepared.fitter, chosen, verdict.kind, found)
+
+    def page() -> str:
+        # matplotlib takes a second to import, and is an extra
+        from vjm_updating.diagnosis.page import write_page
+
+        return write_page(measurement, prepared, chosen, document)
+
+    files = {out / DOCUMENT: as_json(document), out / MODEL: model}
+    write_together(files | page_of(out / PAGE, page))
+    return document
+
+
+def _search(prepared: Prepared, kind: KindOfTest, progress: Callable[[str], None]) -> Search:
+    fitter = prepared.fitter
+    samples = effective_samples(fitter.whitening.memory.rho, fitter.whitening.present)
+    return Search(
+        fitter, prepared.null, prepared.effects, samples, progress, signed=prepared.signed, costs=kind.costs
+    )
+
+
+def _proved(
+    prepared: Prepared, kind: KindOfTest, verdict: Verdict
+) -> tuple[Verdict, list[CandidateRow], list[Critical]]:
+    """The verdict judged by what its members predict of readings held out, and the first's critical points."""
+    null = prepared.null
+    if not verdict.members:
+        return verdict, [], kind.critical_points(prepared.fitter, null, null)
+    hold_out = kind.hold_out(prepared.fitter, null)
+    points = [kind.critical_points(prepared.fitter, null, member.fit) for member in verdict.members]
+    gains = [_gain(hold_out, member.fit, own) for member, own in zip(verdict.members, points, strict=True)]
+    first = gains[0]
+    verdict = proved(verdict, first.before_in_sigma, first.after_in_sigma, first.expected_in_sigma)
+    if not verdict.members:
+        return verdict, [], kind.critical_points(prepared.fitter, null, null)
+    candidates = [
+        CandidateRow(
+            causes=sorted(m.causes),
+            places=sorted({e.place for e in m.fit.hypothesis}),
+            probability=p,
+            parameters=_values(prepared, kind, m.fit, places),
+            gain=own,
+        )
+        for m, p, own, places in zip(verdict.members, verdict.probabilities, gains, verdict.places, strict=True)
+    ]
+    return verdict, candidates, points[0]
+
+
+def _document(
+    measurement: Measurement,
+    prepared: Prepared,
+    kind: KindOfTest,
+    verdict: Verdict,
+    candidates: Sequence[CandidateRow],
+    points: Sequence[Critical],
+    begun: float,
+) -> Diagnosis:
+    fitter = prepared.fitter
+    observed = fitter.forward.observed
+    chosen = verdict.members[0].fit if verdict.members else prepared.null
+    channels = {name: observed.columns.index(name) for name in observed.wrench_channels}
+    return Diagnosis(
+        verdict=verdict.kind,
+        causes=sorted({cause for c in candidates for cause in c.causes}),
+        candidates=list(candidates),
+        parameters=candidates[0].parameters if candidates else {},
+        confidence=verdict.confidence * (NOISE_ALONE if kind.scatter(observed) else 1.0),
+        alternatives=[
+            AlternativeRow(causes=sorted(r.causes), places=sorted(e.place for e in r.fit.hypothesis), confidence=w)
+            for r, w in verdict.others
+        ],
+        gain=candidates[0].gain if candidates else None,
+        next_experiment=kind.next_experiment(fitter, verdict) if verdict.kind == "class" else ExperimentRow(),
+        version=VersionRow(
+            package=__version__, model_sha256=measurement.model_sha256, data_sha256=measurement.data_sha256
+        ),
+        residual=_residual_words(verdict) or kind.scatter(observed),
+        contrasts=[
+            ContrastRow(name=c.name, channel=c.channel, size=c.size, significance=c.significance)
+            for c in contrasts(fitter, prepared.null)[:SHOWN]
+        ],
+        noise=NoiseRow(
+            autocorrelation={name: float(fitter.whitening.memory.rho[k]) for name, k in channels.items()},
+            wild_samples=observed.wild,
+            readings=len(observed.pose),
+        ),
+        nuisances={name: _value(e) for name, e in nuisance_estimates(fitter, chosen).items()},
+        critical=[_critical(one) for one in points],
+        seconds=time.perf_counter() - begun,
+    )
+
+
+def _transfer(verdict: Verdict, second: Measurement) -> list[TransferRow]:
+    return [
+        TransferRow(causes=sorted(member.causes), what=row.what, rmse=row.rmse, unit=row.unit)
+        for member in verdict.members
+        for row in transfer(member.fit, second)
+    ]
+
+
+def _critical(one: Critical) -> CriticalPointRow:
+    return CriticalPointRow(
+        posture=one.posture,
+        direction=one.direction,
+        reached_N=one.reached,
+        measured_N=one.measured,
+        before_N=one.before,
+        after_N=one.after,
+        nominal=one.nominal.kind,
+        nominal_N=one.nominal.force,
+        extended=one.extended.kind,
+        extended_N=one.extended.force,
+        yields_N=one.yields.force,
+        yields=one.yields.words,
+    )
+
+
+def _residual_words(verdict: Verdict) -> str:
+    if verdict.kind != "unknown":
+        return ""
+    if verdict.doubt:
+        return verdict.doubt
+    rest = verdict.rest
+    if rest.strained < rest.p:
+        return f"what fits best takes {rest.farthest}"
+    return f"what is left has the shape '{rest.worst or 'rough'}', strength {rest.left**0.5:.1f}"
+
+
+def _value(e: Estimate) -> ValueRow:
+    return ValueRow(value=e.value, std=e.std, interval95=[e.low, e.high])
+
+
+def _values(prepared: Prepared, kind: KindOfTest, fit: Fit, places: Sequence[Ranked]) -> dict[str, ValueRow | str]:
+    elsewhere = [estimates(prepared.fitter, place.fit, 0.0) for place in places]
+    found = joined(estimates(prepared.fitter, fit, 0.0), elsewhere)
+    result: dict[str, ValueRow | str] = {name: _value(e) for name, e in found.items()}
+    result |= kind.parameters(prepared.fitter, fit, found)
+    for effect in fit.hypothesis:
+        if effect.part and not any(name.startswith(f"{effect.cause}.{effect.part}") for name in result):
+            other = [e.part for place in places for e in place.fit.hypothesis if e.cause == effect.cause]
+            result[f"{effect.cause}.part"] = " or ".join(dict.fromkeys([effect.part, *other]))
+    return result
+
+
+def _gain(hold_out: HoldOut, fit: Fit, points: Sequence[Critical]) -> GainRow:
+    found, parts = hold_out(fit)
+    measured, before, after = points[0].triple if points else (None, None, None)
+    return GainRow(
+        rmse_before=found.before,
+        rmse_after=found.after,
+        interval95=list(found.interval),
+        before_in_sigma=found.before_in_sigma,
+        after_in_sigma=found.after_in_sigma,
+        expected_in_sigma=found.expected_in_sigma,
+        unit=found.unit,
+        split=found.split,
+        critical=CriticalRow(measured_N=measured, before_N=before, after_N=after),
+        folds=[
+            FoldRow(name=f.name, readings=f.readings, force=f.force, rmse_before=f.before, rmse_after=f.after)
+            for f in parts
+        ],
+    )

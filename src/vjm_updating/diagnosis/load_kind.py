@@ -1,0 +1,94 @@
+"""Tests in which loads are hung on a machine and gauges read how it moves: a kind of test."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vjm_updating.diagnosis.critical import Critical
+from vjm_updating.diagnosis.document import ExperimentRow
+from vjm_updating.diagnosis.ramp_kind import RampTest, instrument_effects
+from vjm_updating.diagnosis.verdict import Verdict
+from vjm_updating.experiment import Measurement
+from vjm_updating.experiment.channels import unit_of
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.instrument import LEVER
+from vjm_updating.inference.load_forward import LoadForward
+from vjm_updating.mechanisms.catalogue import Maker, catalogue
+from vjm_updating.mechanisms.effect import Effect, Scene
+from vjm_updating.mechanisms.gravity import Gravity
+from vjm_updating.observation.loads import observe_loads
+from vjm_updating.observation.observed import Observed
+
+
+class LoadTest(RampTest):
+    """The kind of a test by force; see `vjm_updating.observation.loads`."""
+
+    def applies(self, measurement: Measurement) -> bool:
+        """Where loads were imposed and the pose of the end-effector is not wholly known."""
+        return measurement.loaded
+
+    def observe(self, measurement: Measurement) -> Observed:
+        """All readings with every load and a displacement."""
+        return observe_loads(measurement)
+
+    def forward(self, observed: Observed) -> LoadForward:
+        """Equilibria under the loads."""
+        return LoadForward(observed)
+
+    def effects(self, observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
+        """Those of a machine under loads, and the instruments'."""
+        return load_effects(observed, more)
+
+    def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[Critical]:
+        """None: nothing was loaded beyond its stability."""
+        return []
+
+    def next_experiment(self, fitter: Fitter, verdict: Verdict) -> ExperimentRow:
+        """More gauges: candidates differ in what moves where."""
+        observed = fitter.forward.observed
+        return ExperimentRow(
+            why=f"what {', '.join(observed.columns)} read does not tell the candidates apart",
+            posture=str(observed.readings.posture[0]),
+            path="the same loads with gauges at points between support and load, or on rotations; or another load",
+        )
+
+
+def load_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
+    """The catalogue of a test by force.
+
+    Friction in passive joints and stress that relaxes are not asked: their laws are those of an imposed
+    displacement. Nor is the machine's own weight, which acts before the gauges are set.
+    """
+    measurement, clock = observed.measurement, observed.clock
+    size = {"N": np.abs(observed.pose[:, :3]).max(), "Nmm": np.abs(observed.pose[:, 3:]).max()}
+    for unit in ("mm", "rad"):
+        own = [c for c, name in enumerate(observed.columns) if unit_of(name) == unit]
+        size[unit] = np.nanmax(np.abs(observed.wrench[:, own]), initial=0.0)
+    length = measurement.chain.characteristic_length
+    scene = Scene(
+        chain=measurement.chain,
+        engine=measurement.engine,
+        # where only moments act, their force at the longest part's end
+        force=max(float(size["N"]), float(size["Nmm"]) / length, 1.0),
+        reach=max(float(size["mm"]), float(size["rad"]) * length),
+        duration=0.0 if clock is None else float(np.ptp(clock)),
+        interval=0.0 if clock is None else float(np.median(np.diff(clock))),
+        rays=tuple((ray.posture, tuple(ray.direction.tolist())) for ray in observed.rays),
+        loaded=True,
+    )
+    largest = {
+        "N": scene.force,
+        "Nmm": max(float(size["Nmm"]), LEVER * scene.force),
+        "mm": scene.reach,
+        "rad": float(size["rad"]) or float("inf"),
+    }
+    found = [effect for effect in catalogue(scene, more) if _is_of_loads(effect)]
+    return [*found, *instrument_effects(observed, scene.duration, largest)]
+
+
+def _is_of_loads(effect: Effect) -> bool:
+    own = type(effect)
+    remembers = own.friction is not Effect.friction or own.relaxation is not Effect.relaxation
+    return not remembers and not isinstance(effect, Gravity)

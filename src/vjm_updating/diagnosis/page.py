@@ -1,0 +1,121 @@
+"""``diagnosis.html``: the story of a diagnosis as one page that needs nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_output.templating import environment
+from vjm_updating.diagnosis.document import Diagnosis
+from vjm_updating.diagnosis.extended import FILE
+from vjm_updating.diagnosis.figures import Before, nominal, pictures
+from vjm_updating.diagnosis.preprocess import Prepared
+from vjm_updating.diagnosis.summary_text import CONFIDENCE, placed, unseen
+from vjm_updating.experiment import Measurement
+from vjm_updating.experiment.mistakes import TITLES
+from vjm_updating.inference.fitting import Fit
+
+HEADLINES = {
+    "none": "The model explains the data within the sheet's tolerances.",
+    "named": "One cause explains what the model gets wrong.",
+    "class": "Several causes explain the data alike; these data cannot tell them apart.",
+    "unknown": "The model is wrong, and no known cause explains how.",
+}
+
+
+STEPS = {
+    "none": "No further test is needed to explain these data.",
+    "named": "No further test is needed to tell causes apart.",
+    "unknown": "Repeat the test with a hold, and on the way back: whether what is left follows the displacement, "
+    "the clock or the history says where to look. An effect of one's own can be tried with --effects.",
+}
+"""Where there is no experiment."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Errors of one channel, root mean square.
+
+    Attributes:
+        name: of the column.
+        noise: of one reading by the sheet.
+        drawn: of the nominal model with the sheet's own values; None where it does not reach the readings.
+        best: with its nuisances at their best.
+        after: of the extended model.
+    """
+
+    name: str
+    noise: float
+    drawn: float | None
+    best: float
+    after: float
+
+
+def _channels(prepared: Prepared, fit: Fit, before: Before) -> list[Channel]:
+    observed = prepared.fitter.forward.observed
+
+    def rms(residual: Array, c: int) -> float:
+        return float(np.sqrt(np.mean(residual[observed.present[:, c], c] ** 2)))
+
+    return [
+        Channel(
+            name,
+            float(observed.measurement.sheet.sigma(name).noise),
+            None if before.drawn is None else rms(before.drawn, c),
+            rms(before.best, c),
+            rms(fit.at.residual, c),
+        )
+        for c, name in enumerate(observed.columns)
+        if observed.present[:, c].any()
+    ]
+
+
+def _common(document: Diagnosis) -> list[str]:
+    """Causes of every candidate of a class; none where there is one candidate."""
+    sets = [set(candidate.causes) for candidate in document.candidates]
+    return sorted(set.intersection(*sets)) if len(sets) > 1 else []
+
+
+def write_page(measurement: Measurement, prepared: Prepared, fit: Fit, document: Diagnosis) -> str:
+    """The page as HTML.
+
+    Args:
+        measurement: sheet, readings and nominal machine.
+        prepared: the nominal fit.
+        fit: of the first candidate, or the nominal one.
+        document: what was found.
+    """
+    observed = prepared.fitter.forward.observed
+    titles = TITLES | {effect.cause: effect.title for effect in prepared.effects}
+    before = nominal(prepared)
+    drawn = pictures(prepared, fit, document, before)
+    headline = HEADLINES[document.verdict]
+    if document.verdict == "named" and len(document.causes) > 1:
+        headline = f"{len(document.causes)} causes together explain what the model gets wrong."
+    return (
+        environment("vjm_updating.diagnosis")
+        .get_template("diagnosis.html.j2")
+        .render(
+            found=document,
+            title=measurement.sheet.test.title,
+            model=measurement.chain.name,
+            engine=measurement.engine.label,
+            files=(measurement.readings.file, measurement.sheet.file),
+            source=measurement.sheet.test.source,
+            headline=headline,
+            titles=titles,
+            common=_common(document),
+            postures=list(dict.fromkeys(observed.readings.posture.tolist())),
+            channels=[*observed.pose_channels, *observed.wrench_channels],
+            errors=_channels(prepared, fit, before),
+            pictures=drawn,
+            step=STEPS.get(document.verdict, ""),
+            extended=FILE,
+            placed=placed,
+            unseen=unseen,
+            confidence=CONFIDENCE,
+            values=int(observed.present.sum()),
+        )
+    )

@@ -1,0 +1,153 @@
+"""A test made ready for a search: nominal fit, wild samples, branches, noise, catalogue."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vjm.errors import NoConvergenceError
+from vjm.io.errors import did_you_mean
+from vjm.rotations import Array
+from vjm_updating.diagnosis.kinds import kind_of
+from vjm_updating.diagnosis.screening import STRONG, Signed, signed
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.outliers import standing_out
+from vjm_updating.inference.parameters import coordinates, nuisance_coordinates
+from vjm_updating.inference.refit import choose_branches, leave_out, refit, remember
+from vjm_updating.inference.trust_region import best_fit
+from vjm_updating.mechanisms.catalogue import Maker
+from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.observed import Observed
+from vjm_updating.observation.whitening import weighed, whitening_of
+
+SAME_MEMORY = 0.05
+"""Change of the noise's autocorrelation that is none."""
+SAME_NOISE = 0.03
+"""Relative change of a fit's squares by which its own covariances are those in force."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A test before any cause is tried.
+
+    Attributes:
+        fitter: with its noise known.
+        null: fit of the sheet's tolerances alone.
+        effects: the catalogue.
+        all: every reading, wild ones included.
+        signed: what each effect does to the readings about a null.
+    """
+
+    fitter: Fitter
+    null: Fit
+    effects: tuple[Effect, ...]
+    all: Observed
+    signed: Signed
+
+
+def prepare(
+    observed: Observed, more: Sequence[Maker] = (), *, only: Sequence[str] = (), without: Sequence[str] = ()
+) -> Prepared:
+    """Fit the nominal model, find wild samples and the noise's memory.
+
+    Args:
+        observed: the test.
+        more: effects beyond the catalogue's.
+        only: the causes that are thought possible; all where none is given.
+        without: causes that are not.
+
+    Raises:
+        ValueError: no effect of this test has such a cause.
+        NoConvergenceError: the nominal machine has no equilibrium at the readings.
+    """
+    kind = kind_of(observed.measurement)
+    forward = kind.forward(observed)
+    nuisances = tuple(nuisance_coordinates(observed))
+    found = coordinates(nuisances, ())
+    zero = np.zeros(len(found))
+    at = forward.evaluate(found, zero, ())
+    fitter = Fitter(forward, nuisances, whitening_of(observed, at))
+    wild = standing_out(observed, at.residual, fitter.whitening.factors)
+    leave_out(fitter, kind.without_outliers, observed, wild, at)
+    null = _fitted(fitter)
+    null = choose_branches(fitter, null)
+    effects = possible(kind.effects(forward.observed, more), only, without)
+    known = signed(fitter, null, effects)
+    remember(fitter, null, [s.change for s in known.found if s.change is not None])
+    null = _fitted(fitter, null.at.z, *_beside_kinks(fitter))
+    return Prepared(fitter, null, effects, observed, known)
+
+
+def possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]:
+    """The effects that are thought possible.
+
+    Raises:
+        ValueError: one of the causes named is not among them.
+    """
+    causes = {effect.cause for effect in effects}
+    for cause in (*only, *without):
+        if cause not in causes:
+            known = ", ".join(sorted(causes))
+            raise ValueError(f"no cause '{cause}' in this test{did_you_mean(cause, causes)}; there are {known}")
+    return tuple(e for e in effects if e.cause not in without and (not only or e.cause in only))
+
+
+def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
+    """Find wild samples, the readings' covariances and the noise's memory again, about a better model.
+
+    None where nothing changes by it, or the model is so far off that it tells nothing of the noise; the fitter is
+    then as it was, so that objectives found with it can still be compared.
+    """
+    fitter, kind = prepared.fitter, kind_of(prepared.all.measurement)
+    everything = kind.reweighted(fitter, prepared.all, best)
+    if everything is None:
+        return None
+    readings, whitening, branches = fitter.forward.observed, fitter.whitening, dict(fitter.forward.branches)
+    refit(fitter, kind.without_outliers, everything, best)
+    same = everything.noise is prepared.all.noise
+    same &= np.array_equal(readings.present, fitter.forward.observed.present)
+    close = float(np.abs(whitening.memory.rho - fitter.whitening.memory.rho).max()) < SAME_MEMORY
+    # near a critical point the stiffness, and what the gauge's noise makes of forces, may be another altogether
+    squares, own = (
+        float(np.sum(w.flat(best.at.residual) ** 2)) for w in (whitening, weighed(whitening, readings, best.at))
+    )
+    alike = abs(own - squares) < SAME_NOISE * squares
+    if same and close and alike and prepared.null.objective - best.objective < STRONG:
+        fitter.forward.observed, fitter.whitening, fitter.forward.branches = readings, whitening, branches
+        return None
+    return replace(prepared, null=_fitted(fitter, prepared.null.at.z, *_beside_kinks(fitter)), all=everything)
+
+
+def _fitted(fitter: Fitter, *near: Array) -> Fit:
+    """The sheet's tolerances alone: the best from nominal, and from nuisances ``(m,)`` near by.
+
+    Raises:
+        NoConvergenceError: the nominal machine has no equilibrium at the readings.
+    """
+    null = best_fit(fitter, (), np.zeros(len(fitter.nuisances)), [])
+    if null is None:
+        raise NoConvergenceError("the nominal machine has no equilibrium at the readings")
+    for start in near:
+        other = best_fit(fitter, (), start, [], borrowed=fitter.machine_slopes(null))
+        if other is not None and other.objective < null.objective - 0.5:
+            null = best_fit(fitter, (), other.at.z, []) or other
+    return null
+
+
+def _beside_kinks(fitter: Fitter) -> list[Array]:
+    """Nuisances ``(m,)`` to begin from where a critical point may move over readings: there are several minima."""
+    if not _kinked(fitter):
+        return []
+    return [sign * np.eye(len(fitter.nuisances))[i] for i in fitter.of_machine for sign in (1.0, -1.0)]
+
+
+def _kinked(fitter: Fitter) -> bool:
+    """Whether readings lie on both sides of a bifurcation."""
+    forward = fitter.forward
+    for ray in forward.observed.rays:
+        s = forward.observed.pose[ray.index] @ ray.measure
+        if any(forward.branched(ray, sign, float((sign * s).max())) for sign in (1, -1)):
+            return True
+    return False

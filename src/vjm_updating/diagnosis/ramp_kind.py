@@ -1,0 +1,176 @@
+"""Tests in which the end-effector is taken along ramps of displacement and its wrench is read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from vjm_updating.diagnosis.critical import Critical, critical_points
+from vjm_updating.diagnosis.document import ExperimentRow, ValueRow
+from vjm_updating.diagnosis.estimates import Estimate
+from vjm_updating.diagnosis.evidence import Costs
+from vjm_updating.diagnosis.experiment import propose
+from vjm_updating.diagnosis.holdout import Gain, gain, held_out_residual, split_of, unsure
+from vjm_updating.diagnosis.holdout_folds import Fold, folds
+from vjm_updating.diagnosis.kind_protocol import HoldOut
+from vjm_updating.diagnosis.scored_hypothesis import Ranked
+from vjm_updating.diagnosis.screening import far_off
+from vjm_updating.diagnosis.search import Search
+from vjm_updating.diagnosis.verdict import Verdict
+from vjm_updating.experiment import Measurement
+from vjm_updating.experiment.channels import TIME, unit_of
+from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.forward import Forward, Predictor
+from vjm_updating.inference.instrument import LEVER, InstrumentScale, InstrumentZero, ThermalDrift
+from vjm_updating.mechanisms.catalogue import Maker, catalogue
+from vjm_updating.mechanisms.effect import Effect, Scene
+from vjm_updating.observation.observed import Observed, observe, straightened
+
+LONG_BEFORE = 4.0
+"""Spans of a test that its clock may have run before at most: one that shows the date says nothing."""
+MOST_PAIRS = 5
+"""Members of a class that the next experiment tells from the most probable one."""
+
+
+class RampTest:
+    """The kind that takes every test; see `vjm_updating.diagnosis.kind_protocol.KindOfTest`."""
+
+    costs = Costs()
+
+    def applies(self, measurement: Measurement) -> bool:
+        """To every test; `observe_ramps` refuses those without a displacement."""
+        return True
+
+    def observe(self, measurement: Measurement) -> Observed:
+        """All readings with a displacement and a wrench."""
+        return observe_ramps(measurement)
+
+    def forward(self, observed: Observed) -> Predictor:
+        """Equilibria of the chain at the displacements, from tables along rays."""
+        return Forward(observed)
+
+    def effects(self, observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
+        """The machine's effects, and the instruments'."""
+        return ramp_effects(observed, more)
+
+    def without_outliers(self, observed: Observed, outliers: np.ndarray) -> Observed:
+        """No sample that stands out counts."""
+        return observed.without(outliers)
+
+    def reweighted(self, fitter: Fitter, everything: Observed, best: Fit) -> Observed | None:
+        """The sheet's noise holds; a fit that is far off shows nothing of it."""
+        return None if far_off(fitter, best) else everything
+
+    def completed(self, search: Search, best: Ranked) -> Ranked:
+        """A search leaves nothing out."""
+        return best
+
+    def hold_out(self, fitter: Fitter, null: Fit) -> HoldOut:
+        """Postures one at a time, else directions, cycles or every third reading."""
+        split = split_of(fitter.forward.observed)
+        unaided = held_out_residual(fitter, null, split)
+
+        def gained(fit: Fit) -> tuple[Gain, list[Fold]]:
+            extended = held_out_residual(fitter, fit, split, unaided)
+            found = gain(fitter, fit, split, unaided, extended, unsure(fitter, fit, split))
+            return found, folds(fitter, split, unaided, extended)
+
+        return gained
+
+    def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[Critical]:
+        """Those of the half-rays."""
+        return critical_points(fitter, null, fit)
+
+    def parameters(self, fitter: Fitter, fit: Fit, found: Mapping[str, Estimate]) -> dict[str, ValueRow | str]:
+        """Nothing beyond the causes' own."""
+        return {}
+
+    def scatter(self, observed: Observed) -> str:
+        """The sheet's noise is kept, so that none is found to compare with it."""
+        return ""
+
+    def next_experiment(self, fitter: Fitter, verdict: Verdict) -> ExperimentRow:
+        """Posture, direction, cycles and holds that tell the most probable member from the others."""
+        first = verdict.members[0]
+        others: dict[frozenset[str], Fit] = {}
+        for member in verdict.members:
+            if member.causes != first.causes and len(others) < MOST_PAIRS:
+                others.setdefault(member.causes, member.fit)
+        found = propose(fitter, [first.fit, *others.values()])
+        if found is None:
+            return ExperimentRow(why="no posture of the model separates them")
+        one, *rest = (" + ".join(sorted(causes)) for causes in (first.causes, *others))
+        told = f"it tells {one} from {' and from '.join(rest)}"
+        return ExperimentRow(
+            why=f"{told}: {found.channel} would differ by up to {found.difference:.3g}",
+            posture=found.posture,
+            path=found.path,
+            difference=found.difference,
+            channel=found.channel,
+            strength=found.strength,
+        )
+
+
+def observe_ramps(measurement: Measurement) -> Observed:
+    """What there is to be explained, displacements as steered where that was steadily.
+
+    Raises:
+        ValueError: no displacement of the end-effector was read, or no link bends.
+    """
+    if not measurement.chain.beams:
+        raise ValueError(
+            f"{measurement.sheet.file}: [test] model: no link of {measurement.chain.name} bends, and causes in "
+            'forces are sought along one: validate calibrate fits its joints, and a sheet of kind = "poses" '
+            "diagnoses it"
+        )
+    return straightened(observe(measurement))
+
+
+def ramp_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
+    """The catalogue of a ramp test: the machine's effects, and the instruments'."""
+    measurement = observed.measurement
+    clock = observed.clock
+    force = float(np.nanmax(np.linalg.norm(np.nan_to_num(observed.wrench[:, :3]), axis=1)))
+    gravity = measurement.sheet.test.gravity
+    scene = Scene(
+        chain=measurement.chain,
+        engine=measurement.engine,
+        force=max(force, 1.0),
+        reach=float(np.abs(observed.pose[:, :3]).max()),
+        duration=0.0 if clock is None else float(clock.max() - clock.min()),
+        interval=0.0 if clock is None else float(np.median(np.diff(clock))),
+        gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
+        rays=tuple((ray.posture, tuple(ray.direction.tolist())) for ray in observed.rays),
+    )
+    largest = _largest(observed, scene)
+    return [*catalogue(scene, more), *instrument_effects(observed, scene.duration, largest)]
+
+
+def instrument_effects(observed: Observed, duration: float, largest: Mapping[str, float]) -> list[Effect]:
+    """Errors of every channel.
+
+    Args:
+        observed: the readings.
+        duration: of the test, s; zero where there is no clock.
+        largest: reading that gauges are made for, by unit.
+    """
+    found: list[Effect] = []
+    for channel in (*observed.pose_channels, *observed.wrench_channels):
+        found += [InstrumentZero(part=channel), InstrumentScale(part=channel)]
+        most = largest[unit_of(channel)]
+        if observed.warmth is not None:
+            span = float(np.ptp(observed.warmth))
+            found.append(ThermalDrift(channel, "K", span, duration=duration, largest=most))
+        if observed.clock is not None:
+            span, first = float(np.ptp(observed.clock)), float(observed.readings.values[TIME][0])
+            since = float(np.clip(first / span, 0.0, LONG_BEFORE))
+            found.append(ThermalDrift(channel, "s", span, since=since, largest=most))
+    return found
+
+
+def _largest(observed: Observed, scene: Scene) -> dict[str, float]:
+    """The largest reading by its unit: what gauges of that kind are made for."""
+    moment = float(np.abs(np.nan_to_num(observed.wrench[:, 3:])).max())
+    turn = float(np.abs(observed.pose[:, 3:]).max())
+    return {"N": scene.force, "Nmm": max(moment, LEVER * scene.force), "mm": scene.reach, "rad": turn or np.inf}

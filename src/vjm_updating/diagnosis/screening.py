@@ -1,0 +1,293 @@
+"""Which causes could explain what a fit leaves: score tests of every effect's signature, nuisances projected out.
+
+A signature is the change of all readings that an effect makes at a small trial size. Together with the fit's own
+slopes it is whitened, and what the fit could absorb is projected out. What remains of the trials of one effect
+spans a few directions, and what their mixtures explain of mere noise has a known distribution (`cones`). The least
+p-value over the catalogue has a distribution that follows from the signatures alone; it is drawn (a parametric
+bootstrap of the maximum), which gives the threshold for a wanted rate of false alarms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.diagnosis.chi_bar_squared import Cone
+from vjm_updating.inference.fitting import Fit, Fitter, Held, prior
+from vjm_updating.inference.parameters import coordinates, release_key, sizeless, start
+from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.significance import FALSE_ALARMS
+
+DRAWS, RARE = 10000, 3.0
+"""Of noise, for the threshold; and times that rate, by which a single effect's p-value is worth computing."""
+SAME = 0.08
+"""Singular value of an effect's trials over the largest, below which they differ in nothing that shows."""
+SEED = 20240229
+STRONG = 4000.0
+"""Squares explained from which on what was found about the old fit is found anew about the new one."""
+ORDINARY = 3.0
+"""Sigmas of a machine's nuisance that change little of what effects do."""
+NEAR_BY = 1.0
+"""Sigmas of a nuisance by which a null may move and signatures about it are still those."""
+ABSORBED = 1e-6
+"""Share of a signature that is left by rounding where the fit absorbs all of it."""
+FAR_OFF = 2.0
+"""Median size of whitened residuals, 0.67 for a right model, beyond which a model is far off."""
+APART = 0.05
+"""Singular value of two effects' directions over the largest, below which they are the same direction."""
+STARTS = 2
+"""Trials from which an effect is fitted."""
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What an effect does to the readings at a trial size.
+
+    Attributes:
+        effect: the cause.
+        values: of its parameters.
+        change: of the raw prediction ``(n, 6)``; None for a cause that frees a nuisance.
+        one_sided: only its own sign makes sense.
+    """
+
+    effect: Effect
+    values: tuple[float, ...]
+    change: Array | None
+    one_sided: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Signed:
+    """Signatures about a null.
+
+    Attributes:
+        null: about which they were found.
+        present: ``(n, 6)`` samples that counted.
+        branches: of the model's bifurcations.
+        found: one for each trial of each effect.
+    """
+
+    null: Fit
+    present: np.ndarray
+    branches: dict[tuple[int, int], int]
+    found: list[Signature]
+
+    def serves(self, fitter: Fitter, null: Fit) -> bool:
+        """Whether another null of the same test lies so near that effects do the same about it."""
+        own, moved = fitter.of_machine, np.abs(null.at.z - self.null.at.z).max(initial=0.0)
+        ordinary = max(np.abs(z[own]).max(initial=0.0) for z in (null.at.z, self.null.at.z)) < ORDINARY
+        seen = not (fitter.forward.observed.present & ~self.present).any()
+        return bool(moved < NEAR_BY and ordinary and seen and self.branches == fitter.forward.branches)
+
+
+@dataclass(frozen=True)
+class Score:
+    """How well an effect explains a residual.
+
+    Attributes:
+        effect: the cause.
+        explained: squares of the residual in the space of its trials, the most that it takes away to first order.
+        mixture: those that the best mixture of its trials takes away.
+        starts: parameters to begin fits from, the most promising first.
+        directions: orthonormal ``(N, d)``, whitened and projected.
+        cone: of its trials among them.
+    """
+
+    effect: Effect
+    explained: float
+    mixture: float
+    starts: tuple[tuple[float, ...], ...]
+    directions: Array
+    cone: Cone
+
+    @cached_property
+    def p(self) -> float:
+        """p-value of what mixtures of its trials take away."""
+        return float(self.cone.chance(np.array([self.mixture]))[0])
+
+
+def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Signature]:
+    """The signatures of effects about a fit."""
+    result = []
+    own, held = fitter.of_machine, None
+    if float(np.abs(base.at.z[own]).max(initial=0.0)) < ORDINARY:
+        # what the machine's own nuisances do beside the effect cancels: the nominal machine's tables serve all fits
+        held = Held(own, np.zeros(len(own)), fitter.machine_slopes(base))
+    here = fitter.evaluate(base.found, base.at.z, base.hypothesis, held=held) or base.at
+    for effect in effects:
+        if release_key(effect) is not None:
+            result.append(Signature(effect, (1.0,), None, one_sided=False))
+            continue
+        hypothesis = (*base.hypothesis, effect)
+        found = coordinates(fitter.nuisances, hypothesis)
+        quantities = effect.quantities()
+        sided = not quantities or any(q.neutral is not None and q.low == q.neutral for q in quantities)
+        m = len(fitter.nuisances)
+        for trial in effect.trials():
+            z = start(found, hypothesis, base.at.z[:m], [*base.values, trial])
+            at = fitter.evaluate(found, z, hypothesis, held=held)
+            if at is not None:
+                change = here.residual - at.residual
+                result.append(Signature(effect, tuple(trial), change, one_sided=sided))
+    return result
+
+
+def signed(fitter: Fitter, null: Fit, effects: Sequence[Effect]) -> Signed:
+    """The signatures of effects about a null, kept for others near by."""
+    found = signatures(fitter, null, effects)
+    return Signed(null, fitter.forward.observed.present, dict(fitter.forward.branches), found)
+
+
+def far_off(fitter: Fitter, fit: Fit) -> bool:
+    """Whether a fit is so far from the readings, a few wild ones aside, that it says nothing of their noise."""
+    return float(np.median(np.abs(fitter.whitening.flat(fit.at.residual)))) > FAR_OFF
+
+
+@dataclass(frozen=True)
+class Projection:
+    """The space that a fit cannot absorb.
+
+    Attributes:
+        basis: orthonormal ``(N, m)`` of what it can, whitened, priors below.
+        residual: whitened ``(N,)``, priors below.
+        rows: number of whitened samples; the rest are priors.
+        released: row of each nuisance's prior by (kind, subject).
+    """
+
+    basis: Array
+    residual: Array
+    rows: int
+    released: dict[tuple[str, str], int]
+
+    def rest(self, columns: Array) -> Array:
+        """Columns ``(N, k)`` without what the fit can absorb."""
+        result = columns - self.basis @ (self.basis.T @ columns)
+        return result - self.basis @ (self.basis.T @ result)
+
+
+def projection(fitter: Fitter, base: Fit) -> Projection:
+    """The space that a fit cannot absorb, and its residual there."""
+    W = fitter.whitening.flat(base.jacobian)
+    p, weight = prior(base.found, base.at.z)
+    free = np.array([c.sigma != 0.0 for c in base.found])
+    A = np.vstack([W, np.diag(weight)])[:, free]
+    r = np.concatenate([fitter.whitening.flat(base.at.residual), p])
+    size = np.linalg.norm(A, axis=0)
+    U, values, _ = np.linalg.svd(A[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    basis = U[:, values > 1e-10 * values.max(initial=0.0)]
+    rows = len(W)
+    released = {(c.kind, c.subject): rows + i for i, c in enumerate(base.found) if c.kind != "effect"}
+    rest = r - basis @ (basis.T @ r)
+    return Projection(basis, rest, rows, released)
+
+
+def whitened(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> Array:
+    """Signatures, whitened, priors below ``(N, k)``."""
+    raw = np.zeros((len(space.residual), len(found)))
+    changes = {i: signature.change for i, signature in enumerate(found) if signature.change is not None}
+    if changes:
+        raw[: space.rows, list(changes)] = fitter.whitening.flat(np.stack(list(changes.values()), axis=-1))
+    for i, signature in enumerate(found):
+        key = release_key(signature.effect)
+        if key is not None and key in space.released:
+            raw[space.released[key], i] = 1.0
+    return raw
+
+
+def scores(fitter: Fitter, space: Projection, found: Sequence[Signature]) -> list[Score]:
+    """Every effect's score, best first."""
+    groups: dict[str, list[int]] = {}
+    for i, signature in enumerate(found):
+        groups.setdefault(signature.effect.label, []).append(i)
+    raw = whitened(fitter, space, found)
+    rest = space.rest(raw)
+    before, after = np.linalg.norm(raw, axis=0), np.linalg.norm(rest, axis=0)
+    # a release's row has length one before it is projected
+    released = np.array([s.change is None for s in found], dtype=bool)
+    visible = after > np.where(released, 1e-6, np.maximum(1e-3, ABSORBED * before))
+    result = []
+    for group in groups.values():
+        own = [i for i in group if visible[i]]
+        if not own:
+            continue
+        size = after[own]
+        columns, kept = rest[:, own] / size, [found[i] for i in own]
+        z = columns.T @ space.residual
+        worth = np.where([s.one_sided for s in kept], np.maximum(z, 0.0), np.abs(z))
+        order = np.argsort(-worth)[:STARTS]
+        starts = tuple(_scaled(kept[i], float(z[i] / size[i])) for i in order)
+        U, values, _ = np.linalg.svd(columns, full_matrices=False)
+        U = U[:, values > SAME * values.max(initial=0.0)]
+        effect = kept[0].effect
+        cone = Cone.of(U.T @ columns, one_sided=all(s.one_sided for s in kept), vector=effect.extent > 1)
+        left = U.T @ space.residual
+        explained, mixture = float(left @ left), float(cone.explained(left[:, None])[0])
+        if sizeless(effect):
+            # all of it or nothing
+            explained = mixture = float((2.0 * z * size - size**2).max())
+        result.append(Score(effect, explained, mixture, starts, U, cone))
+    return sorted(result, key=lambda score: -score.explained + 2.0 * score.cone.dimension)
+
+
+def _scaled(signature: Signature, amplitude: float) -> tuple[float, ...]:
+    """The trial as large as the residual asks for, to first order."""
+    quantities = signature.effect.quantities()
+    if not quantities or signature.change is None:
+        return signature.values
+    if signature.one_sided:
+        amplitude = max(amplitude, 0.0)
+    amplitude = float(np.sign(amplitude) * np.clip(abs(amplitude), 0.1, 20.0)) if amplitude else 0.1
+    values = []
+    for q, v in zip(quantities, signature.values, strict=True):
+        grown = v if q.neutral is None or q.log else q.neutral + amplitude * (v - q.neutral)
+        values.append(float(np.clip(grown, q.low, q.high)))
+    return tuple(values)
+
+
+def threshold(found: Sequence[Score], rate: float = FALSE_ALARMS) -> float:
+    """p-value that the least of all effects falls below at a rate where nothing is wrong."""
+    if not found:
+        return rate
+    directions = np.column_stack([score.directions for score in found])
+    rng = np.random.default_rng(SEED)
+    # the directions overlap: noise is drawn in the space that they span
+    _, values, Vt = np.linalg.svd(directions, full_matrices=False)
+    keep = values > 1e-8 * values[0]
+    mix = values[keep, None] * Vt[keep]
+    draws = rng.standard_normal((DRAWS, int(keep.sum()))) @ mix
+    least = np.ones(DRAWS)
+    at = 0
+    for score in found:
+        own = draws[:, at : at + score.cone.dimension].T
+        squares = score.cone.explained(own)
+        # what is not rare for one effect is no least of all
+        rare = squares >= np.quantile(squares, 1.0 - RARE * rate)
+        least[rare] = np.minimum(least[rare], score.cone.chance(squares[rare]))
+        at += score.cone.dimension
+    return float(np.quantile(least, rate))
+
+
+def best_pairs(space: Projection, found: Sequence[Score], count: int) -> list[tuple[Score, Score, float]]:
+    """Pairs of effects that together explain most, to first order."""
+    if not found:
+        return []
+    directions = np.column_stack([score.directions for score in found])
+    products, z = directions.T @ directions, directions.T @ space.residual
+    ends = np.cumsum([score.cone.dimension for score in found])
+    own = [np.arange(end - score.cone.dimension, end) for score, end in zip(found, ends, strict=True)]
+    result = []
+    for (i, a), (j, b) in combinations(enumerate(found), 2):
+        if a.effect.cause == b.effect.cause or sizeless(a.effect) or sizeless(b.effect):
+            continue
+        both = np.concatenate([own[i], own[j]])
+        # singular values of both together, and what their span explains
+        squares, mix = np.linalg.eigh(products[np.ix_(both, both)])
+        keep = squares > APART**2 * squares[-1]
+        total = float(np.sum((mix[:, keep].T @ z[both]) ** 2 / squares[keep]))
+        result.append((a, b, total - 2.0 * int(keep.sum())))
+    return sorted(result, key=lambda pair: -pair[2])[:count]

@@ -1,0 +1,380 @@
+"""Which causes explain a test: forward, swap and backward moves over the catalogue, by evidence.
+
+Every move is scored to first order, nuisances and the discrepancy of the laws integrated out; all pairs of effects
+are scored jointly. The most promising are fitted in full.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.diagnosis.discrepancy import discrepancy, softened
+from vjm_updating.diagnosis.evidence import Costs, choice, criterion
+from vjm_updating.diagnosis.model_adequacy import Misfit, misfit
+from vjm_updating.diagnosis.scored_hypothesis import Ranked
+from vjm_updating.diagnosis.screening import (
+    STRONG,
+    Score,
+    Signature,
+    Signed,
+    best_pairs,
+    projection,
+    scores,
+    signatures,
+    threshold,
+)
+from vjm_updating.inference.fitting import Fit, Fitter, shapes_cost
+from vjm_updating.inference.parameters import (
+    Hypothesis,
+    afar,
+    linear,
+    release_key,
+    sizeless,
+    towards_nothing,
+    usual_shapes,
+)
+from vjm_updating.inference.trust_region import best_fit
+from vjm_updating.mechanisms.effect import Effect
+from vjm_updating.observation.distributions import chi2_sf
+
+WIDTH, BEAM, PAIRS = 8, 3, 3
+"""Hypotheses that are fitted in full at each size, those of one size that are extended, and pairs from nothing."""
+RIVAL = 16.0
+"""Criterion within which of the best a hypothesis may belong to its class: odds of 3000 to 1."""
+FIRST_ORDER = 0.15
+"""Share of the squares explained by which a score to first order is wrong."""
+STRAINED = 1.5
+"""Sigmas of a nuisance from which fits begin at most: a wrong model has dragged them along."""
+FAINT = 0.03
+"""Share of a trial with which a fit begins that must not be worse than one with a cause less."""
+MOST_CAUSES = 3
+"""Causes that are named together at most: with four laws, each with shapes of its own, any smooth residual is
+explained, and a search for them takes minutes."""
+CARRIED_ON = 3
+"""Times that a fit which has not ended by itself is carried on, at most."""
+
+
+@dataclass(frozen=True)
+class Move:
+    """A hypothesis that is worth a fit.
+
+    Attributes:
+        hypothesis: its causes.
+        base: fit of other causes, to begin at.
+        starts: values of each effect, one list for each start.
+        promise: its criterion to first order, with the least that it can cost.
+        unsure: by how much that may be off.
+        surely: whether it is to be fitted whatever the first order says.
+    """
+
+    hypothesis: Hypothesis
+    base: Fit
+    starts: Sequence[Sequence[Sequence[float]]]
+    promise: float
+    unsure: float
+    surely: bool = False
+
+    @property
+    def labels(self) -> frozenset[str]:
+        """Its effects."""
+        return frozenset(effect.label for effect in self.hypothesis)
+
+
+@dataclass
+class Search:
+    """A search and what it has found.
+
+    Attributes:
+        fitter: of the test.
+        null: fit of the sheet's tolerances alone.
+        effects: the catalogue.
+        samples: effective number of readings.
+        progress: told what is being tried.
+        known: what an earlier search found of the same test with its noise known less well, by effects.
+        signed: what the effects do to the readings about a null near by.
+        costs: what a choice of causes costs in this kind of test.
+    """
+
+    fitter: Fitter
+    null: Fit
+    effects: Sequence[Effect]
+    samples: float
+    progress: Callable[[str], None] = lambda _: None
+    known: Mapping[frozenset[str], Ranked] = field(default_factory=dict)
+    signed: Signed | None = None
+    costs: Costs = field(default_factory=Costs)
+    tried: dict[frozenset[str], Ranked] = field(default_factory=dict, init=False)
+    alarm: float = field(default=0.0, init=False)
+    first: list[Score] = field(default_factory=list, init=False)
+    _near_null: Fit = field(init=False)
+    _something: bool = field(default=True, init=False)
+    _signatures: list[tuple[Fit, list[Signature]]] = field(default_factory=list, init=False)
+    _beside: dict[frozenset[str], tuple[Fit, list[Score]]] = field(default_factory=dict, init=False)
+    _exact_ones: set[frozenset[str]] = field(default_factory=set, init=False)
+
+    def run(self) -> Ranked:
+        """The best hypothesis; the null where nothing is significant."""
+        null = self.tried[frozenset()] = self.ranked(self.null)
+        # what causes do beside nuisances that were dragged far along says little
+        self._near_null = self.fitter.near(self.null, STRAINED)
+        self.first = self._scores(replace(null, fit=self._near_null))
+        self.alarm = threshold(self.first)
+        self._something = any(score.p < self.alarm for score in self.first) or self._is_wrong(self.null)
+        best, beam, pairs = null, [null], list[Move]()
+        while beam and len(beam[0].labels) < MOST_CAUSES:
+            size = len(beam[0].labels) + 1
+            moves = [move for base in beam for move in self._forward(base)]
+            if size == 2:
+                moves += pairs
+            self._fit(moves)
+            level = self._polished(size)
+            if size == 1:
+                pairs = self._pairs(null)
+                # two effects may be significant together where none is alone
+                if not pairs and not any(self.significant(r) for r in level):
+                    return null
+            better = [r for r in level if r.criterion < best.criterion]
+            # beside one cause, two others may be better than it
+            beam = level[:BEAM] if better or size == 1 else []
+            best = min([best, *better], key=lambda r: r.criterion)
+        for _ in range(len(best.labels)):
+            self._fit([*self._backward(best), *self._swaps(best)])
+            self._polished(len(best.labels))
+            new = min((r for r in self.tried.values() if r.labels), key=lambda r: r.criterion)
+            if new.labels == best.labels:
+                break
+            best = new
+        return best if self.significant(best) else null
+
+    def rest(self, fit: Fit) -> Misfit:
+        """What a fit leaves."""
+        return misfit(self.fitter, fit)
+
+    def _is_wrong(self, fit: Fit) -> bool:
+        """Whether what a fit leaves, or what it takes of the nuisances, is rarer than an alarm."""
+        rest = self.rest(fit)
+        return min(rest.p, rest.strained) < self.alarm
+
+    def settled(self, ranked: Ranked) -> Ranked:
+        """The same, its fit carried on where it had not come to an end."""
+        for _ in range(CARRIED_ON):
+            if ranked.fit.converged:
+                break
+            self._polish(ranked)
+            ranked = self.tried[ranked.labels]
+        return ranked
+
+    def singles(self) -> list[float]:
+        """Criterion of every cause alone: of its fit where there is one, else to first order."""
+        null = frozenset[str]()
+        lower = self.tried[null].criterion - self.known[null].criterion if self.known else 0.0
+        fitted = {labels: r.criterion + lower for labels, r in self.known.items()}
+        fitted |= {labels: r.criterion for labels, r in self.tried.items()}
+        return [fitted.get(move.labels, move.promise) for move in self._forward(self.tried[null])]
+
+    def significant(self, ranked: Ranked) -> bool:
+        """Whether what causes explain is rare without any, over the whole catalogue."""
+        gain = max(self.null.objective - ranked.fit.objective, 0.0)
+        labels = [effect.label for effect in ranked.fit.hypothesis]
+        own = [score for score in self.first if [score.effect.label] == labels]
+        if own:
+            return float(own[0].cone.chance(np.array([gain]))[0]) < self.alarm
+        free = sum(max(len(effect.quantities()), 1) for effect in ranked.fit.hypothesis)
+        # so many more hypotheses there are of that size
+        return float(chi2_sf(gain, free)) < self.alarm / max(len(self.effects), 1) ** (len(labels) - 1)
+
+    def _scores(self, base: Ranked) -> list[Score]:
+        """What every other effect explains beside a hypothesis, its laws right to some per cent only."""
+        if base.labels in self._beside and self._beside[base.labels][0] is base.fit:
+            return self._beside[base.labels][1]
+        known = next((known for fit, known in self._signatures if self._near(fit, base.fit)), None)
+        if known is None:
+            known = self._signed(base)
+            self._signatures.append((base.fit, known))
+        here = [s for s in known if s.effect.label not in base.labels]
+        found = scores(self.fitter, softened(self.fitter, base.fit, self.costs.law_error), here)
+        self._beside[base.labels] = base.fit, found
+        return found
+
+    def _near(self, fit: Fit, other: Fit) -> bool:
+        """Whether what effects do about one fit tells what they do about another."""
+        return abs(fit.objective - other.objective) < STRONG
+
+    def _signed(self, base: Ranked) -> list[Signature]:
+        if not base.labels and self.signed is not None and self.signed.serves(self.fitter, base.fit):
+            return self.signed.found
+        self.progress(f"signatures of {len(self.effects)} effects")
+        return signatures(self.fitter, base.fit, self.effects)
+
+    def _forward(self, base: Ranked) -> list[Move]:
+        """One cause more."""
+        moves = []
+        for score in self._scores(base) if base.labels else self.first:
+            if any((e.cause, e.part) == (score.effect.cause, score.effect.part) for e in base.fit.hypothesis):
+                # of a part one cause by one law: a gauge that drifts, by one
+                continue
+            starts = [[*base.fit.values, v] for v in score.starts]
+            # a slope at nothing says little of a large cause, where there is something at all
+            told = base.labels or not self._something or linear(score.effect)
+            hypothesis = (*base.fit.hypothesis, score.effect)
+            promise = base.criterion - score.mixture + self._least_cost(base.fit.hypothesis, score.effect)
+            moves.append(Move(hypothesis, base.fit, starts, promise, FIRST_ORDER * score.explained, not told))
+        return moves
+
+    def _pairs(self, null: Ranked) -> list[Move]:
+        """Of all pairs the best to first order, where they are significant."""
+        rare = self.alarm / max(len(self.effects), 1)
+        return [
+            Move(
+                (a.effect, b.effect),
+                null.fit,
+                [[a.starts[0], b.starts[0]]],
+                null.criterion - worth + self._least_cost((), a.effect) + self._least_cost((a.effect,), b.effect),
+                FIRST_ORDER * worth,
+            )
+            for a, b, worth in best_pairs(projection(self.fitter, self._near_null), self.first, PAIRS)
+            if chi2_sf(worth, a.cone.dimension + b.cone.dimension) < rare
+        ]
+
+    def _backward(self, best: Ranked) -> list[Move]:
+        """One cause less."""
+        moves = []
+        for i in range(len(best.labels) if len(best.labels) > 1 else 0):
+            rest = tuple(e for k, e in enumerate(best.fit.hypothesis) if k != i)
+            values = [v for k, v in enumerate(best.fit.values) if k != i]
+            moves.append(Move(rest, best.fit, [values], -np.inf, 0.0))
+        return moves
+
+    def _swaps(self, best: Ranked) -> list[Move]:
+        """Another cause in the place of one."""
+        moves = []
+        for effect in best.fit.hypothesis:
+            rest = self.tried.get(best.labels - {effect.label})
+            if rest is not None:
+                # of a hypothesis of this size near the best the first order can be relied on
+                moves += [replace(move, unsure=0.0) for move in self._forward(rest) if move.labels != best.labels]
+        return moves
+
+    def _least_cost(self, before: Hypothesis, effect: Effect) -> float:
+        """What a further cause costs at least, whatever the readings narrow its parameters down to."""
+        cost = choice((*before, effect), self.effects, self.costs) - choice(before, self.effects, self.costs)
+        sizes = effect.quantities()[: effect.extent]
+        free = release_key(effect) is not None or any(not (q.log or np.isfinite(q.spread)) for q in sizes)
+        return cost + (float(np.log(self.samples)) if free else 0.0)
+
+    def _fit(self, moves: Iterable[Move]) -> None:
+        """Fit the most promising hypotheses: larger ones that may be better than the best, others as good."""
+        fitted, missed = 0, 0.0
+        for move in sorted(moves, key=lambda move: move.promise):
+            best = min(self.tried.values(), key=lambda r: r.criterion)
+            rival = RIVAL if len(move.labels) <= len(best.labels) else 0.0
+            # what the first order has missed of one it may miss of the next
+            hopeful = move.promise - max(move.unsure, missed) < best.criterion + rival
+            wanted = move.surely or (hopeful and fitted < WIDTH)
+            if wanted and move.labels not in self.tried and not self._beaten(move):
+                self._try(move)
+                fitted += not move.surely
+                if move.labels in self.tried and move.promise > -np.inf:
+                    missed = max(missed, move.promise - self.tried[move.labels].criterion)
+
+    def _beaten(self, move: Move) -> bool:
+        """Whether an earlier search found a hypothesis nearer to nothing than to the best.
+
+        What the best is without one of its causes is always fitted.
+        """
+        if move.labels not in self.known or move.promise == -np.inf:
+            return False
+        least, null = min(r.criterion for r in self.known.values()), self.known[frozenset()].criterion
+        return self.known[move.labels].criterion > 0.5 * (least + null)
+
+    def _try(self, move: Move) -> None:
+        """Fit a hypothesis."""
+        hypothesis, base = move.hypothesis, move.base
+        self.progress(" + ".join(effect.label for effect in hypothesis))
+        m = len(self.fitter.nuisances)
+        # what a wrong model has freed is its own affair
+        held = np.array([np.isfinite(c.sigma) for c in base.found[:m]])
+        begin = np.where(held, np.clip(base.at.z[:m], -STRAINED, STRAINED), base.at.z[:m])
+        starts, begins = move.starts, [begin]
+        earlier = self.known.get(move.labels)
+        if earlier is not None and earlier.fit.hypothesis == hypothesis and earlier.fit.converged:
+            starts, begins = [earlier.fit.values], [earlier.fit.at.z[:m]]
+        elif not base.hypothesis:
+            begins += afar(hypothesis[-1], self.fitter.nuisances, begin)
+        target = self._worth_reaching(base)
+        enough, borrowed = move.promise + move.unsure, self.fitter.machine_slopes(base)
+        best: Fit | None = None
+        for z, values in product(begins, starts):
+            best = _lower(best, best_fit(self.fitter, hypothesis, z, values, borrowed=borrowed, target=target))
+            if best is not None and best.objective < enough:
+                break
+        contains = {e.label for e in base.hypothesis} < move.labels
+        if best is None or (contains and best.objective > base.objective and not sizeless(hypothesis[-1])):
+            best = _lower(best, self._from_base(hypothesis, base, move.starts[0]))
+        if best is not None:
+            self.tried[move.labels] = self.ranked(self._as_usual(best, borrowed))
+
+    def _as_usual(self, fit: Fit, borrowed: Array | None) -> Fit:
+        """A fit begun anew with the usual shapes of its laws, as long as that makes it better.
+
+        Size and shape may make up for one another along a curve, on which steps soon become too short.
+        """
+        for _ in range(CARRIED_ON):
+            if shapes_cost(fit.found, fit.at.z) < self.fitter.rounding:
+                break
+            usual = [usual_shapes(e, v) for e, v in zip(fit.hypothesis, fit.values, strict=True)]
+            begin = fit.at.z[: len(self.fitter.nuisances)]
+            other = best_fit(self.fitter, fit.hypothesis, begin, usual, borrowed=borrowed)
+            if other is None or other.objective > fit.objective - self.fitter.rounding:
+                break
+            fit = other
+        return fit
+
+    def _worth_reaching(self, base: Fit) -> float:
+        """Squares of a fit from which its laws' discrepancy may still make it as good as the best."""
+        least = min(r.criterion for r in self.tried.values())
+        by_laws = (2.0 * self.costs.law_error) ** 2 * max(self.null.objective - least, 0.0)
+        constant = base.objective - self.fitter.squares(base.found, base.at)
+        return least + RIVAL + by_laws - constant
+
+    def _from_base(self, hypothesis: Hypothesis, base: Fit, values: Sequence[Sequence[float]]) -> Fit | None:
+        """A fit that begins at a hypothesis with a cause less, with next to none of that cause."""
+        known = {effect.label: own for effect, own in zip(base.hypothesis, base.values, strict=True)}
+        begin = [
+            known.get(effect.label) or towards_nothing(effect, own, FAINT)
+            for effect, own in zip(hypothesis, values, strict=True)
+        ]
+        own = base.at.z[: len(self.fitter.nuisances)]
+        return best_fit(self.fitter, hypothesis, own, begin, borrowed=self.fitter.machine_slopes(base))
+
+    def _polished(self, size: int) -> list[Ranked]:
+        """Hypotheses of one size, the best first; those that may be the best by exact fits."""
+        while True:
+            level = sorted((r for r in self.tried.values() if len(r.labels) == size), key=lambda r: r.criterion)
+            open_ = [r for r in level[:BEAM] if r.labels not in self._exact_ones]
+            if not open_:
+                return level
+            self._polish(open_[0])
+
+    def _polish(self, ranked: Ranked) -> None:
+        """The exact fit, by how the machine's own nuisances act beside the hypothesis' causes."""
+        self._exact_ones.add(ranked.labels)
+        m = len(self.fitter.nuisances)
+        fit = best_fit(self.fitter, ranked.fit.hypothesis, ranked.fit.at.z[:m], ranked.fit.values)
+        if fit is not None and fit.objective < ranked.fit.objective + RIVAL:
+            self.tried[ranked.labels] = self.ranked(fit)
+
+    def ranked(self, fit: Fit) -> Ranked:
+        """A fit with what it is worth."""
+        cost = criterion(self.fitter, fit, self.effects, self.samples, self.costs)
+        return Ranked(fit, cost + discrepancy(self.fitter, fit, self.costs.law_error))
+
+
+def _lower(*fits: Fit | None) -> Fit | None:
+    """Of fits the best, where there is one."""
+    return min((fit for fit in fits if fit is not None), key=lambda fit: fit.objective, default=None)

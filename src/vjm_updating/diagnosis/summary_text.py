@@ -1,0 +1,89 @@
+"""A diagnosis in a few lines for the terminal."""
+
+from __future__ import annotations
+
+from vjm_updating.diagnosis.document import CandidateRow, CriticalPointRow, Diagnosis, ValueRow
+from vjm_updating.experiment.channels import POSE, WRENCH
+
+ANY_DIRECTION = 1.8
+"""Standard deviation, rad, of a direction of which nothing is known: evenly spread over a whole turn, π/√3."""
+CONFIDENCE = (
+    "confidence: that the verdict is right, unknown causes and what strains the model included; probability: a "
+    "candidate's share among those that the verdict leaves"
+)
+
+
+def lines(found: Diagnosis) -> list[str]:
+    """The verdict, its parameters, its gain and what to measure next."""
+    named = f": {', '.join(found.causes)}" if found.causes else ""
+    result = [f"verdict: {found.verdict}{named} (confidence {found.confidence:.2f})"]
+    if found.residual:
+        result.append(found.residual)
+    for candidate in found.candidates:
+        result.append(
+            f"  {' + '.join(candidate.places or placed(candidate))}, probability {candidate.probability:.2f}"
+        )
+        for name, value in candidate.parameters.items():
+            result.append(f"    {name} = {_text(name, value)}")
+    if found.candidates and found.verdict != "none":
+        result.append(f"  ({CONFIDENCE})")
+    if found.gain is not None:
+        g = found.gain
+        result.append(
+            f"held-out {g.split}: {g.rmse_before:.3g} {g.unit} before, {g.rmse_after:.3g} {g.unit} after "
+            f"({g.before_in_sigma:.2f} and {g.after_in_sigma:.2f} of the noise)"
+        )
+    for fold in found.gain.folds if found.gain is not None else ():
+        result.append(
+            f"  {fold.name}, {fold.readings} readings: {fold.rmse_before:.3g} before, {fold.rmse_after:.3g} after"
+        )
+    result += [_critical(row) for row in found.critical if row.measured_N or row.nominal_N or row.extended_N]
+    for row in found.transfer:
+        error = "does not stand" if row.rmse is None else f"{row.rmse:.3g} {row.unit}"
+        result.append(f"beside, by {' + '.join(row.causes)}: {row.what}: {error}")
+    if found.next_experiment.why:
+        n = found.next_experiment
+        result.append(f"next: posture {n.posture}, {n.path}: {n.why}")
+    return result
+
+
+def placed(candidate: CandidateRow) -> list[str]:
+    """The causes, with the channel where one lies in an instrument."""
+    result = []
+    for cause in candidate.causes:
+        channels = [
+            name.split(".")[1]
+            for name in candidate.parameters
+            if name.startswith(f"{cause}.") and name.split(".")[1] in (*POSE, *WRENCH)
+        ]
+        result.append(f"{cause} ({', '.join(dict.fromkeys(channels))})" if channels else cause)
+    return result
+
+
+def unseen(name: str, value: ValueRow | str) -> bool:
+    """Whether a direction is known no better than that it is one."""
+    return (
+        isinstance(value, ValueRow) and name.endswith("_rad") and "direction" in name and value.std > ANY_DIRECTION
+    )
+
+
+def _text(name: str, value: ValueRow | str) -> str:
+    if isinstance(value, str):
+        return value
+    if unseen(name, value):
+        return "any: these readings do not show it"
+    return f"{value.value:.5g} ± {value.std:.2g}"
+
+
+def _critical(row: CriticalPointRow) -> str:
+    """Critical forces of one half-ray, and where the material would yield."""
+
+    def point(force: float | None, kind: str) -> str:
+        return "none" if force is None else f"{force:.4g} N ({kind})"
+
+    measured = "none measured" if row.measured_N is None else f"measured {row.measured_N:.4g} N"
+    yields = row.yields if row.yields_N is None else f"{row.yields_N:.4g} N, {row.yields}"
+    return (
+        f"critical, posture {row.posture}, {row.direction}: {measured} up to {row.reached_N:.4g} N; nominal model "
+        f"{point(row.nominal_N, row.nominal)}, extended {point(row.extended_N, row.extended)}; first yield {yields}"
+    )

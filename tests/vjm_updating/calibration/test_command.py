@@ -1,0 +1,219 @@
+"""``validate calibrate`` as a user meets it: what it writes, and what it refuses, with one line and status 2."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from helpers.command import GAUGE_SHEET
+
+from vjm_updating.calibration.command import DOCUMENT, MODEL, PAGE
+from vjm_updating.calibration.document import Calibration
+from vjm_updating.calibration.summary_text import fit_report
+from vjm_validation.cli.main import run
+from vjm_validation.schemas import schemas
+
+from . import synthetic
+from .conftest import ENGINE, RAMPS, TRUTH
+
+HEADER = ("time_s", "posture", "run", "ux_mm", *synthetic.COLUMNS)
+NAMES = tuple(TRUTH)
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> synthetic.Files:
+    trace = synthetic.of_model(synthetic.changed(TRUTH, ENGINE), ENGINE)
+    rows = synthetic.readings(trace, RAMPS, 12, np.random.default_rng(11))
+    whole = [{"time_s": float(k), "run": "1"} | row for k, row in enumerate(rows)]
+    whole = [{name: row[name] for name in HEADER} for row in whole]
+    return synthetic.write(tmp_path, whole, synthetic.sheet_text(foot=1, link=4))
+
+
+def command(files: synthetic.Files, *more: str) -> list[str]:
+    out = files.data.parent / "out"
+    return ["calibrate", str(files.data), "--sheet", str(files.sheet), "--out", str(out), *more]
+
+
+def test_the_command_writes_three_files(files, capsys):
+    assert run(command(files, "--fit", *NAMES, "--next", "D:-6", "A:y:1", "--figure", "C:compression:F_cr")) == 0
+    out = files.data.parent / "out"
+    assert {path.name for path in out.iterdir()} == {DOCUMENT, MODEL, PAGE}
+    document = json.loads((out / DOCUMENT).read_text())
+    jsonschema.validate(document, schemas()["calibration.schema.json"])
+    assert [row["name"] for row in document["parameters"]] == list(NAMES)
+    for row in document["parameters"]:
+        low, high = row["interval95"]
+        # of the value itself, not of its logarithm
+        assert low <= row["nominal"] * np.exp(TRUTH[row["name"]]) <= high
+    ramps = {(row["posture"], row["ramp"]) for row in document["next_experiment"]["candidates"]}
+    assert ramps == {("D", "x:-6"), ("A", "y:1")}
+    assert document["next_experiment"]["figure"] == "C:compression:F_cr"
+    printed = capsys.readouterr().out
+    for word in ("link.EIz", "95 % interval", "Which posture next", "D x -6"):
+        assert word in printed
+    found = Calibration.model_validate(document)
+    assert fit_report(found).split() == printed[: printed.index("page:")].split()
+    assert len(repr(found).splitlines()) == 1 + len(NAMES)
+    assert run(["buckling", str(out / MODEL), "--posture", "A", "--direction", "-", "--engine", "vjm-4"]) == 0
+
+
+def test_json_is_the_document_and_nothing_else(files, capsys):
+    # by default one factor for every elastic part, which is too few for these readings
+    assert run(command(files, "--json")) == 1
+    document = json.loads(capsys.readouterr().out)
+    assert document == json.loads((files.data.parent / "out" / DOCUMENT).read_text())
+    assert [row["name"] for row in document["parameters"]] == ["foot.factor", "link.factor"]
+
+
+def test_a_model_that_misses_its_own_readings_is_written_by_force_alone(files, capsys):
+    out = files.data.parent / "out"
+    out.mkdir()
+    (out / MODEL).write_text("# of another calibration")
+    # an earlier calibration's model does not stay beside a document of another
+    assert run(command(files)) == 1
+    assert {path.name for path in out.iterdir()} == {DOCUMENT, PAGE}
+    document = json.loads((out / DOCUMENT).read_text())
+    assert (document["fit"]["fits"], document["calibrated_model"]) == (False, "")
+    printed = capsys.readouterr().out
+    assert "validate diagnose" in printed
+    assert "--force" in printed
+    assert run(command(files, "--force")) == 0
+    assert (out / MODEL).read_text().startswith("# Not for use: it does not explain its own readings")
+    assert json.loads((out / DOCUMENT).read_text())["calibrated_model"] == MODEL
+
+
+def test_forces_in_pounds_are_refused(files, capsys):
+    """A machine 4.45 times as soft may fit them; it is none that was measured."""
+    table = [line.split(",") for line in files.data.read_text().splitlines()]
+    for name in synthetic.COLUMNS:
+        column(name, lambda cell: f"{float(cell) / 4.4482216152605:.9g}" if cell else cell)(table)
+    files.data.write_text("\n".join(",".join(row) for row in table) + "\n")
+    out = files.data.parent / "out"
+    assert run(command(files, "--fit", *NAMES)) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert said.startswith("validate: data.csv: ")
+    assert [word for word in ("lbf", "Convert them", "validate diagnose", "--force") if word not in said] == []
+    assert not out.exists()
+    assert run(command(files, "--fit", *NAMES, "--force")) == 0
+    assert any("lbf" in reason for reason in json.loads((out / DOCUMENT).read_text())["unfit"])
+    head = [line for line in (out / MODEL).read_text().splitlines() if line.startswith("# Not for use")]
+    assert any("lbf" in line for line in head)
+
+
+@pytest.mark.slow
+def test_intervals_cover_the_truth_through_the_command(files, capsys):
+    """A handful of tests of the same machine; all dice are fixed."""
+    trace = synthetic.of_model(synthetic.changed(TRUTH, ENGINE), ENGINE)
+    covered = total = 0
+    for seed in range(5):
+        rows = synthetic.readings(trace, RAMPS, 12, np.random.default_rng([3, seed]))
+        synthetic.write(files.data.parent, rows, synthetic.sheet_text(foot=1, link=4))
+        assert run(command(files, "--json", "--fit", *NAMES)) == 0
+        for row in json.loads(capsys.readouterr().out)["parameters"]:
+            low, high = row["interval95"]
+            covered += low <= row["nominal"] * np.exp(TRUTH[row["name"]]) <= high
+            total += 1
+    assert total == 15
+    assert covered >= 12  # 95 % of 15, and the chance of fewer is 0.5 %
+
+
+Change = Callable[[list[list[str]]], None]
+
+
+def column(name: str, change: Callable[[str], str], posture: str = "") -> Change:
+    """Change the cells of a column, of one posture or of all."""
+
+    def spoil(table: list[list[str]]) -> None:
+        at = table[0].index(name)
+        for row in table[1:]:
+            if not posture or row[table[0].index("posture")] == posture:
+                row[at] = change(row[at])
+
+    return spoil
+
+
+def without(name: str) -> Change:
+    def spoil(table: list[list[str]]) -> None:
+        at = table[0].index(name)
+        for row in table:
+            del row[at]
+
+    return spoil
+
+
+def swapped(table: list[list[str]]) -> None:
+    table[5], table[6] = table[6], table[5]
+
+
+def blank_posture(table: list[list[str]]) -> None:
+    for name in synthetic.COLUMNS:
+        column(name, lambda _: "", "B")(table)
+
+
+def one_cell(name: str, text: str) -> Change:
+    def spoil(table: list[list[str]]) -> None:
+        table[8][table[0].index(name)] = text
+
+    return spoil
+
+
+BAD: dict[str, tuple[Change, tuple[str, ...]]] = {
+    "force in kN": (column("fx_N", lambda c: str(float(c) / 1e3)), ("fx_N", "factor 1000", "kN instead of N")),
+    "force in mN": (column("fx_N", lambda c: str(float(c) * 1e3)), ("fx_N", "factor 1000", "mN instead of N")),
+    "displacement in m": (column("ux_mm", lambda c: str(float(c) / 1e3)), ("ux_mm", "factor 1000", "in m instead")),
+    "displacement in um": (column("ux_mm", lambda c: str(float(c) * 1e3)), ("ux_mm", "factor 1000", "µm")),
+    "missing displacement": (without("ux_mm"), ("ux_mm", "missing")),
+    "missing force": (without("fx_N"), ("fx_N", "missing")),
+    "missing posture": (without("posture"), ("posture", "missing")),
+    "constant": (column("ux_mm", lambda _: "1.0"), ("posture A", "ux_mm", "constant")),
+    "swapped": (swapped, ("rows 6 and 7", "swapped in time")),
+    "nan": (one_cell("fx_N", "nan"), ("row 9", "fx_N", "not finite")),
+    "text": (one_cell("fx_N", "12 N"), ("row 9", "fx_N", "is no number")),
+    "blank posture": (blank_posture, ("posture B", "blank")),
+    "unknown posture": (one_cell("posture", "E"), ("row 9", "unknown posture 'E'")),
+    "empty": (lambda table: table.clear(), ("data.csv", "empty")),
+    "header alone": (lambda table: table.__delitem__(slice(1, None)), ("no reading below",)),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_data_are_refused(files, capsys, case: str):
+    spoil, words = BAD[case]
+    table = [line.split(",") for line in files.data.read_text().splitlines()]
+    spoil(table)
+    files.data.write_text("".join(",".join(row) + "\n" for row in table))
+    assert run(command(files, "--fit", *NAMES)) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert said.startswith("validate: data.csv: ")
+    assert [word for word in words if word not in said] == []
+    assert not (files.data.parent / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--fit", "bar.factor"), "no such elastic part"),
+        (("--fit", "link.EIx"), "look for factor, section"),
+        (("--next", "D"), "is no ramp"),
+        (("--figure", "A:compression:K9"), "is no predicted figure"),
+    ],
+)
+def test_bad_options_are_refused(files, capsys, options: tuple[str, ...], words: str):
+    assert run(command(files, *options)) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert not list(files.data.parent.glob("out/*"))
+
+
+def test_a_test_without_the_end_effectors_displacement(files, capsys):
+    files.sheet.write_text(GAUGE_SHEET)
+    rows = [f"straight,{-500.0 * np.tanh(m):.3f},{m:.3f}" for m in np.linspace(0.0, 20.0, 15)]
+    files.data.write_text("posture,fx_N,mid.uy_mm\n" + "\n".join(rows) + "\n")
+    assert run(command(files)) == 2
+    assert "no displacement of the end-effector was read" in capsys.readouterr().err

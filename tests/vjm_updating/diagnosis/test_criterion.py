@@ -1,0 +1,97 @@
+"""What bounds cost a hypothesis, and that nothing lies beyond them."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from vjm_updating.diagnosis.equivalence_classes import distance
+from vjm_updating.diagnosis.evidence import beyond_bounds, criterion, narrowed
+from vjm_updating.inference.instrument import InstrumentZero
+from vjm_updating.inference.parameters import coordinates
+from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
+from vjm_updating.mechanisms.link_lumping import LinkLumping
+from vjm_updating.observation.coordinate import Coordinate
+from vjm_updating.observation.significance import FALSE_ALARMS, NORMAL_95
+
+
+@pytest.mark.parametrize("pressed", [0.1, 1.0, 5.0, 30.0])
+def test_a_bound_costs_the_evidence_beyond_it(pressed):
+    left = quad(lambda t: np.exp(-pressed * t - 0.5 * t * t), 0.0, np.inf)[0] / np.sqrt(2.0 * np.pi)
+    # quadrature's own tolerance, 1.5e-8 of the integral, which is 0.03 at least
+    assert beyond_bounds(np.array([0.0, pressed])) == pytest.approx(-2.0 * np.log(left), rel=1e-6)
+
+
+def test_what_ends_at_no_bound_costs_nothing():
+    assert beyond_bounds(np.zeros(3)) == 0.0
+
+
+@pytest.mark.parametrize("precision", [0.0, 1e3, 1e6])
+def test_readings_cost_what_they_narrow_a_shape_down_by(precision):
+    """Evidence of a Gaussian likelihood under Cauchy's prior by quadrature, at and far beyond what is usual."""
+    best = 0.0
+    prior = np.sqrt(2.0)  # curvature of −log(1 + x²) at its middle
+    cost = narrowed(np.array([[1.0 / (precision + prior**2)]]), np.array([prior]), np.ones(1))
+
+    def density(x):
+        return np.exp(-0.5 * precision * (x - best) ** 2) / (np.pi * (1.0 + x * x))
+
+    wide = 10.0 / np.sqrt(precision) if precision else np.inf
+    evidence = quad(density, -wide, wide, points=[0.0] if precision else None)[0]
+    # reason: Laplace's approximation is right to 1/precision, of each side of the logarithm
+    assert cost == pytest.approx(-2.0 * np.log(evidence), abs=4.0 / max(precision, 1e3))
+
+
+def test_what_is_not_seen_costs_nothing_beside_what_is():
+    """Two shapes of which readings see the sum alone: it is one number that they narrow down."""
+    seen, prior = 1e4, np.full(2, np.sqrt(2.0))
+    one = narrowed(np.array([[1.0 / (2.0 * seen + 2.0)]]), prior[:1], np.ones(1))
+    both = np.linalg.inv(seen * np.ones((2, 2)) + np.diag(prior**2))
+    # rounding of an inverse of condition 1e4
+    assert narrowed(both, prior, np.ones(2)) == pytest.approx(one, abs=1e-6)
+
+
+@pytest.mark.parametrize(("high", "left"), [(10.0, 0.0), (2.0, 3.0), (5.0, 0.0)])
+def test_a_refit_stays_within_bounds(high, left):
+    """One reading of unit slope: the other hypothesis needs 3 more of its coordinate, if there is so much."""
+    own = Coordinate("effect", "effect", "0", 1.0, sigma=np.inf, high=high)
+    flat = SimpleNamespace(whitening=SimpleNamespace(flat=lambda raw: raw), nuisances=[])
+    truth = SimpleNamespace(hypothesis=(), at=SimpleNamespace(z=np.zeros(1), residual=np.array([3.0])))
+    at = SimpleNamespace(z=np.array([2.0]), residual=np.zeros(1))
+    other = SimpleNamespace(found=[own], at=at, jacobian=np.array([[1.0]]))
+    # rounding of a few operations on numbers about three
+    assert distance(flat, truth, other) == pytest.approx(left, abs=1e-12)
+
+
+def test_what_either_is_or_is_not_has_no_parameter_to_pay_for():
+    zero = Coordinate("zero fx_N", "zero", "fx_N", 1.0, sigma=np.inf)
+    observed = SimpleNamespace()
+    fitter = SimpleNamespace(
+        forward=SimpleNamespace(observed=observed), normal=lambda fit: np.eye(1), pressure=lambda fit: np.zeros(1)
+    )
+    causes = LinkLumping(), InstrumentZero(part="fx_N")
+    fits = (
+        SimpleNamespace(hypothesis=(e,), found=[zero], at=SimpleNamespace(z=[0.0]), objective=50.0) for e in causes
+    )
+    lumped, shifted = (criterion(fitter, fit, causes, 200.0) for fit in fits)
+    # rounding of sums of a few tens
+    assert shifted - lumped == pytest.approx(np.log(200.0), rel=1e-12)
+
+
+@pytest.mark.parametrize(("sigmas", "disguised"), [(0.99 * NORMAL_95, True), (1.01 * NORMAL_95, False)])
+def test_a_cause_that_may_as_well_be_nothing_costs_what_a_false_alarm_is_worth(sigmas, disguised):
+    drive = ActuatorCompliance()
+    fitter = SimpleNamespace(
+        forward=SimpleNamespace(), normal=lambda fit: np.eye(1), pressure=lambda fit: np.zeros(1)
+    )
+
+    def cost(z):
+        at = SimpleNamespace(z=np.array([z]))
+        fit = SimpleNamespace(hypothesis=(drive,), found=coordinates([], (drive,)), at=at, objective=50.0)
+        return criterion(fitter, fit, (drive,), 200.0)
+
+    # rounding of sums of a few tens
+    assert cost(sigmas) - cost(50.0) == pytest.approx(2.0 * np.log(1.0 / FALSE_ALARMS) * disguised, abs=1e-12)

@@ -1,0 +1,186 @@
+"""Critical forces before and after, and where the material would yield."""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vjm.continuation.arc_length import trace
+from vjm.io.model_file import build_chain, load_chain, read_document
+from vjm.model.load_case import Load, LoadCase, PointControl
+from vjm.model.parameters import compliance_factor
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.diagnosis.critical import critical_points, knee
+from vjm_updating.diagnosis.preprocess import prepare
+from vjm_updating.diagnosis.ramp_kind import observe_ramps
+from vjm_updating.diagnosis.stress import fibre_of, first_yield
+from vjm_updating.experiment import read_measurement
+from vjm_updating.inference.trust_region import best_fit
+from vjm_updating.mechanisms.column import column_force
+from vjm_validation.cli.main import run
+
+COLUMN = read_document("pinned-column").content
+
+
+def column(**section):
+    document = copy.deepcopy(COLUMN)
+    table = document["parts"][1]
+    bow = section.pop("bow_mm", None)
+    table["section"] |= section
+    if bow:
+        table["bow_mm"] = bow
+    return document
+
+
+def traced(document, load_case, segments=32):
+    problem = VjmEngine(segments).problem(build_chain(document, "m.toml"), load_case)
+    return problem, trace(problem, load_case)
+
+
+def squeezed(to):
+    """Squeezed along x by a force, steered by the deflection of the middle."""
+    push = Load((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    return LoadCase(
+        "straight", to, "load", free=("x",), loads=(push,), control=PointControl("link", 0.5, (0, 1, 0))
+    )
+
+
+def test_a_pulled_bar_yields_all_through():
+    # (a squeezed one buckles long before)
+    problem, path = traced(COLUMN, LoadCase("straight", 1.5))
+    found = first_yield(problem, path, COLUMN["parts"])
+    # linear, so that the interpolation is exact
+    assert found.force == pytest.approx(241.3 * 25.4 * 3.175, rel=1e-10)
+    assert found.words == "on the way, in link"
+
+
+def test_a_column_buckles_long_before_it_yields():
+    document = column()
+    problem, path = traced(document, LoadCase("straight", -1.0))
+    found = first_yield(problem, path, document["parts"])
+    euler = np.pi**2 * 68948.0 * 25.4 * 3.175**3 / 12.0 / 299.085**2
+    # it shortens before it buckles: P (1 - P/EA) is Euler's, a second step of which is below 2e-8
+    assert path.critical.force == pytest.approx(euler * (1.0 + euler / (68948.0 * 25.4 * 3.175)), rel=1e-6)
+    share = 100.0 * euler / (241.3 * 25.4 * 3.175)
+    assert found.force is None
+    assert found.words == f"not before: {share:.0f} % of the yield stress is reached at the bifurcation"
+
+
+def test_a_bowed_column_yields_where_beam_theory_says():
+    document = column(bow_mm=[2.0, 0.0])
+    problem, path = traced(document, squeezed(30.0), 64)
+    found = first_yield(problem, path, document["parts"])
+    w = np.linspace(1.0, 30.0, 400)
+    P = column_force(w, 299.085, 68948.0 * 25.4 * 3.175**3 / 12.0, 2.0)
+    stress = P / (25.4 * 3.175) + P * (w + 2.0) / (25.4 * 3.175**2 / 6.0)
+    # the force grows by a tenth of a per cent per 0.1 mm here; steps of the path are interpolated linearly
+    assert found.force == pytest.approx(np.interp(241.3, stress, P), rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"yield_stress_MPa": None}, "not known: the model says no yield stress of link"),
+        ({"shape": None}, "not known: the model says no shape of the section of link"),
+    ],
+)
+def test_it_says_what_is_not_known(change, words):
+    table = column()["parts"][1]
+    for key in change:
+        table["section"].pop(key)
+    assert fibre_of(table) == words
+
+
+def test_a_knee_is_seen_only_where_there_is_one():
+    s = np.linspace(0.0, 3.0, 40)
+    # one of the places is where the lines meet
+    assert knee(s, np.minimum(1000.0 * s, 2000.0 + 50.0 * (s - 2.0))) == pytest.approx(2000.0, rel=1e-10)
+    assert knee(s, 1000.0 * s) is None
+    # what goes on with more than half of its slope is not level
+    behind = [knee(s, np.minimum(1000.0 * s, 2000.0 + slope * (s - 2.0))) for slope in (490.0, 510.0)]
+    assert behind[0] == pytest.approx(2000.0, rel=1e-10)
+    assert behind[1] != pytest.approx(2000.0, rel=1e-3)
+
+
+SHEET = """
+[test]
+model = "orthoglide-chain"
+
+[model]
+link_segments = 12
+
+[instrument.ux_mm]
+noise = 0.001
+zero = 0.002
+scale = 0.001
+
+[instrument.fx_N]
+noise = 2.0
+zero = 3.0
+scale = 0.003
+
+[tolerance]
+link_length_mm = 0.2
+modulus_rel = 0.02
+"""
+
+
+@pytest.fixture(scope="module")
+def pushed_past_buckling(tmp_path_factory):
+    """Data and sheet of a bar 15 % softer than its matrix, pulled, and pushed past where it buckles; its force."""
+    folder: Path = tmp_path_factory.mktemp("pushed")
+    nominal = load_chain("orthoglide-chain")
+    truth = compliance_factor(nominal, "link").apply(nominal, 1.15)
+    path, pulled = (VjmEngine(12).trace(truth, LoadCase("A", to)) for to in (-3.4, 1.3))
+    rng = np.random.default_rng(4)
+    u = np.concatenate([np.linspace(0.1, 1.2, 15), np.linspace(1.1, -3.3, 45), np.linspace(-3.25, -0.1, 20)])
+    force = np.where(u > 0.0, np.interp(u, pulled.s, pulled.force), -np.interp(-u, path.s, path.force))
+    force += 2.0 * rng.standard_normal(len(u))
+    rows = [f"{2.0 * k:.1f},A,{x:.4f},{f:.2f}" for k, (x, f) in enumerate(zip(u, force, strict=True))]
+    (folder / "data.csv").write_text("\n".join(["time_s,posture,ux_mm,fx_N", *rows]) + "\n")
+    (folder / "sheet.toml").write_text(SHEET)
+    assert path.critical is not None
+    return folder / "data.csv", folder / "sheet.toml", path.critical.force
+
+
+def test_the_critical_force_that_was_read_is_predicted_after(pushed_past_buckling):
+    data, sheet, truth = pushed_past_buckling
+    prepared = prepare(observe_ramps(read_measurement(data, sheet)))
+    cause = next(effect for effect in prepared.effects if effect.cause == "link_compliance")
+    fit = best_fit(prepared.fitter, (cause,), np.zeros(len(prepared.fitter.nuisances)), [[1.05]])
+    (pushed, pulled) = critical_points(prepared.fitter, prepared.null, fit)
+    assert (pushed.direction, pulled.direction) == ("compression", "tension")
+    # read off where two slopes meet, from readings 0.1 mm apart: 0.4 % off
+    assert pushed.measured == pytest.approx(truth, rel=0.01)
+    # the sheet's own: Euler's load of the bar as drawn, to four digits
+    assert (pushed.nominal.kind, pushed.nominal.force) == ("bifurcation", pytest.approx(8849.0, rel=1e-4))
+    # 80 readings with a noise of 2 N and a scale of 0.3 %
+    assert (pushed.extended.kind, pushed.extended.force) == ("bifurcation", pytest.approx(truth, rel=5e-3))
+    measured, _, after = pushed.triple
+    assert abs(after - measured) < 0.2 * abs(pushed.nominal.force - measured)
+    assert pushed.yields.force is None
+    assert pushed.yields.words.startswith("not known: the model says no shape")
+    # bars do not buckle when pulled
+    assert (pulled.measured, pulled.nominal.force, pulled.extended.force) == (None, None, None)
+    assert pulled.reached > 3000.0
+
+
+@pytest.mark.slow
+def test_the_extended_file_buckles_where_the_diagnosis_says(pushed_past_buckling, tmp_path, capsys):
+    data, sheet, truth = pushed_past_buckling
+    # a bar that differs between pull and push would explain them, too
+    causes = ["--without", "tension_compression_asymmetry"]
+    assert run(["diagnose", str(data), f"--sheet={sheet}", f"--out={tmp_path}", "--json", *causes]) == 0
+    found = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert "link_compliance" in found["causes"]
+    row = next(row for row in found["critical"] if row["direction"] == "compression")
+    assert found["gain"]["critical"]["measured_N"] == row["measured_N"] == pytest.approx(truth, rel=0.01)
+    capsys.readouterr()
+    arguments = ["buckling", str(tmp_path / "extended-model.toml"), "--posture", "A", "--direction", "-", "--json"]
+    assert run(arguments) == 0
+    (metrics,) = json.loads(capsys.readouterr().out)["chain"]["A"]["compression"].values()
+    assert metrics["F_cr"] == pytest.approx(row["extended_N"], rel=1e-4)

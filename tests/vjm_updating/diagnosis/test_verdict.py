@@ -1,0 +1,108 @@
+"""Which hypotheses may stand beside the best one."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from vjm_updating.diagnosis.model_adequacy import Misfit
+from vjm_updating.diagnosis.scored_hypothesis import Ranked
+from vjm_updating.diagnosis.verdict import (
+    Verdict,
+    credible_places,
+    in_other_places,
+    needless,
+    proved,
+    surely_nothing,
+)
+from vjm_updating.inference.instrument import InstrumentZero, ThermalDrift
+from vjm_updating.inference.parameters import coordinates
+from vjm_updating.mechanisms.actuator_compliance import ActuatorCompliance
+from vjm_updating.mechanisms.actuator_hardening import ActuatorHardening
+from vjm_updating.mechanisms.part_compliance import LinkCompliance
+from vjm_updating.mechanisms.tension_compression_asymmetry import Asymmetry
+
+DRIFT, ZERO = ThermalDrift(part="ux_mm", by="K", span=1.0), InstrumentZero(part="fx_N")
+LINEAR, HARDENING = ActuatorCompliance(), ActuatorHardening()
+
+
+def ranked(*effects, objective=100.0):
+    fit = SimpleNamespace(hypothesis=effects, objective=objective, found=coordinates([], effects))
+    return Ranked(fit, objective)
+
+
+def test_a_law_that_contains_another_and_is_no_better_is_needless():
+    # a spring of its own may as well be linear, a drift is a zero error and a slope
+    assert needless(ranked(LINEAR), ranked(HARDENING))
+    assert needless(ranked(ZERO), ranked(DRIFT))
+    # the converse
+    assert not needless(ranked(HARDENING), ranked(LINEAR))
+
+
+def test_a_links_two_stiffnesses_contain_that_links_softness_and_no_others():
+    softer, two_ways = LinkCompliance("fore", "fore"), {name: Asymmetry(name, name) for name in ("fore", "upper")}
+    assert needless(ranked(softer), ranked(two_ways["fore"]))
+    assert not needless(ranked(softer), ranked(two_ways["upper"]))
+    # an only link has no name
+    assert needless(ranked(LinkCompliance("rod")), ranked(Asymmetry("link", "rod")))
+
+
+def test_a_zero_error_beside_a_drift_of_another_channel_is_not_needless():
+    both = ranked(DRIFT, ZERO)
+    assert not needless(both, both)
+    assert needless(both, ranked(DRIFT, ZERO, InstrumentZero(part="ux_mm")))
+
+
+@pytest.mark.parametrize(
+    ("after", "expected", "counts"),
+    # better than none; worse than none, as a right model's might be; worse than that
+    [(1.9, 0.1, False), (2.9, 1.5, False), (2.9, 1.4, True)],
+)
+@pytest.mark.parametrize("causes", [(LINEAR,), (LINEAR, ZERO)])
+def test_what_was_held_out_counts_where_a_right_model_would_do_better(after, expected, counts, causes):
+    verdict = Verdict("named", (ranked(*causes),), (1.0,), 0.8, (), Misfit(1.0, 0.0, ""))
+    found = proved(verdict, 2.0, after, expected)
+    if not counts:
+        assert found is verdict
+    else:
+        assert (found.kind, found.members) == ("unknown", ())
+        assert found.others == ((verdict.members[0], 1.0),)
+        assert found.doubt.endswith("predicts what was held out worse than no cause does")
+
+
+def test_nothing_is_less_sure_the_nearer_another_comes():
+    def sure(*promises, strange=200.0):
+        null = {frozenset(): SimpleNamespace(criterion=100.0)}
+        return surely_nothing(SimpleNamespace(singles=lambda: list(promises), tried=null), strange)
+
+    assert sure() == pytest.approx(1.0)
+    # one that is as good, and three
+    assert sure(100.0) == pytest.approx(0.5)
+    assert sure(100.0, 100.0, strange=100.0) == pytest.approx(0.25)
+
+
+def test_a_cause_may_sit_in_another_place():
+    def at(*parts, converged=True):
+        found = ranked(*(ThermalDrift(part=part, by="K", span=1.0) for part in parts))
+        found.fit.converged = converged
+        return found
+
+    assert in_other_places(at("fx_N"), at("ux_mm"))
+    assert not in_other_places(at("fx_N"), at("fx_N"))
+    assert not in_other_places(at("fx_N", converged=False), at("ux_mm"))
+    # two places at once are another hypothesis
+    assert not in_other_places(at("fx_N", "fz_N"), at("ux_mm"))
+
+
+def test_places_are_credible_up_to_what_an_interval_holds():
+    parts = "fx_N", "ux_mm", "fz_N", "fy_N"
+    first, *others = (ranked(ThermalDrift(part=part, by="K", span=1.0)) for part in parts)
+    for one in (first, *others):
+        one.fit.converged = True
+    other = ranked(ZERO)
+    # 0.90 and 0.94 are not enough, 0.96 is; another cause is no place
+    weights = {others[2]: 0.04, others[0]: 0.04, first: 0.9, others[1]: 0.02, other: 5.0}
+    weights = {one: weights[one] for one in (*others[::-1], other, first)}
+    assert set(credible_places(weights, first)) == {others[0], others[2]}
+    assert credible_places({first: 0.96, others[0]: 0.04}, first) == ()
+    # of many that are as likely, as many as make 95 in a hundred
+    assert len(credible_places({first: 0.25, others[0]: 0.25, others[1]: 0.25, others[2]: 0.25}, first)) == 3
