@@ -112,7 +112,7 @@ def listed(*tables: dict[str, str]) -> list[tuple[str, str]]:
 def test_every_number_stands_in_one_list():
     found = {
         (f"{folder}/{path.stem}", name)
-        for folder in ("observation", "inference", "diagnose", "calibrate")
+        for folder in ("observation", "inference", "diagnosis", "calibration")
         for path in (SOURCES / folder).glob("*.py")
         for name in numbers(path)
     }
