@@ -123,7 +123,7 @@ def map_all(
 
     Raises:
         ValueError: fewer than one job.
-        RuntimeError: a process died, of a lack of memory for example.
+        RuntimeError: a process died, for lack of working memory for example.
         Exception: what ``function`` raises.
     """
     if jobs < 1:

@@ -167,7 +167,7 @@ def of_free_end(
     """The equilibrium of a machine whose end frame is free, under a dead wrench, weight and loads on its parts.
 
     Args:
-        chain: arm or tree; springs between points and couplings as bent are welcome.
+        chain: arm or tree; springs between points and couplings of loaded joints are welcome.
         engine: that splits its beams.
         posture: label.
         wrench: ``(6,)`` N, N mm on the end frame.

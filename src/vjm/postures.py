@@ -35,7 +35,7 @@ def in_posture(machine: Chain | Manipulator, posture: Posture) -> tuple[Chain | 
         posture: a label of the machine's; or coordinates in mm and rad of its joints, from base to tool
             without coupled ones; or by the joints' names. Of a machine with closed loops: a label, or by name all
             held joints, which the passive ones follow, or its end-effector's ``x, y, z`` from home in mm and
-            perhaps ``rx, ry, rz`` in rad; without these it keeps its direction if it has all six freedoms, else
+            perhaps ``rx, ry, rz`` in rad. Without these it keeps its direction if it has all six freedoms, else
             it turns as its loops let it.
 
     Returns:

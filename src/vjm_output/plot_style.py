@@ -38,7 +38,7 @@ class EngineStyle:
     """How one engine looks in every figure.
 
     Attributes:
-        colour: of Okabe and Ito's palette, which the colour-blind can tell apart.
+        colour: of Okabe and Ito's palette, which the colour-blind distinguish.
         line: matplotlib line style, different for every engine so that print without colour still reads.
         width: of the line, points.
         order: drawing order; the reference lies below so that a line that agrees with it shows.

@@ -28,7 +28,7 @@ MEAN, LONGEST, PARAGRAPH = 25, 40, 120
 
 FORBIDDEN = {
     r"wild": "outlier",
-    r"(?<!resident )memory": "autocorrelation; history for creep",
+    r"(?<!resident )(?<!working )memory": "autocorrelation; history for creep",
     r"steer(s|ed|ing)?": "controlled",
     r"(gives?|gave|giving) way": "deflects, yields",
     r"hung": "transmitted load; stuck for a gauge",
@@ -37,7 +37,7 @@ FORBIDDEN = {
     r"firmest": "stiffest",
     r"eased": "partially unloaded",
     r"bent": "rest shape; curved, deflected",
-    r"natural(?! (frequenc|motion))": "rest shape",
+    r"natural(?! (frequenc|motion|logarithm))": "rest shape",
     r"ladder": "stepwise selection; verification hierarchy",
     r"yardsticks?": "reference",
     r"(what|all that) is left|lacking": "residual",
@@ -186,7 +186,7 @@ def docstrings() -> Iterator[Page]:
 
 
 def messages() -> Iterator[Page]:
-    """Texts of four words and more in the packages' programs: errors, notes, help, headings."""
+    """Texts of four words and more in the packages' programs: errors, notes, help, headings; no command lines."""
     for file, tree in _trees():
         docs = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
         inner = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
@@ -194,7 +194,7 @@ def messages() -> Iterator[Page]:
             if id(node) in docs | inner or not isinstance(node, ast.Constant | ast.JoinedStr):
                 continue
             text = "".join(_constant(part) for part in (node.values if isinstance(node, ast.JoinedStr) else [node]))
-            if len(re.findall(r"[A-Za-z]{2,}", text)) >= 4 and " " in text:
+            if len(re.findall(r"[A-Za-z]{2,}", text)) >= 4 and " " in text and not text.startswith("validate "):
                 yield Page(f"{_name(file)}:{node.lineno}", markdown(_plain(text)))
 
 
@@ -202,7 +202,7 @@ def templates() -> Iterator[Page]:
     """Templates of pages and of files that the packages ship."""
     for package in PACKAGES:
         for file in sorted((ROOT / package).rglob("templates/**/*")):
-            if file.suffix in {".html", ".jinja", ".j2", ".md", ".toml"}:
+            if file.suffix in {".html", ".jinja", ".j2", ".md", ".toml"} and ".css" not in file.suffixes:
                 text = file.read_text(encoding="utf-8")
                 if file.suffix == ".toml":
                     text = "\n\n".join(re.findall(r"#\s*(.*)", text))
@@ -226,9 +226,10 @@ def _constant(node: ast.expr) -> str:
 
 
 def _plain(text: str) -> str:
-    """reStructuredText as Markdown, as far as prose goes: code spans, roles, entries of Args."""
+    """reStructuredText as Markdown, as far as prose goes: code spans, roles, entries of Args; no examples."""
+    text = re.sub(r"^\s*>>>.*?(?=^\s*$|\Z)", "", text, flags=re.MULTILINE | re.DOTALL)
     text = re.sub(r":[\w:]+:`[^`]*`", "`x`", text.replace("``", "`"))
-    return re.sub(r"^\s+(\w+): ", r"\n\n\1: ", text, flags=re.MULTILINE)
+    return re.sub(r"^\s+(\w+): ", r"\n\n`\1`: ", text, flags=re.MULTILINE)
 
 
 def _name(file: Path) -> str:

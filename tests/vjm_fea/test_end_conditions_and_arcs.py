@@ -288,7 +288,7 @@ def test_a_path_that_begins_with_the_load_squared_goes_to_the_side_of_its_load()
     assert path.events[-1].kind is EventKind.LIMIT
     # by shooting, see the verification case lee-frame; eight elements a beam err by 1.6e-4
     assert path.events[-1].force == pytest.approx(18556.7275, rel=5e-4)
-    assert "what steers only watches" in path.stopped
+    assert "the controlled displacement is not held" in path.stopped
 
 
 @either
@@ -298,4 +298,4 @@ def test_a_gauge_across_a_perfect_column_is_named_as_what_does_not_move(engine):
     across = PointControl("bar", 1.0, (0.0, 1.0, 0.0))
     load = Load((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     case = LoadCase("-", 20.0, axis="load", free=COMPONENTS, loads=(load,), control=across)
-    assert "what steers the path does not move along it" in engine(4).trace(column, case).stopped
+    assert "the controlled displacement does not change along the path" in engine(4).trace(column, case).stopped

@@ -58,7 +58,7 @@ def test_what_rounding_hides_is_undecided_and_no_event():
     found = path(0.01, 4)
     assert not found.events
     assert "undecided: rounding leaves the critical value uncertain" in found.stopped
-    assert "take fewer elements" in found.stopped
+    assert "Take fewer elements" in found.stopped
 
 
 def test_a_column_that_is_soft_in_shear_is_followed_where_rounding_is_large():

@@ -147,11 +147,12 @@ class Refusal:
 
 REFUSALS = (
     Refusal(
-        ("map of stiffness", "map of deflection", "map of critical forces"), CHAIN, "is a single chain that swings",
+        ("map of stiffness", "map of deflection", "map of critical forces"), CHAIN,
+        "is a single chain, which is a mechanism",
         "its passive joints let the end move without straining a spring: only an imposed pose holds it",
     ),
     Refusal(
-        ("compensate",), CHAIN, "its passive joints let the end swing",
+        ("compensate",), CHAIN, "its passive joints leave the end a mechanism",
         "no drive holds its end: under a force it is a mechanism",
     ),
     Refusal(
@@ -163,8 +164,8 @@ REFUSALS = (
         "under its weight it is a mechanism; `curve --gravity` has it with the pose held",
     ),
     Refusal(
-        TESTED, PLATFORM, "do not tell which of them gives way",
-        "a load on a platform strains all of its legs at once: one leg is tested by itself",
+        TESTED, PLATFORM, "do not tell which of them deflects",
+        "a load on a platform loads all of its legs at once: one leg is tested by itself",
     ),
 )  # fmt: skip
 

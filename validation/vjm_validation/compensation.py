@@ -98,7 +98,9 @@ def compensation(
     elif held_by_itself(machine):
         found = _arm(machine, engine, path, gravity, posture, end)
     else:
-        raise ValueError(f"{machine.name}: its passive joints let the end swing: give the whole machine instead")
+        raise ValueError(
+            f"{machine.name}: its passive joints leave the end a mechanism: give the whole machine instead"
+        )
     commands = dict(zip(MODELS, (found.q, found.q_linear, found.q_loaded), strict=True))
     errors = dict(zip(MODELS, (found.rigid, found.linear, found.loaded), strict=True))
     return CompensationDocument(

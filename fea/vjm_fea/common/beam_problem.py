@@ -66,12 +66,12 @@ class BeamProblem:
             load_case: what is done.
             statics: of the meshed chain.
             stations: labels of the rows of the shapes.
-            watched: the point that a `PointControl` steers.
+            watched: the point that a `PointControl` controls.
             label: of the engine.
             tolerance: scaled residual at which an equilibrium counts as found.
 
         Raises:
-            ValueError: a point that steers stands on the ground.
+            ValueError: a controlled point stands on the ground.
         """
         self.label, self.load_case, self.stations, self.statics = label, load_case, stations, statics
         extent = float(np.ptp(statics.shape(statics.initial), axis=0).max(initial=0.0))
@@ -82,7 +82,9 @@ class BeamProblem:
         self._known: tuple[Array, Tangent] | None = None
         if watched is not None and watched.body is None:
             assert isinstance(load_case.control, PointControl)
-            raise ValueError(f"part '{load_case.control.part}' is fixed to the base: it cannot steer a path")
+            raise ValueError(
+                f"part '{load_case.control.part}' is fixed to the base: its displacement cannot control a path"
+            )
         self.drive = load_case.direction / statics.unit[statics.held]
         """Scaled motion ``(6,)`` of the support per unit of the ramp."""
 
@@ -172,7 +174,7 @@ class BeamProblem:
     # --- what branches need -------------------------------------------------------------------------------
 
     def parameter(self, state: Array) -> float:
-        """The path's parameter of a state: the ramp, or the displacement of the point that steers."""
+        """The path's parameter of a state: the ramp, or the controlled displacement."""
         return self._gone(state) if isinstance(self.load_case.control, PointControl) else float(state[-1])
 
     def scaled(self, change: Array) -> Array:
@@ -276,7 +278,7 @@ class BeamProblem:
         return self._watched, self.load_case.sign * np.array(self.load_case.control.direction)
 
     def _gone(self, state: Array) -> float:
-        """Displacement of the point that steers the path, mm."""
+        """Controlled displacement of the path, mm."""
         place, along = self._steering
         return float(along @ (self.statics.points(state, [place])[0].position - place.position))
 

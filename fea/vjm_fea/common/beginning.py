@@ -1,4 +1,4 @@
-"""How a path begins that the displacement of a point steers."""
+"""How a path begins that the displacement of a point controls."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def begun(
     """A state near the first ``s``, on the side of the beginning to which the path leads.
 
     Where the displacement soon goes with the square of the ramp, both signs of the ramp bring as much of it, and
-    Newton's method steered by the displacement may take either.
+    Newton's method controlled by the displacement may take either.
 
     Args:
         s: displacement of the point that is wanted, mm.
@@ -40,7 +40,9 @@ def begun(
     """
     moves = float(row @ rate)
     if abs(moves) <= STILL * float(np.abs(row) @ np.abs(rate)):
-        raise NoConvergenceError("what steers the path does not move along it: another point or direction does")
+        raise NoConvergenceError(
+            "the controlled displacement does not change along the path: control another point or direction"
+        )
     ramp = s / moves
     for _ in range(TRIALS):
         try:

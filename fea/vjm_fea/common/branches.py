@@ -69,7 +69,7 @@ class Branching(Protocol):
 
 
 def switch(problem: Branching, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
-    """A stable state at ``s`` on the branch that leaves ``critical`` along its softest motion.
+    """A stable state at ``s`` on the branch that leaves ``critical`` along the motion of its smallest eigenvalue.
 
     The amplitude is sought at which the path's parameter is ``s``.
 

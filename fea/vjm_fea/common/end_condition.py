@@ -68,7 +68,7 @@ def joint_axes(joints: Sequence[PassiveJoint]) -> tuple[Array, tuple[int, ...]]:
     """One joint for the support's hinges and slides in a row.
 
     Hinges in a row leave as many conditions as there are turns less: none is all three turns; one hinge keeps the
-    two other turns; two keep the hinge in the tool at right angles to the one in the support; three keep nothing.
+    two other turns. Two keep the hinge in the tool at right angles to the one in the support; three keep nothing.
 
     Args:
         joints: from the end-effector to the support, along the world's axes: hinges first, see

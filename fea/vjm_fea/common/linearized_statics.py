@@ -55,7 +55,7 @@ def _symmetric_modes(K: Array, *, vectors: bool = True) -> tuple[Array, Array, f
     """Eigenvalues ``(k,)``, increasing, unit eigenvectors ``(k, k)``, and by how much the smallest may be wrong.
 
     Solvers know an eigenvalue to a rounding of the largest one. Chains with very short elements have far smaller
-    ones that the stiffness's own entries still tell: those below the root of rounding are renewed by the method of
+    ones that the stiffness's own entries still tell. Those below the root of rounding are renewed by the method of
     Rayleigh and Ritz on their eigenvectors, of which errors enter as their squares, with products in extended
     precision.
 

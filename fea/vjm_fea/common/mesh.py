@@ -77,8 +77,8 @@ def grid(elements: int, points: Sequence[float] = ()) -> Array:
 def lumped_mass(beam: Beam, fractions: Array, i: int) -> tuple[float, float]:
     """A node's share of a beam's mass in kg, and how far ahead of the node its centre is in mm.
 
-    Half of an element's mass is lumped at either node, a sixth of the element's length inside: the force and moment
-    by which beam theory replaces an even load, q h/2 and q h²/12, so that nodes are where it has them.
+    Half of an element's mass is lumped at either node, a sixth of the element's length inside. These are the force
+    and moment by which beam theory replaces an even load, q h/2 and q h²/12, so that nodes are where it has them.
     """
     steps = np.diff(fractions)
     before = float(steps[i - 1]) if i > 0 else 0.0

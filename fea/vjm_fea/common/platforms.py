@@ -1,4 +1,4 @@
-"""Legs on a platform by finite elements: the platform's stiffness, and which legs give way."""
+"""Legs on a platform by finite elements: the platform's stiffness, and which legs lose stability."""
 
 from __future__ import annotations
 

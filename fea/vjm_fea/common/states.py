@@ -1,7 +1,7 @@
 """States of bodies in space as one array, and motions from one to another.
 
 A *state* is ``(7 b + k + 1,)``: position or displacement in mm and orientation as a unit quaternion, scalar first,
-of each of b bodies; then k numbers that simply add up, joint coordinates or multipliers; the ramp comes last. A
+of each of b bodies. Then come k numbers that simply add up, joint coordinates or multipliers; the ramp is last. A
 *motion* is ``(6 b + k,)``: a shift in mm and a small turn in world axes of each body, and what is added to the
 numbers.
 """

@@ -46,7 +46,7 @@ class ExudynSystem:
         stations: in the order along the chain.
         pieces: where points and masses are.
         springs: of six directions, which stand beside Exudyn.
-        constraints: of joints coupled as bent and of rigid directions of such springs, likewise.
+        constraints: of joints coupled under load and of rigid directions of such springs, likewise.
         tool: node of the end-effector, in the world's axes in the reference configuration.
         end_condition: node of the support of the end-effector; the same where nothing of its pose is free.
         end: frame ``(4, 4)`` of the end-effector in the reference configuration.

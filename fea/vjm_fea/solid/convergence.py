@@ -2,8 +2,8 @@
 
 After Roache, *Verification and Validation in Computational Science and Engineering* (1998), chapter 5: three
 meshes with a common ratio r give the order ``p = ln((c1 − c2)/(c2 − c3))/ln r``, the limit
-``c3 + (c3 − c2)/(rᵖ − 1)``, and an interval of `SAFE` times what the extrapolation changed; where no order can be
-seen, of `UNSEEN` times what the last meshes differ.
+``c3 + (c3 − c2)/(rᵖ − 1)``, and an interval of `SAFE` times what the extrapolation changed. Where no order can be
+seen, the interval is `UNSEEN` times what the last meshes differ.
 """
 
 from __future__ import annotations

@@ -19,11 +19,11 @@ NO_MEMORY = -2
 
 
 class Factorization:
-    """A factorized matrix, to be freed: its memory is not Python's.
+    """A factorized matrix, to be freed: its working memory is not Python's.
 
     Attributes:
         solve: from right-hand sides ``(n, k)`` to solutions.
-        free: give the memory back; nothing can be solved any more.
+        free: give the working memory back; nothing can be solved any more.
     """
 
     def __init__(self, solve: Callable[[Array], Array], free: Callable[[], None]) -> None:
@@ -40,7 +40,7 @@ def factorized(upper: scipy.sparse.csr_matrix) -> Factorization:
     """Factorize a symmetric positive definite matrix, given by its upper triangle ``(n, n)``.
 
     PARDISO's wheel exists for Intel and AMD processors; elsewhere SciPy's SuperLU does the same with several times
-    the memory and time.
+    the working memory and time.
 
     Raises:
         ValueError: the matrix is not positive definite: some piece of the part is not held.
@@ -67,7 +67,7 @@ def _pardiso(upper: scipy.sparse.csr_matrix) -> Factorization:
         interruptible(lambda: solver.factorize(upper))
     except wrapper.PyPardisoError as error:
         if error.value == NO_MEMORY:
-            raise MemoryError("PARDISO: not enough memory") from error
+            raise MemoryError("PARDISO: not enough working memory") from error
         raise ValueError(f"the stiffness matrix cannot be factorized (PARDISO error {error.value})") from error
 
     def solve(right: Array) -> Array:

@@ -2,7 +2,7 @@
 
 An engine sets up the stiffness of its unknowns and says how each place of the machine moves with them. What closes
 loops and what couples joints are rows of conditions; the imposed pose of the end-effector is six more. Held so, the
-machine is a quadratic programme, and the multipliers of the pose are the wrench on the end-effector:
+machine is a quadratic program, and the multipliers of the pose are the wrench on the end-effector:
 
     [ K  Bᵀ ] [  x ]   [ f ]
     [ B  0  ] [ −λ ] = [ d ]

@@ -6,7 +6,7 @@ loses its definiteness on the null space of J₀. Nothing holds beyond that poin
 
 The integration must be exact for the verdict to be the model's own. Where the mode that softens is coupled
 to the driven direction (postures B and D), K^F tends to minus infinity as the eigenvalue tends to zero, so
-that the force yields first and the eigenvalue never gets there; an explicit Euler integration steps across
+that the force yields first and the eigenvalue never gets there. An explicit Euler integration steps across
 and reports a bifurcation that its step made.
 """
 
@@ -134,7 +134,7 @@ class FrozenMachine:
 
 @dataclass(frozen=True)
 class UnloadedJacobianEngine:
-    """Loaded stiffness on frozen geometry, integrated from zero to its first event: bifurcation or bend-over."""
+    """Loaded stiffness on frozen geometry, integrated to its first event: bifurcation or stiffness knee."""
 
     label: str = "vjm-unloaded-jacobian"
     points: int = 60

@@ -279,7 +279,7 @@ class _ArcTrace:
         grows = self.problem.tangent(there, there.state - here.state)[-1] > 0.0
         folds, change = (slope[-1] > 0.0) != grows, there.unstable - here.unstable
         if folds and abs(change) > 1:
-            raise NoConvergenceError("a fold and a bifurcation are too close to be told apart")
+            raise NoConvergenceError("a limit point and a bifurcation are too close to be distinguished")
         if folds:
             self._record(self.turn, self._fold(here, there))
             return None
@@ -336,7 +336,7 @@ class _ArcTrace:
         return b
 
     def _smooth(self, here: Equilibrium, there: Equilibrium, before: float = float("inf")) -> None:
-        """Limit points and the bend-over of a driven displacement's force."""
+        """Limit points and the stiffness knee of a driven displacement's force."""
         if self.load_case.load_driven:
             return
         half = 0.5 * self.points[0].tangent

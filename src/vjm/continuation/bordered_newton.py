@@ -88,7 +88,9 @@ def solve_bordered(
             continue
         moves = float(row @ dx_by + at_ramp)
         if abs(moves) <= STILL * float(np.abs(row) @ np.abs(dx_by) + abs(at_ramp)):
-            raise NoConvergenceError("what steers the path does not move along it: another point or direction does")
+            raise NoConvergenceError(
+                "the controlled displacement does not change along the path: control another point or direction"
+            )
         change = float(missing - row @ dx) / moves
         x, wrench, ramp = x + dx + change * dx_by, wrench + dF + change * dF_by, ramp + change
     raise NoConvergenceError(f"Newton did not meet the path's condition (scaled residual {error:.1e})")

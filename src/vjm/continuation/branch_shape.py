@@ -267,7 +267,7 @@ def behind_bifurcation(
 
 
 def firmest(modes: Sequence[Array], sign: int, branch: Callable[[Array], Equilibrium]) -> Equilibrium:
-    """The branch that leaves along the critical mode; of two modes at once along the firmest mixture.
+    """The branch that leaves along the critical mode; of two modes at once along the stiffest mixture.
 
     Args:
         modes: one or two, ``(n,)`` each.

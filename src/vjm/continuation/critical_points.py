@@ -77,8 +77,8 @@ def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium, tolerance: flo
     """
     if abs(b.eigenvalue) > abs(a.eigenvalue) and _passes_infinity(problem, a, b):
         raise UndecidedError(
-            "an eigenvalue changes its sign through infinity, not through zero: there the compliance of one of the "
-            "springs vanishes, which the beam's own does not; take more springs"
+            "an eigenvalue changes its sign through infinity, not through zero. There the compliance of one of the "
+            "springs vanishes, and the beam's own does not: take more springs"
         )
     vanished = VANISHED * max(abs(a.eigenvalue), abs(b.eigenvalue))
     if problem.conservative:
@@ -106,8 +106,8 @@ def bifurcation(problem: Problem, a: Equilibrium, b: Equilibrium, tolerance: flo
     if uncertain > KNOWN * sharp:
         share = uncertain / max(sharp, uncertain)
         raise UndecidedError(
-            f"rounding leaves the critical value uncertain by {share:.1g} of it, for some elements are very short: "
-            "take fewer elements, or joints with springs instead of very short beams"
+            f"rounding leaves the critical value uncertain by {share:.1g} of it, for some elements are very short. "
+            "Take fewer elements, or joints with springs instead of very short beams"
         )
     if abs(critical.eigenvalue) > vanished:
         raise NoConvergenceError("the smallest eigenvalue jumps")

@@ -43,8 +43,8 @@ def buckling_shape(problem_of: Callable[[LoadCase], LoadedProblem[M]], load_case
             break
     else:
         raise ValueError(
-            f"posture {load_case.posture} has no bifurcation up to {REACH[-1]:g} times this load case's end, and "
-            f"without a mode an imperfection has no shape: give a load case that buckles"
+            f"posture {load_case.posture} has no bifurcation up to {REACH[-1]:g} times this load case's end. "
+            "Without a mode an imperfection has no shape: give a load case that buckles"
         )
     at = problem.configuration(event.point)
     mode = critical_modes(at)[0]

@@ -200,8 +200,8 @@ class _Trace:
                         force = self._force(critical)
                         self.events.append(Event(EventKind.LIMIT, critical.s, force, point=critical))
                         return (
-                            f"the load is greatest at {critical.s:.6g}, and what steers only watches: stability is "
-                            "lost there; steer by the loaded point along its load, or by the 'arc'"
+                            f"the load is greatest at {critical.s:.6g}, and stability is lost there, as the "
+                            "controlled displacement is not held. Control the loaded point along its load, or 'arc'"
                         )
                     reason = self._leave_at(critical, self._multiplicity(here, critical, there))
                     if reason:
@@ -303,7 +303,7 @@ class _Trace:
         return driven_force(self.load_case, p)
 
     def _find_smooth_events(self, a: Equilibrium, b: Equilibrium, before: float = np.inf) -> None:
-        """Locate limit points and the bend-over between two points of a path, as far as ``before``."""
+        """Locate limit points and the stiffness knee between two points of a path, as far as ``before``."""
         half = 0.5 * self.points[0].tangent
         wanted: list[tuple[EventKind, float]] = []
         if a.tangent > 0.0 >= b.tangent:
@@ -333,7 +333,7 @@ class _Trace:
         return max(behind.unstable - max(before.unstable, 0), 1)
 
     def _turns(self, here: Equilibrium, critical: Equilibrium, there: Equilibrium) -> bool:
-        """Whether stability is lost because the ramp of loads, which a gauge steers, turns back."""
+        """Whether stability is lost because the ramp of loads, which a gauge controls, turns back."""
         if not (isinstance(self.load_case.control, PointControl) and self.load_case.load_driven):
             return False
         if self.load_case.held_by_device or not here.tangent > 0.0:

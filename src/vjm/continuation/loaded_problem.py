@@ -339,7 +339,7 @@ class LoadedProblem(ABC, Generic[M]):
         return there
 
     def _parameter(self, ramp: float, at: Configuration[M]) -> float:
-        """The path's parameter of a state: the ramp, or the displacement of the point that steers."""
+        """The path's parameter of a state: the ramp, or the controlled displacement."""
         return ramp
 
     def _row(self, mode: Array) -> Array:

@@ -130,14 +130,14 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
         return self._gone(at) if isinstance(self.load_case.control, PointControl) else ramp
 
     def _point_rate(self, at: Configuration[LumpedModel]) -> Array:
-        """Derivative ``(n,)`` of the steering displacement by the coordinates."""
+        """Derivative ``(n,)`` of the controlled displacement by the coordinates."""
         assert isinstance(self.load_case.control, PointControl)
         unit = np.zeros((len(self._loading), 6))
         unit[self._watched, :3] = self.load_case.sign * np.array(self.load_case.control.direction)
         return self.model.compiled.load_forces(at.x, at.wrench, at.load, unit)
 
     def _gone(self, at: Configuration[LumpedModel]) -> float:
-        """Displacement of the point that steers the path, mm."""
+        """Controlled displacement of the path, mm."""
         assert isinstance(self.load_case.control, PointControl)
         here = self.model.compiled.points(at.x, at.wrench, at.load)[self._watched]
         along = self.load_case.sign * np.array(self.load_case.control.direction)
@@ -145,7 +145,7 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
 
     @cached_property
     def _point0(self) -> Array:
-        """Where the steering point is in the unloaded posture ``(3,)``."""
+        """Where the controlled point is in the unloaded posture ``(3,)``."""
         result: Array = self.model.compiled.points(self._x0, np.zeros(6), 0.0)[self._watched].copy()
         return result
 

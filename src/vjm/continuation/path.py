@@ -82,7 +82,7 @@ class Event:
         kind: what happens.
         s: path parameter there.
         force: magnitude of the driven wrench component there.
-        stiffness_before: tangent at 0.99 s on the stable path; None for a bend-over or off the path.
+        stiffness_before: tangent at 0.99 s on the stable path; None for a stiffness knee or off the path.
         stiffness_after: tangent at 1.01 s on the stable path; likewise.
         multiplicity: number of eigenvalues that pass zero together.
         point: the state at the event, for its shape.

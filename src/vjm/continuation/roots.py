@@ -13,7 +13,7 @@ def root_between(
 ) -> float:
     """Where a continuous function is zero, by Brent's method: interpolation where it converges, else bisection.
 
-    SciPy has it too, but importing its root finders takes a fifth of the time of a whole command.
+    SciPy has it too, but importing its search for roots takes a fifth of the time of a whole command.
 
     Args:
         function: of one variable.

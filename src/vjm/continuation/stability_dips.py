@@ -1,7 +1,7 @@
 """Short stretches of other stability between points of a path, which no point shows.
 
-Between points of equal stability an eigenvalue can pass zero twice only where its magnitude has an inner minimum,
-and with it the smallest eigenvalue or, behind another mode's, the product of the two nearest zero. Where three
+Between points of equal stability an eigenvalue can pass zero twice only where its magnitude has an inner minimum.
+So has the smallest eigenvalue or, behind another mode's, the product of the two nearest zero. Where three
 points show one, the two intervals beside it are halved. The parabola through the three says what to expect in their
 middles, and its error there how far it may be wrong elsewhere: two modes that change places leave a kink in the
 smallest eigenvalue, which no polynomial follows. This goes on with the points beside the least value, until the

@@ -1,8 +1,8 @@
 """How a deflection, a stiffness, a frequency or the mass of a loaded machine changes with any of its parameters.
 
-The equilibrium changes by the implicit function theorem: ``[A, −J_cᵀ; J_c, 0] (x', λ') = (∂r/∂p, −∂g/∂p)`` with the
-tangent A, the closures' derivative J_c, the forces r that an equilibrium lacks and the closures' gaps g. What is
-asked for is then differenced along this change of state. No equilibrium is solved again, so that the differences
+The equilibrium changes by the implicit function theorem: ``[A, −J_cᵀ; J_c, 0] (x', λ') = (∂r/∂p, −∂g/∂p)``. Here A
+is the tangent, J_c the closures' derivative, r the forces that an equilibrium lacks and g the closures' gaps. What
+is asked for is then differenced along this change of state. No equilibrium is solved again, so that the differences
 hold no error of a solver.
 """
 

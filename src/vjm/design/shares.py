@@ -282,7 +282,7 @@ def _rows(rest: LinearState, loaded: LinearState, motion: Array) -> Iterator[Sha
 def _unit_loads(rest: LinearState, *, held: bool) -> tuple[Array, Array]:
     """Motions ``(n, 6)`` whose spring forces carry unit loads on the end, and the forces ``(n, 6)`` left over.
 
-    What is left over acts along the closures alone, or, where passive joints let the end move, on these joints.
+    The rest acts along the closures alone, or, where passive joints let the end move, on these joints.
     """
     loops = rest.model.closing(rest.kinematics)[:, : rest.n]
     N = free_motions(loops, rest.unit) if held else rest.motions

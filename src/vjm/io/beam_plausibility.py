@@ -141,7 +141,7 @@ def warping(model: ModelFile) -> Iterator[Found]:
             Grade.NOTED,
             f"part '{table.name}', section",
             f"torsion is that of ends that are free to warp; √(E I_w/(G J)) is {printed(share * beam.length, 3)} "
-            f"of {printed(beam.length)} mm: with one end held from warping the beam is stiffer in torsion by "
+            f"of {printed(beam.length)} mm. With one end held from warping the beam is stiffer in torsion by "
             f"{printed(100.0 * one, 2)} %, with both by {printed(100.0 * both, 2)} %",
         )
 

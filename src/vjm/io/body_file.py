@@ -1,7 +1,7 @@
 """Files of bodies and joints: a machine as its drawing shows it. Its loops are found from what connects the bodies.
 
 All places and directions are those of one posture, the drawn one, in the axes of the world. Joints and beams
-connect bodies; the ground is one of them. A tree of them is taken from the ground on, and what is left over closes
+connect bodies; the ground is one of them. A tree of them is taken from the ground on, and the rest closes
 loops. The result is the document of a chain file, which has closures for the loops, and is checked as one.
 """
 
@@ -76,7 +76,7 @@ def chain_document(content: Mapping[str, Any], file: str) -> Content:
         Its first posture is `DRAWN`; the file's own have all coordinates, as the loops close.
 
     Raises:
-        ModelFileError: it describes no machine; one line that says how to mend it.
+        ModelFileError: it describes no machine; one line that says how to correct it.
     """
     try:
         table = BodyFile.model_validate(content)

@@ -30,8 +30,8 @@ class DrawnTable(Table):
     yield_stress_MPa: float | None = Field(None, gt=0.0)  # noqa: N815
     stress_at_mm: list[VectorMM] = Field(description="own axes, from where the part begins: of every matrix below")
     stress_forms: list[Form] = Field(
-        description="upper triangles, row by row, of matrices Q: the highest von Mises stress under a wrench w at "
-        "the tip is √(max wᵀQw); own axes, N, N mm, MPa"
+        description="upper triangles, row by row, of matrices Q, in own axes, N, N mm, MPa. The highest von Mises "
+        "stress under a wrench w at the tip is √(max wᵀQw)."
     )
 
     def forms(self) -> Array:

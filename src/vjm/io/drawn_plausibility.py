@@ -62,6 +62,6 @@ def _one_spring(force: float | None, miss: str, alike: bool) -> str:
         own = f"whether the part may is undecided, as it bends otherwise than a column of its own sections; {beam}"
         return f"one spring does not buckle by itself; {own}"
     return (
-        f"one spring does not buckle by itself; the part as a column of its own sections, free at its tip, does at "
+        f"one spring does not buckle by itself. The part as a column of its own sections, free at its tip, does at "
         f"{printed(force, 3)} N of compression; {beam}"
     )

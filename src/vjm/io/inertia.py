@@ -46,8 +46,8 @@ def is_of_a_body(values: Sequence[float]) -> bool:
 def _of_a_body(values: list[float]) -> list[float]:
     if not is_of_a_body(values):
         raise ValueError(
-            f"= {values} are the moments of no body (ixx, iyy, izz, ixy, ixz, iyz): none may be negative or larger "
-            f"than the sum of the two others"
+            f"= {values} are the moments of no body (ixx, iyy, izz, ixy, ixz, iyz). No principal moment may be "
+            "negative or larger than the sum of the two others"
         )
     return values
 

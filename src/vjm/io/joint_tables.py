@@ -254,7 +254,7 @@ class CoupledTable(MovingTable):
         "as bent",
         description=(
             "whether what the others' springs add about their own axes is passed on, as by a belt between the "
-            "joints' shafts; the bending of links is not"
+            "joints' shafts. The bending of links is not passed on."
         ),
     )
     compliance_rad_per_Nmm: Compliance = 0.0  # noqa: N815

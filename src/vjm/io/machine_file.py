@@ -49,7 +49,7 @@ def load_model(name_or_path: str | Path) -> Chain | Manipulator:
         name_or_path: a name of the library or a path to a TOML file.
 
     Raises:
-        ModelFileError: no such file or model, no TOML, or no sane machine; one line that says how to mend it.
+        ModelFileError: no such file or model, no TOML, or no sane machine; one line that says how to correct it.
     """
     path = Path(name_or_path)
     if isinstance(name_or_path, str) and not path.exists() and path.suffix != ".toml":

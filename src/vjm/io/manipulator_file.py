@@ -196,7 +196,7 @@ def read_table(document: ModelDocument) -> ManipulatorFile:
     """A manipulator's document, checked.
 
     Raises:
-        ModelFileError: it is none; one line that says how to mend it.
+        ModelFileError: it is none; one line that says how to correct it.
     """
     try:
         return ManipulatorFile.model_validate(document.content)

@@ -62,7 +62,7 @@ def load_chain(name_or_path: str | Path) -> Chain:
         name_or_path: a model of the library, such as ``orthoglide-chain``, or a path to a TOML file.
 
     Raises:
-        ModelFileError: no such file or model, no TOML, or no sane machine; one line that says how to mend it.
+        ModelFileError: no such file or model, no TOML, or no sane machine; one line that says how to correct it.
     """
     document = read_document(name_or_path)
     return build_chain(document.content, document.file, document.sha256)

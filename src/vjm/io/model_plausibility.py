@@ -287,7 +287,7 @@ def _sagging(model: ModelFile) -> Iterator[Found]:
                 yield (
                     Grade.DOUBTFUL,
                     f"part '{part.name}', section",
-                    f"it bends by {printed(sag, 2)} rad under the weight of what it carries: is a length in cm "
+                    f"it bends by {printed(sag, 2)} rad under the weight of what it carries. Is a length in cm "
                     "or m, EI or a modulus in another unit, or a mass in g?",
                 )
         on = before.get(part.name, "") if part.after is None else part.after
@@ -363,8 +363,8 @@ def limits(model: ModelFile) -> Iterator[Found]:
 def postures(model: ModelFile) -> Iterator[Found]:
     """Coordinates in degrees that are small enough to pass for radians.
 
-    Degrees are typed round; radians of a bent machine come from its geometry, and 135° has no short decimal in rad.
-    A coordinate within limits that the file gives in rad is in rad.
+    Degrees are typed round; radians of a folded machine come from its geometry, and 135° has no short decimal in
+    rad. A coordinate within limits that the file gives in rad is in rad.
     """
     moving = {part.name: part for part in model.parts if isinstance(part, MovingTable) and not part.slides}
     for label in model.postures:

@@ -1,10 +1,10 @@
 """Torsion, warping and shear of cross-sections: Saint-Venant's problems, solved when a constant is asked for.
 
 Sections of right angles are meshed by a quarter, with elements of degree `DEGREE` that shrink towards the
-re-entrant corner and the free ends. Prandtl's stress function gives the torsion constant, the warping function the
-warping constant, and the shear functions of Pilkey (*Analysis and Design of Elastic Beams*, 2002, chapter 6) the
-shear areas: those for which ``V²/(2 G A_s)`` is the energy of the shear stresses. They depend on Poisson's ratio.
-Errors are below 0.05 % down to walls of `THINNEST`, see ``tests/vjm/io/test_section_constants.py``.
+re-entrant corner and the free ends. Prandtl's stress function gives the torsion constant, and the warping function
+the warping constant. The shear functions of Pilkey (*Analysis and Design of Elastic Beams*, 2002, chapter 6) give
+the shear areas: those for which ``V²/(2 G A_s)`` is the energy of the shear stresses. They depend on Poisson's
+ratio. Errors are below 0.05 % down to walls of `THINNEST`, see ``tests/vjm/io/test_section_constants.py``.
 """
 
 from __future__ import annotations

@@ -329,8 +329,8 @@ def _check_walls(walls: dict[str, float], side: float) -> None:
     for key, wall in walls.items():
         if wall < saint_venant.THINNEST * side:
             raise ValueError(
-                f"has {key} = {printed(wall)}, below a ten-thousandth of its side of {printed(side)} mm, where its "
-                "torsion and shear cannot be computed: give EA_N, GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2"
+                f"has {key} = {printed(wall)}, below a ten-thousandth of its side of {printed(side)} mm. "
+                "Its torsion and shear cannot be computed: give EA_N, GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2"
             )
 
 

@@ -221,8 +221,8 @@ def _check_tip(part: Mapping[str, Any], reach: Array, root: Array, where: str) -
     if float(np.linalg.norm(own - reach)) > PLACE * float(np.linalg.norm(reach)):
         keys = "section_axes, end_offset_mm and root_mm" if root.any() else "section_axes and end_offset_mm"
         raise ModelFileError(
-            f"{where}: the drawing's tip lies at {_listed(reach)} mm from its base, and length_mm, {keys} put it "
-            f"at {_listed(own)} in the part's own axes: make them equal"
+            f"{where}: the drawing's tip lies at {_listed(reach)} mm from its base. "
+            f"length_mm, {keys} put it at {_listed(own)} in the part's own axes: make them equal"
         )
 
 

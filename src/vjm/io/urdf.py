@@ -1,7 +1,7 @@
 """URDF files of robots, read into a model document.
 
 A URDF knows links with masses and joints with axes, metres and radians. It knows no elasticity: the document that
-comes of it has compliances to be filled in. What no model needs is not looked at, and what is left out is said.
+comes of it has compliances to be filled in. What no model needs is not looked at, and what is omitted is said.
 Written after the format's description and the reader of the ROS project, urdfdom.
 """
 
@@ -183,7 +183,7 @@ class _Reader:
         return f"; or take the way to one link, --tip {' or '.join(ends[:PROPOSED])}" if ends else ""
 
     def _way(self, tip: str, *, propose: bool = True) -> list[_RawJoint]:
-        """The joints from the root to a link; refusals propose other ways unless they are tried just now."""
+        """The joints from the root to a link; refusals propose other paths unless they are tried just now."""
         if tip not in self._links:
             known = [name for name in self._links if name]
             hint = did_you_mean(tip, known) or f" (there are {', '.join(known) or 'none'})"

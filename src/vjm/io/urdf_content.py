@@ -1,4 +1,4 @@
-"""What of a URDF is read, what is left out, and what is not understood, element by element."""
+"""What of a URDF is read, what is omitted, and what is not understood, element by element."""
 
 from __future__ import annotations
 

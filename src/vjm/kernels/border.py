@@ -1,16 +1,16 @@
 """Compiled border of a machine: closures' wrenches and coordinates without springs, equation (18) for any machine.
 
 What the elimination leaves is ``T y = right`` with ``T = [P_λλ, P_λq; P_qλ, P_qq]``: for one chain the matrix of
-(18). Springs between points stand in it as closures with a compliance: with the root of the size of a stiffness
+(18). Springs between points stand in it as closures with a compliance. With the root of the size of a stiffness
 taken into its columns, its row is ``(P + sign) ν``, regular where the stiffness is zero or negative.
 
-Loads that turn with their bodies, and moments that do not, bring a wrench ``N Ω`` on their bodies, which has no
-potential: ``δf = Ω × f``, ``δm = ½ Ω × m`` of a follower, ``δm = ½ m × Ω`` of a moment that keeps its direction;
-the other half of a moment is symmetric, in the elimination. By Woodbury's formula they are a small system beside.
+Loads that turn with their bodies, and moments that do not, bring a wrench ``N Ω`` on their bodies. It has no
+potential: ``δf = Ω × f``, ``δm = ½ Ω × m`` of a follower, ``δm = ½ m × Ω`` of a moment that keeps its direction.
+The other half of a moment is symmetric, in the elimination. By Woodbury's formula they are a small system beside.
 
-By Haynsworth's theorem the number of negative eigenvalues on what the closures leave is that of the units' negative
-pivots and of T's positive eigenvalues, less the independent rows of the closures and less the springs between
-points that push nothing apart.
+Haynsworth's theorem gives the number of negative eigenvalues on what the closures leave. It is the units' negative
+pivots and T's positive eigenvalues, less the closures' independent rows and less the springs between points that
+push nothing apart.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ def pivoted(
 ) -> tuple[int, int]:
     """Factor a symmetric ``A[:k, :k]``, largest pivots first, into rows from ``row`` on of L, inverse D and order.
 
-    What is left of a pivot is compared with the ``size`` (6,) that its coordinate alone has. Where cancellation has
+    The rest of a pivot is compared with the ``size`` (6,) that its coordinate alone has. Where cancellation has
     taken most of it, dividing by it would lose digits: the rest is left in A where there is ``room`` for it.
 
     Returns:

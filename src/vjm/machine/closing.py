@@ -175,7 +175,7 @@ class Closing:
         return q, reached
 
     def _towards(self, start: Array, displacements: Array, components: Sequence[bool] = (True,) * 6) -> Ways:
-        """Ways from coordinates ``(g, n)`` to displacements ``(g, 6)`` of the end-effector from home."""
+        """Motions from coordinates ``(g, n)`` to displacements ``(g, 6)`` of the end-effector from home."""
         rows = np.asarray(components, dtype=bool)
         nothing = np.zeros(len(self.home), dtype=bool)
         wanted = displaced_frames(np.tile(self.end, (len(start), 1, 1)), displacements)
@@ -290,7 +290,7 @@ class Closing:
         if np.any(self.tree.passive) and not np.any(~self.tree.passive):
             return (
                 f"{name}: the pose {where} is out of reach: nothing drives it, and its passive joints do not let "
-                f"the end-effector come there; give it drives, or take the pose at home"
+                f"the end-effector come there. Give it drives, or take the pose at home"
             )
         short = f"closure '{worst}' stays {self._said(gap)} open" if len(gap) else "the end-effector stays short"
         return f"{name}: the pose {where} is out of reach: {short} (the way from home ends at {done:.0%})"

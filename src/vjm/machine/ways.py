@@ -1,4 +1,4 @@
-"""Ways of the rigid machine from postures to postures, many at once, in steps that keep its branch."""
+"""Motions of the rigid machine from postures to postures, many at once, in steps that keep its branch."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ there, and what is left open ``(k,)``."""
 
 @dataclass(frozen=True)
 class Ways:
-    """How g ways ended.
+    """How g motions ended.
 
     Attributes:
         q: coordinates ``(g, n)`` where they did.
-        done: shares ``(g,)`` of the ways; one where they were gone to their ends.
+        done: shares ``(g,)`` of the motions; one where they came to their ends.
         tried: coordinates ``(g, n)`` of the next steps, which were not taken.
         left: what these leave open ``(g,)``.
         turned: shares ``(g,)`` at which the drives were found to answer the other way; nan where they were not.
@@ -47,12 +47,12 @@ class Ways:
 
     @property
     def arrived(self) -> np.ndarray:
-        """Which ways were gone to their ends ``(g,)``."""
+        """Which motions came to their ends ``(g,)``."""
         return np.asarray(self.done == 1.0)
 
 
 def follow(tree: RigidTree, start: Array, closed: Step, *, watch: bool) -> Ways:
-    """Go along ways from coordinates ``(g, n)``, each in steps of its own.
+    """Follow motions from coordinates ``(g, n)``, each in steps of its own.
 
     Args:
         tree: the rigid machine.

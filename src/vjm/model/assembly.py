@@ -1,7 +1,7 @@
 """How a machine becomes one-degree joints between rigid links.
 
-A six-dimensional spring is six joints in the order of (22), Tx Ty Tz Rx Ry Rz, or, symmetric about its middle,
-nine: Rx Ry Rz Tx Ty Tz Rz Ry Rx, where each turn is half of the spring's coordinate. So a coordinate drives one
+A six-dimensional spring is six joints in the order of (22), Tx Ty Tz Rx Ry Rz. Symmetric about its middle it
+is nine: Rx Ry Rz Tx Ty Tz Rz Ry Rx, where each turn is half of the spring's coordinate. So a coordinate drives one
 joint or two, with a factor.
 """
 
@@ -181,14 +181,14 @@ class Assembly:
             return self.begins[part]
         if beam.free_length:
             raise ValueError(
-                f"part '{part}' comes out of its root, so that no point of it lies at one place along it: fix the "
+                f"part '{part}' comes out of its root, so that no point of it lies at one place along it. Fix the "
                 f"spring to the part before or behind it"
             )
         fraction = float(np.clip(beam.section_in_chain[:3, 0] @ point / beam.length, 0.0, 1.0))
         if beam.segments is None and NEAR < fraction < 1.0 - NEAR:
             raise ValueError(
                 f"it is fixed at {fraction:.3g} of the length of part '{part}', which is one spring here without "
-                f"a shape between its ends: take an engine that splits it, such as vjm-8"
+                f"a shape between its ends. Take an engine that splits it, such as vjm-8"
             )
         # of two bodies that meet in a cross-section the further one, as for loads
         for stretch in reversed(self._stretches[part]):
@@ -347,8 +347,8 @@ class Assembly:
         definite = bool(np.all(size > 0.0)) and np.linalg.eigvalsh(felt / np.outer(size, size)).min() > DEFINITE
         if not definite:
             raise ValueError(
-                f"part '{part}': its compliance is not positive definite in the directions in which it deflects; "
-                f"a direction that is rigid has zeros in its row and column"
+                f"part '{part}': its compliance is not positive definite in the directions in which it deflects. "
+                f"Give a rigid direction zeros in its row and column"
             )
         for k in np.flatnonzero(gives):
             self._coordinate_joint(AXES["xyz"[k % 3]], rotary=bool(k >= 3))

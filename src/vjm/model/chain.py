@@ -215,8 +215,8 @@ class Chain:
     def characteristic_length(self) -> float:
         """Length of the longest straight piece in mm, elastic or rigid: the unit in which solvers measure lengths.
 
-        Short elastic parts on long rigid ones are springs of joints: measured by their own length, what the chain
-        does would be large, and its branches would be sought next to where it stands.
+        Short elastic parts on long rigid ones are springs of joints. Measured by their own length, the chain's
+        motions would be large, and its branches would be sought next to where it stands.
         """
         offsets = [part.transform[:3, 3] for part in self.parts if isinstance(part, RigidOffset)]
         offsets += [beam.end_offset for beam in self.beams]
@@ -314,7 +314,7 @@ class Chain:
         return replace(self, parts=tuple(parts))
 
     def with_actuator_compliance(self, compliance: float) -> Chain:
-        """The same machine with every drive giving way by ``compliance`` mm/N."""
+        """The same machine with a ``compliance`` of every drive, mm/N."""
         return replace(
             self,
             parts=tuple(

@@ -16,8 +16,8 @@ from vjm.rotations import Array, translation, turn
 def joint_axes(axis: Array) -> Array:
     """Axes ``(3, 3)`` of a joint as columns: two across it and, last, its own.
 
-    Across an axis x, y or z of the chain frame they are the two others in cyclic order, x and y for a joint about
-    z; across any other they are those of the nearest axis, turned with it on the shortest way.
+    Across an axis x, y or z of the chain frame they are the two others in cyclic order: about z they are x and y in
+    turn. Across any other they are those of the nearest axis, turned with it on the shortest way.
     """
     axis = np.asarray(axis, dtype=float)
     k = int(np.argmax(np.abs(axis)))

@@ -79,7 +79,7 @@ class Load:
 
 @dataclass(frozen=True)
 class PointControl:
-    """A path is steered by the displacement of a point of the chain; its ramp becomes what that takes.
+    """A path is controlled by the displacement of a point of the chain; its ramp becomes what that takes.
 
     Attributes:
         part: name of the part; empty for the end-effector.
@@ -238,9 +238,9 @@ class LoadCase:
 
     @property
     def held_by_device(self) -> bool:
-        """Whether a device imposes the displacement of the point that steers the path.
+        """Whether a device imposes the controlled displacement of the path.
 
-        It does where the only ramped load is a force on that point along that displacement. Else whoever steers
+        It does where the only ramped load is a force on that point along that displacement. Else the operator
         watches a gauge, and stability is that under the ramp.
         """
         control = self.control

@@ -39,7 +39,9 @@ def loading_of(model: LumpedModel, x: Array, load_case: LoadCase) -> tuple[Appli
     if isinstance(load_case.control, PointControl):
         joint, offset = model.find(load_case.control.part, load_case.control.at)
         if joint < 0:
-            raise ValueError(f"part '{load_case.control.part}' is fixed to the base: it cannot steer a path")
+            raise ValueError(
+                f"part '{load_case.control.part}' is fixed to the base: its displacement cannot control a path"
+            )
         rows.append((joint, offset, False, nothing, nothing, False, True))
     # what stands on the base moves nothing
     rows = sorted((row for row in rows if row[0] >= 0), key=lambda row: row[0])

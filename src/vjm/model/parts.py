@@ -160,7 +160,7 @@ class Mount:
 
 @dataclass(frozen=True)
 class PassiveJoint:
-    """A perfect joint: no friction, no play.
+    """A perfect joint: no friction, no backlash.
 
     Attributes:
         axis: unit vector ``(3,)`` in the chain frame.

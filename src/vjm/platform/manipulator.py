@@ -102,7 +102,7 @@ class Leg:
             if not isinstance(part, RigidOffset):
                 raise ValueError(
                     f"leg '{self.name}': part '{part.name}' lies before the drive '{self.drive.part}' but is not "
-                    f"rigid; put the drive first, or leave `drive` out, which holds the leg at its length"
+                    f"rigid. Put the drive first, or leave `drive` out, which holds the leg at its length"
                 )
             T = T @ part.transform
         known = ", ".join(part.name for part in self.chain.parts)
@@ -301,7 +301,7 @@ class Manipulator:
         return replace(self, offsets=offsets)
 
     def with_actuator_compliance(self, compliance: float) -> Manipulator:
-        """The same machine with every sliding drive giving way by ``compliance`` mm/N."""
+        """The same machine with a ``compliance`` of every sliding drive, mm/N."""
         legs = (replace(leg, chain=leg.chain.with_actuator_compliance(compliance)) for leg in self.legs)
         return replace(self, legs=tuple(legs))
 

@@ -3,7 +3,7 @@
 A parameter moves the rigid pieces between the joints, each by a small twist of its far end, and it changes the
 springs' laws. The twists are constants of the chain, whatever its state. An axis that turns by δ is one that turns
 with what is behind it, which turns back by δ. A spring whose law changes moves, at constant reactions, by
-``∂θ/∂p``. Both are motions of the chain, and what they do to its end and to ``Jᵀ F`` is one sum: a motion before a
+``∂θ/∂p``. Both are motions of the chain, and what they do to its end and to ``Jᵀ F`` is one sum. A motion before a
 joint turns the joint's column of J as a whole, one behind it moves the end of its lever.
 """
 

@@ -190,7 +190,7 @@ class Sensitivity:
           by its power 2/3: there is no derivative.
         - Limit: the stiffness ``t = dF/ds`` vanishes. With d the ramp's direction, ``A b = (0; d)`` and
           ``aᵀ A = (0; d)ᵀ``, it changes as ``−aᵀ dA b``.
-        - Bend-over: t falls through half of the unloaded stiffness, which changes with the parameters likewise.
+        - Stiffness knee: t falls through half of the unloaded stiffness, which changes with the parameters too.
 
         At a bifurcation the state must be symmetric but for a small amplitude of the mode, as located ones are: its
         square is the relative error (1e-7 where the solver left 3e-4).

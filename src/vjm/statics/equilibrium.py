@@ -220,8 +220,8 @@ def solve_under_wrench(
     """Equilibrium of the free end-effector under a dead wrench: the converse of an imposed pose.
 
     Newton-Raphson on ``Jᵀ F = K x``. A single chain resists only wrenches that leave its passive joints
-    without torque; under any other it swings until they do, and motions that the wrench does not see (a tool
-    that turns about its own joint) stay where they are: steps are the shortest that solve the equations.
+    without torque. Under any other it moves until they do. Motions that the wrench does not see (a tool that
+    turns about its own joint) stay where they are: steps are the shortest that solve the equations.
 
     Args:
         model: the lumped model.

@@ -283,7 +283,7 @@ def difference(p: Array, R: Array, wanted_p: Array, wanted_R: Array) -> Array:
 def _searched(
     model: TreeModel, ranges: Ranges, position: Array, rotation: Array | None, index: int, starts: Array
 ) -> tuple[Array, Array]:
-    """Postures ``(s, n)`` nearest to the pose, and what is left: shift over the reach, and rotation vector."""
+    """Postures ``(s, n)`` nearest to the pose, and the residual: shift over the reach, and rotation vector."""
 
     def left(q: Array, _: np.ndarray) -> Array:
         R, p = unloaded_frames(model, q)
@@ -294,7 +294,7 @@ def _searched(
 
 
 def _left(model: TreeModel, p: Array, R: Array, position: Array, rotation: Array | None) -> Array:
-    """What is left of a pose ``(s, 3 or 6)``: shift over the reach, and rotation vector where one is wanted."""
+    """Residual of a pose ``(s, 3 or 6)``: shift over the reach, and rotation vector where one is wanted."""
     if rotation is None:
         result: Array = (p - position) / model.reach
         return result

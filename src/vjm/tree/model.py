@@ -109,7 +109,7 @@ class TreeModel:
     def torques(self, forces: Array) -> Array:
         """What holds each joint ``(g, n_joints)``, N mm or N, from the loads' forces ``(g, m)`` on all joints.
 
-        A joint to which others are coupled as bent bears its share of theirs.
+        A joint to which others are coupled under load bears its share of theirs.
         """
         return -forces @ self._carried.T
 

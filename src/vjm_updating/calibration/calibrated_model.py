@@ -1,9 +1,9 @@
 """The calibrated machine as a model file that every command takes.
 
 The parts that were looked for get what was found. A part has two descriptions, a section and a 6×6 compliance, of
-which the springs use one. The other is changed alike, so that both go on describing one part: where one factor says
-all, by that factor; a matrix beside a calibrated section as beam theory's matrix changes; a section beside a
-calibrated matrix by the four softnesses that the matrix shows at the beam's middle.
+which the springs use one. The other is changed alike, so that both go on describing one part. Where one factor says
+all, it is that factor. A matrix beside a calibrated section changes as beam theory's matrix does. A section beside
+a calibrated matrix changes by the four compliances that the matrix shows at the beam's middle.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def calibrated_text(measurement: Measurement, chain: Chain) -> str:
         # its remedy is for a file that somebody wrote: place and value are the fit's
         _, *found = str(error).split(": ")
         raise ValueError(
-            f"{file}: the fit takes the model beyond what a model file admits ({': '.join(found[:2])}): look for a "
+            f"{file}: the fit takes the model beyond what a model file admits ({': '.join(found[:2])}). Look for a "
             "wrong unit or sign in the readings, or a support that the sheet does not name"
         ) from None
     head = f"# Calibrated from {measurement.readings.file} with {measurement.sheet.file} by `validate calibrate`.\n"

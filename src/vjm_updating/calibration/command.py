@@ -143,7 +143,7 @@ def warned(document: Calibration) -> list[str]:
 
 
 def _told_apart(found: Solution) -> Solution:
-    """A solution, or where its parameters are not told apart the one with beams as the sheet promises them.
+    """A solution, or where its parameters are not distinguishable the one with beams as the sheet promises them.
 
     The second counts where it explains the readings as well and each of its parameters has a number. What the
     nuisances' priors take is part of what explains: each promised beam adds one square of a standard normal to it,

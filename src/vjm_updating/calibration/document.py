@@ -27,7 +27,7 @@ class ParameterRow(Row):
 
 
 class CombinationRow(Row):
-    """A combination of parameters that cannot be told apart.
+    """A combination of parameters that cannot be distinguished.
 
     ``value`` is the sum of the coefficients times each parameter's z: ln(value/nominal), the entry itself for the
     off-diagonal factor of a 6×6, or the compliance in units of 1e-5 mm/N for a nominally rigid drive.

@@ -1,7 +1,7 @@
 """What a calibration looks for: parameters of the machine, and the nuisances of the test beside them.
 
 All are coordinates z that are zero at nominal. A stiffness or a compliance is its nominal value times exp(z), so
-that it stays positive; a 6×6 compliance is ``L R Rᵀ Lᵀ`` with L the Cholesky factor of the nominal one and R lower
+that it stays positive. A 6×6 compliance is ``L R Rᵀ Lᵀ`` with L the Cholesky factor of the nominal one and R lower
 triangular with ``exp(z_ii)`` on its diagonal, so that it stays positive definite. A drive or joint that is
 nominally rigid has ``value = unit · z``, bounded below.
 """
@@ -173,10 +173,10 @@ def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Seque
     Args:
         chain: the nominal machine.
         engine: whose springs decide whether a part's section or its 6×6 counts.
-        names: parameters as ``part.what``: ``factor``; ``EA``, ``GJ``, ``EIy``, ``EIz``, ``GAy``, ``GAz`` or all of
-            the first four as ``section``; ``C11`` to ``C66`` (a row and column of the 6×6 scaled, which scales its
-            diagonal entry) or ``diagonal``; the full 6×6 as ``matrix``; a drive's, mount's or joint's
-            ``compliance``; a joint's ``lateral-1`` and ``lateral-2``.
+        names: parameters as ``part.what``. Of a part: ``factor``; ``EA``, ``GJ``, ``EIy``, ``EIz``, ``GAy``,
+            ``GAz`` or all of the first four as ``section``; ``C11`` to ``C66`` (a row and column of the 6×6 scaled,
+            with its diagonal entry) or ``diagonal``; the full 6×6 as ``matrix``. Drives, mounts and
+            joints have ``compliance``. Of a joint: ``lateral-1`` and ``lateral-2``.
         extra: the sheet's nuisances. A modulus acts on what of its part is not looked for itself, and drops out
             where nothing is left.
 

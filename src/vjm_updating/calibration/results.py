@@ -232,7 +232,7 @@ def _identifiability(fit: Solution, found: Identifiability) -> IdentifiabilityRo
     if promised := fit.problem.promised:
         words.insert(
             0,
-            f"The readings do not tell {', '.join(promised)} from what carries it: what the sheet promises of it "
+            f"The readings do not tell {', '.join(promised)} from what carries it. What the sheet promises of it "
             "counts, and it is not looked for. --fit says otherwise.",
         )
     if fit.refuted:

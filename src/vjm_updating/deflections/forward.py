@@ -1,6 +1,6 @@
 """By how much the markers move under a known wrench, and exact derivatives of that by every member and nuisance.
 
-Two equilibria of the machine, both under its weight, one under the wrench too: with p, R the marker's frame loaded
+Two equilibria of the machine, both under its weight, one under the wrench too. With p, R the marker's frame loaded
 and p₀, R₀ unloaded, the prediction is ``Q (p + R m − p₀ − R₀ m)`` and the rotation from R₀ to R, both in the axes Q
 of what reads them. What shifts or turns both equilibria alike, such as the tracker's origin and the joints' zeros,
 is not in a difference. Nuisances are Q and what the marker's place in its body is off, m.

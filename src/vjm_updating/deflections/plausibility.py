@@ -102,7 +102,7 @@ def too_stiff(measurement: DeflectionMeasurement) -> Iterator[Finding]:
         yield Finding(
             Grade.REFUSED,
             data.file,
-            f"the loads over the displacements are {stiffness:.3g} N/mm; a solid steel rod as long, {reach:.4g} "
+            f"the loads over the displacements are {stiffness:.3g} N/mm. A solid steel rod as long, {reach:.4g} "
             f"mm, and a tenth of it thick has {rod:.3g}: the displacements are in metres; multiply them by 1000",
         )
 
@@ -116,8 +116,8 @@ def too_soft(study: DeflectionStudy) -> Iterator[Finding]:
         yield ColumnsMistaken(
             Grade.DOUBTFUL,
             data.file,
-            f"the loads over the displacements are {stiffness:.3g} N/mm: a kilogram would move the robot by "
-            f"{KILOGRAM / stiffness:.3g} mm; are the forces in kN (multiply them by 1000) or the displacements in "
+            f"the loads over the displacements are {stiffness:.3g} N/mm. A kilogram would move the robot by "
+            f"{KILOGRAM / stiffness:.3g} mm. Are the forces in kN (multiply them by 1000) or the displacements in "
             "micrometres (multiply them by 0.001)?",
         )
 

@@ -36,7 +36,7 @@ class DeflectionStudy(Study):
     baseline: ClassVar[str] = "as modelled"
     against: ClassVar[tuple[str, str]] = (
         "[loads]",
-        "the joints give way against the load: are the displacements unloaded minus loaded, or is the force that "
+        "the joints deflect against the load: are the displacements unloaded minus loaded, or is the force that "
         "of the robot on what loads it? Reverse the sign of one of them",
     )
     jump = "reference_jump", "from here on all displacements are ({by}) mm off: the unloaded readings have changed"
@@ -65,7 +65,7 @@ class DeflectionStudy(Study):
         return np.concatenate([np.full(3, turns), *places])
 
     def first_frames(self) -> tuple[Frames, Array]:
-        """The axes of the base, or those in which the joints give way best; what the nominal machine misses."""
+        """The axes of the base, or those in which the joints deflect best; what the nominal machine misses."""
         k = len(self.data.markers)
         frames = Frames(np.eye(3), np.zeros(3), np.zeros((k, 3)), np.tile(np.eye(3), (k, 1, 1)))
         forward = self.forward_of(self.machine, self.data)

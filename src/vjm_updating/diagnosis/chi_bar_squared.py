@@ -2,8 +2,8 @@
 
 An effect with one size and a shape that is not known, of which most can have one sign only, is a mixture of its
 trials with amounts that are not negative. What such a mixture explains at most of white noise is the squared length
-of the projection onto the trials' cone. It is distributed as a mixture of chi-squared distributions: with as many
-degrees of freedom as trials share in the projection, weighted by how often they do (chi-bar-squared: Kudô,
+of the projection onto the trials' cone. It is distributed as a mixture of chi-squared distributions. They have as
+many degrees of freedom as trials share in the projection, weighted by how often they do (chi-bar-squared: Kudô,
 Biometrika 50, 1963, p. 403; Shapiro, International Statistical Review 56, 1988, p. 49). A narrow cone is hardly
 more than one direction, however many it spans.
 """

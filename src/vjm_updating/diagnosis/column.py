@@ -1,4 +1,4 @@
-"""Tests of a pinned column that is steered by the deflection of its middle, with the load read at each mark.
+"""Tests of a pinned column, controlled by the deflection of its middle, with the load read at each mark.
 
 The deflection takes the place of the imposed displacement; see `vjm_updating.mechanisms.column` for the mechanics.
 """
@@ -102,7 +102,7 @@ class ColumnYield(Effect):
 
 
 def is_column(measurement: Measurement) -> bool:
-    """Whether a test steered a pinned beam by the deflection of its middle, the end displacement not being read."""
+    """Whether a test controlled a pinned beam by the deflection of its middle and read no end displacement."""
     point, channel = split_point(measurement.sheet.test.control)
     return bool(point) and channel == "uy_mm" and not measurement.imposed
 
@@ -118,8 +118,8 @@ def observe_column(measurement: Measurement) -> Observed:
     kinds = [type(part) for part in chain.parts]
     if kinds != [PassiveJoint, Beam, PassiveJoint] or where.at != 0.5 or where.body != link_of(chain):
         raise ValueError(
-            f"{sheet.file}: control {control}: a test steered by a point is diagnosed for a beam between two pins, "
-            "by its middle; give the displacement of the end-effector instead"
+            f"{sheet.file}: control {control}: a test that a point controls is diagnosed for a beam between two "
+            "pins, by its middle. Give the displacement of the end-effector instead"
         )
     readings = measurement.readings
     raw = readings
@@ -162,7 +162,7 @@ def zeros_before_loading(readings: Readings, control: str, sigma: float) -> dict
     """Bounds of the zeros of ruler and load cell, mm and N; of the cell only where there are rows before loading.
 
     What the cell reads before the first mark is left is its zero, or a load that the fixtures make already. So the
-    zero lies between nothing and that, give or take three of the sheet's sigmas. Whoever steers from the unloaded
+    zero lies between nothing and that, give or take three of the sheet's sigmas. Whoever goes from the unloaded
     shape to the first marks sees by which one the ruler is off: its zero is less than the distance of two marks.
 
     Args:
@@ -188,7 +188,7 @@ def with_noise_found(observed: Observed, fit: Fit) -> Observed:
 def noise_found(observed: Observed, fit: Fit) -> tuple[float, Noise]:
     """The noise of mark and load as a fit's residuals have it, by maximum likelihood.
 
-    Who steers to a ruler's marks by hand does better or worse than the sheet's guess. The mark's noise shows where
+    Who goes to a ruler's marks by hand does better or worse than the sheet's guess. The mark's noise shows where
     the curve is steep, the load's where it is level.
 
     Returns:

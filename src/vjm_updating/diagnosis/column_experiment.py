@@ -1,4 +1,4 @@
-"""What to do next with a column: the direct measurement that tells explanations apart, and what it would show."""
+"""What to do next with a column: the direct measurement that distinguishes explanations, and what it would show."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _stiffness(measurement: Measurement, _: str, e: Estimate, load: float) -> Di
     return Direct(
         "lay the column on two supports and bend it by a known weight at its middle",
         f"it would deflect by {100.0 * abs(1.0 - e.value):.2g} % {'less' if e.value < 1.0 else 'more'} than the "
-        "model says; errors of zero and scale of the rig play no part",
+        "model says; errors of zero and scale of the rig do not change it",
         None,
         "",
         _over(abs(1.0 / e.value - 1.0), measurement.sheet.tolerance.modulus_rel),

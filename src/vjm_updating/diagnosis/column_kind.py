@@ -124,13 +124,13 @@ class ColumnTest:
         return result
 
     def scatter(self, observed: Observed) -> str:
-        """Where loads at marks scatter more than the sheet says: what is left is not explained, only bounded."""
+        """Where loads at marks scatter more than the sheet says: the residual is not explained, only bounded."""
         sheet = observed.measurement.sheet
         said, found = float(sheet.sigma(WRENCH[0]).noise), float(observed.noise.wrench[0])
         if found < MANY * said:
             return ""
         return (
-            f"what is left scatters by {found:.3g} N of load, {found / said:.2g} times the sheet's noise: so much "
+            f"the residual scatters by {found:.3g} N of load, {found / said:.2g} times the sheet's noise: so much "
             "of the curve no cause explains"
         )
 

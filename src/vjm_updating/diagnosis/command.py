@@ -258,7 +258,7 @@ def _residual_words(verdict: Verdict) -> str:
     rest = verdict.rest
     if rest.strained < rest.p:
         return f"what fits best takes {rest.farthest}"
-    return f"what is left has the shape '{rest.worst or 'rough'}', strength {rest.left**0.5:.1f}"
+    return f"the residual has the shape '{rest.worst or 'rough'}', strength {rest.left**0.5:.1f}"
 
 
 def _value(e: Estimate) -> ValueRow:

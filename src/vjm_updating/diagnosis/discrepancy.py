@@ -1,9 +1,10 @@
 """What a law that is right to some per cent only makes of a hypothesis' evidence.
 
 A cause's law is never quite the machine's. So each hypothesis carries a discrepancy: what its causes do to the
-readings beyond what the sheet's tolerances could do, times smooth functions of the way, the direction and the time,
-with zero-mean Gaussian coefficients. Their common standard deviation, the law's relative error, has a prior of its
-own, and both are integrated out (Kennedy and O'Hagan 2001, with a basis in place of a Gaussian process).
+readings beyond what the sheet's tolerances could do, times smooth functions of displacement, direction and time.
+Their coefficients are Gaussian with zero mean. Their common standard deviation, the law's relative error, has a
+prior of its own, and both are integrated out (Kennedy and O'Hagan 2001, with a basis in place of a Gaussian
+process).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which hypotheses a test cannot tell apart: each refitted to the other's noise-free readings.
+"""Which hypotheses a test cannot distinguish: each refitted to the other's noise-free readings.
 
 All of them were fitted to the same readings and explain them about as well. So they lie near one another, and one
 step of Gauss and Newton from a hypothesis' own optimum is its refit to another's readings.

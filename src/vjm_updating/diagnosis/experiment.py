@@ -49,7 +49,7 @@ class Proposal:
     Attributes:
         posture: label.
         path: what is done, in words.
-        strength: of the discrimination to be expected, of the two hypotheses that it tells apart least.
+        strength: of the discrimination to be expected, of the two hypotheses that it distinguishes least.
         difference: largest difference of a reading that it would show.
         channel: of that reading.
     """
@@ -64,7 +64,7 @@ class Proposal:
 def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
     """The candidate that tells hypotheses best from one another; None where none can be computed.
 
-    Pairs that it tells apart for sure count no more than that, and it is repeated as often as the others need.
+    Pairs that it distinguishes for sure count no more than that, and it is repeated as often as the others need.
 
     No posture is taken near a critical point that it was not taken to before: what a machine does there tells all
     hypotheses apart, and may be the last thing that it does.
@@ -110,7 +110,7 @@ def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
 
 
 def _worth(told: Sequence[Proposal]) -> float:
-    """Of a candidate: what it tells apart for sure counts no more than that."""
+    """Of a candidate: what it distinguishes for sure counts no more than that."""
     return sum(min(t.strength, WANTED) for t in told)
 
 

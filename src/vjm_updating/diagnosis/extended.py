@@ -1,7 +1,7 @@
 """The extended machine as a model file.
 
-What a quasi-static chain without memory can express goes into the file's values. What belongs to the test, and laws
-that a model file has no words for, stand in its head as comments, with their parameters.
+What a quasi-static chain without history can express goes into the file's values. What belongs to the test, and
+laws that a model file has no words for, stand in its head as comments, with their parameters.
 """
 
 from __future__ import annotations

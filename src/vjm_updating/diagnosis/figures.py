@@ -133,7 +133,7 @@ def _residuals(prepared: Prepared, fit: Fit, before: Before) -> Picture:
         "Reading minus model: the nominal one with the sheet's own values, then with zero, scale, length and "
         "modulus at their best within the sheet's tolerances, and the extended one. Each has a scale of its own."
     )
-    return Picture("residuals", content, "Where it failed, and what is left", caption)
+    return Picture("residuals", content, "Where it failed, and the residual", caption)
 
 
 def _contrasts(document: Diagnosis) -> Picture:

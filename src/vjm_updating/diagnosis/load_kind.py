@@ -1,4 +1,4 @@
-"""Tests in which loads are hung on a machine and gauges read how it moves: a kind of test."""
+"""Tests in which loads are put on a machine and gauges read how it moves: a kind of test."""
 
 from __future__ import annotations
 

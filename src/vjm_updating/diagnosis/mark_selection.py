@@ -1,6 +1,6 @@
 """Tests of marks, one load each: further causes with the noise that each leaves, and the gain held out.
 
-How well a hand steers to a mark is not known beforehand, so the noise is a part of each hypothesis. What a few
+How well a hand stops at a mark is not known beforehand, so the noise is a part of each hypothesis. What a few
 causes leave would else count as noise, and hide the next one.
 """
 

@@ -1,7 +1,7 @@
-"""Mistakes of the instruments in a diagnosis: named beside the causes found in the readings without them.
+"""Mistakes of the instruments in a diagnosis, named beside the causes found in the readings without them.
 
 A factor near that between two units, or a sign, may as well be a machine's. So a mistake is named only where the
-readings without it leave no more than noise; else it is a guess beside `unknown`.
+readings without it leave no more than noise. Else it is a guess beside `unknown`.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ def unless_unexplained(verdict: Verdict, mistakes: Sequence[Mistake]) -> Verdict
 
 
 def with_mistakes(document: Diagnosis, mistakes: Sequence[Mistake]) -> Diagnosis:
-    """A diagnosis of mended readings as one of the readings as they were.
+    """A diagnosis of corrected readings as one of the readings as they were.
 
     A mistake is exact, a factor between units or a sign; it has no standard deviation. Where nothing else is found,
-    the mistakes are the verdict. Where what is left is unknown, it stays so, and the mistakes are in its words and
+    the mistakes are the verdict. Where the residual is unknown, it stays so, and the mistakes are in its words and
     beside each alternative.
 
     Args:

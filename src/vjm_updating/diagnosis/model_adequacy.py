@@ -27,7 +27,7 @@ TAIL = 0.02
 
 @dataclass(frozen=True)
 class Misfit:
-    """What is left.
+    """The residual of a fit.
 
     Attributes:
         p: chance of such a residual where nothing is wrong.
@@ -46,7 +46,7 @@ class Misfit:
 
 @dataclass(frozen=True)
 class Block:
-    """One question of what is left: its name, and the whitened directions ``(n, k)`` that would show it."""
+    """One question of the residual: its name, and the whitened directions ``(n, k)`` that would show it."""
 
     name: str
     directions: Array

@@ -20,15 +20,15 @@ from vjm_updating.inference.fitting import Fit
 HEADLINES = {
     "none": "The model explains the data within the sheet's tolerances.",
     "named": "One cause explains what the model gets wrong.",
-    "class": "Several causes explain the data alike; these data cannot tell them apart.",
+    "class": "Several causes explain the data alike; these data cannot distinguish them.",
     "unknown": "The model is wrong, and no known cause explains how.",
 }
 
 
 STEPS = {
     "none": "No further test is needed to explain these data.",
-    "named": "No further test is needed to tell causes apart.",
-    "unknown": "Repeat the test with a hold, and on the way back: whether what is left follows the displacement, "
+    "named": "No further test is needed to distinguish causes.",
+    "unknown": "Repeat the test with a hold, and on the way back: whether the residual follows the displacement, "
     "the clock or the history says where to look. An effect of one's own can be tried with --effects.",
 }
 """Where there is no experiment."""

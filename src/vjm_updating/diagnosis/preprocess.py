@@ -1,4 +1,4 @@
-"""A test made ready for a search: nominal fit, wild samples, branches, noise, catalogue."""
+"""A test made ready for a search: nominal fit, outliers, branches, noise, catalogue."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Prepared:
         fitter: with its noise known.
         null: fit of the sheet's tolerances alone.
         effects: the catalogue.
-        all: every reading, wild ones included.
+        all: every reading, outliers included.
         signed: what each effect does to the readings about a null.
     """
 
@@ -50,7 +50,7 @@ class Prepared:
 def prepare(
     observed: Observed, more: Sequence[Maker] = (), *, only: Sequence[str] = (), without: Sequence[str] = ()
 ) -> Prepared:
-    """Fit the nominal model, find wild samples and the noise's memory.
+    """Fit the nominal model, find outliers and the noise's autocorrelation.
 
     Args:
         observed: the test.
@@ -95,9 +95,9 @@ def possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[s
 
 
 def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
-    """Find wild samples, the readings' covariances and the noise's memory again, about a better model.
+    """Find outliers, the readings' covariances and the noise's autocorrelation again, about a better model.
 
-    None where nothing changes by it, or the model is so far off that it tells nothing of the noise; the fitter is
+    None where nothing changes by it, or the model is so far off that it tells nothing of the noise. The fitter is
     then as it was, so that objectives found with it can still be compared.
     """
     fitter, kind = prepared.fitter, kind_of(prepared.all.measurement)

@@ -113,7 +113,7 @@ class RampTest:
 
 
 def observe_ramps(measurement: Measurement) -> Observed:
-    """What there is to be explained, displacements as steered where that was steadily.
+    """What there is to be explained, displacements as commanded where that was steadily.
 
     Raises:
         ValueError: no displacement of the end-effector was read, or no link bends.
@@ -121,7 +121,7 @@ def observe_ramps(measurement: Measurement) -> Observed:
     if not measurement.chain.beams:
         raise ValueError(
             f"{measurement.sheet.file}: [test] model: no link of {measurement.chain.name} bends, and causes in "
-            'forces are sought along one: validate calibrate fits its joints, and a sheet of kind = "poses" '
+            'forces are sought along one. `validate calibrate` fits its joints, and a sheet of kind = "poses" '
             "diagnoses it"
         )
     return straightened(observe(measurement))

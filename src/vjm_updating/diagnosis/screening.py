@@ -144,7 +144,7 @@ def signed(fitter: Fitter, null: Fit, effects: Sequence[Effect]) -> Signed:
 
 
 def far_off(fitter: Fitter, fit: Fit) -> bool:
-    """Whether a fit is so far from the readings, a few wild ones aside, that it says nothing of their noise."""
+    """Whether a fit is so far from the readings, a few outliers aside, that it says nothing of their noise."""
     return float(np.median(np.abs(fitter.whitening.flat(fit.at.residual)))) > FAR_OFF
 
 

@@ -1,10 +1,10 @@
 """The hypothesis that a cause acts which no catalogue has: shapes without a name, each kind of its own size.
 
-What the sheet's tolerances leave is then noise and zero-mean Gaussian shapes: smooth ones along the ramp, in time,
-while held, between the ways, and sudden ones (`vjm_updating.inference.residual_basis`), in one channel, or in all
-where something gives way along the displacement, or rough. Some one kind is expected to act; of its size nothing
-is known, and it is integrated out. What remains is an evidence like any cause's, so that nothing but the posterior
-says whether a cause is named.
+What the sheet's tolerances leave is then noise and zero-mean Gaussian shapes. There are smooth ones along the ramp,
+in time, while held, and between loading and unloading, and sudden ones (`vjm_updating.inference.residual_basis`).
+They act in one channel, or in all where something deflects along the displacement, or rough. Some one kind is
+expected to act; of its size nothing is known, and it is integrated out. What remains is an evidence like any
+cause's, so that nothing but the posterior says whether a cause is named.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0) -> float:
 
 
 def _given_way(fitter: Fitter, fit: Fit, space: Projection) -> list[Array]:
-    """What the readings show where something gives way along the displacement, by kinds of smooth shapes."""
+    """What the readings show where something deflects along the displacement, by kinds of smooth shapes."""
     observed = fitter.forward.observed
     along = np.zeros((len(observed.pose), 6))
     for ray in observed.rays:

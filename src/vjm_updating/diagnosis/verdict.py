@@ -131,7 +131,7 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
 
 
 def confidence(posterior: float) -> float:
-    """How often a verdict of such a posterior probability is right: laws are wrong in ways that no prior has."""
+    """How often a verdict of such a posterior probability is right: laws are wrong as no prior says."""
     return float(expit(OFFSET + SLOPE * logit(np.clip(posterior, 1e-3, 1.0 - 1e-3))))
 
 

@@ -174,13 +174,13 @@ def _check_ratio(file: str, force: str, moved: str, ratio: float, spread: float,
         )
     if driving and ratio < OPPOSITE:
         raise DataError(
-            f"{file}: column {force}: has the other sign than the model predicts for {moved}: {force} is what the "
+            f"{file}: column {force}: has the other sign than the model predicts for {moved}. {force} is what the "
             f"chain needs at the end-effector, positive with {moved}; turn the sign of one of them"
         )
 
 
 def _check_against_buckling(readings: Readings, chain: Chain, engine: VjmEngine, noise: dict[str, float]) -> None:
-    """Of a test steered by another point: no force is a thousand times the one at which the chain buckles."""
+    """Of a test that another point controls: no force is a thousand times the one at which the chain buckles."""
     name = WRENCH[0]
     if name not in readings.values:
         return

@@ -81,7 +81,7 @@ def _multiple(c: Comparison, way: MistakenAs) -> tuple[float, float]:
     """What was read, put right, over what is predicted, by all readings together; its standard deviation.
 
     Zeros and scales of the channels and the modulus are as uncertain as the sheet says. Where a multiple does not
-    describe the readings, its standard deviation grows by what is left.
+    describe the readings, its standard deviation grows by the residual.
     """
     f = c.read[:, list(way.order(c.columns))] * way.scaled(c.columns)
     g = c.curves.predicted(way.scaled(c.given), way.order(c.given))
@@ -176,7 +176,7 @@ def _strange(c: Comparison, explained: list[Mistaken]) -> Iterator[Finding]:
         yield Finding(
             Grade.DOUBTFUL, f"{c.readings.file}: {'every row' if len(far) > 1 else f'posture {far[0]}'}",
             f"{c.words} differ from what the model predicts by more than a factor 2.6, and no unit, sign or "
-            "exchange explains it: look at the model's stiffness, the columns' axes and the postures",
+            "exchange explains it. Look at the model's stiffness, the columns' axes and the postures",
         )  # fmt: skip
 
 

@@ -92,7 +92,7 @@ class Measurement:
 
     @property
     def imposed(self) -> bool:
-        """Whether the pose of the end-effector is known at every reading, whichever end was steered by."""
+        """Whether the pose of the end-effector is known at every reading, whichever end controlled the test."""
         return any(name in self.readings.values for name in POSE)
 
 
@@ -218,8 +218,8 @@ def _machine(sheet: Sheet, path: Path) -> tuple[dict[str, Any], Chain, str]:
     source = read_document(name)
     if source.content.get("kind") == KIND:
         raise SheetError(
-            f"{sheet.file}: model {source.file}: a load on a platform strains all of its legs at once, and "
-            "readings there do not tell which of them gives way: test a leg by itself, and give its chain's file"
+            f"{sheet.file}: model {source.file}: a load on a platform loads all of its legs at once, and "
+            "readings there do not tell which of them deflects. Test a leg by itself, and give its chain's file"
         )
     build_chain(source.content, source.file)  # what is wrong with the model itself is said of the model
     try:

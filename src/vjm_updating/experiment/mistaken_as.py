@@ -1,4 +1,4 @@
-"""Ways in which readings may be mistaken: what was read is what the machine did, after a known operation."""
+"""How readings may be mistaken: what was read is what the machine did, after a known operation."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ RIGHT = MistakenAs("right", "")
 def ways(
     readings: Readings, postures: tuple[str, ...], columns: tuple[tuple[str, ...], tuple[str, ...]] = (POSE, WRENCH)
 ) -> list[MistakenAs]:
-    """All ways that concern columns that are there.
+    """All mistakes that concern columns that are there.
 
     Args:
         readings: of the test.

@@ -2,10 +2,10 @@
 
 How far a reading is from the nominal machine's is stated as a distance from 0 to 2: a machine of half the stiffness
 is 0.67 away, one of a tenth 1.6. A way of being mistaken is believed of a stretch of rows that it brings near while
-they are far off as they stand: no cause in a machine puts whole stretches there. Ways that fit one stiffness alike
-differ along the curve, for the load at which a chain buckles does not change with the unit of displacements. Where
-they do not, the noise of the columns decides. Hidden causes change a machine's own forces by a factor, which rows
-that fit as they stand show.
+they are far off as they stand: no cause in a machine puts whole stretches there. Mistakes that fit one stiffness
+alike differ along the curve, for the load at which a chain buckles does not change with the unit of displacements.
+Where they do not, the noise of the columns decides. Hidden causes change a machine's own forces by a factor, which
+rows that fit as they stand show.
 """
 
 from __future__ import annotations
@@ -172,7 +172,7 @@ def mistaken_rows(c: Comparison) -> list[Mistaken]:
 
 
 def ways_of(c: Comparison) -> list[MistakenAs]:
-    """The ways in which readings may be mistaken; a test of one joint has no postures to exchange."""
+    """How readings may be mistaken; a test of one joint has no postures to exchange."""
     return ways(c.readings, () if c.of_joint else tuple(c.measurement.chain.postures), (c.given, c.columns))
 
 

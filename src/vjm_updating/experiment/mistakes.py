@@ -1,7 +1,7 @@
 """Errors of the instruments that are mistakes, and the readings without them.
 
 A mistake changes readings by a known operation: a factor between units, a sign, an exchange of two columns, a clock
-that jumped. What is left of the readings is as good as any.
+that jumped. The other readings are as good as any.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Mistake:
 
 
 class ColumnsMistaken(Finding):
-    """Columns are not what they say: whatever is fitted to them means nothing before they are mended."""
+    """Columns are not what they say: whatever is fitted to them means nothing before they are corrected."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ _SECTION_KEYS = {key for table in _SECTIONS for key in table.model_fields} - {"s
 def overridden(content: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
     """A model document with a sheet's overrides.
 
-    A key is one of docs/measured-data.md's, a key of the link or its section, or a dotted path into the file: a
+    A key is one of docs/measured-data.md's, a key of the link or its section, or a dotted path into the file. A
     list's table is found by its ``name`` or its number from 1, and a path may begin at a part's name.
 
     Args:

@@ -128,7 +128,7 @@ class Readings:
         return result
 
     def settled(self, held: str) -> Readings:
-        """For a channel that was steered to marks: one row for each group that carries one mark.
+        """For a channel that was brought to marks: one row for each group that carries one mark.
 
         It is the last one, with the medians of the last rows in its channels: half of the group's, at most
         `SETTLED`. A single row may be a stale one, and the first ones were read on the way.
@@ -222,7 +222,7 @@ def _check_header(header: list[str], sheet: Sheet) -> None:
         raise ValueError("column 'posture' is missing: add it, with the sheet's labels")
     if control not in ("displacement", "force") and control not in header:
         raise ValueError(
-            f"column '{control}' is missing, by which the sheet says that the operator steered: add it"
+            f"column '{control}' is missing, by which the sheet says that the operator controlled the test: add it"
         )
     moved = [name for name in header if split_point(name)[1] in POSE]
     loaded = [name for name in header if name in WRENCH]

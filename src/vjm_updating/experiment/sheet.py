@@ -27,7 +27,7 @@ class SheetError(ValueError):
 
 
 class Test(Table):
-    """What was tested, and by which end the operator steered."""
+    """What was tested, and which end the operator controlled."""
 
     __test__ = False  # no test case, whatever pytest thinks of the name
 
@@ -74,7 +74,9 @@ class Instrument(Table):
     noise: Sigma
     zero: Sigma = 0.0
     scale: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
-    held: Literal["target"] | None = Field(None, description="the rows carry the mark that was steered to")
+    held: Literal["target"] | None = Field(
+        None, description="the rows carry the mark at which the operator stopped"
+    )
     source: str = ""
 
 

@@ -104,7 +104,7 @@ def measure(specimen: Specimen, meshes: tuple[int, int, int] = MESHES, *, correc
 
 
 def _sizes(compliance: Array) -> Array:
-    """Size ``(6,)`` of the loads, N and N mm: the softest turn by `TURN`, at an arm that suits the body."""
+    """Size ``(6,)`` of the loads, N and N mm: the most compliant turn by `TURN`, at an arm that suits the body."""
     softest = float(np.linalg.eigvalsh(compliance[3:, 3:])[-1])
     # a cantilever's length over √3; a force at the whole length then turns the tip by less than a moment does
     arm = float(np.sqrt(np.linalg.eigvalsh(compliance[:3, :3])[-1] / softest))
@@ -178,7 +178,7 @@ def _whole(order: float | None) -> int | None:
 
 
 def _extrapolated(C: list[Array], scale: Array) -> tuple[float | None, Array, Array]:
-    """Observed order, the compliance for ever finer meshes, and a bound on what is left open."""
+    """Observed order, the compliance for ever finer meshes, and a bound on its error."""
     first, second = C[1] - C[0], C[2] - C[1]
     small, large = (float(np.max(np.abs(d / scale))) for d in (second, first))
     order = float(np.log2(large / small)) if min(small, large) > NOISE else None

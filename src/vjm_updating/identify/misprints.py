@@ -39,7 +39,7 @@ class Repair:
 
 
 def repairs_of_pair(raw: RawMatrix, pair: tuple[int, int], others: list[tuple[int, int]]) -> list[Repair]:
-    """Both ways to make an asymmetric pair equal, best first.
+    """Both repairs that make an asymmetric pair equal, best first.
 
     Args:
         raw: the matrix.

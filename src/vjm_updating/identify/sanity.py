@@ -71,7 +71,7 @@ def _check_diagonal(raw: RawMatrix, M: Array) -> None:
         if M[k, k] <= 0.0:
             raise MatrixFileError(
                 f"{raw.file}: line {raw.lines[k][k]}: ({k + 1},{k + 1}) = {raw.texts[k][k]}: a {raw.kind} has "
-                "positive diagonal entries, as a load moves its point its own way; check the sign, or give the "
+                "positive diagonal entries, as a load moves its point its own way. Check the sign, or give the "
                 "load case in which this freedom moves"
             )
 

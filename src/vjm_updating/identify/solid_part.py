@@ -124,7 +124,9 @@ def _warnings(found: SolidCompliance, beams: list[BeamDocument], bonded: bool) -
     texts = []
     if found.relative > found.task.accuracy:
         why = (
-            "more unknowns than --largest" if found.stopped == "size" else "more memory than this machine has free"
+            "more unknowns than --largest"
+            if found.stopped == "size"
+            else "more working memory than this machine has free"
         )
         texts.append(
             f"the asked accuracy of {percent(found.task.accuracy)} is not met: {percent(found.relative)} are left, "
@@ -143,7 +145,7 @@ def _warnings(found: SolidCompliance, beams: list[BeamDocument], bonded: bool) -
         if sections.gyration > THIN * found.thickness:
             texts.append(
                 f"walls of about {number(found.thickness, 3)} mm at a radius of gyration of "
-                f"{number(sections.gyration, 3)} mm: they may buckle by themselves, which neither the 6×6 "
+                f"{number(sections.gyration, 3)} mm. They may buckle by themselves, which neither the 6×6 "
                 "compliance nor a beam knows"
             )
     if not beam.met:
@@ -212,11 +214,11 @@ def _findings(
         lines.append(
             f"as a straight tapered beam from base to tip: EIy {number(taper.EIy_Nmm2[0], 3)} to "
             f"{number(taper.EIy_Nmm2[1], 3)}, EIz {number(taper.EIz_Nmm2[0], 3)} to "
-            f"{number(taper.EIz_Nmm2[1], 3)} N mm²; "
-            f"its bending misses by {percent(taper.worst_scaled)} at most"
+            f"{number(taper.EIz_Nmm2[1], 3)} N mm². "
+            f"Its bending misses by {percent(taper.worst_scaled)} at most"
         )
     lines.append(
-        "linear: a load that turns the tip by θ shortens the part's reach by about θ²/6 of it, 0.17 % at 0.1 rad, "
+        "linear. A load that turns the tip by θ shortens the part's reach by about θ²/6 of it, 0.17 % at 0.1 rad, "
         "which this matrix does not know"
     )
     if found.task.held is Base.CLAMPED:

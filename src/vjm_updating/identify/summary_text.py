@@ -84,7 +84,7 @@ def of_matrix(
     repairs: Sequence[RepairDocument],
     left_out: Sequence[tuple[int, int]],
 ) -> list[str]:
-    """Sentences on what is wrong with a matrix, and what would mend it."""
+    """Sentences on what is wrong with a matrix, and what would correct it."""
     lines = []
     for i, j in pairs:
         both = (entry_name(i, j), entry_name(j, i))
@@ -135,10 +135,10 @@ def of_beams(beams: Sequence[BeamDocument]) -> list[str]:
                 lines.append("the beam that starts at this one's far end and runs back has the same matrix")
         else:
             lines.append(
-                f"no uniform beam, {beam.form}, meets every entry: the worst is at least "
-                f"{printed(beam.smallest_worst_misfit, 2)} rounding half-widths off; the nearest by least squares "
-                f"has {_shape(beam)}, and misses {beam.worst_entry} by {printed(beam.worst_misfit, 2)}; no entry "
-                f"by more than {printed(100.0 * beam.worst_scaled, 2)} % of √(c_ii c_jj)"
+                f"no uniform beam, {beam.form}, meets every entry. The worst is at least "
+                f"{printed(beam.smallest_worst_misfit, 2)} rounding half-widths off. The nearest by least squares "
+                f"has {_shape(beam)}, and misses {beam.worst_entry} by {printed(beam.worst_misfit, 2)}. No entry "
+                f"is off by more than {printed(100.0 * beam.worst_scaled, 2)} % of √(c_ii c_jj)"
             )
     if beams and not beams[-1].met:
         lines.append("so it is no uniform beam: keep the matrix, or describe the part in several pieces")

@@ -214,7 +214,7 @@ class Fitter:
 
         The readings' covariances are as the hypothesis' own stiffness makes them. With another's, one that needs
         little of the displacement (a steady ramp, and a drift with the clock) would gain by the gauge's noise that
-        it leaves out; without their determinants, one near a critical point would gain by the noise it has there.
+        it leaves out. Without their determinants, one near a critical point would gain by the noise it has there.
         """
         observed = self.forward.observed
         own = weighed(self.whitening, observed, at)

@@ -44,7 +44,7 @@ class Ramp:
         ray: its posture, direction and measure.
         index: of the readings ``(k,)``.
         reach: how far tables go along the ray, and against it.
-        branches: that both ways take behind a bifurcation.
+        branches: that loading and unloading take behind a bifurcation.
         places: at which tables have equilibria in any case, along the ray and against it.
     """
 

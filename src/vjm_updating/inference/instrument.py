@@ -84,9 +84,9 @@ class ThermalDrift(Effect):
         return ("instrument_zero",)
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """Change of the reading; and since when, in spans, for it may have gone on before the test; and its lag.
+        """Change of the reading; since when, in spans, for it may have gone on before the test; its lag.
 
-        A clock ran from the first reading at the latest; a gauge may be right at a temperature within the test's,
+        A clock ran from the first reading at the latest. A gauge may be right at a temperature within the test's,
         and grows as warm as the room only after a time of its own.
         """
         size = size_of(self.part) / self.span

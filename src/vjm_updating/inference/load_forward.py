@@ -1,6 +1,6 @@
 """What gauges read of a machine under loads: equilibria along rays of loads, elements in series, instruments.
 
-See `vjm_updating.observation.loads` for the kind of test. What an element gives way by moves all that is behind it
+See `vjm_updating.observation.loads` for the kind of test. What an element deflects by moves all that is behind it
 as a rigid body, to first order; held components push back, which `vjm_updating.mechanisms.series_elements.balance`
 finds.
 """
@@ -226,7 +226,7 @@ class LoadForward:
         return np.array([arms[label] for label in labels])
 
     def _carries(self, place: Place, gauge: Gauge) -> bool:
-        """Whether what gives way in a place moves a gauge's point: what slips along a link does so at its root."""
+        """Whether what deflects in a place moves a gauge's point: what slips along a link does so at its root."""
         if not gauge.body:
             return True
         chain = self.observed.measurement.chain

@@ -1,8 +1,8 @@
-"""Single samples that are no readings of the machine: wild ones.
+"""Single samples that are no readings of the machine: outliers.
 
-There are two ways to see them. Far from a right model only neighbours can tell (`standing_out`). About a model
-that fits, each sample is compared with what all others let expect of it, in time and across channels (`deleted`);
-where too many differ it is the model that is wrong, and none of them is wild.
+There are two methods to see them. Far from a right model only neighbours can tell (`standing_out`). About a model
+that fits, each sample is compared with what all others let expect of it, in time and across channels (`deleted`).
+Where too many differ it is the model that is wrong, and none of them is an outlier.
 """
 
 from __future__ import annotations
@@ -71,7 +71,8 @@ def deleted(whitening: Whitening, residual: Array) -> Array:
     """Each sample's distance ``(n, 6)`` from what the others let expect of it, in standard deviations.
 
     With P the inverse covariance of all residuals r it is ``(P r)_i / √P_ii``; P is factored into the readings'
-    own covariances and a memory of first order. The likeliest errors of lines steered are taken from r before.
+    own covariances and an autocorrelation of first order. The likeliest errors of straight lines are taken from r
+    before.
 
     Args:
         whitening: of the residuals.
@@ -110,7 +111,7 @@ def outlying(observed: Observed, whitening: Whitening, residual: Array, known: A
         observed: the readings.
         whitening: of the residuals, those known left out.
         residual: reading minus model ``(n, 6)``.
-        known: wild samples ``(n, 6)`` found before, which count where it is asked whether they are accidents.
+        known: outliers ``(n, 6)`` found before, which count where it is asked whether they are accidents.
         load: what should have been read ``(n, 6)``, over its noise.
     """
     off = deleted(whitening, residual)
@@ -128,7 +129,7 @@ def outlying(observed: Observed, whitening: Whitening, residual: Array, known: A
 def _few(observed: Observed, way: Array, load: Array) -> Array:
     """None in a channel that has too many, or whose all lie together: then they are no accidents.
 
-    Nor is a single one of the force driven where it is first felt: plays and dead zones may hide no more.
+    Nor is a single one of the force driven where it is first felt: backlashes and dead zones may hide no more.
 
     Args:
         observed: the readings.
@@ -154,7 +155,7 @@ def _few(observed: Observed, way: Array, load: Array) -> Array:
 
 
 def _in_a_row(way: Array) -> bool:
-    """Whether three of four neighbours are off the same way ``(m,)``; wild ones are so either way."""
+    """Whether three of four neighbours are off the same way ``(m,)``; outliers are so either way."""
     if len(way) < 4:
         return False
     return any(bool((np.convolve(way == sign, np.ones(4), mode="valid") >= 3).any()) for sign in (1.0, -1.0))

@@ -75,7 +75,7 @@ def release_key(effect: Effect) -> tuple[Kind, str] | None:
 
 
 def remakes(effect: Effect) -> bool:
-    """Whether an effect's parameters make the machine another one, or the ways on which it is taken."""
+    """Whether an effect's parameters make the machine another one, or the path along which it is taken."""
     own = type(effect)
     return release_key(effect) is None and (own.machine is not Effect.machine or own.imposed is not Effect.imposed)
 

@@ -32,7 +32,7 @@ def leave_out(fitter: Fitter, without: Without, everything: Observed, outliers: 
 
 
 def refit(fitter: Fitter, without: Without, everything: Observed, best: Fit) -> Fit:
-    """The best fit of the same causes without its outliers, its noise's memory and its branches found about it.
+    """The best fit of the same causes without its outliers; autocorrelation and branches are found about it.
 
     The fitter goes on with them.
 
@@ -67,7 +67,7 @@ def refit(fitter: Fitter, without: Without, everything: Observed, best: Fit) -> 
 
 
 def remember(fitter: Fitter, base: Fit, changes: Sequence[Array]) -> None:
-    """Estimate the noise's memory; what effects or smooth shapes could explain does not count as noise.
+    """Estimate the noise's autocorrelation; what effects or smooth shapes could explain does not count as noise.
 
     Args:
         fitter: of the test.

@@ -1,8 +1,9 @@
 """The best coordinates of a hypothesis: Gauss-Newton within a trust region of what makes the machine another one.
 
-A machine's equilibria are traced into tables, which is what a prediction costs. So each round is two: first the
-best coordinates with the tables of one machine, from where what makes it another one leads on by its slopes; then
-the tables there, which tell how far those slopes can be trusted (Conn, Gould and Toint 2000, section 6.1).
+A machine's equilibria are traced into tables, which is what a prediction costs. So each round is two. First come
+the best coordinates with the tables of one machine, from where what makes it another one leads on by its slopes.
+Then come the tables there, which tell how far those slopes can be trusted (Conn, Gould and Toint 2000, section
+6.1).
 """
 
 from __future__ import annotations
@@ -135,7 +136,8 @@ def best_fit(
         nuisances: to start from ``(m,)``.
         values: of each effect.
         borrowed: slopes by the machine's nuisances ``(n, 6, m)`` of a fit near by, made anew only where they lead
-            astray: they only steer, since at the best of a right model the residual is noise. Without, the fit's
+            astray: they only choose a direction, since at the best of a right model the residual is noise. Without,
+                the fit's
             own, to the end.
         target: squares worth reaching; a fit that will hardly come so far is given up.
     """

@@ -201,7 +201,7 @@ def _fit(prepared: Prepared, fit: Fit) -> FitRow:
         "The residuals are what the sheet's noise allows."
         if spread == 1.0
         else f"The joint's laws miss the readings by more than the sheet's noise: {channel} by {spread:.3g} sigma. "
-        "The uncertainties are widened by that; `validate diagnose` says what is left."
+        "The uncertainties are widened by that; `validate diagnose` looks for the cause of the residual."
     )
     return FitRow(
         readings=int(everything.present.sum()),

@@ -1,10 +1,10 @@
 """The smallest force on a free end at which an arm, a tree or a machine with closed loops loses its stability.
 
-A dead force F d grows from zero; weight and other loads act in full. Along most directions d a bent arm only bends
-further and stays stable. It loses its stability where its end has no stiffness left: the smallest eigenvalue of
-the end's stiffness against a force falls to zero, and the direction in which that needs the least force is sought
-while the force grows. Loops and single links may also lose their stability while the end keeps its stiffness; the
-count of negative eigenvalues says so.
+A dead force F d grows from zero; weight and other loads act in full. Along most directions d a curved arm only
+bends further and stays stable. It loses its stability where its end has no stiffness left: the smallest eigenvalue
+of the end's stiffness against a force falls to zero, and the direction in which that needs the least force is
+sought while the force grows. Loops and single links may also lose their stability while the end keeps its
+stiffness; the count of negative eigenvalues says so.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ class WeakestForce:
         return self._march(rest, min(probe, self.most))
 
     def _march(self, rest: _States, force: float) -> Weakest:
-        """Let the force grow along all directions, each of which turns to where the end is softest."""
+        """Let the force grow along all directions, each of which turns to where the end is most compliant."""
         start = self._directions(force)
         before = self._from(rest.chosen(np.zeros(len(start), dtype=int)), force * start)
         turn = np.full(len(start), FIRST_TURN)
@@ -172,7 +172,7 @@ class WeakestForce:
         return self._turned(directions[k], forces[k])
 
     def _softened(self, now: _States, turn: Array, unloaded: float, cells: Array | None) -> Array:
-        """Turn each direction to where the end is softest near by; by how much each may turn next ``(k,)``, rad.
+        """Turn each direction to where the end is most compliant; by how much each may turn next ``(k,)``, rad.
 
         Args:
             now: states under forces of one size; become those along the directions found.

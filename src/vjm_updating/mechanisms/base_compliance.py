@@ -23,7 +23,7 @@ MOUNT = "base"
 class BaseCompliance(Effect):
     """Compliance along the three axes of the world, and about them through the base's origin.
 
-    The rotational compliance k is the same about all axes, and is told by ``k L²/c_xx`` with L the chain's longest
+    The rotational compliance k is the same about all axes. It is given as ``k L²/c_xx`` with L the chain's longest
     straight piece: what the turn moves at the end of that lever, over what the shift does, under one force.
     """
 
@@ -34,7 +34,7 @@ class BaseCompliance(Effect):
         """Along x; along y and z, and by turning, over that along x.
 
         A rigid round footing of radius a on an elastic half-space, with ν = 0.3, has ``c = 1.7/(8 G a)`` and
-        ``k = 2.1/(8 G a³)``, so that ``k L²/c`` is about ``(L/a)²``; a column of length h, clamped below, has
+        ``k = 2.1/(8 G a³)``, so that ``k L²/c`` is about ``(L/a)²``. A column of length h, clamped below, has
         ``3 (L/h)²``. Frames about as large as the chain have about one; half or twice as large a frame is within a
         spread, as is a frame whose feet differ from the rest.
         """

@@ -1,4 +1,4 @@
-"""A pinned column steered by the deflection of its middle: large deflections, a bow, and bending beyond yield.
+"""A pinned column controlled by the deflection of its middle: large deflections, a bow, and bending beyond yield.
 
 The line of action passes through both pins, so that the bending moment is the force times the distance from it.
 From the middle outwards ``dy/ds = sin θ``, ``dθ/ds = −(κ(P y) + κ₀(s))`` with κ the curvature that a moment makes
@@ -40,7 +40,7 @@ def yield_curve(shape: Shape, exponent: float, offset: float) -> tuple[Array, Ar
     the elastic strain at the proof stress σ_p. The larger the exponent the sharper the knee.
 
     Args:
-        shape: of the section, bent about its z axis.
+        shape: of the section, in bending about its z axis.
         exponent: of the law.
         offset: permanent strain that defines the proof stress, over ε_p.
     """

@@ -144,7 +144,7 @@ def drives(scene: Scene) -> list[Drive]:
     """The drive before all passive joints, where there is one, and those in joints, from base to tool.
 
     Joints that move the end-effector alike in every posture of a test, about one line or along one direction, are
-    one place: no reading tells them apart. A joint on a branch that does not carry the end-effector is none.
+    one place: no reading distinguishes them. A joint on a branch that does not carry the end-effector is none.
     """
     machine, chain = scene.machine, scene.chain
     own = machine.drive

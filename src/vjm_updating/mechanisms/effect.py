@@ -1,8 +1,8 @@
 """What an effect is: a cause that a model can lack, its parameters with units and bounds, and how it acts.
 
-An effect acts in up to four ways, each a method that by default does nothing: it changes the machine (`machine`),
-it puts elements with a law of their own in series with it (`elements`), it gives the passive joints friction
-(`friction`, `presliding`), or it changes the displacement that is imposed (`imposed`).
+An effect acts by up to four methods, each of which does nothing by default. It changes the machine (`machine`). It
+puts elements with a law of their own in series with it (`elements`). It gives the passive joints friction
+(`friction`, `presliding`). It changes the displacement that is imposed (`imposed`).
 """
 
 from __future__ import annotations

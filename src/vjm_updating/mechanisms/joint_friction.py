@@ -27,8 +27,8 @@ class JointFriction(Effect):
         """Mean torque at which a joint slips, each joint's over it, and the elastic turn before it slips.
 
         Like joints are alike, not equal. Contacts of metal part by some 2 to 5 micrometres before they slip
-        (Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083), which at the 10 to 20 mm of a
-        bearing's radius is 0.1 to 0.5 mrad; the spread has room for softer ones, and for rolling bearings.
+        (Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083). At the 10 to 20 mm of a
+        bearing's radius that is 0.1 to 0.5 mrad. The spread has room for softer ones, and for rolling bearings.
         """
         shares = (
             Quantity(f"share_of_joint_{k}", 0.05, 20.0, 1.0, usual=1.0, spread=0.3, log=True)

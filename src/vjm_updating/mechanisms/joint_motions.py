@@ -1,4 +1,4 @@
-"""What the held joints of a machine do to its end-effector, unloaded and where loads have bent what is between."""
+"""What the held joints of a machine do to its end-effector, unloaded and under loads that deflect the rest."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ALONG: OrderedDict[tuple[object, ...], tuple[Chain, Array, dict[str, Array]]] =
 
 
 def joint_motions(machine: ModifiedChain, posture: str) -> dict[str, Array]:
-    """What a unit of what gives way in each held joint does to the end-effector ``(6,)``, by the joints' names.
+    """What a unit of deflection in each held joint does to the end-effector ``(6,)``, by the joints' names.
 
     In the unloaded posture, world axes: ``(a × (r − p), a)`` per rad about an axis a through p, ``(a, 0)`` per mm
     along it, with what a coupling passes on as it bends.
@@ -101,7 +101,7 @@ def _motions(machine: ModifiedChain, posture: str, x: Array | None) -> dict[str,
 
 
 def _yielding(chain: Chain) -> Chain:
-    """The chain with a second joint of each held one's axis behind it, which gives way and moves with no other."""
+    """The chain with a second joint of each held one's axis behind it, which deflects and moves with no other."""
     parts = []
     for part in chain.parts:
         parts.append(part)

@@ -39,7 +39,7 @@ class LinkBow(Effect):
         return tuple(Quantity(f"along_{axis}_mm", -most, most, 0.5, neutral=0.0) for axis in "yz")
 
     def trials(self) -> Sequence[tuple[float, ...]]:
-        """Both ways in both planes."""
+        """Both senses in both planes."""
         return [(sign * a, 0.02 * a) for a in self.sizes for sign in (1.0, -1.0)] + [
             (0.02 * a, sign * a) for a in self.sizes[1:] for sign in (1.0, -1.0)
         ]

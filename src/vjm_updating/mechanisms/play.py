@@ -89,7 +89,7 @@ class ActuatorBacklash(InDrive):
 
 @dataclass(frozen=True)
 class JointClearance(Effect):
-    """Play along a link in its joints, see `play`.
+    """Backlash along a link in its joints, see `play`.
 
     Attributes:
         force: largest of the test, N.
@@ -101,7 +101,7 @@ class JointClearance(Effect):
     part: str = ""
     link: str = ""
     cause = "joint_clearance"
-    title = "play along the link in its joints"
+    title = "backlash along the link in its joints"
 
     def quantities(self) -> tuple[Quantity, ...]:
         """Travel, place and softness."""

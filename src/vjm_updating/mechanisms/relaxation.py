@@ -2,8 +2,8 @@
 
 In a standard linear solid with relaxing shares ``φ_i`` and times ``τ_i`` the stress is that of an elastic one less
 ``Σ φ_i m_i``, where ``m_i' = (σ − m_i)/τ_i`` follows the elastic stress (Ferry 1980, chapter 3). The stresses of a
-beam's springs are their reactions ``σ = J_θᵀ F`` (9). By virtual work on the motion of the springs with the end-
-effector, ``T = ∂θ/∂u``, the wrench is then, to first order in what relaxes,
+beam's springs are their reactions ``σ = J_θᵀ F`` (9). Virtual work is taken on the motion of the springs with the
+end-effector, ``T = ∂θ/∂u``. The wrench is then, to first order in what relaxes,
 
     W(u) − T(u)ᵀ Σ φ_i m_i(t).
 
@@ -14,17 +14,19 @@ shares and times (Gross 1953), by which a linear chain is exact to all orders on
 order in φ, that α changes with the load, and what is across the rays.
 
 At a bifurcation the bend goes with the root w of the distance ``v`` from it, T with ``1/w``, and the first order
-fails: a bent beam that is led back keeps a bow and never is straight, and softer ones buckle elsewhere. With x
-what a straight chain has lengthened by, and k the fall of the stiffness along the ray, the bend is the largest
-root a of
+fails. A curved beam that is led back keeps a bow and never is straight, and softer ones buckle elsewhere. Let x be
+what a straight chain has lengthened by, and k the fall of the stiffness along the ray. The bend is the largest root
+a of
 
     a³ − (v − x) a = g/k,
 
-the symmetric, stable bifurcation of a chain with a bow (Koiter 1945), in place of w. Its force is ``k (a² − v)``
-less than without; g is what makes that right to first order wherever it is small, and the bend that is remembered
-goes with a. So a chain that has buckled is right within some per cent for φ = 0.1, and in the limit of all
-relaxed. A perfectly straight beam does not buckle by itself while it is held between the displacements at which it
-would when relaxed and when fresh; a real one would, after a time that its bow decides.
+the symmetric, stable bifurcation of a chain with a bow (Koiter 1945). It takes the place of the root ``w``. The
+force is less by ``k (a² − v)``. The constant g makes that right to first order wherever it is small, and the bend
+that is remembered goes with ``a``. A chain that has buckled is right within some per cent for φ = 0.1, and
+in the limit of all relaxed.
+
+A perfectly straight beam does not buckle by itself while it is held between the displacements at which it would
+when relaxed and when fresh. A real one would, after a time that its bow decides.
 """
 
 from __future__ import annotations

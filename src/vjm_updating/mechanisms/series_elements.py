@@ -1,14 +1,15 @@
 """Elements in series with a chain: what deflects under its force by a law of its own, perhaps of its history.
 
-An element sits somewhere in the chain, a `Place` says where: which scalar of the wrench drives it, and how the
+An element sits somewhere in the chain. A `Place` says where: which scalar of the wrench drives it, and how the
 end-effector moves with its extension at constant wrench. A drive before all else moves the whole chain along
-its axis. What turns in a joint turns all behind it, and the moment about the joint's axis drives it. Play in
-the joints, and a link itself, act along the link's line: all that the link carries is shifted along it, so that
-by virtual work what drives it is the force at the end-effector along that line, wherever in the chain the link
-is. Of a link between passive joints, which bear no torque, that is all of the force. The tip of the foot moves
-by its translational compliance; its turn is taken back by the joints. So ``u = u_chain + Σ b_e x_e`` holds to
-first order in the turns and in the shifts over the links' lengths, and the equilibrium is found with ``F =
-F(u_chain)`` of the chain's own table.
+its axis. What turns in a joint turns all behind it, and the moment about the joint's axis drives it.
+
+Backlash in the joints, and a link itself, act along the link's line: all that the link carries is shifted along it.
+By virtual work the force at the end-effector along that line drives it, wherever in the chain the link is. Of a
+link between passive joints, which bear no torque, that is all of the force. The tip of the foot moves by its
+translational compliance; its turn is taken back by the joints. So ``u = u_chain + Σ b_e x_e`` holds to first order
+in the turns and in the shifts over the links' lengths, and the equilibrium is found with ``F = F(u_chain)`` of the
+chain's own table.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class History:
 
     Attributes:
         time: s ``(n,)``; zero where there is no clock.
-        begins: ``(n,)`` whether a reading is the first of a posture: what has a memory is fresh there.
+        begins: ``(n,)`` whether a reading is the first of a posture: what has a history is fresh there.
         line: unit vector ``(n, 3)`` along the last link of each reading's unloaded posture, from root to tip.
         lever: from the base's origin to the end-effector where it stands ``(n, 3)``, mm, world axes.
         lines: the same as ``line`` of every link, by its name.
@@ -117,7 +118,7 @@ class AboutAxis:
 class AtJoint:
     """A held joint, about its axis or along it, as it stands in the nominal machine under the same displacement.
 
-    Of one that turns the element's extension is the shift of a point at a lever from the axis, and what drives it
+    Of one that turns the element's extension is the shift of a point at a lever from the axis. What drives it is
     the moment of the end-effector's wrench about the axis over the lever, so that laws are in mm and N.
 
     Attributes:
@@ -143,7 +144,7 @@ class AlongLine:
     """A link, or its joints, along the line from its root to its tip.
 
     Between passive joints that is the line of the force but for friction. It is that of the posture's unloaded
-    link, whichever link it is: under load it turns by some hundredths of a radian, which changes an axial force by
+    link, whichever link it is. Under load it turns by some hundredths of a radian, which changes an axial force by
     less than a thousandth where that is most of the force, else by as many hundredths of what is across.
 
     Attributes:
@@ -288,7 +289,7 @@ def balance(
 
 
 def memoryless(function: Callable[[Array], tuple[Array, Array]]) -> Law:
-    """A law without memory from its extension and slope by the force."""
+    """A law without history from its extension and slope by the force."""
     return lambda force, _: function(force)
 
 

@@ -67,7 +67,7 @@ class Asymmetry(TwoWays):
 
 @dataclass(frozen=True)
 class DriveAsymmetry(TwoWays):
-    """A drive whose spring differs between pull and push along its axis, or between both ways about it.
+    """A drive whose spring differs between pull and push along its axis, or between both senses about it.
 
     Attributes:
         compliance: of the drive's spring in the model, mm/N.
@@ -110,7 +110,7 @@ def effects(scene: Scene) -> list[Effect]:
 
 
 def _is_pulled(scene: Scene, effect: Asymmetry) -> bool:
-    """Whether a ramp of the test pulls on the part, or pushes; what is only bent has one stiffness."""
+    """Whether a ramp of the test pulls on the part, or pushes; what only bends has one stiffness."""
     machine = effect.machine(scene.machine, (1.0, 0.0))
     for posture, direction in scene.rays:
         try:

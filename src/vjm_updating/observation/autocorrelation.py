@@ -1,12 +1,13 @@
 """The autocorrelation of the noise, from residuals of a model that may be wrong.
 
-It is found by marginal likelihood: in each channel the whitened readings less the nominal model are noise with a
-memory, plus what the nuisances do (of unit variance in units of their sigmas), plus a mixture of given shapes whose
-size is found along with the memory. Where the model is right that size comes out as nothing, and all of the
-residual tells of the memory; where it is wrong the shapes are as free as in a restricted likelihood (Patterson and
-Thompson 1971). The sheet's standard deviation is believed. The channels of one rig have memories that are alike, so
-each is drawn to their common one. That there is no memory at all is as probable before any reading as that there
-is one.
+It is found by marginal likelihood. In each channel the whitened readings less the nominal model are a sum of
+autocorrelated noise, the effects of the nuisances (of unit variance in units of their sigmas), and a mixture of
+given shapes. The size of these is found along with the autocorrelation. Where the model is right that size comes
+out as nothing, and all of the residual tells of the autocorrelation. Where it is wrong the shapes are as free as
+in a restricted likelihood (Patterson and Thompson 1971).
+
+The sheet's standard deviation is believed. The channels of one rig have similar autocorrelations, so each is drawn
+to their common one. That there is none at all is as probable before any reading as that there is one.
 """
 
 from __future__ import annotations
@@ -40,11 +41,11 @@ RANK = 0.02
 def estimate_memory(
     memory: Memory, instant: Array, shapes: Array, present: np.ndarray, nuisances: Array | None = None
 ) -> Memory:
-    """The memory with its autocorrelations, by marginal likelihood.
+    """The order of readings with its autocorrelations, by marginal likelihood.
 
     Args:
         memory: who precedes whom.
-        instant: whitened readings less the model at its nominal nuisances ``(n, 6)``, still with memory.
+        instant: whitened readings less the model at its nominal nuisances ``(n, 6)``, still autocorrelated.
         shapes: whitened ``(n, 6, k)`` that a wrong model may leave.
         present: ``(n, 6)``.
         nuisances: whitened ``(n, 6, m)``, what one sigma of each nuisance does.
@@ -56,7 +57,7 @@ def estimate_memory(
     costs = np.array([_costs(memory, c, instant, shapes, known, present) for c in channels])
     # readings with hardly any of the noise that the sheet says tell nothing of its memory
     quiet = np.array([silent(np.diff(instant[present[:, c], c], n=2)) for c in channels])
-    # twice the negative logarithm of the priors: of a channel's memory (rows) beside the common one, and of that
+    # twice the negative logarithm of the priors: of a channel's value (rows) beside the common one, and of that
     grid = np.array(GRID)
     apart, off = ((grid[:, None] - grid) / ALIKE) ** 2, ((grid - USUAL) / WIDE) ** 2
     if not quiet.all() and _white(costs[~quiet], apart, off):
@@ -71,11 +72,11 @@ def estimate_memory(
 
 
 def _white(costs: Array, apart: Array, off: Array) -> bool:
-    """Whether noise without memory is more probable than with one; both are as probable before any reading.
+    """Whether white noise is more probable than an autocorrelated one; both are as probable before any reading.
 
     Args:
         costs: twice the negative logarithm of each channel's likelihood ``(c, g)`` by autocorrelation.
-        apart: of the prior ``(g, g)`` of a channel's memory (rows) beside the common one.
+        apart: of the prior ``(g, g)`` of a channel's autocorrelation (rows) beside the common one.
         off: of the prior ``(g,)`` of the common one.
     """
     share = np.log(np.gradient(GRID))[:, None]
@@ -90,9 +91,9 @@ def silent(bends: Array) -> bool:
     """Whether second differences are so small that the readings have not the noise that their sheet says.
 
     Noise of unit variance and of autocorrelation ρ has second differences of variance 2 (1 − ρ) (3 − ρ), the least
-    for the strongest memory. Their median is the middle one of an ordered sample (of whose shares the distribution
-    is a beta one); where it is smaller than `FALSE_ALARMS` allows, though the sheet says as much too much of the
-    standard deviation as it may, no memory is the reason.
+    for the strongest autocorrelation. Their median is the middle one of an ordered sample (of whose shares the
+    distribution is a beta one). It may be smaller than `FALSE_ALARMS` allows, though the sheet says as much too
+    much of the standard deviation as it may. Then no autocorrelation is the reason.
 
     Args:
         bends: second differences ``(m,)`` of whitened readings; those three apart share no reading.

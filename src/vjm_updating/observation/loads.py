@@ -1,6 +1,6 @@
 """Readings of a test by force: loads on the end-effector are imposed, displacements are read at gauges.
 
-What is neither imposed nor read is free: an absent load is zero, and a component of the end-effector's pose that
+What is neither imposed nor read is free. An absent load is zero, and a component of the end-effector's pose that
 has no gauge moves as it will, unless the sheet says that something holds it.
 """
 

@@ -1,7 +1,7 @@
-"""The noise of readings: each channel's own, the displacement's share in the force, and its memory.
+"""The noise of readings: each channel's own, the displacement's share in the force, and its autocorrelation.
 
 To first order a reading of the pose that is off by e and one of the wrench that is off by f miss the model by
-``f − K^F e``: the covariance of a reading's six channels is ``D_f + K^F D_u K^Fᵀ``, whichever of the two was
+``f − K^F e``. The covariance of a reading's six channels is ``D_f + K^F D_u K^Fᵀ``, whichever of the two was
 imposed and whichever measured. So force control needs no model of its own.
 """
 
@@ -114,7 +114,7 @@ class Memory:
     gap: np.ndarray
 
     def remove(self, whitened: Array) -> Array:
-        """Quasi-differences of ``(n, 6, …)``, of unit variance and without memory."""
+        """Quasi-differences of ``(n, 6, …)``, of unit variance and white."""
         power = self.rho ** np.maximum(self.gap, 1)
         linked = self.before >= 0
         power = np.where(linked, power, 0.0)

@@ -32,9 +32,9 @@ class Observed:
     Attributes:
         measurement: sheet, readings and machine.
         readings: those that are used.
-        pose: displacements ``(n, 6)``, mm, rad: as read, or where they are `straightened` as steered; of a test by
-            force the loads, N, N mm.
-        wrench: as read ``(n, m)``, N, N mm; nan where there is no reading, or a wild one; of a test by force the
+        pose: displacements ``(n, 6)``, mm, rad: as read, or where they are `straightened` as commanded; of a test
+            by force the loads, N, N mm.
+        wrench: as read ``(n, m)``, N, N mm; nan where there is no reading, or an outlier; of a test by force the
             displacements, mm, rad.
         noise: of one reading.
         rays: of the readings, by posture and run.
@@ -42,8 +42,8 @@ class Observed:
         warmth: K above the first reading ``(n,)``, or None.
         slots: index of the displacement that each of its channels is; of a test by force, of the load.
         columns: names of the m channels of ``wrench``.
-        wild: number of samples left out as wild.
-        steady: how the displacement was steered; None where it is what was read.
+        wild: number of samples left out as outliers.
+        steady: how the displacement was commanded; None where it is what was read.
         zeros: bounds of a channel's zero, in its own unit, where readings without load show it.
     """
 
@@ -135,7 +135,7 @@ def observe(measurement: Measurement) -> Observed:
     if not measurement.imposed:
         raise ValueError(
             f"{readings.file}: no displacement of the end-effector was read: add a column such as {POSE[0]} beside "
-            "the forces; without one only `validate diagnose` takes a test, of a column steered by its middle"
+            "the forces. Without one only `validate diagnose` takes a test, of a column that its middle controls"
         )
     held = next((n for n in readings.channels if n in sheet.instrument and sheet.instrument[n].held), None)
     if held is not None:
@@ -153,9 +153,9 @@ def observe(measurement: Measurement) -> Observed:
 
 
 def straightened(observed: Observed) -> Observed:
-    """The same with lines in time in place of what a gauge read, where a test was steered steadily.
+    """The same with lines in time in place of what a gauge read, where a test went steadily.
 
-    See `vjm_updating.observation.ramp_regression`. Others stay as they are: steered by force, with several
+    See `vjm_updating.observation.ramp_regression`. Others stay as they are: controlled by force, with several
     displacements that were read, or by a drive that does not go straight.
     """
     driven = list(observed.slots.values())

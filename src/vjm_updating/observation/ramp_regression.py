@@ -1,9 +1,10 @@
-"""The displacement as a test was steered, at a steady rate from turn to turn: its gauge's noise is not steady.
+"""The displacement as a test was driven, at a steady rate from turn to turn: its gauge's noise is not steady.
 
 A stiff machine makes newtons of a gauge's tenths of a micrometre: in a test that imposes displacements most of what
 is not known of the forces is the gauge's noise. But a drive goes from turn to turn at a steady rate, or holds. What
 a gauge reads beside straight lines in time is then its own noise, which is seen and need not be allowed for; what
 remains of it are errors of the lines. Where the drive had gone so indeed, the forces would follow; they are asked.
+
 A drive that goes by steps of its own may still hold: then this holds of the readings while it does.
 This is regression with errors in a variable whose true values have a structure (Fuller 1987, Measurement error
 models, §1.1 and 2.2).
@@ -49,7 +50,7 @@ class Steady:
 
     @property
     def throughout(self) -> bool:
-        """Whether the test was steered steadily from its beginning to its end, and not only while it was held."""
+        """Whether the test was driven steadily from its beginning to its end, and not only while it was held."""
         return bool((self.moved < 1.0).all())
 
     def steered(self, read: Array) -> Array:
@@ -75,7 +76,7 @@ class Steady:
 def steady(
     sequence: np.ndarray, when: Array, read: Array, sigma: float, wrench: Array, noise: Array
 ) -> Steady | None:
-    """The lines of a test that was steered steadily, or of its holds; None where its forces do not say so.
+    """The lines of a test that was driven steadily, or of its holds; None where its forces do not say so.
 
     Args:
         sequence: number ``(n,)`` of each reading's sequence.
@@ -99,8 +100,9 @@ def steady(
 def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list[Piece]:
     """Readings between turns, and whether the displacement changes there.
 
-    Of all ways to cut a sequence the one with the least squares and the least price (Bellman's principle). A
-    parameter's price is Schwarz's: the logarithm of the readings, times what a memory adds to a mean's variance.
+    Of all cuts of a sequence the one with the least squares and the least price (Bellman's principle). A
+    parameter's price is Schwarz's: the logarithm of the readings, times what an autocorrelation adds to a mean's
+    variance.
 
     Args:
         sequence: number ``(n,)`` of each reading's sequence.

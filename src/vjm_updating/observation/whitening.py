@@ -1,7 +1,7 @@
 """How readings' residuals become independent ones of unit variance.
 
 Each reading's channels share its displacement's noise, a channel's readings remember the one before, and where the
-displacement was steered steadily (`steady`) the errors of its lines are shared by all readings between two turns.
+displacement was driven steadily (`steady`) the errors of its lines are shared by all readings between two turns.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Whitening:
         factors: inverse Cholesky factors ``(n, 6, 6)``.
         memory: autocorrelation of the whitened channels.
         present: ``(n, 6)`` which samples count.
-        steady: how the displacement was steered, where that is known.
+        steady: how the displacement was driven, where that is known.
         shaken: ``(n, 6)`` what one standard deviation of the displacement's gauge makes of the readings, raw.
         spread: standard deviation ``(6,)`` of each channel over what the sheet says, or ``(1,)`` of all.
     """
@@ -45,12 +45,12 @@ class Whitening:
         return replace(self, memory=memory, present=observed.present)
 
     def instant(self, raw: Array) -> Array:
-        """``(n, 6, …)`` of unit variance, still with memory."""
+        """``(n, 6, …)`` of unit variance, still autocorrelated."""
         result: Array = np.einsum("nij,nj...->ni...", self.factors, raw)
         return result
 
     def independent(self, raw: Array) -> Array:
-        """``(n, 6, …)`` of unit variance without memory; errors of lines steered are still shared."""
+        """``(n, 6, …)`` of unit variance and white; errors of the straight lines are still shared."""
         result: Array = self.memory.remove(self.instant(raw)) / self.spread.reshape(-1, *[1] * (raw.ndim - 2))
         return result
 
@@ -59,7 +59,7 @@ class Whitening:
         return self.apart(self._each(raw))
 
     def apart(self, free: Array) -> Array:
-        """Residuals ``(N, …)`` without memory, freed of what errors of the lines steered make of all of them."""
+        """Residuals ``(N, …)`` without autocorrelation and without what errors of the straight lines do to them."""
         U, sizes, _ = self._together
         share = 1.0 - 1.0 / np.sqrt(1.0 + sizes**2)
         result: Array = free - U @ (share.reshape(-1, *[1] * (free.ndim - 1)) * (U.T @ free))
@@ -67,14 +67,14 @@ class Whitening:
 
     @property
     def determinant(self) -> float:
-        """Logarithm of the determinant of the readings' covariance, but for their memory's."""
+        """Logarithm of the determinant of the readings' covariance, but for their autocorrelation's."""
         diagonal = np.einsum("nii->ni", self.factors)
         own = np.where(self.present, diagonal / self.spread, 1.0)
         return float(np.log1p(self._together[1] ** 2).sum() - 2.0 * np.log(own).sum())
 
     @cached_property
     def slow(self) -> Array:
-        """What the errors of the lines steered, of unit size each, make of the readings ``(n, 6, s)``, raw."""
+        """What the errors of the straight lines, of unit size each, make of the readings ``(n, 6, s)``, raw."""
         if self.steady is None or self.shaken is None:
             return np.zeros((*self.present.shape, 0))
         read = self.present.any(axis=0)
@@ -83,7 +83,7 @@ class Whitening:
         return result
 
     def without_slow(self, raw: Array) -> Array:
-        """Raw residuals ``(n, 6)`` less the likeliest errors of the lines; no wild one says much of them."""
+        """Raw residuals ``(n, 6)`` less the likeliest errors of the lines; no outlier says much of them."""
         U, sizes, Vt = self._together
         likely = Vt.T @ (sizes / (1.0 + sizes**2) * (U.T @ np.clip(self._each(raw), -CUT, CUT)))
         result: Array = raw - self.slow @ likely
@@ -98,13 +98,13 @@ class Whitening:
         return U, sizes, Vt
 
     def _each(self, raw: Array) -> Array:
-        """Raw residuals ``(n, 6, …)`` as ones without memory ``(N, …)``."""
+        """Raw residuals ``(n, 6, …)`` as white ones ``(N, …)``."""
         result: Array = self.independent(raw)[self.present]
         return result
 
 
 def whitening_of(observed: Observed, at: Evaluation) -> Whitening:
-    """By the sheet's noise and a model's stiffness; no memory yet."""
+    """By the sheet's noise and a model's stiffness; no autocorrelation yet."""
     return weighed(Whitening(np.zeros(0), observed.memory, observed.present), observed, at)
 
 

@@ -1,11 +1,11 @@
 """Contrasts that a person can read: what the residuals of a test follow.
 
-Each is the share of the whitened squared residual that a few columns explain beyond the nuisances: turns of one
-joint as a smooth function of its angle, its turn in proportion to its torque, by the way it came, a drift of the
-tracker, a mean by region. Its significance is the F statistic turned into standard deviations of the normal
-distribution. *Shared between markers* asks whether one free turn of the body that carries all of them, posture by
-posture, explains more than as many free numbers of any kind would: residuals that move together belong to what
-the markers share.
+Each is the share of the whitened squared residual that a few columns explain beyond the nuisances. Columns are
+turns of one joint as a smooth function of its angle, its turn in proportion to its torque, by the direction of
+approach, a drift of the tracker, or a mean by region. Its significance is the F statistic turned into standard
+deviations of the normal distribution. *Shared between markers* asks whether one free turn of the body that carries
+all of them, posture by posture, explains more than as many free numbers of any kind would: residuals that move
+together belong to what the markers share.
 """
 
 from __future__ import annotations

@@ -64,7 +64,7 @@ class TrialRow(Row):
 
 
 class RungRow(Row):
-    """A rung of the ladder: mean distances in mm."""
+    """A step of the selection: mean distances in mm."""
 
     added: str
     fitted_mm: float
@@ -88,13 +88,13 @@ class ContrastRow(Row):
 
 
 class RemainderRow(Row):
-    """What is left."""
+    """The residual."""
 
     over_noise: float
     significant: bool
     kind: str
     words: str
-    share: float = Field(description="of what is left, that a contrast of this kind explains")
+    share: float = Field(description="of the residual, that a contrast of this kind explains")
 
 
 class NextRow(Row):
@@ -104,8 +104,8 @@ class NextRow(Row):
     joints: list[str]
     q: list[list[float]]
     loads: list[dict[str, list[float]]] = Field(
-        description="wrenches at the points of load, N and N mm: of deflections in their tables' axes, of poses "
-        "on the markers in the base's axes, where wrenches were measured"
+        description="wrenches at the points of load, N and N mm, where they were measured. Those of deflections "
+        "are in their tables' axes, of poses on the markers in the base's axes."
     )
     members: float = Field(description="factor on the members' standard deviations that they promise")
     prediction: float = Field(description="factor on the standard deviation of predictions")

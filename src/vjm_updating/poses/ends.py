@@ -1,7 +1,7 @@
 """The ends of what was measured held out: extrapolation along one joint, the clock or the temperature at a time.
 
 Regions inside the data do not extrapolate. Here the fifth of the postures with the smallest, and that with the
-largest coordinate of each joint are predicted by the others; so are the first and the last fifth of the clock, and
+largest coordinate of each joint are predicted by the others. So are the first and the last fifth of the clock, and
 of the temperature, where they are known.
 """
 

@@ -85,7 +85,7 @@ TITLES = {
     "encoder_scale": "scale of the joints' encoders",
     "tracker_drift": "the tracker's frame drifts with time or temperature",
     "temperature": "temperature stretches the links",
-    "one_sided_compliance": "joints that give way more to one side, as by a crack or a loose bolt",
+    "one_sided_compliance": "joints that deflect more to one side, as by a crack or a loose bolt",
     "backlash": "backlash: joints that the load presses to the other side",
     "joint_nonlinearity": "springs of joints that stiffen or soften, by the cube of the torque",
     "load_zero": "zeros of the force sensors",

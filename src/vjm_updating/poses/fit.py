@@ -46,12 +46,12 @@ class Blocks:
         posture: ``(rows,)``.
         nuisances: n_f.
         prior: ``(n_f,)`` standard deviations of the nuisances.
-        family: ``(P,)`` number of each unknown's family, −1 for nuisances, `NO_FAMILY` for what is left out.
+        family: ``(P,)`` number of each unknown's family, −1 for nuisances, `NO_FAMILY` for what is held out.
         lower: ``(P,)`` and
         upper: ``(P,)`` bounds.
         largest: sizes of families beyond which they are not physical, by number.
-        parts: for both ways of holding out, normal equations of each part.
-        fold: both ways' numbers of the part ``(g,)``.
+        parts: for both kinds of holding out, normal equations of each part.
+        fold: both kinds' numbers of the part ``(g,)``.
     """
 
     N: Array
@@ -106,7 +106,7 @@ def blocks_of(
         residual: ``(g, k, 6)`` readings less the prediction with the unknowns at zero; nan where there is none.
         J: ``(g, k, 6, P)`` derivatives.
         sigma: ``(g, k, 6)`` standard deviations, robust weights in them.
-        folds: ways of holding out, each ``(g,)``.
+        folds: kinds of holding out, each ``(g,)``.
         nuisances: n_f.
         prior: ``(n_f,)``.
         family: ``(P,)``.
@@ -277,7 +277,7 @@ def without(blocks: Blocks, solution: Solution, rows: np.ndarray) -> Array:
     Args:
         blocks: of all readings.
         solution: the fit of all.
-        rows: ``(rows,)`` what is left out.
+        rows: ``(rows,)`` what is held out.
     """
     active = solution.active
     J, y = blocks.J[rows][:, active], blocks.y[rows]

@@ -78,7 +78,7 @@ def _reason(member: Member, machine: PoseMachine, data: PoseData, torque: Array)
         if worst > WORST_OVER_MEAN:
             far = f"{worst:.0f}" if worst < 1e3 else "a thousand or more"
             return (
-                f"its angles, {np.ptp(q):.3g} rad, cover too little of a turn: the variance at the worst angle of "
+                f"its angles, {np.ptp(q):.3g} rad, cover too little of a turn. The variance at the worst angle of "
                 f"the turn is {far} times the mean, at most {WORST_OVER_MEAN:.0f}"
             )
     if member.family == "approach" and member.basis is not None:

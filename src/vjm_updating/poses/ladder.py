@@ -1,12 +1,14 @@
-"""The ladder: families added one after another, each by what it takes from the error of postures held out.
+"""Stepwise selection: families added one after another, each by what it takes from the error of postures held out.
 
-A family is added where postures held out, at random and by region, are predicted better by it: the mean distance of
-both by a share of `LEAST_GAIN`, that of the first by `SURE` standard errors of the paired differences, that of the
-second not worse, and the evidence larger. Functions of the posture or the clock (`SECOND`) must save as much at the
-ends of what was measured. With other series of the machine beside, a family by which they are predicted worse is
-not added, also where it is of its own series: there the others show what it does to the rest. At the end each
-family that does not pay any more beside the others is taken out; one of the first order is never judged beside
-functions of the posture. Drives are judged one by one, see `unneeded`.
+A family is added where postures held out, at random and by region, are predicted better by it. The mean distance of
+both must fall by a share of `LEAST_GAIN`, that of the first by `SURE` standard errors of the paired differences.
+That of the second may not rise, and the evidence must be larger. Functions of the posture or the clock (`SECOND`)
+must save as much at the ends of what was measured. With other series of the machine beside, a family by which they
+are predicted worse is not added, also where it is of its own series: there the others show what it does to the
+rest.
+
+At the end each family that does not pay any more beside the others is taken out; one of the first order is never
+judged beside functions of the posture. Drives are judged one by one, see `unneeded`.
 """
 
 from __future__ import annotations
@@ -173,7 +175,7 @@ def climb(
     told: Callable[[str], None] = lambda _: None,
     series: Sequence[Series] = (),
 ) -> list[Step]:
-    """The ladder of a test.
+    """The stepwise selection of a test.
 
     Args:
         study: the test.
@@ -235,7 +237,7 @@ def as_good(without: Errors, state: State) -> bool:
 def thinner(study: Study, state: State, name: str) -> State | None:
     """A state settled without one of its families; None where what is held out is then predicted worse.
 
-    The linear fit at the state only says whether to try: there a family borrows effects of the one left out, as
+    The linear fit at the state only says whether to try. There a family borrows effects of the one left out, as
     masses do of compliances, which are gone once the fit has settled.
     """
     without = state.hypothesis.minus(name)
@@ -318,7 +320,7 @@ def first_order(hypothesis: Hypothesis) -> Hypothesis:
 
 
 def _thinned(study: Study, steps: list[Step], series: Sequence[Series]) -> list[Step]:
-    """The ladder with a last rung without the families that pay no more beside those that came later."""
+    """The selection with a last step without the families that pay no more beside those that came later."""
     state, dropped = steps[-1].state, []
     bare = first_order(state.hypothesis)
     # beside functions of the posture, which imitate them, those of the first order would not show

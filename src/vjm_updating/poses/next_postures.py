@@ -1,7 +1,7 @@
 """The next readings to take: those that make the members (D) or the predictions (I) most certain.
 
 From a list, or drawn within the joints' limits. Chosen one after another: D-optimal adds the most to the log
-determinant of the information about the members, I-optimal takes the most from the mean variance of predictions
+determinant of the information about the members. I-optimal takes the most from the mean variance of predictions
 of the postures measured so far (Atkinson, Donev and Tobias, Optimum Experimental Designs, 2007).
 """
 

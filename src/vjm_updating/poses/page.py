@@ -18,7 +18,7 @@ BEFORE, AFTER, FITTED = "#D55E00", "#0072B2", "#7a7a7a"
 HEADLINES = {
     "none": "The model explains the readings within the sheet's noise.",
     "named": "What the model gets wrong is named.",
-    "class": "Several causes explain the readings alike; these readings cannot tell them apart.",
+    "class": "Several causes explain the readings alike; these readings cannot distinguish them.",
     "partly": "Most of what the model gets wrong is named; what remains is more than noise.",
     "unknown": "The model is wrong, and what is known does not say why.",
 }

@@ -221,7 +221,7 @@ def gravity(study: Study) -> Iterator[Finding]:
 
 
 def weight_reversed(study: Study, state: State) -> Iterator[Finding]:
-    """Joints that give way against the weight: gravity or the coordinates' sense is the other one.
+    """Joints that deflect against the weight: gravity or the coordinates' sense is the other one.
 
     Compares the evidence of joint compliance with that of the same springs under the weight reversed, to first
     order, beside all else that the hypothesis holds.
@@ -295,8 +295,8 @@ def joints_and_markers(study: PoseStudy) -> Iterator[Finding]:
             return
         words = (
             f"rigid_robot: misses the markers by {before:.4g} mm, {before / study.machine.tree.reach:.0%} of its "
-            "reach, and no joint's sign or zero, no two joints or markers exchanged, no unit and no other order "
-            "explain it: look at the model, the joints' names and units, the part behind which each marker rides"
+            "reach. No joint's sign or zero, no two joints or markers exchanged, no unit and no other order "
+            "explains it. Look at the model, the joints' names and units, the part behind which each marker rides"
         )
         yield RobotMisses(Grade.DOUBTFUL, study.data.file, words)
         return

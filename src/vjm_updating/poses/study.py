@@ -151,7 +151,7 @@ class Outlier:
 
 
 class Study(ABC):
-    """A test, the machine with all that may be wrong with it, and the ways of holding postures out.
+    """A test, the machine with all that may be wrong with it, and the kinds of holding postures out.
 
     Attributes:
         sheet: of the test, and
@@ -163,7 +163,7 @@ class Study(ABC):
         families: their families.
         unasked: the others, with the reason.
         prior: standard deviations ``(n_f,)`` of the nuisances.
-        folds: ways of holding out.
+        folds: kinds of holding out.
         frames: first guess of the nuisances, and
         aligned: ``(g, k)`` mm, what the rigid robot misses with them.
     """
@@ -172,7 +172,7 @@ class Study(ABC):
     """What is fitted before any family is added, for people."""
     against: ClassVar[tuple[str, str]] = (
         "[test] gravity",
-        "the joints give way against the weight: does gravity point the other way in the base's axes?",
+        "the joints deflect against the weight: does gravity point the other way in the base's axes?",
     )
     """Where in the sheet, and what to ask, where springs give way against what loads them."""
     jump = "tracker_jump", "from here on all markers stand ({by}) mm off: the tracker's frame jumped"

@@ -1,9 +1,9 @@
 """Marginal intervals of a normal posterior that bounds truncate.
 
-Where a member stands at its bound the others may still push it: its interval given the others' best values is that
+Where a member stands at its bound the others may still push it. Its interval given the others' best values is that
 of a conditional distribution, and far too narrow. The members with bounds are drawn from the truncated normal
 distribution by Gibbs' sampler (Geweke, Computing Science and Statistics 23, 571, 1991), many chains at once, along
-each member and along the principal axes of all; those without bounds follow by their regression on them.
+each member and along the principal axes of all. Those without bounds follow by their regression on them.
 """
 
 from __future__ import annotations

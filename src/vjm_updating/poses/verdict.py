@@ -26,9 +26,9 @@ from vjm_updating.poses.study import MEDIAN_TO_SIGMA, Errors, Hypothesis, State,
 from vjm_updating.poses.transfer import Series
 
 CONTRADICTS = ("one side", "torque")
-"""Kinds of what is left that contradict a spring's law, and with it what was named."""
+"""Kinds of the residual that contradict a spring's law, and with it what was named."""
 FOLLOWS = 0.15
-"""Share of what is left that one contrast explains from which on a law is lacking, and not scatter: a robot whose
+"""Share of the residual that one contrast explains from which on a law is lacking, and not scatter: a robot whose
 causes are known leaves less than a tenth, whatever the series; one with another cause leaves a quarter and more."""
 EXPLAINS = 1.0 / 3.0
 """Share of the mean distance held out that must be saved for a part of it to be called explained."""
@@ -39,58 +39,55 @@ GEARS, SPRING = "gear_error", "point_spring"
 JUMPS = 8.0
 """Significance of a jump of the tracker's frame: the largest of a thousand places stays below 5 without one."""
 SMALLEST_JUMP = 2.0
-"""Of a jump, over the scatter of what is left."""
+"""Of a jump, over the scatter of the residual."""
 ONE_SIDE = 4.0
-"""Standard deviations from which on what is left follows the size of a joint's torque: against springs."""
+"""Standard deviations from which on the residual follows the size of a joint's torque: against springs."""
 LEAST_SHARE = 0.03
-"""Share of what is left that a contrast must explain to be spoken of."""
+"""Share of the residual that a contrast must explain to be spoken of."""
 
 NEXT = {
-    "none": "What is left is noise: no further test is needed to find causes.",
-    "rivals": "What is left is noise. Whether the families act that are within the noise of being added, only more "
+    "none": "The residual is noise: no further test is needed to find causes.",
+    "rivals": "The residual is noise. Whether the families act that are within the noise of being added, only more "
     "postures can tell.",
-    "surer": "What is left is noise: no further test is needed to find causes. The postures that are proposed "
+    "surer": "The residual is noise: no further test is needed to find causes. The postures that are proposed "
     "would make the numbers more certain.",
-    "class": "These postures cannot tell the families apart that are as good: measure the postures below, with "
-    "another load on the hand; a gear's error stays, what bends does not.",
-    "shared": "What is left moves all markers together: friction or play in what carries them, or "
-    "the tracker. Approach "
-    "the same postures from both sides, log measured joints, keep the order in which they were taken.",
-    "time": "What is left follows the clock: fix a marker to the base and measure it again and again.",
-    "drift": "The halves of the file differ: repeat the first postures at the end, with a marker on the base, to "
+    "class": "These postures cannot distinguish the families that are as good. Measure the postures below, with "
+    "another load on the hand: a gear's error stays, what bends does not.",
+    "shared": "The residual moves all markers together: friction or backlash in what carries them, or the tracker. "
+    "Approach the same postures from both sides, log measured joints, keep the order in which they were taken.",
+    "time": "The residual follows the clock: fix a marker to the base and measure it again and again.",
+    "drift": "The halves of the file differ. Repeat the first postures at the end, with a marker on the base, to "
     "tell a change of the machine from one of the tracker.",
     "jump": "Measure a marker on the base before and after; cut the test at the jump and give each "
     "part its own file.",
-    "angle": "What is left follows a joint's angle: turn that joint alone through its range in "
+    "angle": "The residual follows a joint's angle: turn that joint alone through its range in "
     "steps, the others held. A gear errs so, or a spring between points that the model lacks, such as a gravity "
     "compensator.",
-    "torque": "What is left follows a joint's torque beyond a spring's law: put a known mass on the "
-    "hand, in a few "
+    "torque": "The residual follows a joint's torque beyond a spring's law. Put a known mass on the hand, in a few "
     "postures, and take it off.",
-    "one side": "What is left follows the size of a joint's torque and not its sign: it gives way to one side more "
+    "one side": "The residual follows the size of a joint's torque and not its sign: it deflects to one side more "
     "than to the other, as a crack or a loose bolt does. Load that joint alone, to either side, and look at it.",
-    "backlash": "What is left follows the side to which a joint is loaded: load that joint alone, to either side, "
+    "backlash": "The residual follows the side to which a joint is loaded: load that joint alone, to either side, "
     "in small steps about zero.",
-    "load": "What is left is a load's that is always there: read the force sensor without load, before and after.",
-    "approach": "What is left follows the way of approach: repeat postures from both sides.",
-    "region": "What is left differs by the region of joint space: measure more postures there.",
-    "scatter": "What is left follows nothing that was asked: repeat some postures ten times, from "
-    "both sides, to tell "
-    "play and friction from the tracker's noise.",
-    "data": "Mend the data as said, and diagnose again.",
+    "load": "The residual is a load's that is always there: read the force sensor without load, before and after.",
+    "approach": "The residual follows the way of approach: repeat postures from both sides.",
+    "region": "The residual differs by the region of joint space: measure more postures there.",
+    "scatter": "The residual follows nothing that was asked: repeat some postures ten times, from both sides, to "
+    "tell backlash and friction from the tracker's noise.",
+    "data": "Correct the data as said, and diagnose again.",
 }
 
 
 @dataclass(frozen=True)
 class Remainder:
-    """What is left at the end.
+    """The residual at the end.
 
     Attributes:
         over_noise: its scatter over the noise that the sheet says.
         significant: whether it is more than that.
         kind: a key of `NEXT`.
         words: one sentence.
-        share: of what is left, that the contrast of this kind explains.
+        share: of the residual, that the contrast of this kind explains.
     """
 
     over_noise: float
@@ -110,7 +107,7 @@ class PoseVerdict:
         alternatives: for a class, sets that save about as much.
         rivals: families that miss what they have to save by no more than its noise.
         explained: share of the mean distance held out that the causes save.
-        remainder: what is left.
+        remainder: the residual.
         halves: whether halves of the test agree.
         members: of the families named.
         findings: what is implausible about the data, a jump of the tracker's frame among it.
@@ -132,11 +129,11 @@ class PoseVerdict:
 def judge(
     study: Study, steps: Sequence[Step], findings: Sequence[Finding], series: Sequence[Series] = ()
 ) -> PoseVerdict:
-    """The verdict of a ladder.
+    """The verdict of a stepwise selection.
 
     Args:
         study: the test.
-        steps: the ladder.
+        steps: the stepwise selection.
         findings: what the data are.
         series: other series of the machine, which alternatives must predict as well, too.
     """
@@ -204,8 +201,8 @@ def drifted(study: Study, compared: Halves | None) -> Iterator[Finding]:
     yield Finding(
         Grade.DOUBTFUL,
         study.data.file,
-        f"drift: the first half of the file and the second differ by more than halves drawn at random ({names}): "
-        "the machine or the tracker changed, or the halves have other postures",
+        f"drift: the first half of the file and the second differ by more than halves drawn at random ({names}). "
+        "The machine or the tracker changed, or the halves have other postures",
     )
 
 
@@ -242,7 +239,7 @@ def _remainder(study: Study, state: State, asked: Sequence[Contrast], jumped: Fi
         return Remainder(over, True, "jump", str(jumped))
     if over < MORE_THAN_NOISE:
         return Remainder(
-            over, False, "none", f"what is left scatters by {over:.2f} times the noise that the sheet says"
+            over, False, "none", f"the residual scatters by {over:.2f} times the noise that the sheet says"
         )
     noted = [c for c in asked if c.significance > NOTED and c.share > LEAST_SHARE]
     # a change of the members moves the markers together, too
@@ -259,7 +256,7 @@ def _remainder(study: Study, state: State, asked: Sequence[Contrast], jumped: Fi
     )
     return Remainder(
         over, True, "scatter" if best is None else best.kind,
-        f"what is left scatters by {over:.1f} times the noise that the sheet says; {what}",
+        f"the residual scatters by {over:.1f} times the noise that the sheet says; {what}",
         0.0 if best is None else best.share,
     )  # fmt: skip
 

@@ -101,7 +101,7 @@ def _kept(study: Study, state: State, members: Sequence[MemberEstimate]) -> set[
     """Members that keep the model's own value in the file: those that were not asked, not needed, or not learnt.
 
     Where the sheet sets the compliances of the model aside, one that was asked keeps it only where postures held
-    out are predicted as well with it: else the readings know that it is another, and it is written as judged.
+    out are predicted as well with it. Else the readings know that it is another, and it is written as judged.
     """
     asked = {m.name: i for i, m in enumerate(study.members)}
     own = dict(_springs(study))

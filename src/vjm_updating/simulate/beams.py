@@ -1,6 +1,6 @@
 """The readings of a machine made of geometrically exact beams, with a hidden effect built into it.
 
-Nothing of the model that a diagnosis fits is used: an effect is a change of the chain that the finite elements are
+Nothing of the model that a diagnosis fits is used. An effect is a change of the chain that the finite elements are
 made of, of the displacement that is imposed, or of what the gauges show.
 """
 

@@ -211,7 +211,7 @@ def _planned(page: Sheet, path: Path, ramps: list[Ramp]) -> tuple[KindOfTest, Ob
 
 
 def _strength(nominal: _Machine, machine: _Machine) -> tuple[float, float, float, str]:
-    """Strength, largest change, what is left of it, and the channel where most is left."""
+    """Strength, largest change, its residual, and the channel where most is left."""
     observed = nominal.observed
     found = coordinates(nominal.nuisances, ())
     rest = np.zeros(len(found))

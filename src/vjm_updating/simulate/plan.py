@@ -87,7 +87,7 @@ def planned_readings(sheet: Sheet, ramps: Sequence[Ramp]) -> Readings:
         if known.held or (split_point(name)[0] and not by_force):
             raise SheetError(
                 f"{sheet.file}: [instrument.{name}]: only instruments at the end-effector can be simulated, at a "
-                "point only under force control, and none steered to marks: leave it out"
+                "point only under force control, and none that stops at marks. Leave it out"
             )
     for ramp in ramps:
         sheet.sigma(ramp.channel(sheet))

@@ -50,7 +50,7 @@ def test_a_gauge_that_begins_with_the_load_squared_is_followed_to_the_limit():
     assert limit.kind is EventKind.LIMIT
     # by shooting, see the verification case lee-frame; sixteen springs err by 3.7e-6
     assert limit.force == pytest.approx(18556.7275, rel=1e-5)
-    assert "what steers only watches" in path.stopped
+    assert "the controlled displacement is not held" in path.stopped
 
 
 @pytest.mark.parametrize("steps", [None, 20])
@@ -76,4 +76,4 @@ def test_a_gauge_across_a_perfect_column_is_told_to_be_still():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         path = engine_by_name("vjm-4").trace(column(), case)
-    assert "what steers the path does not move along it" in path.stopped
+    assert "the controlled displacement does not change along the path" in path.stopped

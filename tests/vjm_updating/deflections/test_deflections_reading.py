@@ -114,7 +114,7 @@ DOUBTFUL = {
         lambda c: exchanged(c, "joint-2.q_rad", "joint-3.q_rad"),
         "joints_swapped.joint-2.joint-3",
     ),
-    "kilonewtons": (lambda c: scaled(c, "hook.", 1e-3), "are the forces in kN"),
+    "kilonewtons": (lambda c: scaled(c, "hook.", 1e-3), "Are the forces in kN"),
 }
 
 

@@ -68,7 +68,10 @@ def test_a_missing_column(draft: Draft, name: str):
 
 def test_a_missing_column_that_steered(draft: Draft):
     draft.sheet = draft.sheet.replace('title = "two postures pushed"', 'control = "uz_mm"')
-    assert "column 'uz_mm' is missing, by which the sheet says that the operator steered" in draft.refused()
+    assert (
+        "column 'uz_mm' is missing, by which the sheet says that the operator controlled the test"
+        in draft.refused()
+    )
 
 
 @pytest.mark.parametrize("posture", ["", "B"])

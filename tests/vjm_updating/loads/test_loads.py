@@ -196,7 +196,7 @@ def test_one_gauge_leaves_the_tube_to_the_sheet(tmp_path):
     (clamp,) = document.parameters
     assert clamp.name == "clamp.compliance"
     assert clamp.interval95[0] < 5e-9 < clamp.interval95[1]
-    assert "what the sheet promises" in document.identifiability.statement[0]
+    assert "What the sheet promises" in document.identifiability.statement[0]
     # two per cent of the tube's share of the deflection is what the clamp's own share is known to
     share = LENGTH / (3.0 * MODULUS * INERTIA)
     # reason: scales of 0.2 and 0.1 % and half a millimetre of length add an eighth

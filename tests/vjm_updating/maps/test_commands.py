@@ -55,7 +55,7 @@ def test_an_imposed_displacement_of_a_platform(name, capsys):
         (["stiffness", "orthoglide", "--posture", "400,0,0"], "is out of reach: closure"),
         (
             ["map", "orthoglide-chain", "--grid", "3"],
-            "is a single chain that swings, and this needs a manipulator or an arm",
+            "is a single chain, which is a mechanism, and this needs a manipulator or an arm",
         ),
         (["stiffness", "orthoglide", "--displacement", "900,0,0,0,0,0"], "is out of reach: orthoglide's longest"),
     ],
@@ -96,7 +96,7 @@ def test_commands_about_one_chain_say_that_a_manipulator_is_none(command, tmp_pa
     if command == "identify":
         assert "delta.toml: is a whole manipulator, and this takes one chain" in said
     else:
-        assert "delta.toml: a load on a platform strains all of its legs at once" in said
+        assert "delta.toml: a load on a platform loads all of its legs at once" in said
     assert not (tmp_path / "out").exists()
 
 

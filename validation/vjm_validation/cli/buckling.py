@@ -61,8 +61,8 @@ def buckling_(
     to: Annotated[
         float | None,
         Parameter(
-            help="How far to go, mm or rad, with --force N or N mm; along x, y, z 4 mm by default, 14 where that "
-            "says more."
+            help="How far to go, mm or rad, with --force N or N mm. The default along x, y, z is 4 mm, or 14 where "
+            "that says more."
         ),
     ] = None,
     axis: Axis = "x",

@@ -29,7 +29,7 @@ def export_(
     if not isinstance(chain, Chain):
         legs = ", ".join(leg.name for leg in chain.legs)
         raise UsageError(
-            f"{model}: its legs {legs} close loops, and a URDF is a tree, as is the MJCF written here: export the "
+            f"{model}: its legs {legs} close loops, and a URDF is a tree, as is the MJCF written here. Export the "
             "model file of one leg, written as a chain"
         )
     files = {"--urdf": urdf, "--mjcf": mjcf}

@@ -1,4 +1,4 @@
-"""What the command line says of a load case: what is free, loads, weight, and what steers the path."""
+"""What the command line says of a load case: what is free, loads, weight, and what controls the path."""
 
 from __future__ import annotations
 

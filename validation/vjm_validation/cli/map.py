@@ -60,8 +60,8 @@ def map_(
     grid: Annotated[
         str,
         Parameter(
-            help="Points a side of the workspace, such as 21, or x=from:to:count,y=…,z=… in mm: from home; of an "
-            "arm the tool's place in the world, or joints by name, such as elbow=0:2:21.",
+            help="Points a side of the workspace, such as 21, or x=from:to:count,y=…,z=… in mm from home. Of an "
+            "arm: the tool's place in the world, or joints by name, such as elbow=0:2:21.",
         ),
     ] = "11",
     quantity: Annotated[Quantity, Parameter(help="stiffness, critical or deflection.")] = Quantity.STIFFNESS,
@@ -69,7 +69,7 @@ def map_(
         tuple[str, ...],
         Parameter(
             allow_leading_hyphen=True,
-            help="fx,fy,fz,mx,my,mz on the platform or the end, N and N mm; given more than once: a map of each, "
+            help="fx,fy,fz,mx,my,mz on the platform or the end, N and N mm. Given more than once, a map of each, "
             "side by side, such as --wrench 100,0,0 --wrench 0,100,0 --wrench 0,0,100.",
         ),
     ] = (),
@@ -105,7 +105,7 @@ def map_(
     if isinstance(target, Chain):
         if not held_by_itself(target):
             raise ValueError(
-                f"{target.name}: is a single chain that swings, and this needs a manipulator or an arm"
+                f"{target.name}: is a single chain, which is a mechanism, and this needs a manipulator or an arm"
             )
         chain, (label, *_) = in_postures(target, (posture,) if posture else ())
         doubts = considered(model, strict, weighed=bool(gravity))

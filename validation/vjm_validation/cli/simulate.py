@@ -31,7 +31,7 @@ def simulate_(
     engine: Annotated[
         Literal["lumped", "exudyn"],
         Parameter(
-            help="What the machine is made of: the sheet's lumped model, or geometrically exact beams, which share "
+            help="What the machine is made of: the sheet's lumped model, or geometrically exact beams. Those share "
             "nothing with the model that a diagnosis fits and carry some of the effects."
         ),
     ] = "lumped",
@@ -43,7 +43,7 @@ def simulate_(
         tuple[str, ...],
         Parameter(
             consume_multiple=True,
-            help="Ramps out, held and back: POSTURE:END or POSTURE:AXIS:END in mm or rad, such as A:-2; by default "
+            help="Ramps out, held and back: POSTURE:END or POSTURE:AXIS:END in mm or rad, such as A:-2. By default "
             "every posture is pulled and pushed, short of where the model turns critical.",
         ),
     ] = (),

@@ -26,7 +26,7 @@ ROWS = 24
 ASYMMETRY = 1e-6
 """Of a matrix over its largest entry, from which on it is explained."""
 NO_POTENTIAL = (
-    "It is not symmetric: rows are force and moment about world axes, columns shift and rotation vector, and a "
+    "It is not symmetric: rows are force and moment about world axes, columns shift and rotation vector. A "
     "moment about fixed axes has no potential of such rotations."
 )
 

@@ -1,11 +1,14 @@
 """The deep circular arch, clamped at one end and hinged at the other, under a dead load at its crown.
 
-Two arcs of the rod of `vjm_validation.exact.rod` with the natural curvature −1/a, from the clamp over the crown to
-the hinge. The force in the first arc is (H, V), in the second (H, V + P). Each arc's θ stands at Chebyshev points;
-its curvature and position follow by spectral integration, which converges faster than any power of their number and
-is well conditioned. The unknowns are θ there, the moment at the clamp, H, V and P; the equations the rod's, the
-position and the moment of the hinge, and the depth v of the crown, which drives the arch through its limit load.
-There dP/dv = 0, a root of the linear system's own derivative, so that P is accurate to the square of its error.
+Two arcs of the rod of `vjm_validation.exact.rod` with the curvature −1/a at rest, from the clamp over the crown to
+the hinge. The force in the first arc is (H, V), in the second (H, V + P). Each arc's θ stands at Chebyshev points.
+Its curvature and position follow by spectral integration, which converges faster than any power of their number and
+is well conditioned.
+
+The unknowns are θ there, the moment at the clamp, H, V and the load P at the crown. The equations are the rod's,
+the position and the moment of the hinge, and the depth v of the crown, which drives the arch through its limit
+load. There dP/dv = 0, a root of the linear system's own derivative, so that P is accurate to the square of its
+error.
 
 DaDeppo and Schmidt, *Journal of Applied Mechanics* 42 (1975), print the critical P a²/EI of the inextensible arch.
 Against ``half_angle``, half of the angle that the arch subtends:

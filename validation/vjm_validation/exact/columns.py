@@ -107,7 +107,7 @@ def clamped_chain(pieces: Sequence[Column | float]) -> float:
     """Lowest critical load in N of pieces of column and rigid ones in a row, clamped at both ends.
 
     The state (w, θ, V, M) goes from one end to the other by `transfer`, over a rigid piece of length d by
-    w + d θ and M − d (V + P θ); a state without w and θ at both ends is what buckling needs.
+    w + d θ and M − d (V + P θ). A state without w and θ at both ends is what buckling needs.
 
     Args:
         pieces: columns, and lengths of rigid pieces in mm, which may be negative and lead back.
@@ -150,7 +150,7 @@ def on_winkler_foundation(column: Column, foundation: float) -> float:
     """Critical load in N of a pinned column on a continuous elastic foundation.
 
     With V' = κ w the mode sin(n π S/L) takes λ (P − λ κ/(q² + κ/GA)) = EI q², q = n π/L, and the lowest of all n
-    counts; for a rigid section P = EI q² + κ/q² (Timoshenko and Gere 1961, section 2.10).
+    counts. For a rigid section P = EI q² + κ/q² (Timoshenko and Gere 1961, section 2.10).
 
     Args:
         column: the column.

@@ -2,12 +2,12 @@
 
 In the plane every bar is the rod of `vjm_validation.exact.rod`, joined to the next at a rigid corner, and
 integrated from one support to the other. A limit point is where the supports' reactions can change at a constant
-load, a turning point of a displacement where they can change with it held: roots of a determinant, by Newton's
-method from a guess that says which turning point is meant.
+load, a turning point of a displacement where they can change with it held. Both are roots of a determinant, by
+Newton's method from a guess that says which turning point is meant.
 
-Out of the plane a frame that does not bend in it before it buckles is a linear problem. With the tangent t of a
-bar, its normal b across the plane, the internal force n and moment M b that the loads bring, a displacement u
-along b and a rotation φ in the plane, Kirchhoff's rod gives (Simo and Vu-Quoc 1986, linearised)
+Out of the plane a frame that does not bend in it before it buckles is a linear problem. Let t be the tangent of a
+bar, b its normal across the plane, n and M b the internal force and moment that the loads bring, u a displacement
+along b and φ a rotation in the plane. Kirchhoff's rod gives (Simo and Vu-Quoc 1986, linearised)
 
     u' = (φ × t)·b,   φ' = C (m − φ × M b),   m' = −(u b)' × n,   C = t tᵀ/GJ + s sᵀ/EI,   s = b × t,
 

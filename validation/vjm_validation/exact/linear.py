@@ -50,8 +50,8 @@ def cantilever(bar: Bar) -> NDArray[np.float64]:
 def l_frame_in_plane(first: Bar, second: Bar) -> NDArray[np.float64]:
     """Tip compliance ``(3, 3)`` of an L-shaped frame in its plane: (x, y, turn) by (F_x, F_y, M).
 
-    The first bar, of length a, is clamped at the origin and lies along x; the second, of length b, is joined to it
-    rigidly at (a, 0) and lies along y, its free end at (a, b). Turns are counted from x to y: the tip's load
+    The first bar, of length a, is clamped at the origin and lies along x. The second, of length b, is joined to it
+    rigidly at (a, 0) and lies along y. Its free end is at (a, b). Turns from x to y are positive. The tip's load
     bends the second bar by M − F_x t, t from the tip, and the first by M − F_x b + F_y s, s from the corner.
     """
     a, b = first.length, second.length

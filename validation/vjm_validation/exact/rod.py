@@ -2,7 +2,7 @@
 
 Reissner, *On one-dimensional finite-strain beam theory: the plane problem*, ZAMP 23 (1972). At the undeformed
 arc length S the section stands at (x, y) and is turned by θ. With the internal force n = (n_x, n_y) in fixed
-axes, which is constant along a piece that no load acts on, the bending moment M and the natural curvature κ₀,
+axes, which is constant along a piece that no load acts on, the bending moment M and the curvature at rest κ₀,
 
     N = n_x cos θ + n_y sin θ,   Q = −n_x sin θ + n_y cos θ,   ε = N/EA,   γ = Q/GA,
     x' = (1 + ε) cos θ − γ sin θ,   y' = (1 + ε) sin θ + γ cos θ,

@@ -1,8 +1,8 @@
 """A curved or straight cantilever in space under a dead tip force, by shooting.
 
-The geometrically exact rod of Simo and Vu-Quoc, *CMAME* 58 (1986), as a differential equation in the undeformed arc
-length S. With the position r, the rotation R of the section (its first axis along the undeformed rod), the internal
-force n, which is the tip's, and the moment m about the section's own point,
+The geometrically exact rod of Simo and Vu-Quoc, *CMAME* 58 (1986), as a differential equation in the arc length S
+of the undeformed rod. Let r be the position, R the rotation of the section (its first axis along the undeformed
+rod), n the internal force, which is the tip's, and m the moment about the section's own point. The equations are
 
     N = Rᵀ n,   r' = R (e₁ + (N₁/EA, N₂/GA_y, N₃/GA_z)),
     M = Rᵀ m,   R' = R [κ₀ + (M₁/GJ, M₂/EI_y, M₃/EI_z)]×,   m' = −r' × n.

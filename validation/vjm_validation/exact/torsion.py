@@ -14,7 +14,7 @@ def torsion_constant(width: float, height: float) -> float:
 
     With a ≥ b the longer and the shorter side, J = a b³ [1/3 − (64 b/π⁵ a) Σ tanh(n π a/2b)/n⁵], n = 1, 3, 5, …
     (Saint-Venant 1855; Timoshenko and Goodier, *Theory of Elasticity*, 3rd ed. 1970, section 109). The sum with one
-    in the place of tanh is 31 ζ(5)/32; what is left converges exponentially.
+    in the place of tanh is 31 ζ(5)/32; the rest converges exponentially.
 
     Args:
         width: one side, mm.

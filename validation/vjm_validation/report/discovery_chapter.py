@@ -29,7 +29,7 @@ def discovery(run: Run) -> Finding | None:
     )
     sentences = [
         f"{rows.readings} readings of Exudyn's beams in posture A, with noise, zeros, scales and tolerances drawn, "
-        f"and a sheet that says the paper's model: the verdict of `validate diagnose` is {rows.verdict}"
+        f"and a sheet that says the paper's model. The verdict of `validate diagnose` is {rows.verdict}"
         + (f", {' + '.join(rows.causes)}" if rows.causes else "")
         + f", confidence {number(rows.confidence, 2)}.",
         _tension(rows),
@@ -67,8 +67,8 @@ def _compression(rows: Discovery) -> str:
     apart = percent(row.extended_N / rows.truth_N - 1.0)
     before = "has no critical point" if row.nominal_N is None else f"says {number(row.nominal_N)} N"
     return (
-        f"Pushed, the sheet's model {before}; the extended one predicts {number(row.extended_N)} N, beyond the "
-        f"readings' {number(row.reached_N)} N; the beams that made the data buckle at {number(rows.truth_N)} N, "
+        f"Pushed, the sheet's model {before}. The extended one predicts {number(row.extended_N)} N, beyond the "
+        f"readings' {number(row.reached_N)} N. The beams that made the data buckle at {number(rows.truth_N)} N, "
         f"{apart} away."
     )
 

@@ -161,7 +161,7 @@ def _cost(study: EndConditionStudy, posture: str, curve: ImperfectionCurve) -> s
     change = curve.force[k] / perfect - 1.0
     kind = "subcritical" if _subcritical(study, posture) else "supercritical"
     return (
-        f"Posture {posture} under a dead load, hinged: the bifurcation is {kind}; built with a deflection of "
+        f"Posture {posture} under a dead load, hinged: the bifurcation is {kind}. Built with a deflection of "
         f"{number(float(curve.size[k]), 2)} mm in the mode's shape the chain bears "
         f"{number(float(curve.force[k]))} N, {percent(change)} {'less' if change < 0.0 else 'more'} than where the "
         "perfect one buckles."

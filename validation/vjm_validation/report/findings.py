@@ -78,7 +78,9 @@ def failed_acceptance(run: Run) -> Finding | None:
     if not failed:
         return None
     sentences = (f"{row['name']}: required {row['requirement']}, found {number(row['value'])}." for row in failed)
-    title = f"{len(failed)} of {len(rows)} acceptance rows failed: do not rely on this run before they are mended"
+    title = (
+        f"{len(failed)} of {len(rows)} acceptance rows failed: do not rely on this run before they are corrected"
+    )
     return Finding(Tone.FAILED, title, tuple(sentences))
 
 
@@ -281,7 +283,7 @@ def conventional(run: Run) -> Finding | None:
             p = max(end, key=lambda posture: end[posture])
             sentences.append(
                 f"{label} has the unloaded stiffness of {FE} within {percent(start)} and knows no critical "
-                f"point: pushed to {short(theirs[p]['d_end'])} mm, posture {p} would carry {number(end[p], 2)} "
+                f"point. Pushed to {short(theirs[p]['d_end'])} mm, posture {p} would carry {number(end[p], 2)} "
                 "times the force."
             )
     frozen = {p: m for p, m in engine_metrics(run, Direction.TENSION, FROZEN).items() if m["critical"]}

@@ -32,7 +32,7 @@ def iterations(run: Run) -> Finding | None:
     title = (
         f"The paper's iteration (13) takes a median of {_whole(loose)} iterations to a residual of "
         f"{number(LOOSE, 1)} and {_whole(tight)} to {number(TOLERANCE, 1)} (published: {USUAL[0]} to {USUAL[1]} "
-        "are usually enough); Newton-Raphson "
+        "are usually enough). Newton-Raphson "
     )
     title += "does not always arrive" if None in newton else f"never takes more than {_most(newton)}"
     sentences = [
@@ -127,7 +127,7 @@ def _rate(points: Sequence[IterationPoint]) -> list[str]:
     sentences = []
     if gaps:
         sentences.append(
-            "An iteration of (13) multiplies a small error by F/F_cr before a bifurcation: the factor computed "
+            "An iteration of (13) multiplies a small error by F/F_cr before a bifurcation. The factor computed "
             f"from its derivative differs from that by at most {percent(max(gaps))}."
         )
     worst = max(points, key=lambda p: p.contraction)

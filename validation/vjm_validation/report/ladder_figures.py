@@ -143,7 +143,7 @@ def verified(run: Run) -> Finding | None:
         words = [f"critical forces {number(max(critical), 2)}"] if critical else []
         words += [f"whole curves {number(max(curves), 2)}"] if curves else []
         sentences.append(
-            f"Engines on the paper's own chain differ by at most: {listed(words)}; in {covered} of {len(pairs)} "
+            f"Engines on the paper's own chain differ by at most: {listed(words)}. In {covered} of {len(pairs)} "
             "comparisons that is within the sum of their own error estimates."
         )
     if failed:

@@ -130,7 +130,7 @@ def foot_law(run: Run) -> tuple[str, tuple[str, ...], bool] | None:
     if turned is not None:
         sentences.append(f"At the critical point of {p} the foot's tip has turned by {number(turned, 2)} rad.")
     sentences.append(
-        "Cause: a spring by (22) takes its matrix's lever arms in the unturned base frame, so that the tip moves "
+        "Cause: a spring by (22) takes its matrix's lever arms in the unturned base frame. So the tip moves "
         "on a straight line where the real one moves on an arc."
     )
     title = (

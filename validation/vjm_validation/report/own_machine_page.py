@@ -126,7 +126,7 @@ def _softest(found: OwnMachine) -> Finding | None:
     moved = float(np.linalg.norm(low.moved[:3]))
     return Finding(
         Tone.NOTE,
-        f"The machine is softest in posture {low.posture} along {low.direction}: {number(K)} N/mm",
+        f"The smallest stiffness is in posture {low.posture} along {low.direction}: {number(K)} N/mm",
         (
             f"There {number(low.force)} N go with a displacement of the end of {number(moved)} mm in all.",
             f"It is stiffest in posture {high.posture} along {high.direction}: {number(most)} N/mm.",

@@ -79,7 +79,7 @@ def _robots(robots: tuple[Robot, ...]) -> Table:
             soft, stiff = (", ".join(number(float(v), 3) for v in part) for part in (values[:3], values[3:]))
             rows.append((r.pose, name, soft, stiff, number(force)))
     caption = (
-        "The whole Orthoglide: eigenvalues of the platform's stiffness, turns over 310 mm, N/mm, and the force "
+        "The whole Orthoglide: eigenvalues of the platform's stiffness, turns over 310 mm, N/mm. The force "
         "against x at which the free platform loses its stability, N"
     )
     return Table(caption, ("pose", "", "three soft ones", "three stiff ones", "lost at"), tuple(rows), words=2)

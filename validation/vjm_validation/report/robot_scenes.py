@@ -30,7 +30,7 @@ def robot_renders(study: RobotStudy) -> list[Picture]:
             continue
         pressed = "pressed against x" if sign < 0 else "pulled along x"
         what = (
-            "The leg along x of the paper's chains leans, that of beams stays straight: the artefact of one spring "
+            "The leg along x of the paper's chains leans, that of beams stays straight. The artefact of one spring "
             "a link is the whole robot's too."
             if label == PAPER
             else "The leg along x bends sideways; beads bound the lumped model's segments."

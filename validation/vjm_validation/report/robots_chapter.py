@@ -46,7 +46,7 @@ def robots(run: Run) -> Finding | None:
     title = f"The whole Orthoglide: refined chains {words} {percent(apart)}"
     sentences = [
         f"Its platform's six stiffnesses, free of load and under {LOAD:g} N along and against each axis, differ by "
-        f"{percent(worst)} at most at the isotropic point and at both corners of the workspace; those of the "
+        f"{percent(worst)} at most at the isotropic point and at both corners of the workspace. Those of the "
         f"others ({listed(sorted({row.robot for row in rows.stiffness} - {ROBOT}))}) by {percent(others)}.",
         *_pressed(rows),
         *_pulled(rows),
@@ -92,14 +92,14 @@ def _pressed(rows: Robots) -> list[str]:
     if not where:
         return [f"Pressed against x, {FE} stays stable up to {LARGEST:g} N."]
     legs = {engines[label].first_leg or "" for engines in found.values() for label in COMPARED} - {""}
-    same = f"in all engines leg {legs.pop()}" if len(legs) == 1 else f"legs {listed(sorted(legs))}"
+    same = f"In all engines leg {legs.pop()}" if len(legs) == 1 else f"Legs {listed(sorted(legs))}"
     second = ""
     if all(SECOND.label in engines for engines in found.values()):
         second = f" {SECOND.label.capitalize()} has it to {percent(_apart(found, SECOND.label))}."
     text = (
-        f"Pressed against x, the free platform loses its stability at {listed(where)} with finite elements, the "
-        f"same with {REFINED} to {percent(_apart(found, REFINED))} and with {FOOT_SPRING}, the foot as one "
-        f"spring, to {percent(_apart(found, FOOT_SPRING))}; {same} loses stability first." + second
+        f"Pressed against x, the free platform loses its stability at {listed(where)} with finite elements. It is "
+        f"the same with {REFINED} to {percent(_apart(found, REFINED))} and with {FOOT_SPRING}, the foot as one "
+        f"spring, to {percent(_apart(found, FOOT_SPRING))}. {same} loses stability first." + second
     )
     return [text]
 
@@ -136,8 +136,8 @@ def _misfit(rows: list[MisfitRow]) -> str:
         for name, force in sorted(most.items())
     ]
     return (
-        f"A bar {TOO_LONG:g} mm too long: the forces that it leaves in the unloaded machine are {listed(parts)}; "
-        f"where the platform goes and what the beams bear, loaded and not, is Exudyn's to {percent(worst)}."
+        f"A bar {TOO_LONG:g} mm too long: the forces that it leaves in the unloaded machine are {listed(parts)}. "
+        f"Where the platform goes and what the beams bear, loaded and not, is Exudyn's to {percent(worst)}."
     )
 
 

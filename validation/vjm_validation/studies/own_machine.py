@@ -82,7 +82,7 @@ class OwnMachine:
 
     Attributes:
         machine: a chain or a manipulator.
-        held: whether poses are imposed, as passive joints let the end swing; else it is free.
+        held: whether poses are imposed, as passive joints leave the end a mechanism; else it is free.
         size: N of the largest force, or mm of the imposed displacement.
         paths: by posture, direction and engine.
         criticals: paths to the first critical point under a growing load; those of ``paths`` where poses are held.

@@ -87,7 +87,7 @@ def table_figures(chain: Chain, posture: str, control: StepControl = COARSE) -> 
     ours for Δ_cr is where the stiffness falls through half of K0.
 
     Raises:
-        ValueError: the path ends before the paper's Δ1, or has neither a bifurcation nor a bend-over.
+        ValueError: the path ends before the paper's Δ1, or has neither a bifurcation nor a stiffness knee.
     """
     row = TABLE_II[posture]
     load_case = LoadCase(posture, row.d1)

@@ -240,7 +240,7 @@ def findings(document: Table2Document) -> list[str]:
     held = [f"{one.part} {one.entry}" for one in document.entries if one.at_limit]
     lines.append(
         f"the fit to the whole table lowers the root mean square miss from {_percent(document.rms_printed)} to "
-        f"{_percent(document.rms_fitted)}; {len(held)} of {len(document.entries)} entries end at their rounding's "
+        f"{_percent(document.rms_fitted)}. {len(held)} of {len(document.entries)} entries end at their rounding's "
         f"limit: {', '.join(held) or 'none'}"
     )
     for wide in document.wider[1:]:

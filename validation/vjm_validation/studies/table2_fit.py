@@ -2,7 +2,7 @@
 
 The figures are taken as measurements of the paper's model, and the printed entries as its parameters, each free
 within its rounding interval and all together within the cone of positive definite matrices. A figure's *miss* is
-ours over the published one, less one; what the published figure's own rounding explains of it is not held against
+ours over the published one, less one. What the published figure's own rounding explains of it is not held against
 us where matrices are sought that meet many figures. Figures are linearised, the linear problem is solved exactly
 within box and cone, and where its solution does not do what it promised the step is shortened.
 """

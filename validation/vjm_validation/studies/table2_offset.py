@@ -86,6 +86,6 @@ def offset_finding(chain: Chain) -> str:
     return (
         f"an offset of {OFFSET_MM[0]:g} mm between where (19) is read and the axes of q1 and q2 lowers the "
         f"largest miss of K0 from {100.0 * printed.largest_miss:.1f} to {100.0 * fitted.largest_miss:.1f} % (K0 = "
-        f"{stiffnesses}) and brings {fitted.within} instead of {printed.within} of {fitted.compared} figures "
-        "within 5 %; its length was fitted to the table, so it is no evidence of the paper's geometry"
+        f"{stiffnesses}). It brings {fitted.within} instead of {printed.within} of {fitted.compared} figures "
+        "within 5 %. Its length was fitted to the table, so it is no evidence of the paper's geometry"
     )

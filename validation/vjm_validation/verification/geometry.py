@@ -50,7 +50,7 @@ def arc_chain(name: str, arc: ArcTable, sides: int, sha256: str = "") -> Chain:
 
     Rigid arms join the sides to the corners, which are points of the arc, and a section is softened so that a side
     deflects like the length of arc that it stands for. Then the zeroth and the first moment of a piece's length
-    are exact and the second is to the leading order: in a plane a side is as flexible as its piece but for terms of
+    are exact and the second is to the leading order. In a plane a side is as flexible as its piece but for terms of
     the fourth order in the angle that it subtends. A chord in the arc's place would err with the second.
     """
     angle = np.deg2rad(arc.angle_deg) / sides

@@ -43,7 +43,7 @@ def library() -> tuple[Case, ...]:
     """The cases of the package, group by group.
 
     Raises:
-        ModelFileError: a case file is wrong; one line that says how to mend it.
+        ModelFileError: a case file is wrong; one line that says how to correct it.
     """
     files = resources.files("vjm_validation").joinpath("cases").iterdir()
     found = [read_case(file.name, file.read_bytes()) for file in files if file.name.endswith(".toml")]

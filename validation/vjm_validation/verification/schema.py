@@ -72,7 +72,7 @@ class ArcTable(Table):
 
 
 class RodTable(Table):
-    """A rod of constant natural curvature and twist, a twisted bar or a helix, as straight beams.
+    """A rod of constant curvature and twist at rest, a twisted bar or a helix, as straight beams.
 
     See `geometry.rod_chain`. It begins along x at the world's origin. The mesh is the number of its beams.
     """
@@ -94,7 +94,7 @@ class LoadTable(Table):
 
 
 class PointTable(Table):
-    """A point whose displacement steers the path; see `vjm.model.load_case.PointControl`."""
+    """A point whose displacement controls the path; see `vjm.model.load_case.PointControl`."""
 
     part: str = ""
     at: float = Field(1.0, ge=0.0, le=1.0)

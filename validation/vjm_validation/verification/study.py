@@ -41,7 +41,7 @@ def verify(
     folder: FilePath | None = None,
     progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
 ) -> Verification:
-    """Run the ladder.
+    """Run the verification hierarchy.
 
     Args:
         chain: the paper's.

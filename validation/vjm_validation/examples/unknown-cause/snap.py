@@ -11,7 +11,7 @@ from vjm_updating.mechanisms.series_elements import Element, memoryless
 
 @dataclass(frozen=True)
 class SnapThrough(Effect):
-    """Around a force the drive gives way by a distance; below and above it is stiff."""
+    """Around a force the drive slips by a distance; below and above it is stiff."""
 
     cause = "snap_through"
     title = "a disc spring in the drive snaps through"
