@@ -190,6 +190,16 @@ def shares(
         engine=engine,
     )  # fmt: skip
     rest = state_of(asked.unloaded)
+    return shares_of(rest, state_of(asked, rest))
+
+
+def shares_of(rest: LinearState, loaded: LinearState) -> Shares:
+    """The shares of a machine of which both equilibria are known, without loads and with them; see `shares`.
+
+    Raises:
+        ValueError: as `shares`.
+    """
+    asked = loaded.question
     if asked.displacement is None:
         acting_loads = loading(asked, rest.model, rest.x)
         if not len(acting_loads):
@@ -201,7 +211,7 @@ def shares(
         if not any(asked.displacement):
             raise ValueError(f"{asked.machine.name}: a displacement of zero has no shares: give another one")
         motion, acting = _at(rest, np.array(asked.displacement))
-    loaded, length = state_of(asked), rest.model.characteristic_length
+    length = rest.model.characteristic_length
     linear, large = rest.jacobian @ motion, loaded.moved - rest.moved
     unit = np.repeat([1.0, length], 3)
     whole = np.abs(linear * unit).max()
@@ -295,7 +305,7 @@ def _unit_loads(rest: LinearState, *, held: bool) -> tuple[Array, Array]:
 def _coordinates(state: LinearState) -> Iterator[tuple[str, str, range]]:
     """Name, kind and coordinates of whatever deflects."""
     for part in state.model.chain.parts:
-        span = state.built.spans[part.name]
+        span = state.model.built.spans[part.name]
         across = _across(part)
         kind = _kind(part)
         if across:
