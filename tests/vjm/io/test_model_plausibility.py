@@ -388,7 +388,7 @@ PLATFORM = (
 
 @pytest.mark.parametrize(("old", "new", "words"), PLATFORM)
 def test_a_mistake_in_a_platform_is_named(old, new, words, tmp_path):
-    text = library_text("new platform")
+    text = library_text("manipulators/orthoglide")
     assert old in text
     file = tmp_path / "platform.toml"
     file.write_text(text.replace(old, new, 1), encoding="utf-8")

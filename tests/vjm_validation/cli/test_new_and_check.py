@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+from importlib import resources
 
+import numpy as np
 import pytest
 from helpers.command import validate
 
 from vjm.io.machine_file import load_model
 from vjm.io.model_report import elastic_parts, errors_of, line_of
+from vjm.model.chain import Chain
 from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment.sheet import read_sheet
+from vjm_updating.poses.sheet import kind_of_sheet, read_pose_sheet
 from vjm_validation.cli.main import run
 
 
@@ -117,10 +121,105 @@ def test_a_sheet_is_read_as_it_is_and_goes_with_readings(tmp_path):
     assert json.loads((tmp_path / "out" / "diagnosis.json").read_text())["verdict"] == "none"
 
 
+def test_a_platform_comes_with_its_legs(tmp_path, capsys):
+    file, leg = tmp_path / "robot.toml", tmp_path / "robot-leg.toml"
+    leg.write_text("mine")
+    assert run(["new", "platform", str(file)]) == 2
+    assert "robot-leg.toml: exists already" in capsys.readouterr().err
+    # nothing half-written, and nothing of mine lost
+    assert (file.exists(), leg.read_text()) == (False, "mine")
+    leg.unlink()
+    assert run(["new", "platform", str(file)]) == 0
+    assert isinstance(load_model(leg), Chain)
+    # each leg is a drive and two bars of 25 × 6 mm, 70 GPa, 300 mm, which press along their line only
+    bar = 300.0 / (2 * 25.0 * 6.0 * 70000.0)
+    alone = validate("stiffness", str(file), "--posture", "home", "--json")
+    assert alone.status == 0, alone.err
+    K = np.array(json.loads(alone.out)["stiffness_unloaded"])
+    # directions of the three bars in the plane, and their moments about the centre, 60 mm from it each
+    A = np.array([[1.0, 0.0, -60.0], [0.0, 1.0, -60.0], [-1.0, 0.0, -60.0]])
+    plane = np.ix_([0, 1, 5], [0, 1, 5])
+    # rounding of 1e8 N mm/rad
+    np.testing.assert_allclose(K[plane], A.T @ A / (bar + 2e-6), rtol=1e-9, atol=1e-4)
+
+
+def chains() -> list[str]:
+    machines = {name: load_model(name) for name in ("orthoglide-chain", "pinned-column", "planar-2r", "ur10")}
+    return [name for name, machine in machines.items() if isinstance(machine, Chain)]
+
+
+@pytest.mark.parametrize("name", chains())
+def test_a_sheet_for_a_machine_has_its_postures_or_joints(name, tmp_path):
+    file, machine = tmp_path / "mine.toml", load_model(name)
+    assert isinstance(machine, Chain)
+    assert run(["new", "sheet", str(file), "--for", name]) == 0
+    if machine.held_joints:
+        assert kind_of_sheet(file) == "poses"
+        assert read_pose_sheet(file).test.model == name
+        assert all(f"{joint.name}.q_rad" in file.read_text() for joint in machine.held_joints)
+    else:
+        sheet = read_sheet(file)
+        assert sheet.test.model == name
+        assert sheet.postures == {label: q.tolist() for label, q in machine.postures.items()}
+
+
+def test_a_sheet_for_a_file_finds_it_and_goes_with_readings(tmp_path):
+    model, folder = tmp_path / "leg.toml", tmp_path / "tests"
+    folder.mkdir()
+    file, data = folder / "mine.toml", folder / "readings.csv"
+    assert run(["new", "chain", str(model)]) == 0
+    assert run(["new", "sheet", str(file), "--for", str(model)]) == 0
+    leg = load_model(model)
+    rows = ["posture,ux_mm,fx_N,fy_N,fz_N"]
+    for label in leg.postures:
+        path = VjmEngine(1).trace(leg, LoadCase(label, 0.1, steps=8))
+        rows += [f"{label},{p.ramp:.4f}," + ",".join(f"{f:.2f}" for f in p.wrench[:3]) for p in path.points]
+    data.write_text("\n".join(rows) + "\n")
+    assert run(["calibrate", str(data), "--sheet", str(file), "--out", str(tmp_path / "out")]) == 0
+    fitted = json.loads((tmp_path / "out" / "calibration.json").read_text())
+    # readings of the model itself: its factors are within their own uncertainty of one
+    assert fitted["fit"]["fits"]
+
+
+def test_a_sheet_for_an_arm_goes_with_readings(tmp_path):
+    model, file, data = tmp_path / "arm.toml", tmp_path / "mine.toml", tmp_path / "readings.csv"
+    assert run(["new", "arm", str(model)]) == 0
+    assert run(["new", "sheet", str(file), "--for", str(model)]) == 0
+    text = file.read_text()
+    header = next(line[2:].strip() for line in text.splitlines() if line.startswith("#     shoulder.q_rad"))
+    rng = np.random.default_rng(5)
+    arm = load_model(model)
+    rows = [header]
+    for q in rng.uniform(-1.2, 1.2, (40, 3)):
+        # plane geometry of the template, rigid: links of 500 and 460 mm that turn about y, the wrist about x
+        a, b = q[0], q[0] + q[1]
+        x, z = 500.0 * np.cos(a) + 460.0 * np.cos(b), -500.0 * np.sin(a) - 460.0 * np.sin(b)
+        noise = 0.05 * rng.standard_normal(3)
+        rows.append(",".join(f"{v:.6f}" for v in (*q, x + noise[0], noise[1], z + noise[2])))
+    assert len(arm.held_joints) == 3
+    data.write_text("\n".join(rows) + "\n")
+    out = str(tmp_path / "out")
+    assert run(["calibrate", str(data), "--sheet", str(file), "--out", out, "--fit", "joint_offset"]) == 0
+    found = json.loads((tmp_path / "out" / "calibration.json").read_text())
+    assert found["postures"] == 40
+
+
+def test_a_sheet_is_for_one_chain(tmp_path):
+    file = tmp_path / "mine.toml"
+    done = validate("new", "sheet", str(file), "--for", "delta")
+    assert (done.status, file.exists()) == (2, False)
+    assert "delta: its legs or loops share every load, so a test is of one chain" in done.err
+    done = validate("new", "sheet", str(file), "--for", "palletizer")
+    assert (done.status, file.exists()) == (2, False)
+    assert "no model 'palletizer' in the library" in done.err
+    done = validate("new", "arm", str(file), "--for", "ur10")
+    assert (done.status, file.exists()) == (2, False)
+    assert "--for is for a sheet" in done.err
+
+
 def test_a_platform_that_does_not_reach_its_pose_or_does_not_close_is_an_error(tmp_path):
     file = tmp_path / "robot.toml"
-    assert validate("new", "platform", str(file)).status == 0
-    text = file.read_text()
+    text = resources.files("vjm").joinpath("models", "manipulators", "orthoglide.toml").read_text("utf-8")
     file.write_text(text.replace("Q2 = [126.35, 126.35, 126.35]", "Q2 = [1263.5, 126.35, 126.35]"))
     done = validate("check", str(file))
     assert (done.status, done.out) == (2, "")

@@ -1,0 +1,124 @@
+"""The sheet of a test of one machine, with its postures, its channels and the columns of its readings."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from vjm.io.errors import ModelFileError
+from vjm.io.machine_file import load_model
+from vjm.model.chain import Chain
+
+INSTRUMENTS = """\
+# Errors of each instrument, 1 sigma: of one reading, of a constant zero error, of the scale (relative).
+# A channel that was not read goes; others are uy_mm, uz_mm, rx_rad, ry_rad, rz_rad, mx_Nmm, my_Nmm, mz_Nmm.
+[instrument.ux_mm]
+noise = 0.001
+zero = 0.002
+scale = 0.001
+source = "made up; say here where your numbers come from"
+
+[instrument.fx_N]
+noise = 2.0
+zero = 3.0
+scale = 0.003
+
+[instrument.fy_N]
+noise = 2.0
+zero = 3.0
+scale = 0.003
+
+[instrument.fz_N]
+noise = 2.0
+zero = 3.0
+scale = 0.003
+
+# What the manufacturer promises of the machine, 1 sigma.
+[tolerance]
+link_length_mm = 0.2
+modulus_rel = 0.02
+"""
+
+
+def sheet_for(model: str, file: Path) -> str:
+    """The text of a sheet that `validate calibrate` and `validate diagnose` take for a machine.
+
+    An arm gets a sheet of ``kind = "poses"``, with readings of where a marker is; any other chain one of imposed
+    displacements, with all postures of its file.
+
+    Args:
+        model: a name of the library, or a model file.
+        file: the sheet; a model file is named as seen from its folder.
+
+    Raises:
+        ModelFileError: no such model, or one that is not tested as a whole: a platform or closed loops.
+    """
+    machine = load_model(model)
+    if not isinstance(machine, Chain) or machine.closures:
+        raise ModelFileError(
+            f"{model}: its legs or loops share every load, so a test is of one chain: give the file of one leg"
+        )
+    path = Path(model)
+    name = Path(os.path.relpath(path, file.parent)).as_posix() if path.is_file() else model
+    return (_of_poses if machine.held_joints else _of_displacements)(machine, name, file.stem)
+
+
+def _of_displacements(chain: Chain, name: str, title: str) -> str:
+    rows = "\n".join(f"{label} = {q.tolist()}" for label, q in chain.postures.items())
+    joints = ", ".join(joint.name for joint in chain.joints) or "none"
+    label = next(iter(chain.postures))
+    return f"""\
+# A test of {chain.name} by imposed displacements. It is read as it is; put in your own numbers.
+# READINGS.csv has one row a reading, with these columns:
+#     posture,ux_mm,fx_N,fy_N,fz_N
+#     {label},0.1,…
+#     validate calibrate READINGS.csv --sheet THIS --out DIR     compliances and their uncertainty
+#     validate diagnose READINGS.csv --sheet THIS --out DIR      what the model lacks, and the gain
+# docs/measured-data.md has every key and every column.
+
+[test]
+title = "{title}"
+model = "{name}"
+control = "displacement"            # the pose was imposed and the wrench measured; "force" is the reverse
+
+# Coordinates of the passive joints, mm or rad, from base to tool: {joints}.
+[postures]
+{rows}
+
+{INSTRUMENTS}"""
+
+
+def _of_poses(chain: Chain, name: str, title: str) -> str:
+    joints = [f"{joint.name}.{'q_mm' if joint.slides else 'q_rad'}" for joint in chain.held_joints]
+    columns = ",".join([*joints, "tool.x_mm", "tool.y_mm", "tool.z_mm"])
+    return f"""\
+# A test of {chain.name}: where a marker on its last part is, in many postures, seen by a tracker.
+# It is read as it is; put in your own numbers. READINGS.csv has one row a posture, with these columns:
+#     {columns}
+#     validate calibrate READINGS.csv --sheet THIS --out DIR     compliances and their uncertainty
+#     validate diagnose READINGS.csv --sheet THIS --out DIR      what the model lacks, and the gain
+# docs/poses.md has every key and every column.
+
+kind = "poses"
+
+[test]
+title = "{title}"
+model = "{name}"
+joints = "commanded"                # what the columns of the joints are; or "measured"
+order = "as taken"                  # in which the rows stand; or "unknown"
+gravity = [0.0, 0.0, -9.81]         # m/s², in the axes of the robot's base
+
+# Names of columns, where they differ from the model's joints.
+[joints]
+# my_column = "{chain.held_joints[0].name}"
+
+# The marker: where it is in the frame behind the last part, and how well that is known. Else `on` names the part.
+[markers.tool]
+position_mm = [0.0, 0.0, 0.0]
+sigma_mm = 300.0
+
+# 1 sigma of a coordinate of a position.
+[tracker]
+noise_mm = 0.05
+source = "made up; say here where your numbers come from"
+"""
