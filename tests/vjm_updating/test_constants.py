@@ -28,7 +28,7 @@ PRIORS = {
     "inference/parameters": "FARTHEST PARTS SHARE LOST USUAL",
     "diagnosis/ramp_test": "LONG_BEFORE",
     "diagnosis/column": "SET BEFORE",
-    "diagnosis/command": "NOISE_ALONE",
+    "diagnosis/run": "NOISE_ALONE",
     "calibration/parameters": "WEAK SOFT_DRIVE RIGID",
 }
 """Physical bounds and priors, each with a unit: of a size, a share, or odds."""
@@ -37,7 +37,7 @@ NUMERICS = {
     "observation/significance": "NORMAL_95 CUT",
     "diagnosis/chi_bar_squared": "DRAWS SEED STEEP",
     "diagnosis/column": "LEAST",
-    "diagnosis/command": "AGAIN",
+    "diagnosis/run": "AGAIN",
     "diagnosis/critical": "LEAST",
     "diagnosis/discrepancy": "NODES WEIGHTS",
     "diagnosis/estimates": "DRAWS",
@@ -64,6 +64,7 @@ NUMERICS = {
     "calibration/carried": "STEP",
     "calibration/design": "READINGS",
     "calibration/fit": "ROUNDING ROUNDS SETTLED MISFIT",
+    "calibration/joint": "NOTHING",
     "calibration/identifiability": "UNSEEN SHARE NEGLIGIBLE TINY",
     "calibration/profile": "CHI2_95 REACHED MOST_TRIALS",
     "calibration/results": "STEP AT_BOUND",
@@ -76,12 +77,11 @@ time and moves a result by less than its interval."""
 SHOWN = {
     "diagnosis/column": "GONE",
     "diagnosis/column_test": "MANY",
-    "diagnosis/command": "SHOWN",
+    "diagnosis/run": "SHOWN",
     "diagnosis/critical": "FURTHER",
     "diagnosis/figures": "MOST_POSTURES THRESHOLD TICKS LETTER",
     "diagnosis/ramp_test": "MOST_PAIRS",
     "diagnosis/summary_text": "ANY_DIRECTION",
-    "calibration/command": "STAGES",
     "calibration/figures": "MOST_NAMED EDGE STRONG",
     "calibration/parameters": "MATRIX",
     "calibration/results": "SOURCES",
@@ -112,7 +112,7 @@ def listed(*tables: dict[str, str]) -> list[tuple[str, str]]:
 def test_every_number_stands_in_one_list():
     found = {
         (f"{folder}/{path.stem}", name)
-        for folder in ("observation", "inference", "diagnose", "calibrate")
+        for folder in ("observation", "inference", "diagnosis", "calibration")
         for path in (SOURCES / folder).glob("*.py")
         for name in numbers(path)
     }
