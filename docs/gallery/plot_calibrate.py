@@ -6,14 +6,13 @@ calibration finds factors of 1.10 and 1.20 of the compliances; :doc:`/calibratio
 """
 
 from importlib.resources import files
-from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import matplotlib.pyplot as plt
 import numpy as np
 
 import vjm
-from vjm_updating.calibration.command import calibrate, prepare
+from vjm_updating import calibrate, load_data
 
 folder = files("vjm_validation") / "examples/soft-springs"
 readings = np.genfromtxt(folder / "readings.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
@@ -21,7 +20,7 @@ readings = readings[readings["posture"] == "A"]
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
 left.plot(readings["ux_mm"], readings["fx_N"] / 1e3, "k.", label="readings")
 with TemporaryDirectory() as out:
-    calibrate(prepare(Path(folder / "readings.csv"), Path(folder / "sheet.toml")), Path(out))
+    calibrate(load_data(folder / "readings.csv", folder / "sheet.toml")).write(out)
     models = {"as drawn": vjm.load("orthoglide-chain"), "calibrated": vjm.load(f"{out}/calibrated-model.toml")}
 for label, model in models.items():
     ends = readings["ux_mm"].min(), readings["ux_mm"].max()

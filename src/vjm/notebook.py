@@ -149,7 +149,7 @@ def path_plot(path: Traced, ax: Axes | None = None, label: str = "") -> Axes:
     Raises:
         ImportError: matplotlib is not installed.
     """
-    ax = ax or _axes()
+    ax = axes_or_new(ax)
     line = ax.plot(path.ramp, path.force, label=label or f"{path.load_case.posture}, {path.engine}")[0]
     lost = path.unstable > 0
     if lost.any():
@@ -171,7 +171,7 @@ def stiffness_plot(result: Compared, ax: Axes | None = None) -> Axes:
     Raises:
         ImportError: matplotlib is not installed.
     """
-    ax = ax or _axes()
+    ax = axes_or_new(ax)
     before = np.diag(result.unloaded)
     ratio = np.divide(np.diag(result.loaded), before, out=np.full(6, np.nan), where=np.abs(before) > 0.0)
     ax.bar(COMPONENTS, ratio)
@@ -180,13 +180,20 @@ def stiffness_plot(result: Compared, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _axes() -> Axes:
+def axes_or_new(ax: Axes | None) -> Axes:
+    """Axes, or those of a new figure.
+
+    Raises:
+        ImportError: matplotlib is not installed.
+    """
+    if ax is not None:
+        return ax
     try:
         import matplotlib.pyplot as plt
     except ModuleNotFoundError:
         raise ImportError("figures need matplotlib: pip install 'vjm-stiffness[report]'") from None
-    axes: Axes = plt.subplots(figsize=(5.0, 3.4), layout="constrained")[1]
-    return axes
+    new: Axes = plt.subplots(figsize=(5.0, 3.4), layout="constrained")[1]
+    return new
 
 
 def rounded(values: Array) -> str:

@@ -1,1 +1,46 @@
-"""What measured data say of a model: calibration, diagnosis, identification of parts, maps."""
+"""What measured data say of a model: calibration, diagnosis, identification of parts, maps.
+
+The names in ``__all__`` are public and stay. Each is imported when it is first used.
+
+Example:
+    >>> from importlib.resources import files
+    >>> import vjm_updating
+    >>> folder = files("vjm_validation") / "examples/soft-springs"
+    >>> vjm_updating.load_data(folder / "readings.csv", folder / "sheet.toml")
+    ?
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from vjm_updating.analysis import calibrate, diagnose
+    from vjm_updating.data_set import DataSet, load_data
+    from vjm_updating.result import CalibrationResult, DiagnosisResult
+
+_HOME = {
+    "CalibrationResult": "result",
+    "DataSet": "data_set",
+    "DiagnosisResult": "result",
+    "calibrate": "analysis",
+    "diagnose": "analysis",
+    "load_data": "data_set",
+}
+"""Module of every public name."""
+
+__all__ = ["CalibrationResult", "DataSet", "DiagnosisResult", "calibrate", "diagnose", "load_data"]
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name at its first use (PEP 562)."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'vjm_updating' has no attribute '{name}'; it offers {', '.join(_HOME)}")
+    value: object = getattr(importlib.import_module(f"vjm_updating.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME})

@@ -4,11 +4,11 @@ import time
 from dataclasses import replace
 
 import numpy as np
+from helpers.from_files import calibrate
 
 from vjm.continuation.load_grid import trace_grid
 from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.calibration.command import calibrate, prepare
 
 ENGINE = VjmEngine(8, 8)
 RAMPS = {"A": (4.0, -4.0), "B": (4.0, -12.0), "C": (4.0, -3.0)}
@@ -51,9 +51,9 @@ def test_time_of_a_calibration(chain, tmp_path, record):
     page.write_text(sheet(chain))
     names = ("link.section", "foot.factor")
     # what is compiled and imported once is not the calibration's
-    calibrate(prepare(data, page, ("foot.factor", "link.factor")), tmp_path / "first")
+    calibrate(data, page, tmp_path / "first", ("foot.factor", "link.factor"))
     started = time.perf_counter()
-    document = calibrate(prepare(data, page, names), tmp_path / "out")
+    document = calibrate(data, page, tmp_path / "out", names)
     value = time.perf_counter() - started
     assert document.fit.readings == 3 * 200 * 6
     for row in document.parameters:

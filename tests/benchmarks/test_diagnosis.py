@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 
 import numpy as np
+from helpers.from_files import diagnose
 from hidden_effects.causes import catalogue
 from hidden_effects.noise import with_nuisances
 from hidden_effects.rig import drawn
 
-from vjm_updating.diagnosis.command import diagnose
 from vjm_validation.virtual_rig import WRENCH, Design, Known, Sequence, data_text, read, sheet_text
 
 INSTRUMENTS = {"ux_mm": Known(0.001, 0.002, 0.001)} | {

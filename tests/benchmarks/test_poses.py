@@ -3,12 +3,12 @@
 import time
 
 import numpy as np
+from helpers.from_files import calibrate_poses, diagnose_poses
 from hidden_effects.poses.injector import Array, Hidden, rest
 from hidden_effects.poses.plan import NOISE, Planned, hidden_of, save
 from hidden_effects.poses.robots import SEVEN, UR10, document, sheet_text
 
 from vjm.io.toml_text import toml_text
-from vjm_updating.poses.command import calibrate_poses, diagnose_poses
 
 LIMIT_S = 60.0
 FLOOR = NOISE * np.sqrt(8.0 / np.pi)

@@ -21,7 +21,7 @@ from vjm.io.files import write_whole
 PATIENCE = 240.0
 """Seconds of a processor that a diagnosis may take before it counts as failed."""
 DOCUMENT = "diagnosis.json"
-ENTRY = "vjm_updating.diagnosis.command"
+ENTRY = "vjm_updating.analysis"
 PAGES = ("page", "figures", "summary_text")
 """Names of modules that draw and write what was found."""
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from importlib import resources
 
 import pytest
+from helpers.from_files import diagnose
 
 from vjm_updating import warm_up
-from vjm_updating.diagnosis.command import diagnose
 from vjm_updating.mechanisms import column, history_kernel, relaxation_kernel
 
 ENTRIES = (

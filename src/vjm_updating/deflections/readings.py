@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
 from vjm.io.errors import did_you_mean
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.deflections.sheet import DeflectionSheet
-from vjm_updating.experiment.readings import DataError
+from vjm_updating.experiment.source import DataError, TableSource, source_of_readings, table_in
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.readings import (
     ANGLES,
@@ -25,7 +24,6 @@ from vjm_updating.poses.readings import (
     is_followers,
     numbers_by_name,
     postures,
-    table_in,
     wrenches,
 )
 
@@ -63,22 +61,23 @@ class DeflectionData(PoseData):
         return replace(self, position=position).only(np.asarray(np.isfinite(position).any(axis=(1, 2))))
 
 
-def read_deflections(path: Path, sheet: DeflectionSheet, machine: PoseMachine) -> DeflectionData:
+def read_deflections(readings: TableSource, sheet: DeflectionSheet, machine: PoseMachine) -> DeflectionData:
     """The readings of a data file, which fit their sheet.
 
     Args:
-        path: of the CSV file.
+        readings: the CSV file, or columns.
         sheet: its sheet.
         machine: of the model, whose joints' coordinates or postures the data have to give.
 
     Raises:
         DataError: they do not; one line.
     """
-    sha256, header, table = table_in(path)
+    source = source_of_readings(readings)
+    header, table = table_in(source)
     try:
-        return _read(path.name, sha256, header, table, sheet, machine)
+        return _read(source.name, source.sha256, header, table, sheet, machine)
     except ValueError as error:
-        raise DataError(f"{path.name}: {error}") from error
+        raise DataError(f"{source.name}: {error}") from error
 
 
 def _read(

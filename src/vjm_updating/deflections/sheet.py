@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -10,6 +9,7 @@ from pydantic import Field, model_validator
 from vjm.io.fields import Turns
 from vjm.io.schema import Label
 from vjm.io.sections import Table
+from vjm_updating.experiment.source import SheetSource
 from vjm_updating.poses.sheet import (
     MarkerTable,
     Rider,
@@ -75,11 +75,11 @@ class DeflectionSheet(RobotSheet):
         return self
 
 
-def read_deflection_sheet(path: Path) -> DeflectionSheet:
-    """A sheet of deflections from its file.
+def read_deflection_sheet(sheet: SheetSource) -> DeflectionSheet:
+    """A sheet of deflections from its file or its content.
 
     Raises:
         SheetError: no such file, no TOML, or no sheet of deflections; one line.
     """
     tables = (DeflectionSheet, RobotTest, LoadTable, DeflectionMarker, DeflectionTracker)
-    return read_robot_sheet(path, DeflectionSheet, tables)
+    return read_robot_sheet(sheet, DeflectionSheet, tables)

@@ -46,6 +46,7 @@ class ColumnTest:
     costs nothing more. The elastica's law is exact, and marks scatter by a noise that is found.
     """
 
+    name = "column"
     costs = Costs(third=0.0, disguised=0.0, law_error=0.0)
 
     def applies(self, measurement: Measurement) -> bool:

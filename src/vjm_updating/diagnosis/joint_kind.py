@@ -33,6 +33,7 @@ class JointTest(RampTest):
     A geared joint that is loaded through zero has some of everything: a third cause costs no more than a second.
     """
 
+    name = "joint"
     costs = Costs(third=0.0)
 
     def applies(self, measurement: Measurement) -> bool:

@@ -31,6 +31,10 @@ class KindOfTest(Protocol):
     """A kind of test. A further one is a class with these methods, and a line in `vjm_updating.diagnosis.kinds`."""
 
     @property
+    def name(self) -> str:
+        """In one word."""
+
+    @property
     def costs(self) -> Costs:
         """What a choice of causes costs in a test of this kind."""
 

@@ -25,6 +25,8 @@ from vjm_updating.observation.observed import Observed
 class LoadTest(RampTest):
     """The kind of a test by force; see `vjm_updating.observation.loads`."""
 
+    name = "loads"
+
     def applies(self, measurement: Measurement) -> bool:
         """Where loads were imposed and the pose of the end-effector is not wholly known."""
         return measurement.loaded

@@ -36,6 +36,7 @@ MOST_PAIRS = 5
 class RampTest:
     """The kind that takes every test; see `vjm_updating.diagnosis.kind_protocol.KindOfTest`."""
 
+    name = "ramps"
     costs = Costs()
 
     def applies(self, measurement: Measurement) -> bool:

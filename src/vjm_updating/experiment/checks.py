@@ -10,7 +10,8 @@ from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment.channels import POSE, TIME, WRENCH, split_point
-from vjm_updating.experiment.readings import DataError, Readings
+from vjm_updating.experiment.readings import Readings
+from vjm_updating.experiment.source import DataError
 
 THOUSAND = (200.0, 5000.0)
 """Ratio of measured to predicted that a wrong prefix of a unit explains and a machine does not."""

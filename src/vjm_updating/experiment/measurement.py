@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,8 +18,16 @@ from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, WRENCH
 from vjm_updating.experiment.checks import check_postures, check_reach, check_time, check_units
 from vjm_updating.experiment.nuisances import Nuisance, nuisances
 from vjm_updating.experiment.overrides import SEGMENTS, overridden
-from vjm_updating.experiment.readings import DataError, Readings, read_readings
-from vjm_updating.experiment.sheet import Sheet, SheetError, read_sheet
+from vjm_updating.experiment.readings import Readings, read_readings
+from vjm_updating.experiment.sheet import Sheet, read_sheet
+from vjm_updating.experiment.source import (
+    DataError,
+    SheetError,
+    SheetSource,
+    TableSource,
+    source_of_readings,
+    source_of_sheet,
+)
 
 
 @dataclass(frozen=True)
@@ -96,16 +103,17 @@ class Measurement:
         return any(name in self.readings.values for name in POSE)
 
 
-def read_measurement(data: Path, sheet: Path) -> Measurement:
-    """A measurement from its two files.
+def read_measurement(data: TableSource, sheet: SheetSource) -> Measurement:
+    """A measurement from its two files, or from columns and a sheet's content.
 
     Raises:
         ValueError: one of them or the model cannot be used; one line that says what, where and the remedy.
     """
-    page = read_sheet(sheet)
-    document, chain, sha256 = _machine(page, sheet)
+    table, text = source_of_readings(data), source_of_sheet(sheet)
+    page = read_sheet(text)
+    document, chain, sha256 = _machine(page, text.folder)
     engine = _engine(page, chain)
-    readings = read_readings(data, page)
+    readings = read_readings(table, page)
     of_joint = page.kind == "joint"
     unknown = next((p for p in readings.posture.tolist() if p not in chain.postures), None)
     if unknown is not None and not of_joint:
@@ -132,7 +140,7 @@ def read_measurement(data: Path, sheet: Path) -> Measurement:
         engine=engine,
         nuisances=nuisances(page, readings.channels, chain),
         model_sha256=sha256,
-        data_sha256=hashlib.sha256(data.read_bytes()).hexdigest(),
+        data_sha256=table.sha256,
     )
     if of_joint:
         check_joint(measurement)
@@ -200,7 +208,7 @@ def planned_measurement(sheet: Sheet, path: Path, readings: Readings) -> Measure
     Raises:
         ValueError: the model cannot be used, or a posture is not known; one line.
     """
-    document, chain, sha256 = _machine(sheet, path)
+    document, chain, sha256 = _machine(sheet, path.parent)
     unknown = next((p for p in readings.posture.tolist() if p not in chain.postures), None)
     if unknown is not None:
         raise SheetError(
@@ -210,11 +218,11 @@ def planned_measurement(sheet: Sheet, path: Path, readings: Readings) -> Measure
     return Measurement(sheet, readings, document, chain, _engine(sheet, chain), found, sha256, "")
 
 
-def _machine(sheet: Sheet, path: Path) -> tuple[dict[str, Any], Chain, str]:
+def _machine(sheet: Sheet, folder: Path) -> tuple[dict[str, Any], Chain, str]:
     """The model document as the sheet changes it, its chain, and the file's hash."""
     name: str | Path = sheet.test.model
-    if (path.parent / sheet.test.model).is_file():
-        name = path.parent / sheet.test.model
+    if (folder / sheet.test.model).is_file():
+        name = folder / sheet.test.model
     source = read_document(name)
     if source.content.get("kind") == KIND:
         raise SheetError(

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from pathlib import Path
 
 import numpy as np
 
@@ -28,16 +26,13 @@ from vjm_updating.experiment.channels import (
     split_point,
 )
 from vjm_updating.experiment.sheet import Sheet
+from vjm_updating.experiment.source import DataError, TableSource, source_of_readings, table_in
 
 DEADBAND = 4.0
 """Change over a reading's noise below which a displacement is held; of both its ends, so about 3 sigma."""
 
 SETTLED = 5
 """Rows at a mark whose median is taken: two of them may be stale."""
-
-
-class DataError(ValueError):
-    """Data that cannot be used; its text is one line that names the file, the column, the row and the remedy."""
 
 
 class Branch(StrEnum):
@@ -157,21 +152,15 @@ def _median(values: Array) -> float:
     return float(np.median(known)) if len(known) else float("nan")
 
 
-def read_readings(path: Path, sheet: Sheet) -> Readings:
-    """The readings of a data file, which fit its sheet.
+def read_readings(readings: TableSource, sheet: Sheet) -> Readings:
+    """The readings of a data file or of columns, which fit their sheet.
 
     Raises:
         DataError: they do not; one line.
     """
+    source = source_of_readings(readings)
+    header, table = table_in(source)
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = list(csv.reader(line for line in file if not line.startswith("#")))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read: {error.strerror}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise DataError(f"{path.name}: no CSV text in UTF-8: {error}") from error
-    try:
-        header, table = table_of(lines)
         for column in header:
             check_column(column, tuple(sheet.points), OF_JOINT if sheet.kind == "joint" else PLAIN)
         _check_header(header, sheet)
@@ -182,32 +171,8 @@ def read_readings(path: Path, sheet: Sheet) -> Readings:
         _check_runs(run, rows)
         values = {name: numbers_of(text[name], name, rows) for name in header if name not in (POSTURE, RUN)}
     except ValueError as error:
-        raise DataError(f"{path.name}: {error}") from error
-    return Readings(path.name, rows, posture, run.astype(int), values)
-
-
-def table_of(lines: list[list[str]]) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """The header, and the rows with their numbers.
-
-    Raises:
-        ValueError: no header, no row, a column twice, or a row of another length.
-    """
-    if not lines:
-        raise ValueError("the file is empty; its first line must name the columns")
-    header = [name.strip() for name in lines[0]]
-    twice = next((name for name in header if header.count(name) > 1), None)
-    if twice is not None:
-        raise ValueError(f"column '{twice}' stands twice: leave one")
-    table = []
-    for i, cells in enumerate(lines[1:], start=2):
-        if not any(cell.strip() for cell in cells):
-            continue
-        if len(cells) != len(header):
-            raise ValueError(f"row {i}: {len(cells)} cells for {len(header)} columns: complete it or delete it")
-        table.append((i, [cell.strip() for cell in cells]))
-    if not table:
-        raise ValueError("there is a header but no reading below it")
-    return header, table
+        raise DataError(f"{source.name}: {error}") from error
+    return Readings(source.name, rows, posture, run.astype(int), values)
 
 
 def _check_header(header: list[str], sheet: Sheet) -> None:

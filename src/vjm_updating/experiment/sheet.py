@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import pydantic
@@ -13,17 +12,10 @@ from pydantic import Field, field_validator, model_validator
 from vjm.io.errors import one_line
 from vjm.io.schema import Label, Posture
 from vjm.io.sections import Table
-from vjm.io.toml_parsing import parse_toml
 from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, TEMPERATURE, WRENCH, split_point
+from vjm_updating.experiment.source import SheetError, SheetSource, source_of_sheet, toml_of
 
 Sigma = Annotated[float, Field(ge=0.0, le=1e9)]
-
-
-class SheetError(ValueError):
-    """A sheet that cannot be used; its text is one line that names the file, the key and the remedy."""
-
-    def __init__(self, message: str) -> None:
-        super().__init__(" ".join(message.split()))
 
 
 class Test(Table):
@@ -154,28 +146,21 @@ class Sheet(Table):
         return self.instrument[channel]
 
 
-def read_sheet(path: Path) -> Sheet:
-    """A sheet from its file.
+def read_sheet(sheet: SheetSource) -> Sheet:
+    """A sheet from its file or its content.
 
     Raises:
         SheetError: no such file, no TOML, or no sheet; one line.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-        content = parse_toml(text)
-    except OSError as error:
-        raise SheetError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise SheetError(f"{path.name}: not UTF-8 text; save it as UTF-8") from error
-    except ValueError as error:
-        raise SheetError(f"{path.name}: not valid TOML: {error}") from error
+    source = source_of_sheet(sheet)
+    content = toml_of(source)
     if not content:
-        raise SheetError(f"{path.name}: the file is empty; a sheet needs at least [test] with its model")
+        raise SheetError(f"{source.name}: the file is empty; a sheet needs at least [test] with its model")
     try:
-        return Sheet.model_validate(content | {"file": path.name})
+        return Sheet.model_validate(content | {"file": source.name})
     except pydantic.ValidationError as error:
         said = one_line(error, content, _known_keys)
-        raise SheetError(f"{path.name}{_line_of(said, text)}: {said}") from error
+        raise SheetError(f"{source.name}{_line_of(said, source.raw.decode('utf-8-sig'))}: {said}") from error
 
 
 def _line_of(said: str, text: str) -> str:

@@ -13,19 +13,18 @@ from vjm.model.joint_limits import joint_limits
 from vjm_updating.deflections import plausibility as of_deflections
 from vjm_updating.deflections.measurement import read_deflection_candidates, read_deflection_measurement
 from vjm_updating.deflections.study import DeflectionStudy
-from vjm_updating.experiment.readings import DataError
+from vjm_updating.experiment.source import DataError, SheetSource, TableSource, source_of_sheet, toml_of
 from vjm_updating.poses import plausibility as of_poses
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import RobotMeasurement, read_pose_measurement
 from vjm_updating.poses.next_postures import SEED
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.readings import read_candidates
-from vjm_updating.poses.sheet import kind_of_sheet
 from vjm_updating.poses.study import Candidates, Study
 
 DEFLECTIONS = "deflections"
 KINDS = {"poses": "a test of poses", DEFLECTIONS: "a test of deflections"}
-"""What `vjm_updating.poses.command` takes, and what each is called."""
+"""What `vjm_updating.poses.run` takes, and what each is called."""
 
 
 @dataclass(frozen=True)
@@ -45,16 +44,17 @@ class PreparedTest:
     candidates: Callable[[Path], Candidates]
 
 
-def read_test(data: Path, sheet: Path) -> PreparedTest:
-    """A test from its two files.
+def read_test(data: TableSource, sheet: SheetSource) -> PreparedTest:
+    """A test from its two files, or from columns and a sheet's content.
 
     Raises:
         ValueError: a file cannot be used; one line.
     """
-    return _deflections(data, sheet) if kind_of_sheet(sheet) == DEFLECTIONS else _poses(data, sheet)
+    source = source_of_sheet(sheet)
+    return _deflections(data, source) if toml_of(source).get("kind") == DEFLECTIONS else _poses(data, source)
 
 
-def _poses(data: Path, sheet: Path) -> PreparedTest:
+def _poses(data: TableSource, sheet: SheetSource) -> PreparedTest:
     read = read_pose_measurement(data, sheet)
     of_poses.check_units(read)
     study = PoseStudy(read.sheet, read.model.machine, read.data).without_outliers()
@@ -70,7 +70,7 @@ def _poses(data: Path, sheet: Path) -> PreparedTest:
     return PreparedTest(read, study, lambda strict: of_poses.considered(read, study, strict=strict), candidates)
 
 
-def _deflections(data: Path, sheet: Path) -> PreparedTest:
+def _deflections(data: TableSource, sheet: SheetSource) -> PreparedTest:
     read = read_deflection_measurement(data, sheet)
     of_deflections.check_units(read)
     study = DeflectionStudy(read.sheet, read.model.machine, read.data)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +13,7 @@ from vjm.io.urdf import import_urdf
 from vjm.model.chain import Chain
 from vjm.model.joints import CoupledJoint
 from vjm.rotations import Array
-from vjm_updating.experiment.sheet import SheetError
+from vjm_updating.experiment.source import SheetError, SheetSource, TableSource
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.readings import PoseData, read_poses
 from vjm_updating.poses.sheet import PoseSheet, Rider, RobotSheet, read_pose_sheet
@@ -63,14 +62,14 @@ class PoseMeasurement(RobotMeasurement):
     sheet: PoseSheet
 
 
-def read_pose_measurement(data: Path, sheet: Path) -> PoseMeasurement:
-    """A measurement from its two files.
+def read_pose_measurement(data: TableSource, sheet: SheetSource) -> PoseMeasurement:
+    """A measurement from its two files, or from columns and a sheet's content.
 
     Raises:
         ValueError: one of them or the model cannot be used; one line that says what, where and the remedy.
     """
     page = read_pose_sheet(sheet)
-    model = model_of(page, sheet, ends_of(page.markers))
+    model = model_of(page, ends_of(page.markers))
     return PoseMeasurement(page, read_poses(data, page, model.machine), model, "poses")
 
 
@@ -79,18 +78,17 @@ def ends_of(tables: Mapping[str, Rider]) -> dict[str, tuple[str, Array]]:
     return {name: (table.on, np.array(table.position_mm, dtype=float)) for name, table in tables.items()}
 
 
-def model_of(page: RobotSheet, sheet: Path, ends: dict[str, tuple[str, Array]]) -> SheetModel:
+def model_of(page: RobotSheet, ends: dict[str, tuple[str, Array]]) -> SheetModel:
     """The model that a sheet names.
 
     Args:
-        page: the sheet.
-        sheet: its file, beside which the model may lie.
+        page: the sheet; the model may lie beside it.
         ends: points that it names, see `ends_of`.
 
     Raises:
         ValueError: the model cannot be used; one line.
     """
-    content, file, sha256, doubts = _document(page, sheet)
+    content, file, sha256, doubts = _document(page)
     chain = build_chain(content, file, sha256)
     driven = tuple(joint for joint in chain.held_joints if not isinstance(joint, CoupledJoint))
     names = [joint.name for joint in driven]
@@ -107,8 +105,8 @@ def model_of(page: RobotSheet, sheet: Path, ends: dict[str, tuple[str, Array]]) 
     return SheetModel(content, chain, machine, sha256, doubts)
 
 
-def _document(page: RobotSheet, path: Path) -> tuple[dict[str, Any], str, str, tuple[str, ...]]:
-    near = path.parent / page.test.model
+def _document(page: RobotSheet) -> tuple[dict[str, Any], str, str, tuple[str, ...]]:
+    near = page.folder / page.test.model
     if near.suffix == ".urdf":
         if not near.is_file():
             raise SheetError(f"{page.file}: [test] model: no file {near.name} beside the sheet")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +11,8 @@ import numpy as np
 from vjm.io.errors import did_you_mean
 from vjm.model.joints import CoupledJoint
 from vjm.rotations import Array, rotation_from_vector
-from vjm_updating.experiment.readings import DataError, numbers_of, table_of
+from vjm_updating.experiment.readings import numbers_of
+from vjm_updating.experiment.source import DataError, TableSource, source_of_readings, table_in
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.sheet import PoseSheet, RobotSheet
 
@@ -89,43 +88,23 @@ class PoseData:
         return replace(self, position=position).only(read)
 
 
-def read_poses(path: Path, sheet: PoseSheet, machine: PoseMachine) -> PoseData:
+def read_poses(readings: TableSource, sheet: PoseSheet, machine: PoseMachine) -> PoseData:
     """The readings of a data file, which fit their sheet.
 
     Args:
-        path: of the CSV file.
+        readings: the CSV file, or columns.
         sheet: its sheet.
         machine: of the model, whose joints' coordinates the data have to give.
 
     Raises:
         DataError: they do not; one line.
     """
-    sha256, header, rows = table_in(path)
+    source = source_of_readings(readings)
+    header, rows = table_in(source)
     try:
-        return _read(path.name, sha256, header, rows, sheet, machine)
+        return _read(source.name, source.sha256, header, rows, sheet, machine)
     except ValueError as error:
-        raise DataError(f"{path.name}: {error}") from error
-
-
-def table_in(path: Path) -> tuple[str, list[str], list[tuple[int, list[str]]]]:
-    """The SHA-256 of a CSV file, its header and its numbered rows; lines that begin with # are comments.
-
-    Raises:
-        DataError: it cannot be read; one line.
-    """
-    try:
-        raw = path.read_bytes()
-        text = raw.decode("utf-8-sig")
-        lines = ["" if line.startswith("#") else line for line in text.splitlines()]
-        head = next((i for i, line in enumerate(lines) if line.strip()), 0)
-        header, table = table_of(list(csv.reader(lines[head:])))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read: {error.strerror}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise DataError(f"{path.name}: no CSV text in UTF-8: {error}") from error
-    except ValueError as error:
-        raise DataError(f"{path.name}: {error}") from error
-    return hashlib.sha256(raw).hexdigest(), header, [(number + head, cells) for number, cells in table]
+        raise DataError(f"{source.name}: {error}") from error
 
 
 def read_candidates(
@@ -142,7 +121,7 @@ def read_candidates(
     Raises:
         DataError: it cannot be used; one line.
     """
-    _, header, table = table_in(path)
+    header, table = table_in(source_of_readings(path))
     try:
         rows = np.array([number for number, _ in table])
         by_name = numbers_by_name(header, table, sheet, skip=lambda key: key not in (*COORDINATE, *WRENCH))

@@ -16,8 +16,7 @@ from vjm.io.errors import one_line
 from vjm.io.fields import Turns, VectorMM
 from vjm.io.schema import Label
 from vjm.io.sections import Table
-from vjm.io.toml_parsing import parse_toml
-from vjm_updating.experiment.sheet import SheetError
+from vjm_updating.experiment.source import SheetError, SheetSource, source_of_sheet, toml_of
 
 Sigma = Annotated[float, Field(gt=0.0, le=1e6)]
 S = TypeVar("S", bound="RobotSheet")
@@ -171,50 +170,34 @@ def check_gravity(gravity: Sequence[float]) -> None:
         raise ValueError(f"[test] gravity has {size:.4g} m/s²: write it in m/s²")
 
 
-def kind_of_sheet(path: Path) -> str:
-    """What ``kind`` a sheet says; empty where it says none or cannot be read, which its reader refuses."""
-    try:
-        content = parse_toml(path.read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError, RecursionError):
-        return ""
-    kind = content.get("kind", "")
-    return kind if isinstance(kind, str) else ""
-
-
-def read_robot_sheet(path: Path, kind: type[S], tables: Sequence[type[Table]]) -> S:
-    """A sheet from its file.
+def read_robot_sheet(sheet: SheetSource, kind: type[S], tables: Sequence[type[Table]]) -> S:
+    """A sheet from its file or its content.
 
     Args:
-        path: of the TOML file.
+        sheet: the TOML file, or its content.
         kind: of sheet.
         tables: that it and its tables are, for the names of keys.
 
     Raises:
         SheetError: no such file, no TOML, or no sheet of that kind; one line.
     """
-    try:
-        content = parse_toml(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise SheetError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise SheetError(f"{path.name}: not UTF-8 text; save it as UTF-8") from error
-    except ValueError as error:
-        raise SheetError(f"{path.name}: not valid TOML: {error}") from error
+    source = source_of_sheet(sheet)
+    content = toml_of(source)
 
     def known_keys(_: str) -> Iterable[str]:
         return [name for table in tables for name in table.model_fields if name not in ("file", "folder")]
 
     try:
-        sheet = kind.model_validate(content)
+        found = kind.model_validate(content)
     except pydantic.ValidationError as error:
-        raise SheetError(f"{path.name}: {one_line(error, content, known_keys)}") from error
-    return sheet.model_copy(update={"file": path.name, "folder": path.parent})
+        raise SheetError(f"{source.name}: {one_line(error, content, known_keys)}") from error
+    return found.model_copy(update={"file": source.name, "folder": source.folder})
 
 
-def read_pose_sheet(path: Path) -> PoseSheet:
-    """A sheet of poses from its file.
+def read_pose_sheet(sheet: SheetSource) -> PoseSheet:
+    """A sheet of poses from its file or its content.
 
     Raises:
         SheetError: no such file, no TOML, or no sheet of poses; one line.
     """
-    return read_robot_sheet(path, PoseSheet, (PoseSheet, PoseTest, PoseMarker, TrackerTable, BaseGuess))
+    return read_robot_sheet(sheet, PoseSheet, (PoseSheet, PoseTest, PoseMarker, TrackerTable, BaseGuess))

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.experiment.sheet import SheetError
+from vjm_updating.experiment.source import SheetError
 from vjm_updating.poses.families import DRIFT, ZEROS, Member
 from vjm_updating.poses.forward import Forward
 from vjm_updating.poses.study import State, Study

@@ -16,7 +16,8 @@ from vjm.vjm_engine import VjmEngine
 from vjm_updating.diagnosis.experiment import SHORT_OF, out_and_back
 from vjm_updating.experiment import Readings
 from vjm_updating.experiment.channels import POSE, TEMPERATURE, TIME, WRENCH, split_point
-from vjm_updating.experiment.sheet import Sheet, SheetError
+from vjm_updating.experiment.sheet import Sheet
+from vjm_updating.experiment.source import SheetError
 
 INTERVAL, ROOM = 10.0, 20.0
 """Seconds between two readings, and the temperature, °C, at which all of them are taken."""

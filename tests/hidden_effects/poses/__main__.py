@@ -9,11 +9,11 @@ from collections import defaultdict
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from helpers.from_files import diagnose_poses
 from helpers.marked_text import renewed
 
 from hidden_effects.poses.plan import GROUPS, Planned, plans, write
 from hidden_effects.statistics import rate, wilson
-from vjm_updating.poses.command import diagnose_poses
 
 PUBLISHED = 417
 """Seed of the figures in docs/how-well/robots.md."""

@@ -15,11 +15,11 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
+from helpers.from_files import diagnose_poses
 
 from hidden_effects.poses.injector import Array, Hidden, Push, rest
 from hidden_effects.poses.robots import SEVEN, UR10, Robot, document
 from vjm.io.toml_text import toml_text
-from vjm_updating.poses.command import diagnose_poses
 
 POINT, MARKER = np.array([30.0, -60.0, 90.0]), np.array([-50.0, 20.0, 110.0])
 """mm, behind the last link: where the force acts, and what is seen."""

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.from_files import CALIBRATED as MODEL
+from helpers.from_files import calibrate
 
 from vjm.continuation.direction import Direction
 from vjm.io.model_file import load_chain
@@ -13,7 +15,6 @@ from vjm.model.load_case import LoadCase
 from vjm.model.parameters import compliance_factor, joint_compliance
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.calibration import carried, design
-from vjm_updating.calibration.command import MODEL, calibrate, prepare
 from vjm_updating.calibration.fit import fitter_of, solve
 from vjm_updating.calibration.problem import Problem, problem_of
 from vjm_updating.experiment import read_measurement
@@ -90,7 +91,7 @@ def test_the_arm_and_what_it_will_do_are_found(tmp_path: Path):
 
 def test_the_whole_calibration_of_an_arm_is_written(tmp_path: Path):
     measured(tmp_path)
-    document = calibrate(prepare(tmp_path / "data.csv", tmp_path / "sheet.toml"), tmp_path / "out")
+    document = calibrate(tmp_path / "data.csv", tmp_path / "sheet.toml", tmp_path / "out")
     assert document.fit.fits
     beams = {beam.name: beam for beam in load_chain(tmp_path / "out" / MODEL).beams}
     drawn = {beam.name: beam for beam in load_chain("planar-2r").beams}
@@ -120,9 +121,8 @@ def test_the_gears_of_an_arm_are_found_and_written(tmp_path: Path):
         "[instrument.ux_mm]\nnoise = 1e-5\n[instrument.fx_N]\nnoise = 5e-4\n[instrument.fy_N]\nnoise = 5e-4\n"
     )
     names = [f"{name}.compliance" for name in GEARS]
-    task = prepare(data, sheet, names)
-    assert [unknown.unit for unknown in task.problem.unknowns.sought] == ["rad/(N mm)"] * 2
-    document = calibrate(task, tmp_path / "out")
+    document = calibrate(data, sheet, tmp_path / "out", names)
+    assert [row.unit for row in document.parameters] == ["rad/(N mm)"] * 2
     # the file has nine decimals
     for row, factor in zip(document.parameters, GEARS.values(), strict=True):
         assert row.over_nominal == pytest.approx(factor, rel=1e-5)

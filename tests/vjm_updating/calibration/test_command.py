@@ -10,8 +10,10 @@ import jsonschema
 import numpy as np
 import pytest
 from helpers.command import GAUGE_SHEET
+from helpers.from_files import CALIBRATED as MODEL
+from helpers.from_files import CALIBRATION as DOCUMENT
+from helpers.from_files import CALIBRATION_PAGE as PAGE
 
-from vjm_updating.calibration.command import DOCUMENT, MODEL, PAGE
 from vjm_updating.calibration.document import Calibration
 from vjm_updating.calibration.summary_text import fit_report
 from vjm_validation.cli.main import run

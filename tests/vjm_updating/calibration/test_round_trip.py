@@ -9,12 +9,15 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
+from helpers.from_files import CALIBRATED as MODEL
+from helpers.from_files import CALIBRATION as DOCUMENT
+from helpers.from_files import CALIBRATION_PAGE as PAGE
+from helpers.from_files import calibrate
 
 from vjm.continuation.path import Path as LoadPath
 from vjm.engines import engine_by_name
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
-from vjm_updating.calibration.command import DOCUMENT, MODEL, PAGE, calibrate, prepare
 from vjm_validation.metrics import force_at
 from vjm_validation.schemas import schemas
 
@@ -35,7 +38,7 @@ def rows() -> list[synthetic.Row]:
 
 def calibrated(folder: Path, rows: list[synthetic.Row], foot: int) -> dict:
     files = synthetic.write(folder, rows, synthetic.sheet_text(foot=foot))
-    calibrate(prepare(files.data, files.sheet, ("link.section", "foot.factor")), folder / "out", force=foot == 1)
+    calibrate(files.data, files.sheet, folder / "out", ("link.section", "foot.factor"), force=foot == 1)
     return json.loads((folder / "out" / DOCUMENT).read_text())
 
 

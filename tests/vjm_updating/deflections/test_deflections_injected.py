@@ -7,13 +7,13 @@ import jsonschema
 import numpy as np
 import pytest
 from helpers.deflections import compliant, displacement, drawn, moved
+from helpers.from_files import calibrate_poses, diagnose_poses
 from hidden_effects.poses.deflections import MARKER, NOISE, POINT, columns_of, files, sheet_text
 from hidden_effects.poses.injector import Hidden, frames
 from hidden_effects.poses.robots import UR10, document
 
 from vjm.io.model_file import load_chain
 from vjm.io.toml_text import toml_text
-from vjm_updating.poses.command import calibrate_poses, diagnose_poses
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.kinds import read_test
 from vjm_updating.poses.study import Hypothesis

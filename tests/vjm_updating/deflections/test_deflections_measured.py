@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.from_files import calibrate_poses, diagnose_poses
 from scipy.optimize import nnls
 
 from vjm.io.model_file import load_chain
-from vjm_updating.poses.command import calibrate_poses, diagnose_poses
 from vjm_validation.cli.main import main
 
 EXAMPLE = Path(__file__).parents[3] / "validation/vjm_validation/examples/fanuc-deflections"

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from helpers.deflections import compliant, displacement, drawn, moved
+from helpers.from_files import calibrate_poses, diagnose_poses
 from hidden_effects.poses.deflections import columns_of, files, sheet_text
 
 from vjm.io.findings import ImplausibleError
-from vjm_updating.poses.command import calibrate_poses, diagnose_poses
 from vjm_updating.poses.kinds import read_test
 from vjm_validation.cli.main import main
 

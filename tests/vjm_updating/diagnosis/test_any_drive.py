@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 from helpers import traced
+from helpers.from_files import diagnose
 
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
-from vjm_updating.diagnosis.command import diagnose
 from vjm_updating.diagnosis.document import Diagnosis
 
 SOFT = 1e-6

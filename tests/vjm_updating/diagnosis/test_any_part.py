@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import traced
+from helpers.from_files import diagnose
 
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
 from vjm.model.parameters import compliance_factor
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.diagnosis.command import diagnose
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.diagnosis.ramp_kind import observe_ramps
 from vjm_updating.experiment import read_measurement

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import linear_arm
+from helpers.from_files import diagnose
 
-from vjm_updating.diagnosis.command import diagnose
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.experiment.channels import WRENCH
 

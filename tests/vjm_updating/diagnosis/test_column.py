@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.from_files import diagnose
 from scipy.optimize import brentq
 
 from vjm.io.shapes import SHAPES, Shape
 from vjm_updating.diagnosis.column import ColumnForward, column_effects, observe_column, zeros_before_loading
 from vjm_updating.diagnosis.column_experiment import direct
-from vjm_updating.diagnosis.command import diagnose
 from vjm_updating.diagnosis.estimates import Estimate
 from vjm_updating.diagnosis.mark_selection import marks_gain
 from vjm_updating.diagnosis.preprocess import prepare

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.from_files import diagnose
 
-from vjm_updating.diagnosis.command import diagnose
 from vjm_updating.diagnosis.experiment import propose
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.diagnosis.ramp_kind import observe_ramps

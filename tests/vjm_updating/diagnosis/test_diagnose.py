@@ -9,9 +9,12 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
+from helpers.from_files import DIAGNOSIS as DOCUMENT
+from helpers.from_files import DIAGNOSIS_PAGE as PAGE
+from helpers.from_files import EXTENDED as MODEL
+from helpers.from_files import diagnose
 
 from vjm.io.model_file import load_chain
-from vjm_updating.diagnosis.command import DOCUMENT, MODEL, PAGE, diagnose
 from vjm_updating.diagnosis.verdict import confidence
 from vjm_validation.cli.main import run as run_command
 
@@ -133,7 +136,7 @@ def test_a_plug_in_is_tried(make, tmp_path, monkeypatch):
     plug_in.write_text("def effects(scene):\n    raise RuntimeError('tried')\n")
     files = make.made_up(tmp_path / "test", {}, 3, monkeypatch)
     with pytest.raises(RuntimeError, match="tried"):
-        diagnose(files.data, files.sheet, tmp_path / "out", plug_ins=[plug_in])
+        diagnose(files.data, files.sheet, tmp_path / "out", effects=[plug_in])
 
 
 @pytest.mark.slow

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers.from_files import diagnose
 from scipy.integrate import solve_ivp
 
-from vjm_updating.diagnosis.command import diagnose
 from vjm_updating.diagnosis.ramp_kind import observe_ramps, ramp_effects
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.instrument import ThermalDrift, lagging

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from helpers.from_files import diagnose
 
-from vjm_updating.diagnosis.command import diagnose
 from vjm_updating.diagnosis.mistaken import unless_unexplained
 from vjm_updating.diagnosis.model_adequacy import Misfit
 from vjm_updating.diagnosis.verdict import Verdict

@@ -7,9 +7,11 @@ import json
 
 import numpy as np
 import pytest
+from helpers.from_files import DIAGNOSIS as DOCUMENT
+from helpers.from_files import DIAGNOSIS_PAGE as PAGE
+from helpers.from_files import diagnose
 
 from vjm.io.findings import ImplausibleError
-from vjm_updating.diagnosis.command import DOCUMENT, PAGE, diagnose
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.mistakes import CLOCK, EXCHANGE, SIGN, UNIT, mended, mistakes_of
 from vjm_updating.experiment.plausibility import plausibility

@@ -7,15 +7,17 @@ import tomllib
 
 import numpy as np
 import pytest
+from helpers.from_files import CALIBRATED as MODEL
+from helpers.from_files import CALIBRATION as DOCUMENT
+from helpers.from_files import calibrate as calibrate_joint
+from helpers.from_files import diagnose
 from helpers.joint_rig import SHEET, Joint, write
 from scipy.optimize import brentq
 
 from vjm.io.findings import Grade, ImplausibleError
-from vjm_updating.diagnosis.command import diagnose
 from vjm_updating.diagnosis.joint_kind import JointTest
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.plausibility import considered
-from vjm_updating.joint.command import DOCUMENT, MODEL, calibrate_joint
 from vjm_updating.mechanisms.play import ActuatorBacklash
 from vjm_updating.mechanisms.single_joint import wound_up
 from vjm_updating.observation.joint_readings import observe_joint

@@ -12,15 +12,14 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 
 from bench import INERTIA, LENGTH, MODEL, MODULUS, Tube, write
+from helpers.from_files import calibrate, diagnose
 
 from vjm.io.findings import ImplausibleError
 from vjm.io.model_file import build_chain
 from vjm.io.toml_parsing import parse_toml
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.calibration.command import calibrate, prepare
 from vjm_updating.calibration.document import NuisanceRow
 from vjm_updating.calibration.results import strained
-from vjm_updating.diagnosis.command import diagnose
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.load_kind import LoadTest
 from vjm_updating.diagnosis.ramp_kind import RampTest
@@ -56,7 +55,7 @@ def table(free=FREE, load=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0), reach=100.0, text=MODE
 
 def calibrated(folder, tube, columns, seed, names=(), **how):
     data, sheet = write(folder, tube, columns, seed, **how)
-    return calibrate(prepare(data, sheet, names), folder / "out")
+    return calibrate(data, sheet, folder / "out", names)
 
 
 def rows_of(document):
@@ -246,7 +245,7 @@ def test_a_support_that_the_sheet_names_is_there(tmp_path):
 @pytest.mark.skipif(not SHARED.exists(), reason="the given case is not redistributed: ../shared/cases/bench")
 @pytest.mark.parametrize("sheet", ["sheet.toml", "s_tip.toml"])
 def test_the_given_case(tmp_path, sheet):
-    document = calibrate(prepare(SHARED / "readings.csv", SHARED / sheet), tmp_path / "out")
+    document = calibrate(SHARED / "readings.csv", SHARED / sheet, tmp_path / "out")
     assert document.fit.fits
     (clamp,) = document.parameters
     assert clamp.interval95[0] < 5e-9 < clamp.interval95[1]
@@ -274,7 +273,7 @@ def test_a_tip_alone_tells_a_clamp_no_better_than_the_commands_agree(tmp_path, s
     The base has four numbers, of which this gauge sees one; so it is about as probable as what has one number.
     """
     data, sheet = write(tmp_path, Tube(clamp=5e-9), TIP, seed, force=force)
-    (clamp,) = calibrate(prepare(data, sheet), tmp_path / "calibrated").parameters
+    (clamp,) = calibrate(data, sheet, tmp_path / "calibrated").parameters
     assert clamp.interval95[0] < 5e-9 < clamp.interval95[1]
     document = diagnose(data, sheet, tmp_path / "out")
     assert document.verdict == "class"
@@ -348,7 +347,7 @@ def test_a_fit_that_is_no_model_is_said_of_the_readings(tmp_path):
     with pytest.raises(
         ValueError, match=r"readings.csv: every row: displacements are .*: displacements in inches\?"
     ) as caught:
-        calibrate(prepare(data, sheet), tmp_path / "out")
+        calibrate(data, sheet, tmp_path / "out")
     assert "calibrated-model" not in str(caught.value)
     assert "Write it in MPa" not in str(caught.value)
     assert not list((tmp_path / "out").glob("*"))
@@ -367,8 +366,8 @@ def test_loads_in_pounds_are_refused(tmp_path):
     data, sheet = write(tmp_path, Tube(clamp=1e-9), MID, 4)
     in_pounds(data)
     with pytest.raises(ImplausibleError, match=r"readings\.csv: .*forces in lbf.* Convert them"):
-        prepare(data, sheet, ("tube.factor",))
-    document = calibrate(prepare(data, sheet, ("tube.factor",), force=True), tmp_path / "out", force=True)
+        calibrate(data, sheet, tmp_path / "out", ("tube.factor",))
+    document = calibrate(data, sheet, tmp_path / "out", ("tube.factor",), force=True)
     assert any("its readings are mistaken" in reason for reason in document.unfit)
 
 

@@ -1,9 +1,9 @@
 """What several files of tests share."""
 
 import pytest
+from helpers.from_files import prepared
 from helpers.weighed_arm import compliant, drawn, files, measured
 
-from vjm_updating.poses.command import prepared
 from vjm_updating.poses.study import Hypothesis
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.boom import SHEET, document, readings
+from helpers.from_files import diagnose_poses, prepared
 from helpers.measured import needed
 
 from vjm.io.model_file import build_chain
@@ -10,7 +11,6 @@ from vjm.io.toml_text import toml_text
 from vjm.io.urdf import import_urdf
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.model import TreeModel
-from vjm_updating.poses.command import diagnose_poses, prepared
 
 
 def files(folder, text):

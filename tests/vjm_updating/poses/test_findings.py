@@ -5,6 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
+from helpers.from_files import calibrate_poses, diagnose_poses, prepared
 from helpers.weighed_arm import GRAVITY, OWN, compliant, drawn, files, measured
 from hidden_effects.poses.injector import Hidden, rest
 from hidden_effects.poses.plan import NOISE
@@ -14,7 +15,6 @@ from vjm.io.model_file import build_chain, load_chain
 from vjm.rotations import rotation_from_vector
 from vjm.tree.equilibria import equilibria
 from vjm.tree.model import TreeModel
-from vjm_updating.poses.command import calibrate_poses, diagnose_poses, prepared
 from vjm_updating.poses.contrasts import contrasts
 from vjm_updating.poses.ends import ends_of
 from vjm_updating.poses.families import SOFTEST

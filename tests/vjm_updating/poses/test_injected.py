@@ -3,6 +3,7 @@
 import jsonschema
 import numpy as np
 import pytest
+from helpers.from_files import calibrate_poses, diagnose_poses, prepared
 from hidden_effects.poses.injector import Hidden, measure, rest
 from hidden_effects.poses.plan import NOISE, Planned, save, write
 from hidden_effects.poses.robots import SEVEN, UR10, document, sheet_text
@@ -12,7 +13,6 @@ from vjm.io.toml_text import toml_text
 from vjm.io.urdf import import_urdf
 from vjm.tree.equilibria import equilibria, unloaded_frames
 from vjm.tree.model import TreeModel
-from vjm_updating.poses.command import calibrate_poses, diagnose_poses, prepared
 from vjm_updating.poses.study import Hypothesis
 from vjm_validation.schemas import schemas
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.from_files import diagnose_poses, prepared
 from helpers.justin import SHEET, document
 from helpers.measured import needed
 
@@ -12,7 +13,6 @@ from vjm.io.toml_text import toml_text
 from vjm.tree.equilibria import equilibria
 from vjm.tree.model import TreeModel
 from vjm_updating.poses.alignment import kabsch
-from vjm_updating.poses.command import diagnose_poses, prepared
 from vjm_updating.poses.ladder import climb
 from vjm_updating.poses.pose_study import PoseStudy
 from vjm_updating.poses.verdict import judge

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.from_files import prepared
 from helpers.urdf_arm import arm, joint
 from hidden_effects.poses.injector import Hidden, rest
 from hidden_effects.poses.robots import PLANAR, SEVEN, document, sheet_text
@@ -16,7 +17,6 @@ from vjm.io.urdf import import_urdf
 from vjm.rotations import rotation_from_vector, rotation_vector
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.model import TreeModel
-from vjm_updating.poses.command import prepared
 from vjm_updating.poses.kinds import read_test
 from vjm_updating.poses.measurement import read_pose_measurement
 from vjm_updating.poses.plausibility import considered

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from helpers.from_files import calibrate_poses, diagnose_poses, prepared
 from hidden_effects.poses.injector import Hidden, frames, rest
 from hidden_effects.poses.robots import SEVEN, document, sheet_text
 
 from vjm.io.toml_text import toml_text
 from vjm.rotations import rotation_from_vector
-from vjm_updating.poses.command import calibrate_poses, diagnose_poses, prepared
 from vjm_updating.poses.plausibility import considered
 from vjm_updating.poses.study import Hypothesis
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.from_files import calibrate_poses, diagnose_poses, prepared
 from helpers.weighed_arm import GRAVITY, OWN, compliant, drawn, files, measured
 from hidden_effects.poses.injector import Hidden, measure
 from hidden_effects.poses.plan import NOISE
@@ -11,7 +12,6 @@ from vjm.io.model_file import load_chain
 from vjm.tree.equilibria import equilibria
 from vjm.tree.model import TreeModel
 from vjm_updating.poses.alignment import kabsch
-from vjm_updating.poses.command import calibrate_poses, diagnose_poses, prepared
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.ladder import with_needed
 from vjm_updating.poses.machine import LATERAL

@@ -21,10 +21,11 @@ from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
-from vjm_updating.diagnosis.command import MODEL, PAGE, diagnose
+from vjm_updating import diagnose, load_data
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.experiment import read_measurement
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.result import EXTENDED
 from vjm_validation.studies.discovery_results import Discovery, DiscoveryStudy
 from vjm_validation.virtual_rig import Design, Known, Response, Sequence, data_text, read, sheet_text
 
@@ -125,9 +126,12 @@ def study(out: FilePath) -> DiscoveryStudy:
     folder = out / "discovery"
     specimen = write_data(folder)
     data, sheet = folder / "data.csv", folder / "sheet.toml"
-    found = diagnose(data, sheet, folder)
+    diagnosed = diagnose(load_data(data, sheet))
+    diagnosed.write(folder)
+    found = diagnosed.found
+    assert isinstance(found, Diagnosis)  # the sheet is one of ramps
     measurement = read_measurement(data, sheet)
-    extended = load_chain(folder / MODEL)
+    extended = load_chain(folder / EXTENDED)
     models = (measurement.engine, measurement.chain), (engine_by_name("vjm", chain=extended), extended)
     nominal, longer = (
         (engine.trace(chain, LoadCase(POSTURE, PULL + 0.1)), engine.trace(chain, LoadCase(POSTURE, -FURTHER)))
@@ -136,7 +140,7 @@ def study(out: FilePath) -> DiscoveryStudy:
     readings = measurement.readings
     return DiscoveryStudy(
         _rows(found, _truth(measurement.chain, specimen)),
-        f"{folder.name}/{PAGE}",
+        f"{folder.name}/diagnosis.html",
         readings.values["ux_mm"],
         readings.values["fx_N"],
         nominal,

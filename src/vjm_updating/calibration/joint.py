@@ -1,4 +1,4 @@
-"""``validate calibrate`` of a test of one joint: stiffness, hardening, backlash and friction together.
+"""Calibration by a test of one joint: stiffness, hardening, backlash and friction together.
 
 All four are looked for, whether or not a diagnosis would name them: a size that the readings do not need has an
 interval that reaches nothing. Backlash is left out where the loads go to one side only. The scales and zeros of
@@ -8,16 +8,13 @@ cell and gauge are nuisances under the sheet's priors, so that a stiffness is kn
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
 from vjm.io.toml_text import toml_text
-from vjm_output.documents import as_json, versions
-from vjm_updating.calibration.command import TAKEN_BY_FORCE, judged, warned
+from vjm_output.documents import versions
 from vjm_updating.calibration.document import (
     Calibration,
     ChannelRow,
@@ -32,11 +29,12 @@ from vjm_updating.calibration.document import (
 )
 from vjm_updating.calibration.fit import spread_of
 from vjm_updating.calibration.results import strained
+from vjm_updating.calibration.run import TAKEN_BY_FORCE, judged, warned
 from vjm_updating.diagnosis.estimates import Estimate, estimates, nuisance_estimates
 from vjm_updating.diagnosis.extended import extended_document
 from vjm_updating.diagnosis.joint_kind import JointTest, joint_effects, together
 from vjm_updating.diagnosis.preprocess import Prepared, prepare
-from vjm_updating.experiment import Measurement, read_measurement
+from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.channels import unit_of
 from vjm_updating.experiment.joint_levers import one_sided
 from vjm_updating.experiment.mistakes import refuse_mistaken
@@ -45,58 +43,47 @@ from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.refit import refit
 from vjm_updating.mechanisms.single_joint import JointCompliance
+from vjm_updating.result import CALIBRATED, CalibrationResult
 
-DOCUMENT, MODEL = "calibration.json", "calibrated-model.toml"
 NOTHING = 1e-3
 """Of a standard deviation, up to which a size at its bound is nothing."""
 
 
 def calibrate_joint(
-    data: Path,
-    sheet: Path,
-    out: Path,
+    measurement: Measurement,
     *,
     force: bool = False,
     strict: bool = False,
     warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
-) -> Calibration:
-    """Calibrate a joint and write what was found.
+) -> CalibrationResult[Calibration]:
+    """Calibrate a joint; see `vjm_updating.calibrate`.
 
     Args:
-        data: readings, CSV.
-        sheet: of ``kind = "joint"``.
-        out: folder for `DOCUMENT` and `MODEL`; both are written at the end or none.
-        force: whether a model is written that is not for use, see `vjm_updating.calibration.command.judged`; so one
+        measurement: the test, by a sheet of ``kind = "joint"``.
+        force: whether a model is written that is not for use, see `vjm_updating.calibration.run.judged`; so one
             of readings whose columns are not what they say, which are refused else.
         strict: whether doubtful readings are refused.
         warn: told what is implausible, before anything is fitted.
         progress: told what is being done.
 
     Raises:
-        ValueError: a file cannot be used; one line.
+        ValueError: the test cannot be used; one line.
         vjm.errors.NoConvergenceError: the joint's laws do not reach the readings.
     """
-    measurement = read_measurement(data, sheet)
     findings = considered(measurement, strict=strict)
     if not force:
         refuse_mistaken(findings, TAKEN_BY_FORCE)
     kind = JointTest()
     observed = kind.observe(measurement)
-    check_writable(out)
     warn(findings)
     progress("the nominal joint")
     prepared = prepare(observed)
     progress("stiffness, hardening, backlash and friction")
     fit = _fitted(prepared, kind)
     document = judged(_document(measurement, prepared, fit), findings, force=force)
-    files: dict[Path, str | bytes] = {out / DOCUMENT: as_json(document)}
-    if document.calibrated_model:
-        files[out / MODEL] = _model(measurement, prepared.fitter, fit, document)
-    write_together(files)
-    if not document.calibrated_model:
-        (out / MODEL).unlink(missing_ok=True)
-    return document
+    model = _model(measurement, prepared.fitter, fit, document) if document.calibrated_model else ""
+    return CalibrationResult(document, {CALIBRATED: model})
 
 
 def _fitted(prepared: Prepared, kind: JointTest) -> Fit:
@@ -139,7 +126,7 @@ def _document(measurement: Measurement, prepared: Prepared, fit: Fit) -> Calibra
         next_experiment=DesignRow(
             d_optimal=None, i_optimal=None, figure="", figure_std=None, candidates=[], left_out=[]
         ),
-        calibrated_model=MODEL,
+        calibrated_model=CALIBRATED,
         versions=versions(),
         hashes={"model": measurement.model_sha256, "data": measurement.data_sha256},
     )

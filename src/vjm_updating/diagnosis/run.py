@@ -1,4 +1,4 @@
-"""``validate diagnose``: from a test's two files to the diagnosis' three."""
+"""The diagnosis of a test of ramps, of a column, by loads or of a joint, from its first fit to its findings."""
 
 from __future__ import annotations
 
@@ -8,10 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from vjm import __version__
-from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
-from vjm_output.documents import as_json, doubt_rows
-from vjm_output.optional_page import page_of
+from vjm_output.documents import doubt_rows
 from vjm_updating.diagnosis.contrasts import contrasts
 from vjm_updating.diagnosis.critical import Critical
 from vjm_updating.diagnosis.document import (
@@ -40,13 +38,13 @@ from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.search import Search
 from vjm_updating.diagnosis.transfer import transfer
 from vjm_updating.diagnosis.verdict import Verdict, judge, proved
-from vjm_updating.experiment import Measurement, read_measurement
+from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.mistakes import mended, mistakes_of
 from vjm_updating.experiment.plausibility import considered
 from vjm_updating.inference.fitting import Fit
-from vjm_updating.mechanisms.catalogue import plug_in
+from vjm_updating.mechanisms.catalogue import Maker, plug_in
+from vjm_updating.result import EXTENDED, DiagnosisResult
 
-DOCUMENT, MODEL, PAGE = "diagnosis.json", "extended-model.toml", "diagnosis.html"
 AGAIN = 2
 """Searches more at most, each about what the last one found."""
 NOISE_ALONE = 0.5
@@ -57,30 +55,25 @@ SHOWN = 12
 """Contrasts that are kept."""
 
 
-def diagnose(
-    data: Path,
-    sheet: Path,
-    out: Path,
+def diagnose_ramps(
+    measurement: Measurement,
     *,
-    plug_ins: Sequence[Path] = (),
+    effects: Sequence[Path | Maker] = (),
     only: Sequence[str] = (),
     without: Sequence[str] = (),
-    beside: tuple[Path, Path] | None = None,
+    beside: Measurement | None = None,
     strict: bool = False,
     warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
-) -> Diagnosis:
-    """Diagnose a test and write what was found.
+) -> DiagnosisResult[Diagnosis]:
+    """Diagnose a test of ramps, of a column, by loads or of a joint; see `vjm_updating.diagnose`.
 
     Args:
-        data: readings, CSV.
-        sheet: test sheet, TOML.
-        out: folder for `DOCUMENT`, `MODEL` and, where the extra ``report`` is installed, `PAGE`; all are written
-            at the end or none.
-        plug_ins: files with effects of one's own, see docs/effects.md.
+        measurement: the test.
+        effects: causes of one's own, or files with them.
         only: the causes that are thought possible; all where none is given.
         without: causes that are not.
-        beside: readings and sheet of another specimen, of which is said what the findings are worth there.
+        beside: of another specimen, of which is said what the findings are worth there.
         strict: whether doubtful readings are refused.
         warn: told what is implausible, before anything is fitted.
         progress: told what is being done.
@@ -88,23 +81,19 @@ def diagnose(
     Raises:
         ValueError: a file cannot be used; one line.
         vjm.statics.equilibrium.NoConvergenceError: the nominal model does not reach the readings.
-        OSError: the folder cannot be written to.
     """
     begun = time.perf_counter()
-    more = [plug_in(path) for path in plug_ins]
-    measurement = read_measurement(data, sheet)
+    more = [plug_in(one) if isinstance(one, Path) else one for one in effects]
     findings = considered(measurement, strict=strict)
     mistakes = mistakes_of(findings)
     measurement = mended(measurement, mistakes)
-    second = None if beside is None else read_measurement(*beside)
     kind = kind_of(measurement)
-    if second is not None and kind_of(second) is not kind:
+    if beside is not None and kind_of(beside) is not kind:
         raise ValueError(
-            f"--beside {second.readings.file}: is another kind of test than {measurement.readings.file}"
+            f"--beside {beside.readings.file}: is another kind of test than {measurement.readings.file}"
         )
     observed = kind.observe(measurement)
     possible(kind.effects(observed, more), only, without)
-    check_writable(out)
     warn(findings)
     progress("the nominal model")
     prepared = prepare(observed, more, only=only, without=without)
@@ -127,8 +116,8 @@ def diagnose(
     progress("verdict")
     verdict, candidates, points = _proved(prepared, kind, unless_unexplained(judge(search, best), mistakes))
     document = _document(measurement, prepared, kind, verdict, candidates, points, begun)
-    if second is not None:
-        document = document.model_copy(update={"transfer": _transfer(verdict, second)})
+    if beside is not None:
+        document = document.model_copy(update={"transfer": _transfer(verdict, beside)})
     document = with_mistakes(document, mistakes).model_copy(update={"doubts": doubt_rows(findings)})
     progress("report")
     chosen = verdict.members[0].fit if verdict.members else prepared.null
@@ -141,9 +130,7 @@ def diagnose(
 
         return write_page(measurement, prepared, chosen, document)
 
-    files = {out / DOCUMENT: as_json(document), out / MODEL: model}
-    write_together(files | page_of(out / PAGE, page))
-    return document
+    return DiagnosisResult(document, {EXTENDED: model}, page)
 
 
 def _search(prepared: Prepared, kind: KindOfTest, progress: Callable[[str], None]) -> Search:

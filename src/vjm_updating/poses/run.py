@@ -1,9 +1,9 @@
-"""The two commands on tests of a robot in many postures: from the test's two files to the results."""
+"""The two questions to tests of a robot in many postures: calibration and diagnosis."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,18 +11,16 @@ import numpy as np
 
 from vjm import __version__
 from vjm.io.errors import did_you_mean
-from vjm.io.files import check_writable, write_together
 from vjm.io.findings import Finding
 from vjm.rotations import rotation_vector
-from vjm_output.documents import as_json, doubt_rows
-from vjm_output.optional_page import page_of
+from vjm_output.documents import doubt_rows
 from vjm_updating.experiment.mistakes import columns_mistaken, refuse_mistaken
 from vjm_updating.poses import document as rows
 from vjm_updating.poses.contrasts import contrasts, correlations
 from vjm_updating.poses.families import TITLES
 from vjm_updating.poses.halves import Halves, halves
 from vjm_updating.poses.identifiability import MemberEstimate, estimates
-from vjm_updating.poses.kinds import read_test
+from vjm_updating.poses.kinds import PreparedTest
 from vjm_updating.poses.ladder import Step, climb, rung, with_needed
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.next_postures import next_postures
@@ -40,25 +38,14 @@ from vjm_updating.poses.study import (
 from vjm_updating.poses.transfer import Series
 from vjm_updating.poses.verdict import NEXT, at_bounds, drifted, judge
 from vjm_updating.poses.written import Written, written
+from vjm_updating.result import CALIBRATED, EXTENDED, CalibrationResult, DiagnosisResult
 
-DIAGNOSIS, DIAGNOSIS_PAGE, EXTENDED = "diagnosis.json", "diagnosis.html", "extended-model.toml"
-CALIBRATION, CALIBRATION_PAGE, CALIBRATED = "calibration.json", "calibration.html", "calibrated-model.toml"
 URDF, MJCF = "calibrated.urdf", "calibrated.xml"
 USUAL = ("frame_error", "joint_compliance")
 """Families of a calibration that names none."""
 UNNEEDED = "postures held out are predicted as well without it: at random, by region and at the ends of the ranges"
 """Why a drive's compliance that was asked keeps the model's value, see `vjm_updating.poses.ladder.unneeded`."""
 SHOWN = 12
-
-
-def prepared(data: Path, sheet: Path) -> tuple[RobotMeasurement, Study]:
-    """A test that was read, checked and aligned.
-
-    Raises:
-        ValueError: a file cannot be used; one line.
-    """
-    test = read_test(data, sheet)
-    return test.measurement, test.study
 
 
 def _chosen(study: Study, only: Sequence[str], without: Sequence[str]) -> list[str]:
@@ -88,36 +75,31 @@ def _chosen(study: Study, only: Sequence[str], without: Sequence[str]) -> list[s
 
 
 def diagnose_poses(
-    data: Path, sheet: Path, out: Path, *, only: Sequence[str] = (), without: Sequence[str] = (),
-    beside: Sequence[tuple[Path, Path]] = (), strict: bool = False,
-    warn: Callable[[Iterable[Finding]], None] = lambda _: None,
+    test: PreparedTest, *, only: Sequence[str] = (), without: Sequence[str] = (),
+    beside: Sequence[PreparedTest] = (), strict: bool = False,
+    warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
-) -> rows.PoseDiagnosis:  # fmt: skip
-    """Diagnose a test of poses or deflections and write what was found.
+) -> DiagnosisResult[rows.PoseDiagnosis]:  # fmt: skip
+    """Diagnose a test of poses or deflections; see `vjm_updating.diagnose`.
 
     Args:
-        data: readings, CSV.
-        sheet: TOML.
-        out: folder; all files are written at the end or none.
+        test: that was read.
         only: families that are thought possible; all where none is given.
         without: families that are not.
-        beside: readings and sheet of other series of the same machine, by which the findings are judged.
+        beside: other series of the same machine, by which the findings are judged.
         strict: whether what is doubtful is refused.
         warn: told what is implausible.
         progress: told what is being done.
 
     Raises:
-        ValueError: a file or a name cannot be used; one line.
+        ValueError: a name cannot be used; one line.
         vjm.errors.NoConvergenceError: the model has no equilibrium in a posture.
-        OSError: the folder cannot be written to.
     """
     begun = time.perf_counter()
-    test = read_test(data, sheet)
     measurement, study = test.measurement, test.study
     names = _chosen(study, only, without)
     findings = test.considered(strict)
-    series = [Series(read_test(*files).study, study) for files in beside]
-    check_writable(out)
+    series = [Series(other.study, study) for other in beside]
     warn(findings)
     # what is fitted to columns that are not what they say means nothing
     steps = climb(study, [] if mistaken(findings) else names, progress, series)
@@ -146,23 +128,18 @@ def diagnose_poses(
         next=NEXT["surer"] if verdict.next == NEXT["none"] and common["next_postures"] else verdict.next,
     )  # fmt: skip
     progress("report")
-    _write(
-        out, {DIAGNOSIS: as_json(found)}, (EXTENDED, model), DIAGNOSIS_PAGE, measurement.sheet, study, steps, found
-    )
-    return found
+    return DiagnosisResult(found, _models(EXTENDED, model), _page(measurement.sheet, study, steps, found))
 
 
 def calibrate_poses(
-    data: Path, sheet: Path, out: Path, *, families: Sequence[str] = (), candidates: Path | None = None,
-    strict: bool = False, warn: Callable[[Iterable[Finding]], None] = lambda _: None,
+    test: PreparedTest, *, families: Sequence[str] = (), candidates: Path | None = None, strict: bool = False,
+    warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
-) -> rows.PoseCalibration:  # fmt: skip
-    """Calibrate a robot by a test with chosen families and write what was found.
+) -> CalibrationResult[rows.PoseCalibration]:  # fmt: skip
+    """Calibrate a robot by a test with chosen families; see `vjm_updating.calibrate`.
 
     Args:
-        data: readings, CSV.
-        sheet: TOML.
-        out: folder; all files are written at the end or none.
+        test: that was read.
         families: names; none: `USUAL`.
         candidates: CSV of postures, and loads, that could be measured next, columns as in the data; None: drawn
             within limits.
@@ -171,17 +148,14 @@ def calibrate_poses(
         progress: told what is being done.
 
     Raises:
-        ValueError: a file or a name cannot be used; one line.
+        ValueError: a name cannot be used; one line.
         vjm.errors.NoConvergenceError: the model has no equilibrium in a posture.
-        OSError: the folder cannot be written to.
     """
     begun = time.perf_counter()
-    test = read_test(data, sheet)
     measurement, study = test.measurement, test.study
     chosen = _chosen(study, families or [name for name in USUAL if name in study.families], ())
     findings = test.considered(strict)
     refuse_mistaken(findings)
-    check_writable(out)
     warn(findings)
     progress("base frame and markers")
     first = study.settle(Hypothesis())
@@ -200,36 +174,23 @@ def calibrate_poses(
         **common | {"doubts": doubt_rows(_once(said)), "halves": None if compared is None else _halves(compared)}
     )
     progress("report")
-    files = {CALIBRATION: as_json(found)}
-    _write(out, files, (CALIBRATED, model), CALIBRATION_PAGE, measurement.sheet, study, steps, found)
-    return found
+    return CalibrationResult(found, _models(CALIBRATED, model), _page(measurement.sheet, study, steps, found))
 
 
-def _write(
-    out: Path,
-    files: Mapping[str, str],
-    model: tuple[str, Written],
-    name: str,
-    sheet: RobotSheet,
-    study: Study,
-    steps: Sequence[Step],
-    found: rows.PoseCalibration,
-) -> None:
-    """The files by name, the model where it is for use, and the page where it can be drawn."""
+def _models(name: str, model: Written) -> dict[str, str]:
+    """The model files by name; empty where the model is not for use."""
+    texts = {name: model.text, URDF: model.urdf, MJCF: model.mjcf}
+    return dict.fromkeys(texts, "") if model.refusals else texts
 
+
+def _page(sheet: RobotSheet, study: Study, steps: Sequence[Step], found: rows.PoseCalibration) -> Callable[[], str]:
     def made() -> str:
         # matplotlib takes a second to import, and is an extra
         from vjm_updating.poses.page import page
 
         return page(sheet, study, steps, found)
 
-    file, of = model
-    models = {} if of.refusals else {file: of.text, URDF: of.urdf, MJCF: of.mjcf}
-    contents = {out / key: content for key, content in {**files, **models}.items()}
-    write_together(contents | page_of(out / name, made))
-    if of.refusals:
-        for stale in (file, URDF, MJCF):
-            (out / stale).unlink(missing_ok=True)
+    return made
 
 
 def _once(findings: Sequence[Finding]) -> list[Finding]:

@@ -1,0 +1,149 @@
+"""The two questions to measured data, for any kind of test: what the model lacks, and what its numbers are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import assert_never
+
+from vjm.io.findings import Finding
+from vjm_updating.calibration.document import Calibration
+from vjm_updating.calibration.joint import calibrate_joint
+from vjm_updating.calibration.run import calibrate_ramps
+from vjm_updating.data_set import DataSet
+from vjm_updating.diagnosis.document import Diagnosis
+from vjm_updating.diagnosis.run import diagnose_ramps
+from vjm_updating.experiment import Measurement
+from vjm_updating.mechanisms.catalogue import Maker
+from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
+from vjm_updating.poses.kinds import KINDS, PreparedTest
+from vjm_updating.poses.run import calibrate_poses, diagnose_poses
+from vjm_updating.result import CalibrationResult, DiagnosisResult
+
+JOINT = "joint"
+
+
+def diagnose(
+    data: DataSet,
+    *,
+    effects: Sequence[Path | Maker] = (),
+    only: Sequence[str] = (),
+    without: Sequence[str] = (),
+    beside: Sequence[DataSet] = (),
+    strict: bool = False,
+    warn: Callable[[Sequence[Finding]], None] = lambda _: None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> DiagnosisResult[Diagnosis] | DiagnosisResult[PoseDiagnosis]:
+    """Which causes a test shows that its model lacks, and how surely.
+
+    Args:
+        data: the test, see `vjm_updating.load_data`.
+        effects: causes of one's own, or files with them; see docs/effects.md. Not of poses and deflections.
+        only: the causes that are thought possible; all where none is given.
+        without: causes that are not.
+        beside: other tests on which the findings are judged: one of another specimen, or series of poses or
+            deflections of the same machine.
+        strict: whether doubtful readings are refused.
+        warn: told what is implausible, before anything is fitted.
+        progress: told what is being done.
+
+    Raises:
+        ValueError: the data or a name cannot be used; one line.
+        vjm.errors.NoConvergenceError: the nominal model does not reach the readings.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from vjm_updating import diagnose, load_data
+        >>> folder = files("vjm_validation") / "examples/joint-test"
+    """
+    match data.test:
+        case Measurement():
+            if len(beside) > 1:
+                raise ValueError(f"{data.sheet}: --beside takes one other specimen of a ramp: leave the others out")
+            second = next((one.test for one in beside), None)
+            if isinstance(second, PreparedTest):
+                raise ValueError(
+                    f"{data.sheet}: --beside takes a test of the same kind: {beside[0].sheet} is another"
+                )
+            return diagnose_ramps(
+                data.test, effects=effects, only=only, without=without, beside=second, strict=strict, warn=warn,
+                progress=progress,
+            )  # fmt: skip
+        case PreparedTest():
+            if effects:
+                raise ValueError(f"{data.sheet}: --effects is for ramps, and this is {KINDS[data.kind]}")
+            others = [one.test for one in beside if isinstance(one.test, PreparedTest)]
+            if len(others) < len(beside):
+                raise ValueError(f"{data.sheet}: --beside takes poses or deflections of the same machine here")
+            return diagnose_poses(
+                data.test, only=only, without=without, beside=others, strict=strict, warn=warn, progress=progress
+            )
+        case _:
+            assert_never(data.test)
+
+
+def calibrate(
+    data: DataSet,
+    *,
+    fit: Sequence[str] = (),
+    next_tests: Sequence[str] = (),
+    figure: str = "",
+    force: bool = False,
+    strict: bool = False,
+    warn: Callable[[Sequence[Finding]], None] = lambda _: None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> CalibrationResult[Calibration] | CalibrationResult[PoseCalibration]:
+    """The numbers of a model by a test, with their uncertainty.
+
+    Args:
+        data: the test, see `vjm_updating.load_data`.
+        fit: what to look for: parameters, see docs/calibration.md, or of poses and deflections families, see
+            docs/poses.md. By default a factor for every elastic part, or the usual families. Of a test of one
+            joint all that it has is looked for.
+        next_tests: what could be measured next: ramps ``POSTURE:END`` or ``POSTURE:AXIS:END`` in mm or rad; of
+            poses and deflections one CSV file of postures.
+        figure: predicted figure of ramps that the next test is to make certain, such as ``D:compression:F_cr``.
+        force: whether a model of ramps or of a joint is written that is not for use.
+        strict: whether doubtful readings are refused.
+        warn: told what is implausible, before anything is fitted.
+        progress: told what is being done.
+
+    Raises:
+        ValueError: the data or an option cannot be used; one line.
+        vjm.errors.NoConvergenceError: the nominal model does not reach the readings.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from vjm_updating import calibrate, load_data
+        >>> folder = files("vjm_validation") / "examples/soft-springs"
+        >>> found = calibrate(load_data(folder / "readings.csv", folder / "sheet.toml"))
+        >>> [f"{row['name']} {row['value']:.2f}" for row in found.rows()]
+        ['foot.factor 1.10', 'link.factor 1.20']
+    """
+    match data.test:
+        case Measurement() if data.kind == JOINT:
+            if fit or next_tests or figure:
+                raise ValueError(
+                    f"{data.sheet}: is a test of one joint: stiffness, hardening, backlash and friction are looked "
+                    "for; leave --fit, --next and --figure out"
+                )
+            return calibrate_joint(data.test, force=force, strict=strict, warn=warn, progress=progress)
+        case Measurement():
+            return calibrate_ramps(
+                data.test, fit=fit, ramps=next_tests, figure=figure, force=force, strict=strict, warn=warn,
+                progress=progress,
+            )  # fmt: skip
+        case PreparedTest():
+            what = KINDS[data.kind]
+            if force:
+                raise ValueError(
+                    f"--force: {data.sheet} is {what}, whose model is written unless no machine is so: leave it out"
+                )
+            if figure or len(next_tests) > 1:
+                raise ValueError(f"{data.sheet}: is {what}, which has no --figure, and --next takes one CSV file")
+            candidates = Path(next_tests[0]) if next_tests else None
+            return calibrate_poses(
+                data.test, families=fit, candidates=candidates, strict=strict, warn=warn, progress=progress
+            )
+        case _:
+            assert_never(data.test)

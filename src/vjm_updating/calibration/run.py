@@ -1,0 +1,115 @@
+"""The calibration of a machine by ramps, from its fit to its model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from vjm.io.findings import Finding
+from vjm_output.documents import doubt_rows
+from vjm_updating.calibration.design import parsed_ramps
+from vjm_updating.calibration.document import Calibration
+from vjm_updating.calibration.fit import MISFIT, Solution, solve
+from vjm_updating.calibration.identifiability import identifiability
+from vjm_updating.calibration.problem import problem_of, with_promises
+from vjm_updating.calibration.results import results
+from vjm_updating.experiment import Measurement
+from vjm_updating.experiment.mistakes import columns_mistaken, refuse_mistaken
+from vjm_updating.experiment.plausibility import considered
+from vjm_updating.result import CALIBRATED, CalibrationResult
+
+MISSES, MISTAKEN = "it does not explain its own readings", "its readings are mistaken"
+TAKEN_BY_FORCE = "; --force takes the readings as they are, and the model says so"
+
+
+def calibrate_ramps(
+    measurement: Measurement,
+    *,
+    fit: Sequence[str] = (),
+    ramps: Sequence[str] = (),
+    figure: str = "",
+    force: bool = False,
+    strict: bool = False,
+    warn: Callable[[Sequence[Finding]], None] = lambda _: None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> CalibrationResult[Calibration]:
+    """Calibrate a machine by ramps; see `vjm_updating.calibrate`.
+
+    A model that is not for use is written only by ``force``, and says so in its file; see `judged`.
+
+    Args:
+        measurement: the test.
+        fit: parameters, see `vjm_updating.calibration.parameters.unknowns`.
+        ramps: feasible next experiments, see `vjm_updating.calibration.design.parsed_ramps`.
+        figure: that the next experiment is to make certain, see `vjm_updating.calibration.design.in_view`.
+        force: whether a model is written that is not for use, and readings are taken whose columns are not what
+            they say.
+        strict: whether doubtful readings are refused.
+        warn: told what is implausible, before anything is fitted.
+        progress: told what is being done.
+
+    Raises:
+        ValueError: an option is none, or the calibrated machine is none that a model file admits; one line.
+        vjm.statics.equilibrium.NoConvergenceError: the nominal model does not reach the readings.
+    """
+    problem, feasible = problem_of(measurement, fit), tuple(parsed_ramps(ramps, measurement.chain))
+    findings = considered(measurement, strict=strict)
+    if not force:
+        refuse_mistaken(findings, TAKEN_BY_FORCE)
+    warn(findings)
+    progress("fit")
+    found = _told_apart(solve(problem))
+    progress("uncertainty and predictions")
+    document, model = results(measurement, found, ramps=feasible, figure=figure, model_file=CALIBRATED)
+    document = judged(document, findings, force=force)
+    progress("report")
+
+    def page() -> str:
+        # matplotlib takes a second to import, and is an extra
+        from vjm_updating.calibration.page import write_page
+
+        return write_page(measurement, found, document)
+
+    text = "".join(f"# {line}\n" for line in warned(document)) + model if document.calibrated_model else ""
+    return CalibrationResult(document, {CALIBRATED: text}, page)
+
+
+def judged(document: Calibration, findings: Sequence[Finding], *, force: bool) -> Calibration:
+    """A calibration with what is doubted, and whether its model is for use, and is written.
+
+    It is not for use where it misses its own readings, or where columns are not what they say, which `prepare`
+    takes by force alone: a machine that fits them is another one.
+
+    Args:
+        document: what was found.
+        findings: what is implausible about the test.
+        force: whether a model is written that is not for use.
+    """
+    unfit = [] if document.fit.fits else [MISSES]
+    unfit += [f"{MISTAKEN}: {one}" for one in columns_mistaken(findings)]
+    changed = {"doubts": doubt_rows(findings), "unfit": unfit}
+    return document.model_copy(update=changed if force or not unfit else changed | {"calibrated_model": ""})
+
+
+def warned(document: Calibration) -> list[str]:
+    """Lines of the head of a model that is not for use; none where it is."""
+    return [f"Not for use: {reason}; see calibration.json." for reason in document.unfit]
+
+
+def _told_apart(found: Solution) -> Solution:
+    """A solution, or where its parameters are not distinguishable the one with beams as the sheet promises them.
+
+    The second counts where it explains the readings as well and each of its parameters has a number. What the
+    nuisances' priors take is part of what explains: each promised beam adds one square of a standard normal to it,
+    whose sum is judged as the variance of residuals is.
+    """
+    if identifiability(found).separable.all() or (problem := with_promises(found.problem)) is None:
+        return found
+    other = solve(problem)
+    n, more = len(other.problem.promised), float(np.sum(other.pulls**2) - np.sum(found.pulls**2))
+    within = more <= n * (1.0 + MISFIT * np.sqrt(2.0 / n))
+    if not within or not (other.whitening.spread <= found.whitening.spread).all():
+        return replace(found, refuted=other.problem.promised)
+    return other if identifiability(other).separable.all() else found

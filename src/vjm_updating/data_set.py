@@ -1,0 +1,137 @@
+"""Measured data of any kind of test, in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING, Any, assert_never
+
+from vjm.io.findings import Finding
+from vjm_updating.diagnosis.kinds import kind_of
+from vjm_updating.experiment import Measurement, read_measurement
+from vjm_updating.experiment.plausibility import considered
+from vjm_updating.experiment.source import (
+    SheetSource,
+    TableSource,
+    source_of_readings,
+    source_of_sheet,
+    table_in,
+    toml_of,
+)
+from vjm_updating.poses.kinds import KINDS, PreparedTest, read_test
+
+if TYPE_CHECKING:
+    from vjm.notebook import DataFrame
+
+SHOWN = 8
+"""Readings that the HTML shows."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DataSet:
+    """A test that was read and checked: its readings, its sheet and its model; see `load_data`.
+
+    Attributes:
+        test: what a diagnosis or a calibration works on.
+        columns: the readings as given, by column; a cell that was not read is blank.
+    """
+
+    test: Measurement | PreparedTest
+    columns: Mapping[str, Sequence[str]]
+
+    @property
+    def kind(self) -> str:
+        """Kind of the test: ``ramps``, ``column``, ``loads``, ``joint``, ``poses`` or ``deflections``."""
+        match self.test:
+            case Measurement():
+                return kind_of(self.test).name
+            case PreparedTest():
+                return self.test.measurement.kind
+            case _:
+                assert_never(self.test)
+
+    @property
+    def sheet(self) -> str:
+        """Name of the sheet, for messages."""
+        return self.test.sheet.file if isinstance(self.test, Measurement) else self.test.measurement.sheet.file
+
+    def considered(self, *, strict: bool = False) -> list[Finding]:
+        """What is implausible about the readings, the sheet and the model.
+
+        Args:
+            strict: whether what is doubtful is refused, too.
+
+        Raises:
+            ImplausibleError: something cannot be meant; one line.
+            NoConvergenceError: the model has no equilibrium in a posture.
+        """
+        match self.test:
+            case Measurement():
+                return considered(self.test, strict=strict)
+            case PreparedTest():
+                return self.test.considered(strict)
+            case _:
+                assert_never(self.test)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row a reading: numbers where a column has numbers alone, None for what was not read."""
+        columns = [_numbers(cells) for cells in self.columns.values()]
+        return [dict(zip(self.columns, row, strict=True)) for row in zip(*columns, strict=True)]
+
+    def to_frame(self) -> DataFrame:
+        """`rows` as a pandas DataFrame.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        from vjm.notebook import frame_of
+
+        return frame_of(self.rows())
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def __repr__(self) -> str:
+        model = self.test.chain if isinstance(self.test, Measurement) else self.test.measurement.model.chain
+        return f"<DataSet {self.kind} of {model.name}: {len(self)} readings of {', '.join(self.columns)}>"
+
+    def _repr_html_(self) -> str:
+        from vjm.notebook import table_html
+
+        return f"<pre>{escape(repr(self))}</pre>{table_html(self.rows()[:SHOWN])}"
+
+
+def load_data(readings: TableSource, sheet: SheetSource) -> DataSet:
+    """Measured data with their sheet, read and checked.
+
+    The sheet's ``kind`` says what was done; one without it is of ramps of displacements or loads, or of a column.
+
+    Args:
+        readings: a CSV file, or columns by name as in such a file: a mapping of sequences, or a pandas DataFrame.
+            See docs/measured-data.md, docs/poses.md, docs/deflections.md and docs/joint-tests.md.
+        sheet: a TOML file, or its content as a mapping. A model that it names is looked for beside the file, then
+            in the library.
+
+    Raises:
+        ValueError: readings, sheet or model cannot be used; one line that names what, where and the remedy.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> folder = files("vjm_validation") / "examples/soft-springs"
+        >>> load_data(folder / "readings.csv", folder / "sheet.toml").kind
+        'ramps'
+    """
+    table, text = source_of_readings(readings), source_of_sheet(sheet)
+    header, cells = table_in(table)
+    columns = dict(zip(header, map(list, zip(*(row for _, row in cells), strict=True)), strict=True))
+    if toml_of(text).get("kind") in KINDS:
+        return DataSet(read_test(table, text), columns)
+    return DataSet(read_measurement(table, text), columns)
+
+
+def _numbers(cells: Sequence[str]) -> Sequence[float | str | None]:
+    try:
+        return [float(cell) if cell else None for cell in cells]
+    except ValueError:
+        return [cell or None for cell in cells]

@@ -1,1 +1,0 @@
-"""Calibration of one joint by its torque against its angle."""

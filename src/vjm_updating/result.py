@@ -1,0 +1,178 @@
+"""What a diagnosis or a calibration found, in memory; the commands write it to files."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+
+from pydantic import BaseModel
+
+from vjm.io.files import write_together
+from vjm_output.documents import as_json
+from vjm_output.optional_page import page_of, why_no_page
+from vjm_updating.calibration.document import Calibration, ParameterRow
+from vjm_updating.calibration.summary_text import fit_report
+from vjm_updating.diagnosis.document import Diagnosis
+from vjm_updating.diagnosis.summary_text import lines as lines_of_ramps
+from vjm_updating.observation.significance import NORMAL_95
+from vjm_updating.poses.document import MemberRow, PoseCalibration, PoseDiagnosis
+from vjm_updating.poses.summary_text import lines as lines_of_poses
+
+if TYPE_CHECKING:
+    from vjm.notebook import Axes, DataFrame
+
+F = TypeVar("F", bound=BaseModel)
+D = TypeVar("D", Diagnosis, PoseDiagnosis)
+C = TypeVar("C", Calibration, PoseCalibration)
+EXTENDED, CALIBRATED = "extended-model.toml", "calibrated-model.toml"
+"""Names of the model files."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Result(Generic[F]):
+    """What was found in data.
+
+    Attributes:
+        found: every figure, as the JSON document has it.
+        models: text of each model file by its name; empty where the model is not for use.
+        draw: makes the page; None where there is none.
+    """
+
+    NAME: ClassVar[str]
+
+    found: F
+    models: Mapping[str, str]
+    draw: Callable[[], str] | None = None
+
+    @abstractmethod
+    def lines(self) -> list[str]:
+        """What a person wants to know first, line by line."""
+
+    @abstractmethod
+    def rows(self) -> list[dict[str, Any]]:
+        """A table of the main figures."""
+
+    def document(self) -> dict[str, Any]:
+        """The JSON document, of lists, texts and numbers."""
+        return self.found.model_dump(mode="json")
+
+    def page(self) -> str:
+        """The page as HTML that needs nothing else.
+
+        Raises:
+            ImportError: the extra ``report`` is not installed.
+            ValueError: this kind of result has no page.
+        """
+        if self.draw is None:
+            raise ValueError(f"a {self.NAME} of a test of this kind has no page: see its document")
+        if why := why_no_page():
+            raise ImportError(f"no page: {why}")
+        return self.draw()
+
+    def write(self, out: Path | str) -> None:
+        """Write document, model files and page into a folder: all at the end or none.
+
+        What an earlier run left there under the name of a file that this one does not write is removed.
+
+        Raises:
+            OSError: the folder cannot be written to.
+        """
+        folder = Path(out)
+        files: dict[Path, str] = {folder / f"{self.NAME}.json": as_json(self.found)}
+        files |= {folder / name: text for name, text in self.models.items() if text}
+        write_together(files | (page_of(folder / f"{self.NAME}.html", self.draw) if self.draw else {}))
+        for name, text in self.models.items():
+            if not text:
+                (folder / name).unlink(missing_ok=True)
+
+    def to_frame(self) -> DataFrame:
+        """`rows` as a pandas DataFrame.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        from vjm.notebook import frame_of
+
+        return frame_of(self.rows())
+
+    def __repr__(self) -> str:
+        return "\n".join(self.lines())
+
+    def _repr_html_(self) -> str:
+        from vjm.notebook import table_html
+
+        rows = self.rows()
+        return f"<pre>{escape(repr(self))}</pre>{table_html(rows) if rows else ''}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DiagnosisResult(Result[D]):
+    """What a diagnosis found; see `vjm_updating.diagnose`."""
+
+    NAME: ClassVar[str] = "diagnosis"
+
+    def lines(self) -> list[str]:
+        """Verdict, causes with their parameters, what is left, and what to measure next."""
+        found = self.found
+        return lines_of_poses(found) if isinstance(found, PoseDiagnosis) else lines_of_ramps(found)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row a candidate of ramps, causes and probability; of poses a rung of the ladder."""
+        found = self.found
+        if isinstance(found, PoseDiagnosis):
+            return [{"added": row.added or found.baseline, "held_out_mm": row.random_mm} for row in found.ladder]
+        return [{"causes": " + ".join(row.causes), "probability": row.probability} for row in found.candidates]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CalibrationResult(Result[C]):
+    """What a calibration found; see `vjm_updating.calibrate`."""
+
+    NAME: ClassVar[str] = "calibration"
+
+    def lines(self) -> list[str]:
+        """How well it fits, the parameters with their uncertainty, predictions, and what to measure next."""
+        found = self.found
+        return lines_of_poses(found) if isinstance(found, PoseCalibration) else fit_report(found).splitlines()
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row a parameter: name, unit, value, standard deviation and 95 % interval."""
+        return [
+            {
+                "name": row.name,
+                "unit": row.unit,
+                "value": row.value,
+                "std": row.std,
+                "low": row.interval95[0],
+                "high": row.interval95[1],
+            }
+            for row in self._parameters()
+        ]
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Every parameter with its 95 % interval, over its standard deviations from zero or from the model's value.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        from vjm.notebook import axes_or_new
+
+        ax = axes_or_new(ax)
+        rows = self._parameters()
+        over = [(r.value - getattr(r, "nominal", 0.0)) / r.std if r.std > 0.0 else 0.0 for r in rows]
+        ax.barh([r.name for r in rows], over)
+        for end in (-NORMAL_95, NORMAL_95):
+            ax.axvline(end, color="k", linewidth=0.7, linestyle=":")
+        ax.invert_yaxis()
+        ax.set_xlabel("difference from the model, standard deviations")
+        return ax
+
+    def _parameters(self) -> Sequence[ParameterRow | MemberRow]:
+        found = self.found
+        if isinstance(found, PoseCalibration):
+            return [row for family in found.families for row in family.members]
+        return found.parameters

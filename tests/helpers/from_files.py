@@ -1,0 +1,77 @@
+"""Diagnoses and calibrations from files to files, as the commands make them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from vjm_updating import calibrate as calibrated
+from vjm_updating import diagnose as diagnosed
+from vjm_updating import load_data
+from vjm_updating.calibration.document import Calibration
+from vjm_updating.diagnosis.document import Diagnosis
+from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
+from vjm_updating.poses.kinds import read_test
+from vjm_updating.poses.measurement import RobotMeasurement
+from vjm_updating.poses.study import Study
+
+DIAGNOSIS, DIAGNOSIS_PAGE, EXTENDED = "diagnosis.json", "diagnosis.html", "extended-model.toml"
+CALIBRATION, CALIBRATION_PAGE, CALIBRATED = "calibration.json", "calibration.html", "calibrated-model.toml"
+
+
+def _diagnose(
+    data: Path, sheet: Path, out: Path, beside: Sequence[tuple[Path, Path]], **options: Any
+) -> Diagnosis | PoseDiagnosis:
+    result = diagnosed(load_data(data, sheet), beside=[load_data(*files) for files in beside], **options)
+    result.write(out)
+    return result.found
+
+
+def diagnose(
+    data: Path, sheet: Path, out: Path, *, beside: Sequence[tuple[Path, Path]] = (), **options: Any
+) -> Diagnosis:
+    """Of a test of ramps, of a column, by loads or of a joint."""
+    found = _diagnose(data, sheet, out, beside, **options)
+    assert isinstance(found, Diagnosis)
+    return found
+
+
+def diagnose_poses(
+    data: Path, sheet: Path, out: Path, *, beside: Sequence[tuple[Path, Path]] = (), **options: Any
+) -> PoseDiagnosis:
+    """Of a test of poses or deflections."""
+    found = _diagnose(data, sheet, out, beside, **options)
+    assert isinstance(found, PoseDiagnosis)
+    return found
+
+
+def calibrate(data: Path, sheet: Path, out: Path, fit: Sequence[str] = (), **options: Any) -> Calibration:
+    """By a test of ramps, by loads or of a joint."""
+    result = calibrated(load_data(data, sheet), fit=fit, **options)
+    result.write(out)
+    assert isinstance(result.found, Calibration)
+    return result.found
+
+
+def calibrate_poses(
+    data: Path,
+    sheet: Path,
+    out: Path,
+    *,
+    families: Sequence[str] = (),
+    candidates: Path | None = None,
+    **options: Any,
+) -> PoseCalibration:
+    """By a test of poses or deflections."""
+    further = [] if candidates is None else [str(candidates)]
+    result = calibrated(load_data(data, sheet), fit=families, next_tests=further, **options)
+    result.write(out)
+    assert isinstance(result.found, PoseCalibration)
+    return result.found
+
+
+def prepared(data: Path, sheet: Path) -> tuple[RobotMeasurement, Study]:
+    """A test of poses or deflections that was read, checked and aligned."""
+    test = read_test(data, sheet)
+    return test.measurement, test.study
