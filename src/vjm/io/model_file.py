@@ -99,13 +99,15 @@ def read_document(name_or_path: str | Path) -> ModelDocument:
                 return _as_parts(parsed(file.name, file.read_bytes()))
     path = Path(name_or_path)
     if not path.exists():
-        files = (*_library_files(), *_library_files("manipulators"))
+        files = (*_library_files(), *_library_files("manipulators"), *_library_files("machines"))
         known = [file.name.removesuffix(".toml") for file in files]
         hint = did_you_mean(path.name.removesuffix(".toml"), known)
         # a bare word was meant as a name
         if isinstance(name_or_path, str) and path.name == name_or_path and path.suffix != ".toml":
             raise ModelFileError(f"no model '{name_or_path}' in the library, which has {', '.join(known)}{hint}")
-        raise ModelFileError(f"{path}: no such file; give a path to a TOML file or one of {', '.join(known)}")
+        beside = [file.name for file in path.parent.glob("*.toml")] if path.parent.is_dir() else []
+        hint = did_you_mean(path.name, beside)
+        raise ModelFileError(f"{path}: no such file; give a path to a TOML file or one of {', '.join(known)}{hint}")
     if path.is_dir():
         raise ModelFileError(f"{path}: is a directory; give the model file in it")
     try:

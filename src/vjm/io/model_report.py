@@ -34,7 +34,7 @@ def errors_of(name_or_path: str | Path) -> list[str]:
     except pydantic.ValidationError as error:
         details = sorted(error.errors(include_url=False), key=lambda one: line_of(text, one["loc"]) or 0)
         return [
-            f"{_at(document.file, line_of(text, detail['loc']))}: {line}"
+            f"{_at(document.file, line_of(text, detail['loc']) if detail['loc'] else _named(text, line))}: {line}"
             for detail, line in zip(details, every_line(details, document.content, known_keys), strict=True)
         ]
     try:

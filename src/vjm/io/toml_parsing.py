@@ -30,3 +30,20 @@ def parse_toml(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
+    except tomllib.TOMLDecodeError as error:
+        at = re.search(r"at line (\d+)", str(error))
+        lines = text.splitlines()
+        raise ValueError(f"{error}{_remedy(lines[int(at[1]) - 1] if at and lines else '')}") from None
+
+
+def _remedy(line: str) -> str:
+    """What to write instead of a line that is no TOML; nothing where that is not plain."""
+    if match := re.match(r"\s*([\w-]+)\s*=\s*([-+]?\d+),(\d+)\s*(#|$)", line):
+        return f": write a decimal point, {match[1]} = {match[2]}.{match[3]}"
+    if match := re.match(r"\s*([\w-]+)\s*=\s*([-+]?\d[\d.]*(?:e[-+]?\d+)?)\s*[A-Za-zµ°%/]", line):
+        return f": write the number without its unit, {match[1]} = {match[2]}"
+    if line.split("#")[0].count('"') % 2:
+        return ": a text begins and ends with a quotation mark, on one line"
+    if "=" not in line and line.count(",") > 0 and not line.lstrip().startswith(("[", "#")):
+        return ": this is a table of readings; a TOML file has lines such as name = value"
+    return ""

@@ -62,6 +62,8 @@ def check_column(column: str, points: tuple[str, ...], plain: tuple[str, ...] = 
     found = _QUANTITY.fullmatch(column)
     quantity = found["name"] if found else column
     right = next((name for name in known_channels if name.split("_")[0] == quantity and "_" in name), None)
+    if right is None and re.search(r"[;\t]", column):
+        raise ValueError(f"column '{column}' is several: separate columns by commas, and write decimal points")
     if right is None:
         hint = did_you_mean(channel, known_channels)
         raise ValueError(f"column '{column}' is no channel{hint or '; known are ' + ', '.join(known_channels)}")

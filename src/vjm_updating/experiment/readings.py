@@ -230,7 +230,8 @@ def numbers_of(cells: list[str], name: str, rows: np.ndarray) -> Array:
         try:
             result[i] = plain_number(cell)
         except ValueError:
-            raise ValueError(f"row {row}, column {name}: '{cell}' is no number: write it with a point") from None
+            remedy = "write it with a point" if "," in cell else "leave the cell of a missed sample blank"
+            raise ValueError(f"row {row}, column {name}: '{cell}' is no number: {remedy}") from None
         if not math.isfinite(result[i]):
             raise ValueError(f"row {row}, column {name}: '{cell}' is not finite: leave a missed sample blank")
     return result

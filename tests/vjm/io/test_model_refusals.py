@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from vjm.io.manipulator_file import manipulators
+from vjm.io.manipulator_file import machines, manipulators
 from vjm.io.model_file import ModelFileError, build_chain, library, load_chain, read_document
 from vjm.io.shapes import SHAPES, AnySection
 
@@ -337,9 +337,9 @@ def test_file_that_is_no_model(tmp_path):
 
 
 def test_missing_file_and_directory(tmp_path):
-    names = [*library(), *manipulators()]
+    names = [*library(), *manipulators(), *machines()]
     known = ", ".join(entry.name for entry in names)
-    assert {"orthoglide-chain", "ur10", "orthoglide"} <= {entry.name for entry in names}
+    assert {"orthoglide-chain", "ur10", "orthoglide", "hexapod"} <= {entry.name for entry in names}
     missing = tmp_path / "none.toml"
     assert said_of(missing) == f"{missing}: no such file; give a path to a TOML file or one of {known}"
     assert said_of(str(missing)) == said_of(missing)

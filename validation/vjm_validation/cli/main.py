@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
+from cyclopts import App, CycloptsError, Parameter, RepeatArgumentError, UnusedCliTokensError
 
 from vjm import __version__
 from vjm.errors import NoConvergenceError
@@ -180,6 +180,10 @@ def run(arguments: Sequence[str]) -> int:
         words = " ".join(error.unused_tokens or ())
         terminal.error(f"{words}: nothing more is taken here; `{command} --help` shows the options")
         return BAD_INPUT
+    except RepeatArgumentError as error:
+        words = " ".join(str(error).split())
+        terminal.error(f"{words} Several numbers are one word, such as --wrench 0,0,-100,0,0,0")
+        return BAD_INPUT
     except CycloptsError as error:
         # its own error stands before that of a command's module which it could not import
         terminal.error(lacking(error) or " ".join(str(error).split()))
@@ -193,7 +197,7 @@ def run(arguments: Sequence[str]) -> int:
         terminal.error(lacking(error) or terminal.one_line(error))
         return BAD_INPUT
     except MemoryError as error:
-        terminal.error(str(error) or "not enough memory")
+        terminal.error(str(error) or "not enough working memory")
         return BAD_INPUT
     except KeyboardInterrupt:
         terminal.error("interrupted")
