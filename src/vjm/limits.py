@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from vjm.model.chain import Chain
-from vjm.model.joints import SprungJoint
 from vjm.model.load_case import RAMP, LoadCase
 
 Found = Callable[[Chain, LoadCase | None], str]
@@ -38,8 +37,8 @@ class Limit:
 
 
 def _stressed_joint(chain: Chain, _: LoadCase | None) -> str:
-    sprung = (part for part in chain.parts if isinstance(part, SprungJoint) and part.value is not None)
-    return next((f"joint '{joint.name}'" for joint in sprung if joint.stretch), "")
+    standing = (joint for joint in chain.held_joints if joint.value is not None)
+    return next((f"joint '{joint.name}'" for joint in standing if joint.stretch), "")
 
 
 def _bowed(chain: Chain, _: LoadCase | None) -> str:

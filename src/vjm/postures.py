@@ -12,8 +12,7 @@ from vjm.io.checks import check_postures
 from vjm.machine.closing import Closing, home_label
 from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits, said_turned
-from vjm.model.joints import HeldJoint, SprungJoint
-from vjm.model.parts import PassiveJoint
+from vjm.model.joints import Joint
 from vjm.plain_numbers import plain_number
 from vjm.platform.manipulator import Manipulator
 
@@ -112,10 +111,10 @@ def _label(values: Iterable[float]) -> str:
     return ",".join(f"{float(v):.12g}" for v in values)
 
 
-def _joints(chain: Chain) -> list[HeldJoint | PassiveJoint]:
+def _joints(chain: Chain) -> list[Joint]:
     """The joints whose coordinates a posture gives, from base to tool."""
     given = joint_limits(chain).given
-    return [part for part in chain.parts if isinstance(part, HeldJoint | PassiveJoint) and part.name in given]
+    return [joint for joint in chain.moving if joint.name in given]
 
 
 def _values(chain: Chain, posture: Posture) -> dict[str, float]:
@@ -169,9 +168,7 @@ def _standing(chain: Chain, label: str, values: Mapping[str, float]) -> Chain:
     """
     for joint in _joints(chain):
         if not joint.slides:
-            said = said_turned(
-                joint.name, values[joint.name], passive=isinstance(joint, PassiveJoint | SprungJoint)
-            )
+            said = said_turned(joint.name, values[joint.name], passive=joint.passive)
             if said:
                 raise ValueError(said)
     joint_limits(chain).check(values)

@@ -13,7 +13,7 @@ from vjm.io.model_file import load_chain
 from vjm.kernels.derivatives import frame_derivatives
 from vjm.machine.platforms import PlatformBatch
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint
+from vjm.model.joints import Joint
 from vjm.model.load_case import ARC, Load, LoadCase
 from vjm.model.parameters import compliance_factor, orientation
 from vjm.model.parts import RigidOffset
@@ -38,7 +38,7 @@ def main() -> None:
     )
     follower = Load((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), "link", 0.5, follower=True)
     engine.trace(chain, LoadCase("A", 1.0, "load", loads=(follower,), control=ARC))
-    hinge = Chain("hinge", (ActuatedJoint("q", AXES["z"], compliance=1e-8), RigidOffset("link", mass=1.0)))
+    hinge = Chain("hinge", (Joint("q", AXES["z"], compliance=1e-8), RigidOffset("link", mass=1.0)))
     found = equilibria(TreeModel(hinge), np.zeros(1), wrench=np.ones(6))
     unloaded_frames(found.model, found.q)
     sensitivities(found, [orientation(hinge, "link", "x")], wrench=np.ones(6))

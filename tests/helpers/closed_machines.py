@@ -9,8 +9,8 @@ import numpy as np
 from helpers.closed_energy import ClosedEnergy
 from vjm.model.chain import Chain
 from vjm.model.closures import Closure, Coupling
-from vjm.model.joints import ActuatedJoint, PointSpring
-from vjm.model.parts import Beam, PassiveJoint, RigidOffset, Section
+from vjm.model.joints import Joint, PointSpring
+from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
 
 SECTION = Section(EA=4e7, GJ=3e9, EIy=5e9, EIz=2e9, GAy=2e7, GAz=1e7, mass=4e-3)
@@ -39,9 +39,9 @@ def closed(chain, name, part, other="", turns=False):
 
 def y_tree():
     parts = (
-        ActuatedJoint("pan", Z, compliance=3e-8, lateral=(2e-9, 4e-9)), beam("stem", 300.0, (0.0, -1.2, 0.3)),
-        ActuatedJoint("left", Y, compliance=5e-8), beam("side", 250.0, (0.2, 0.4, 0.9)),
-        ActuatedJoint("right", X, compliance=2e-8), beam("fore", 280.0, (0.5, -0.3, -0.8)),
+        Joint("pan", Z, compliance=3e-8, lateral=(2e-9, 4e-9)), beam("stem", 300.0, (0.0, -1.2, 0.3)),
+        Joint("left", Y, compliance=5e-8), beam("side", 250.0, (0.2, 0.4, 0.9)),
+        Joint("right", X, compliance=2e-8), beam("fore", 280.0, (0.5, -0.3, -0.8)),
     )  # fmt: skip
     return Chain("y-tree", parts, postures={"p": np.zeros(0)}, after={"right": "stem"},
                  held={"p": {"pan": 0.4, "left": 0.3, "right": -0.2}})  # fmt: skip
@@ -61,9 +61,9 @@ def bridged_tree():
 def four_bar():
     """Crank, elastic coupler, rocker; the tool hangs on the coupler."""
     parts = (
-        ActuatedJoint("drive", Z, compliance=6e-8), offset("crank", 120.0, 0.0, 0.0, mass=1.0),
-        PassiveJoint("q1", Z), beam("coupler", 260.0), PassiveJoint("q2", Z),
-        offset("rocker", 0.0, -190.0, 0.0, mass=1.5), PassiveJoint("q3", Z),
+        Joint("drive", Z, compliance=6e-8), offset("crank", 120.0, 0.0, 0.0, mass=1.0),
+        Joint("q1", Z, passive=True), beam("coupler", 260.0), Joint("q2", Z, passive=True),
+        offset("rocker", 0.0, -190.0, 0.0, mass=1.5), Joint("q3", Z, passive=True),
         beam("tool", 150.0, (0.3, -0.4, 0.6)),
     )  # fmt: skip
     chain = Chain("four-bar", parts, postures={"p": np.array([-0.7, 0.2, 0.4])}, held={"p": {"drive": 0.9}},
@@ -74,8 +74,9 @@ def four_bar():
 def leg(name, p, turned, q):
     where = offset(f"{name}/foot", *p, turned=turned)
     parts = (
-        where, ActuatedJoint(f"{name}/drive", Z, True, compliance=4e-5), PassiveJoint(f"{name}/q1", X),
-        PassiveJoint(f"{name}/q2", Y), beam(f"{name}/rod", 320.0, (0.0, -1.4, 0.0)), PassiveJoint(f"{name}/q3", Y),
+        where, Joint(f"{name}/drive", Z, slides=True, compliance=4e-5), Joint(f"{name}/q1", X, passive=True),
+        Joint(f"{name}/q2", Y, passive=True), beam(f"{name}/rod", 320.0, (0.0, -1.4, 0.0)),
+        Joint(f"{name}/q3", Y, passive=True),
     )  # fmt: skip
     return parts, q
 
@@ -96,10 +97,11 @@ def two_legs():
 def palletiser():
     """A rigid parallelogram, held three times over across its plane, that carries an elastic forearm."""
     parts = (
-        offset("pillar", 0.0, 0.0, 200.0), ActuatedJoint("main", Y, compliance=2e-8),
-        offset("arm", 0.0, 0.0, 400.0, mass=3.0), PassiveJoint("elbow", Y),
-        offset("head", 80.0, 0.0, 0.0, mass=1.0), PassiveJoint("pin", Y), offset("rod", 0.0, 0.0, -400.0, mass=0.5),
-        PassiveJoint("foot", Y),
+        offset("pillar", 0.0, 0.0, 200.0), Joint("main", Y, compliance=2e-8),
+        offset("arm", 0.0, 0.0, 400.0, mass=3.0), Joint("elbow", Y, passive=True),
+        offset("head", 80.0, 0.0, 0.0, mass=1.0), Joint("pin", Y, passive=True),
+        offset("rod", 0.0, 0.0, -400.0, mass=0.5),
+        Joint("foot", Y, passive=True),
         beam("forearm", 350.0, (0.0, 0.2, 0.1)),
     )  # fmt: skip
     chain = Chain("palletiser", parts, postures={"p": np.array([-0.4, 0.4, -0.4])}, held={"p": {"main": 0.4}},
@@ -110,8 +112,9 @@ def palletiser():
 def coupled():
     """Two passive hinges that a belt couples, the second of which a strut with a ball joint holds."""
     parts = (
-        beam("column", 300.0, (0.0, -1.3, 0.2)), PassiveJoint("shoulder", Y), beam("upper", 260.0, (0.3, 0.0, 0.2)),
-        PassiveJoint("elbow", Z), beam("fore", 240.0), beam("strut", 310.0, (0.0, 0.7, -0.5)),
+        beam("column", 300.0, (0.0, -1.3, 0.2)), Joint("shoulder", Y, passive=True),
+        beam("upper", 260.0, (0.3, 0.0, 0.2)),
+        Joint("elbow", Z, passive=True), beam("fore", 240.0), beam("strut", 310.0, (0.0, 0.7, -0.5)),
         offset("tool", 30.0, -20.0, 45.0),
     )  # fmt: skip
     chain = Chain("coupled", parts, postures={"p": np.array([0.5, -0.3])}, after={"strut": "upper", "tool": "fore"},

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.model.joints import Joint
 from vjm.model.load_case import Load
-from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
+from vjm.model.parts import Beam, RigidOffset
 
 TINY = 1e-30
 """Complex step: its square is lost in rounding."""
@@ -112,36 +112,28 @@ class Energy:
                 p = p + R @ part.tip
                 R, p = spring6(R @ part.own_frame, p, beam_compliance(part))
                 R = R @ part.own_frame.T
-            elif isinstance(part, PassiveJoint):
+            elif part.free:
                 R, p = move(R, p, part.axis, part.slides, held[part.name] + take(1)[:, 0])
-            elif isinstance(part, Actuator | Mount):
-                if part.compliance:
-                    slides = isinstance(part, Actuator) or part.slides
-                    R, p, _ = one(R, p, part.axis, slides, part.compliance)
-            elif isinstance(part, SprungJoint):
-                R, p = move(R, p, part.axis, part.slides, held[part.name])
-                rest = part.preload / part.stiffness if part.rest is None else part.rest - held[part.name]
-                R, p, own[part.name] = one(R, p, part.axis, part.slides, 1.0 / part.stiffness, rest)
-            elif isinstance(part, ActuatedJoint) and part.matrix is not None:
-                R, p = move(R, p, part.axis, part.slides, held[part.name])
-                R, p = spring6(R, p, part.matrix)
             else:
-                assert isinstance(part, ActuatedJoint | CoupledJoint)
-                if isinstance(part, CoupledJoint):
-                    held[part.name] = part.offset + sum(r * held[name] for name, r in part.ratios)
-                R, p = move(R, p, part.axis, part.slides, held[part.name])
-                if isinstance(part, CoupledJoint) and part.as_bent:
-                    for name, ratio in part.ratios:
+                if part.coupling is not None:
+                    held[part.name] = part.coupling.offset + sum(r * held[name] for name, r in part.coupling.ratios)
+                if not part.fixed:
+                    R, p = move(R, p, part.axis, part.slides, held[part.name])
+                if part.coupling is not None and part.coupling.as_bent:
+                    for name, ratio in part.coupling.ratios:
                         if name in own:
                             R, p = move(R, p, part.axis, part.slides, ratio * own[name])
+                if part.matrix is not None:
+                    R, p = spring6(R, p, part.matrix)
                 i = int(np.argmax(np.abs(part.axis)))
                 across = [np.eye(3)[(i + 1) % 3], np.eye(3)[(i + 2) % 3]]
                 for axis, compliance in zip(across, part.lateral, strict=True):
                     if compliance:
                         R, p, _ = one(R, p, axis, False, compliance)
                 if part.compliance:
-                    R, p, own[part.name] = one(R, p, part.axis, part.slides, part.compliance)
-            if not isinstance(part, RigidOffset | Beam | Actuator | Mount):
+                    rest = part.preload * part.compliance if part.rest is None else part.rest - held[part.name]
+                    R, p, own[part.name] = one(R, p, part.axis, part.slides, part.compliance, rest)
+            if isinstance(part, Joint) and not part.fixed:
                 begin[part.name] = (R, p)
             end[part.name] = (R, p)
             last = part.name

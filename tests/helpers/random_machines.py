@@ -10,9 +10,9 @@ import numpy as np
 from helpers.virtual_work import Statics, with_support
 from vjm.model.chain import Chain
 from vjm.model.closures import Closure, Coupling
-from vjm.model.joints import ActuatedJoint, CoupledJoint, PointSpring, SprungJoint
+from vjm.model.joints import Joint, JointCoupling, PointSpring
 from vjm.model.load_case import COMPONENTS, Load
-from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, Placement, RigidOffset, Section
+from vjm.model.parts import Beam, Placement, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
 
 GRAVITY = (1.2, -2.3, -9.4)
@@ -27,9 +27,9 @@ def random_machine(seed: int) -> tuple[Chain, dict[str, float]]:
             after[f"j{i}"] = str(rng.choice([part.name for part in parts]))
         joint = _joint(rng, f"j{i}", scalar)
         parts.append(joint)
-        if not isinstance(joint, CoupledJoint):
+        if joint.coupling is None:
             values[joint.name] = float(rng.uniform(-40, 40) if joint.slides else rng.uniform(-2, 2))
-        if not (isinstance(joint, ActuatedJoint) and joint.matrix is not None):
+        if joint.matrix is None:
             scalar.append(joint.name)
         parts.append(_link(rng, f"l{i}"))
     names = [part.name for part in parts]
@@ -55,16 +55,20 @@ def _joint(rng, name, scalar):
     lateral = tuple(10.0 ** rng.uniform(-9, -7.5, 2)) if rng.random() < 0.5 else (0.0, 0.0)
     kind = rng.random()
     if kind < 0.2:
-        return SprungJoint(name, axis, slides, stiffness=1.0 / size, preload=float(rng.normal()) * 0.01 / size)
+        return Joint(name, axis, slides, passive=True, compliance=size, preload=float(rng.normal()) * 0.01 / size)
     if kind < 0.35 and scalar:
         others = rng.choice(scalar, size=min(len(scalar), 2), replace=False)
         ratios = tuple((str(other), float(rng.uniform(-1, 1))) for other in others)
-        return CoupledJoint(
-            name, axis, ratios=ratios, as_bent=bool(rng.random() < 0.6), compliance=size, lateral=lateral
+        return Joint(
+            name,
+            axis,
+            compliance=size,
+            lateral=lateral,
+            coupling=JointCoupling(ratios, as_bent=bool(rng.random() < 0.6)),
         )
     if kind < 0.5:
-        return ActuatedJoint(name, axis, slides, matrix=_compliance(rng, 200.0))
-    return ActuatedJoint(name, axis, slides, size, lateral)
+        return Joint(name, axis, slides, matrix=_compliance(rng, 200.0))
+    return Joint(name, axis, slides, compliance=size, lateral=lateral)
 
 
 def _link(rng, name):
@@ -227,7 +231,7 @@ class _Maker:
         """The machine with its loops closed where it is drawn."""
         rng = self.rng
         base = frame(rotation_from_vector(rng.normal(size=3)), rng.uniform(-100, 100, 3))
-        passive = [part.name for part in self.parts if isinstance(part, PassiveJoint)]
+        passive = [part.name for part in self.parts if isinstance(part, Joint) and part.free]
         chain = Chain(
             name,
             tuple(self.parts),
@@ -290,26 +294,26 @@ class _Maker:
     def joint(self, behind: str) -> str:
         """A held joint with springs, and a link."""
         joint = _joint(self.rng, self.name("j"), self.scalar)
-        if isinstance(joint, SprungJoint) and self.rng.random() < 0.5:
+        if joint.passive and self.rng.random() < 0.5:
             joint = replace(joint, preload=0.0, rest=0.0)
-        if isinstance(joint, CoupledJoint):
+        if joint.coupling is not None:
             # a radian for a hundred millimetres: by a radian for each it would turn over as its slide gives way
             slides = {part.name for part in self.parts if getattr(part, "slides", False)}
-            ratios = tuple((name, ratio / (100.0 if name in slides else 1.0)) for name, ratio in joint.ratios)
-            joint = replace(joint, ratios=ratios)
+            ratios = tuple((name, r / (100.0 if name in slides else 1.0)) for name, r in joint.coupling.ratios)
+            joint = replace(joint, coupling=replace(joint.coupling, ratios=ratios))
         at = self.add(joint, behind)
-        if not isinstance(joint, CoupledJoint):
+        if joint.coupling is None:
             self.values[at] = float(self.rng.uniform(-40, 40) if joint.slides else self.rng.uniform(-2, 2))
-        if isinstance(joint, SprungJoint) and joint.rest is not None:
+        if joint.rest is not None:
             self.parts[-1] = replace(joint, rest=self.values[at] + float(self.rng.uniform(-0.02, 0.02)))
-        if not (isinstance(joint, ActuatedJoint) and joint.matrix is not None):
+        if joint.matrix is None:
             self.scalar.append(at)
         return self.link(at)
 
     def passive(self, behind: str, axis: str = "", slides: bool = False) -> str:
         """A passive joint about or along an axis."""
         axis = axis or str(self.rng.choice(["x", "y", "z"]))
-        at = self.add(PassiveJoint(self.name("p"), AXES[axis], slides), behind)
+        at = self.add(Joint(self.name("p"), AXES[axis], slides, passive=True), behind)
         self.values[at] = float(self.rng.uniform(-20, 20) if slides else self.rng.uniform(-0.8, 0.8))
         return at
 
@@ -319,9 +323,14 @@ class _Maker:
         kind = rng.random()
         axis = rotation_from_vector(rng.normal(size=3))[0]
         if kind < 0.3:
-            behind = self.add(Actuator(self.name("a"), axis, 10.0 ** rng.uniform(-4, -3)), behind)
+            behind = self.add(
+                Joint(self.name("a"), axis, slides=True, fixed=True, compliance=10.0 ** rng.uniform(-4, -3)), behind
+            )
         elif kind < 0.6:
-            behind = self.add(Mount(self.name("m"), axis, 10.0 ** rng.uniform(-8, -7), slides=False), behind)
+            behind = self.add(
+                Joint(self.name("m"), axis, passive=True, fixed=True, compliance=10.0 ** rng.uniform(-8, -7)),
+                behind,
+            )
         else:
             behind = self.joint(behind)
         if rng.random() < 0.7:
@@ -355,7 +364,7 @@ class _Maker:
         """A crank with a drive, a coupler that carries on, and a rocker; hinges about one axis."""
         rng = self.rng
         root = self.add(self.offset(80.0), behind)
-        drive = ActuatedJoint(self.name("j"), AXES["z"], compliance=10.0 ** rng.uniform(-8, -7))
+        drive = Joint(self.name("j"), AXES["z"], compliance=10.0 ** rng.uniform(-8, -7))
         self.values[drive.name] = float(rng.uniform(-0.5, 0.5))
         crank = self.add(self.flat_beam(100.0), self.add(drive, root))
         coupler = self.add(self.flat_beam(150.0), self.passive(crank, "z"))
@@ -372,13 +381,20 @@ class _Maker:
     def strut(self, behind: str) -> str:
         """A joint and a link, held by a cylinder between two ball-like joints from the link to what was before."""
         rng = self.rng
-        joint = SprungJoint(self.name("j"), AXES["z"], stiffness=10.0 ** rng.uniform(6, 7))
+        joint = Joint(self.name("j"), AXES["z"], passive=True, compliance=1.0 / (10.0 ** rng.uniform(6, 7)))
         self.values[joint.name] = float(rng.uniform(-1, 1))
         at = self.add(self.offset(), self.add(joint, behind))
         foot = self.add(self.offset(), behind)
         turns = self.passive(self.passive(foot, "y"), "z")
         pushed = self.add(RigidOffset(self.name("o"), frame(np.eye(3), [float(rng.uniform(60, 150)), 0, 0])), turns)
-        slide = SprungJoint(self.name("c"), AXES["x"], True, 10.0 ** rng.uniform(2, 3), rest=0.0)
+        slide = Joint(
+            self.name("c"),
+            AXES["x"],
+            slides=True,
+            passive=True,
+            compliance=1.0 / (10.0 ** rng.uniform(2, 3)),
+            rest=0.0,
+        )
         self.values[slide.name] = float(rng.uniform(10, 40))
         slide = replace(slide, rest=self.values[slide.name] + float(rng.uniform(-1, 1)))
         self.loops.append((at, self.add(slide, pushed), True))

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint
-from vjm.model.parts import PassiveJoint
+from vjm.model.joints import Joint, JointKind
 from vjm.tree.equilibria import unloaded_frames
 from vjm.tree.model import TreeModel
 
@@ -24,13 +23,9 @@ class Machine:
 
     chain: Chain
 
-    def joints(self) -> dict[str, HeldJoint | PassiveJoint]:
+    def joints(self) -> dict[str, Joint]:
         pushing = self.chain.pushing
-        return {
-            part.name: part
-            for part in self.chain.parts
-            if isinstance(part, HeldJoint | PassiveJoint) and part.name not in pushing
-        }
+        return {joint.name: joint for joint in self.chain.moving if joint.name not in pushing}
 
     def ends(self) -> dict[str, str]:
         """End frames by name: the part behind which each lies."""
@@ -50,7 +45,7 @@ class Machine:
         # what is rigid deflects nowhere, and a machine that does not is none
         parts = [
             replace(part, compliance=part.compliance or 1e-8)
-            if isinstance(part, ActuatedJoint) and part.matrix is None
+            if isinstance(part, Joint) and part.kind is JointKind.ACTUATED and part.matrix is None
             else part
             for part in self.chain.parts
         ]
@@ -77,10 +72,10 @@ def same(first: Chain, second: Chain, digits: float = 0.0) -> None:
         assert a.axis == pytest.approx(b.axis, abs=1e-15)
         limits = getattr(a, "limits", None)
         assert getattr(b, "limits", None) == (limits and pytest.approx(limits, rel=digits, abs=0.0))
-        assert isinstance(a, CoupledJoint) == isinstance(b, CoupledJoint)
-        if isinstance(a, CoupledJoint) and isinstance(b, CoupledJoint):
-            assert dict(b.ratios) == pytest.approx(dict(a.ratios), rel=digits, abs=0.0)
-            assert b.offset == pytest.approx(a.offset, rel=digits, abs=0.0)
+        assert (a.coupling is None) == (b.coupling is None)
+        if a.coupling is not None and b.coupling is not None:
+            assert dict(b.coupling.ratios) == pytest.approx(dict(a.coupling.ratios), rel=digits, abs=0.0)
+            assert b.coupling.offset == pytest.approx(a.coupling.offset, rel=digits, abs=0.0)
     # the joint that stands at the base for its followers is an end of the file
     ends = set(one.ends())
     assert ends <= set(other.ends())
@@ -89,7 +84,7 @@ def same(first: Chain, second: Chain, digits: float = 0.0) -> None:
         q = {
             name: rng.uniform(-1.0, 1.0) * (100.0 if part.slides else 1.0)
             for name, part in mine.items()
-            if not isinstance(part, CoupledJoint)
+            if part.coupling is None
         }
         (R, p, reach), (R2, p2, _) = (machine.frames(q, ends) for machine in (one, other))
         assert R2 == pytest.approx(R, abs=ROTATIONS)

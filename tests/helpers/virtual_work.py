@@ -17,9 +17,9 @@ import numpy as np
 from scipy.linalg import null_space
 
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
+from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load
-from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, Placement, RigidOffset, Section
+from vjm.model.parts import Beam, Placement, RigidOffset, Section
 
 TINY = 1e-30
 """Complex step: its square is lost in rounding."""
@@ -360,25 +360,21 @@ class Statics:
             self._move(part.transform)
         elif isinstance(part, Beam):
             self._add_beam(part)
-        elif isinstance(part, PassiveJoint):
+        elif part.free:
             start = float(self.values[name])
             c = self._coordinates(1, [not part.slides], start)
             self._joint(part.axis, part.slides, [(c, 1.0)])
             self.own[name] = c, start
             self.begin[name] = self._at
-        elif isinstance(part, Actuator | Mount):
-            if part.compliance:
-                slides = isinstance(part, Actuator) or part.slides
-                self._own_coordinate(part.axis, slides, 1.0 / part.compliance)
-        elif isinstance(part, HeldJoint):
-            self._add_held(part)
+        elif part.fixed:
+            self._add_springs(part)
         else:
-            raise TypeError(f"no statics of a {type(part).__name__}")
+            self._add_held(part)
 
-    def _add_held(self, part: HeldJoint) -> None:
+    def _add_held(self, part: Joint) -> None:
         name = part.name
-        if isinstance(part, CoupledJoint):
-            self.values[name] = part.offset + sum(ratio * self.values[other] for other, ratio in part.ratios)
+        if (coupling := part.coupling) is not None:
+            self.values[name] = coupling.offset + sum(r * self.values[other] for other, r in coupling.ratios)
         value = self.values[name]
         self._stretch(name, 0.0, 0.0, np.zeros(3))
         if name not in {beam.free_length for beam in self.chain.beams}:
@@ -386,26 +382,26 @@ class Statics:
                 placed(p=part.axis * value) if part.slides else placed(turned(part.axis, value))
             )
             self.stands[name] = self._joint(part.axis, part.slides, constant=value)
-        if isinstance(part, SprungJoint):
-            natural = part.preload / part.stiffness if part.rest is None else part.rest - value
-            self.own[name] = self._own_coordinate(part.axis, part.slides, part.stiffness, natural), 0.0
-        elif isinstance(part, ActuatedJoint) and part.matrix is not None:
-            self._spring6(part.matrix)
-        else:
-            assert isinstance(part, ActuatedJoint | CoupledJoint)
-            if isinstance(part, CoupledJoint) and part.as_bent:
-                for other, ratio in part.ratios:
-                    if other in self.own:
-                        c, start = self.own[other]
-                        self._joint(part.axis, part.slides, [(c, ratio)], -ratio * start)
-            for axis, compliance in zip(cross_axes(part.axis), part.lateral, strict=True):
-                if compliance:
-                    self._own_coordinate(axis, False, 1.0 / compliance)
-            if part.compliance:
-                self.own[name] = self._own_coordinate(part.axis, part.slides, 1.0 / part.compliance), 0.0
+        if coupling is not None and coupling.as_bent:
+            for other, ratio in coupling.ratios:
+                if other in self.own:
+                    c, start = self.own[other]
+                    self._joint(part.axis, part.slides, [(c, ratio)], -ratio * start)
+        self._add_springs(part)
         self._stretch(name, 1.0, 1.0, np.zeros(3))
         self.begin[name] = self._at
         self._drawn = np.eye(4)
+
+    def _add_springs(self, part: Joint) -> None:
+        if part.matrix is not None:
+            self._spring6(part.matrix)
+        for axis, compliance in zip(cross_axes(part.axis), part.lateral, strict=True):
+            if compliance:
+                self._own_coordinate(axis, False, 1.0 / compliance)
+        if part.compliance:
+            natural = part.preload * part.compliance if part.rest is None else part.rest - self.values[part.name]
+            own = self._own_coordinate(part.axis, part.slides, 1.0 / part.compliance, natural)
+            self.own[part.name] = own, 0.0
 
     def _add_beam(self, beam: Beam) -> None:
         if beam.free_length:
@@ -842,12 +838,12 @@ class Statics:
         share: dict[str, dict[str, float]] = {}
         torques: dict[str, float] = {}
         for part in self.chain.parts:
-            if not isinstance(part, HeldJoint):
+            if not isinstance(part, Joint) or not part.held:
                 continue
             share[part.name] = {part.name: 1.0}
-            if isinstance(part, CoupledJoint):
+            if part.coupling is not None:
                 share[part.name] = {}
-                for other, ratio in part.ratios if part.as_bent else ():
+                for other, ratio in part.coupling.ratios if part.coupling.as_bent else ():
                     for name, s in share.get(other, {}).items():
                         share[part.name][name] = share[part.name].get(name, 0.0) + ratio * s
             if part.name in self.stands:
@@ -877,6 +873,9 @@ def with_support(chain: Chain, values: Mapping[str, float], free: Sequence[str],
         hinges.remove("r" + middle[-1])
         hinges.insert(1, "r" + middle[-1])
     order = [*hinges, *(name for name in "xyz" if name in free)]
-    joints = [PassiveJoint(f"support-{name}", np.eye(3)["xyz".index(name[-1])], len(name) == 1) for name in order]
+    joints = [
+        Joint(f"support-{name}", np.eye(3)["xyz".index(name[-1])], slides=len(name) == 1, passive=True)
+        for name in order
+    ]
     axes = RigidOffset("support-axes", placed(tool[:3, :3].T))
     return replace(chain, parts=(*chain.parts, axes, *joints)), {**values, **{j.name: 0.0 for j in joints}}

@@ -11,7 +11,8 @@ from hidden_effects.chain_kernel import TERMS
 from hidden_effects.history_kernel import march
 from hidden_effects.rod_kernel import COLUMNS, DRIVE, FOOT, LINEAR, LINK, ROD
 from vjm.model.chain import Chain
-from vjm.model.parts import Actuator, Beam, PassiveJoint
+from vjm.model.joints import Joint, JointKind
+from vjm.model.parts import Beam
 from vjm.rotations import Array, rotate_matrix6, rotation_from_vector
 
 LINK_STEPS, FOOT_STEPS = 16, 6
@@ -114,12 +115,14 @@ class Machine:
         return next(part for part in self.chain.beams if part.name == "link")
 
     @property
-    def _drive(self) -> Actuator:
-        return next(part for part in self.chain.parts if isinstance(part, Actuator))
+    def _drive(self) -> Joint:
+        return next(
+            part for part in self.chain.parts if isinstance(part, Joint) and part.kind is JointKind.ACTUATOR
+        )
 
     @property
     def _axes(self) -> Array:
-        return np.array([part.axis for part in self.chain.parts if isinstance(part, PassiveJoint)])
+        return np.array([joint.axis for joint in self.chain.joints])
 
     def _laws(self) -> Array:
         laws = self.laws.copy()

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 from vjm.continuation.path import Path
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
-from vjm.model.parts import Actuator, Beam, PassiveJoint, Placement, RigidOffset, Section
+from vjm.model.parts import Beam, Placement, RigidOffset, Section
 from vjm.rotations import AXES, displaced, frame, rotation_from_vector, translation
 from vjm.statics.equilibrium import Configuration, solve_newton
 from vjm.vjm_engine import VjmEngine
@@ -63,11 +64,13 @@ def paper_chain() -> Chain:
         section=Section(EA=L / 46e-6, GJ=L / 29e-6, EIy=L / 15e-7, EIz=L / 72e-7),
         count=2,
     )  # fmt: skip
-    joints = [PassiveJoint(name, AXES[axis]) for name, axis in zip(("q1", "q2", "q3", "q4"), "yzzy", strict=True)]
+    joints = [
+        Joint(name, AXES[axis], passive=True) for name, axis in zip(("q1", "q2", "q3", "q4"), "yzzy", strict=True)
+    ]
     a = np.pi / 6.0
     return Chain(
         "orthoglide-chain",
-        (Actuator("actuator", AXES["x"]), foot, *joints[:2], link, *joints[2:]),
+        (Joint("actuator", AXES["x"], slides=True, fixed=True), foot, *joints[:2], link, *joints[2:]),
         base=translation(-foot.tip),
         postures={
             "A": np.zeros(4),
@@ -95,7 +98,11 @@ def column() -> Chain:
     section = Section(EA=1e6, GJ=EI, EIy=20.0 * EI, EIz=EI)
     return Chain(
         "column",
-        (PassiveJoint("q1", AXES["z"]), Beam("link", 100.0, section=section), PassiveJoint("q2", AXES["z"])),
+        (
+            Joint("q1", AXES["z"], passive=True),
+            Beam("link", 100.0, section=section),
+            Joint("q2", AXES["z"], passive=True),
+        ),
         postures={"straight": np.zeros(2)},
     )
 
@@ -176,9 +183,11 @@ def random_part(kind: str, name: str, rng: np.random.Generator):
         case "offset":
             return RigidOffset(name, frame(random_rotation(rng), rng.uniform(-100.0, 100.0, 3)))
         case "joint":
-            return PassiveJoint(name, unit_vector(rng))
+            return Joint(name, unit_vector(rng), passive=True)
         case "actuator":
-            return Actuator(name, unit_vector(rng), 10.0 ** rng.uniform(-6.0, -3.0))
+            return Joint(
+                name, unit_vector(rng), slides=True, fixed=True, compliance=10.0 ** rng.uniform(-6.0, -3.0)
+            )
     beam = Beam(
         name, rng.uniform(50.0, 400.0), random_rotation(rng), random_rotation(rng),
         rng.uniform(-20.0, 20.0, 3), random_section(rng, shear=bool(rng.integers(2))),

@@ -10,8 +10,8 @@ from vjm.machine.closing import Closing, PoseError
 from vjm.machine.legs import machine_of
 from vjm.model.chain import Chain
 from vjm.model.closures import Closure
-from vjm.model.joints import ActuatedJoint
-from vjm.model.parts import PassiveJoint, RigidOffset
+from vjm.model.joints import Joint
+from vjm.model.parts import RigidOffset
 from vjm.platform.manipulator import Manipulator
 from vjm.rotations import displaced, translation
 
@@ -55,14 +55,14 @@ def test_drives_bring_the_end_effector_back(robot: tuple[Manipulator, Closing]) 
 def four_bar(crank: float, coupler: float, rocker: float, ground: float) -> Chain:
     """A planar four-bar linkage in the plane z = 0, driven at its crank; the end-effector is the coupler's end."""
     parts = (
-        ActuatedJoint("crank", Z),
+        Joint("crank", Z),
         RigidOffset("crank-arm", translation([crank, 0.0, 0.0])),
-        PassiveJoint("knee", Z),
+        Joint("knee", Z, passive=True),
         RigidOffset("coupler", translation([coupler, 0.0, 0.0])),
         RigidOffset("rocker-foot", translation([ground, 0.0, 0.0])),
-        PassiveJoint("rocker", Z),
+        Joint("rocker", Z, passive=True),
         RigidOffset("rocker-arm", translation([rocker, 0.0, 0.0])),
-        PassiveJoint("pin", Z),
+        Joint("pin", Z, passive=True),
         RigidOffset("tool"),
     )
     closure = Closure("loop", ("coupler", "pin"), np.array([np.eye(4), np.eye(4)]))

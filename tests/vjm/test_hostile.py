@@ -8,8 +8,9 @@ import pytest
 from vjm.continuation.path import EventKind
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.load_case import Load, LoadCase
-from vjm.model.parts import Beam, PassiveJoint, Section
+from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES
 from vjm.vjm_engine import VjmEngine
 
@@ -20,10 +21,10 @@ SOFT = Section(1e6, 1e6, 2e6, 1e6)
 def pinned(section, *, both=False):
     """A column of 100 mm on hinges about z, or on universal joints."""
     if both:
-        joints = [PassiveJoint(name, AXES[axis]) for name, axis in zip("abcd", "yzzy", strict=True)]
+        joints = [Joint(name, AXES[axis], passive=True) for name, axis in zip("abcd", "yzzy", strict=True)]
         parts = (*joints[:2], Beam("link", 100.0, section=section), *joints[2:])
         return Chain("column", parts, postures={"p": np.zeros(4)})
-    parts = (PassiveJoint("a", Z), Beam("link", 100.0, section=section), PassiveJoint("b", Z))
+    parts = (Joint("a", Z, passive=True), Beam("link", 100.0, section=section), Joint("b", Z, passive=True))
     return Chain("column", parts, postures={"p": np.zeros(2)})
 
 
@@ -80,7 +81,7 @@ def test_a_singular_posture_is_refused(chain, posture):
 
 
 def test_two_joints_in_one_place_are_a_singular_posture():
-    parts = (PassiveJoint("a", Z), PassiveJoint("b", Z), Beam("link", 100.0, section=SOFT))
+    parts = (Joint("a", Z, passive=True), Joint("b", Z, passive=True), Beam("link", 100.0, section=SOFT))
     with pytest.raises(ValueError, match="singular"):
         VjmEngine(4).trace(Chain("double", parts, postures={"p": np.zeros(2)}), LoadCase("p", -1.0))
 

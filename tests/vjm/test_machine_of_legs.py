@@ -11,7 +11,7 @@ import pytest
 from vjm.io.manipulator_file import load_manipulator, manipulators
 from vjm.machine.legs import machine_of
 from vjm.model.chain import Chain
-from vjm.model.parts import Actuator, Beam, Mount, Part, RigidOffset
+from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.platform.manipulator import Manipulator
 from vjm.rotations import Array, displaced, displacement_between, translation, turn
 
@@ -37,7 +37,7 @@ def through(part: Part, values: Mapping[str, float]) -> Array:
         return part.transform
     if isinstance(part, Beam):
         return translation(part.tip)
-    if isinstance(part, Actuator | Mount):
+    if part.fixed:
         return np.eye(4)
     value = values[part.name]
     return translation(value * part.axis) if part.slides else turn(part.axis, value)

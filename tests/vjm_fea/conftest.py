@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from vjm.model.chain import Chain
-from vjm.model.parts import Beam, PassiveJoint, Section
+from vjm.model.joints import Joint
+from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES, rotation_from_vector
 
 
@@ -60,11 +61,11 @@ def orthoglide():
         "orthoglide",
         (
             foot,
-            PassiveJoint("q1", AXES["y"]),
-            PassiveJoint("q2", AXES["z"]),
+            Joint("q1", AXES["y"], passive=True),
+            Joint("q2", AXES["z"], passive=True),
             bar,
-            PassiveJoint("q3", AXES["z"]),
-            PassiveJoint("q4", AXES["y"]),
+            Joint("q3", AXES["z"], passive=True),
+            Joint("q4", AXES["y"], passive=True),
         ),
         postures={
             "A": np.zeros(4),

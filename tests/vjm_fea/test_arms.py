@@ -7,7 +7,7 @@ import pytest
 
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.model.joints import Joint, JointCoupling
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, frame, rotation_from_vector
@@ -88,11 +88,11 @@ def all_kinds(as_bent: bool) -> Chain:
 
     matrix = np.diag([1e-5, 0.0, 2e-5, 3e-9, 0.0, 5e-9])
     parts = (
-        ActuatedJoint("pan", AXES["z"], compliance=1e-8, lateral=(2e-9, 3e-9)), link("a", 200.0, 0),
-        ActuatedJoint("boom", AXES["x"], True, 1e-4), link("b", 150.0, 1),
-        SprungJoint("spring", AXES["y"], stiffness=4e7, preload=2e5), link("c", 180.0, 2),
-        CoupledJoint("follower", AXES["y"], ratios=(("pan", -0.5),), as_bent=as_bent, compliance=2e-8),
-        link("d", 120.0, 3), ActuatedJoint("wrist", AXES["x"], matrix=matrix), link("e", 60.0, 4),
+        Joint("pan", AXES["z"], compliance=1e-8, lateral=(2e-9, 3e-9)), link("a", 200.0, 0),
+        Joint("boom", AXES["x"], slides=True, compliance=1e-4), link("b", 150.0, 1),
+        Joint("spring", AXES["y"], passive=True, compliance=2.5e-08, preload=2e5), link("c", 180.0, 2),
+        Joint("follower", AXES["y"], compliance=2e-8, coupling=JointCoupling((("pan", -0.5),), as_bent=as_bent)),
+        link("d", 120.0, 3), Joint("wrist", AXES["x"], matrix=matrix), link("e", 60.0, 4),
     )  # fmt: skip
     held = {"home": {"pan": 0.4, "boom": 35.0, "spring": 0.3, "wrist": -0.5}}
     return Chain("all", parts, postures={"home": np.zeros(0)}, held=held)

@@ -10,8 +10,9 @@ from scipy.optimize import brentq
 
 from vjm.continuation.path import EventKind
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
-from vjm.model.parts import Beam, PassiveJoint, Section
+from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES, displaced, frame, rotation_from_vector
 from vjm_fea.exudyn.backend import exu, items
 from vjm_fea.exudyn.engine import ExudynEngine
@@ -29,11 +30,11 @@ def cantilever(**of_beam):
 def column():
     y, z = AXES["y"], AXES["z"]
     parts = (
-        PassiveJoint("q1", y),
-        PassiveJoint("q2", z),
+        Joint("q1", y, passive=True),
+        Joint("q2", z, passive=True),
         Beam("bar", LENGTH, section=BAR),
-        PassiveJoint("q3", z),
-        PassiveJoint("q4", y),
+        Joint("q3", z, passive=True),
+        Joint("q4", y, passive=True),
     )
     return Chain("column", parts, postures={"-": np.zeros(4)})
 

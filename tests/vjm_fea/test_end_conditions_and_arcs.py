@@ -10,8 +10,9 @@ import pytest
 from vjm.continuation.arc_length import ArcControl, trace
 from vjm.continuation.path import EventKind
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.load_case import ARC, COMPONENTS, Load, LoadCase, PointControl
-from vjm.model.parts import Beam, PassiveJoint, RigidOffset, Section
+from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, turn
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
@@ -154,7 +155,7 @@ def test_a_chain_s_own_slide_is_one_of_the_hand_s(engine):
     """A bar on a slide that leans over, pushed: the slide at its root against the lumped model's."""
     section = Section(1e7, 1e6, 2e6, 1e6)
     lean = np.array([0.0, np.cos(0.3), np.sin(0.3)])
-    parts = (PassiveJoint("slide", lean, slides=True), Beam("bar", 100.0, section=section))
+    parts = (Joint("slide", lean, slides=True, passive=True), Beam("bar", 100.0, section=section))
     chain = Chain("slider", parts, postures={"-": np.array([7.0])})
     load = Load((0.0, 2.0, -1.0, 50.0, 0.0, 0.0), "bar", 0.5, ramped=False)
     load_case = LoadCase("-", 3.0, "z", free=("rx", "rz"), loads=(load,), steps=2)
@@ -203,7 +204,7 @@ def arch(sides: int) -> Chain:
     for i in range(sides):
         parts.append(RigidOffset(f"corner-{i}", turn(AXES["z"], -angle if i else -0.5 * angle)))
         parts.append(Beam(f"side-{i + 1}", 200.0 * np.sin(0.5 * angle), section=section))
-    parts.append(PassiveJoint("hinge", AXES["z"]))
+    parts.append(Joint("hinge", AXES["z"], passive=True))
     return Chain("arch", tuple(parts), base=turn(AXES["z"], np.deg2rad(60.0)), postures={"-": np.zeros(1)})
 
 
@@ -275,9 +276,9 @@ def test_a_path_that_begins_with_the_load_squared_goes_to_the_side_of_its_load()
     # Lee's frame, its loaded point watched sideways: both signs of the load move it there
     section, quarter = Section(EA=4.32e7, GJ=1.44e10, EIy=1.44e10, EIz=1.44e7), turn(AXES["z"], 0.5 * np.pi)
     parts = (
-        PassiveJoint("base", AXES["z"]), Beam("column", 120.0, section=section),
+        Joint("base", AXES["z"], passive=True), Beam("column", 120.0, section=section),
         RigidOffset("corner", np.linalg.inv(quarter)), Beam("near", 24.0, section=section),
-        Beam("far", 96.0, section=section), PassiveJoint("end", AXES["z"]),
+        Beam("far", 96.0, section=section), Joint("end", AXES["z"], passive=True),
     )  # fmt: skip
     frame_of_lee = Chain("lee", parts, base=quarter, postures={"-": np.zeros(2)})
     load = Load((0.0, -1.0, 0.0, 0.0, 0.0, 0.0), part="near", at=1.0)

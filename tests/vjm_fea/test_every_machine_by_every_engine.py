@@ -22,7 +22,7 @@ from vjm.engines import EngineOptions, engine_by_name, trace_machine
 from vjm.limits import LIMITS
 from vjm.machine.legs import machine_of
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint
+from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.platform.manipulator import Machine, Manipulator
@@ -54,7 +54,7 @@ def strip() -> Chain:
     beams = [
         Beam(f"bar-{k}", 200.0, own_frame=rotation_from_vector(turn), section=bar) for k, turn in enumerate(turns)
     ]
-    joints = [ActuatedJoint("j0", AXES["z"], compliance=2e-8), ActuatedJoint("j1", AXES["y"], compliance=5e-8)]
+    joints = [Joint("j0", AXES["z"], compliance=2e-8), Joint("j1", AXES["y"], compliance=5e-8)]
     parts = (joints[0], beams[0], joints[1], *beams[1:])
     return Chain("strip", parts, postures={"p": np.zeros(0)}, held={"p": {"j0": 0.3, "j1": -0.5}})
 
@@ -64,9 +64,9 @@ def fork() -> Chain:
     bar = Section(EA=2e7, GJ=4e8, EIy=3e8, EIz=2e9, mass=1e-3)
     parts = (
         Beam("stem", 250.0, own_frame=rotation_from_vector((0.0, -1.1, 0.0)), section=bar),
-        ActuatedJoint("right", AXES["x"], compliance=3e-8),
+        Joint("right", AXES["x"], compliance=3e-8),
         RigidOffset("counter", translation([0.0, 150.0, 60.0]), 2.0),
-        ActuatedJoint("left", AXES["y"], compliance=4e-8),
+        Joint("left", AXES["y"], compliance=4e-8),
         Beam("hand", 220.0, own_frame=rotation_from_vector((0.1, 0.5, 0.4)), section=bar),
     )
     return Chain(

@@ -12,8 +12,9 @@ from scipy.special import jv
 from vjm.continuation.path import EventKind
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load, LoadCase, PointControl
-from vjm.model.parts import Beam, PassiveJoint, RigidOffset, Section
+from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, translation
 from vjm.vjm_engine import VjmEngine
 from vjm_fea.exudyn.engine import ExudynEngine
@@ -91,7 +92,7 @@ def test_the_tangent_is_the_load_s_derivative_by_its_own_displacement(engine):
 @pytest.mark.parametrize("force", [False, True], ids=["displacement", "force"])
 def test_columns_buckle_as_their_ends_are_held(engine, joints, free, factor, force):
     """Euler's loads, whether the end is pushed by a displacement or by a dead load; clamped, tan kL = kL."""
-    hinge = {name: PassiveJoint(name, AXES["z"]) for name in joints}
+    hinge = {name: Joint(name, AXES["z"], passive=True) for name in joints}
     parts = (
         *(hinge[j] for j in joints if j == "base"),
         *cantilever().parts,

@@ -7,7 +7,7 @@ import pytest
 
 from vjm.engines import engine_by_name
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint
+from vjm.model.joints import Joint, JointCoupling
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
@@ -31,9 +31,9 @@ def arm(*, beam, rigid=()):
     wrist = compliance(2)
     wrist[list(rigid)] = wrist[:, list(rigid)] = 0.0
     parts = (
-        ActuatedJoint("base", AXES["z"], matrix=compliance(1)),
+        Joint("base", AXES["z"], matrix=compliance(1)),
         RigidOffset("link", bend, mass=3.0),
-        ActuatedJoint("wrist", AXES["y"], matrix=wrist),
+        Joint("wrist", AXES["y"], matrix=wrist),
         last,
     )
     return Chain("arm", parts, postures={"-": np.zeros(0)}, held={"-": {"base": 0.4, "wrist": -0.7}})
@@ -106,14 +106,16 @@ def test_forces_are_differences_of_the_energy_and_the_tangent_of_the_forces():
 def test_couplings_as_bent_pass_on_what_bends(slides):
     size = 2e-4 if slides else 5e-8
     parts = (
-        ActuatedJoint("first", AXES["z"], compliance=4e-8, lateral=(1e-8, 2e-8)),
+        Joint("first", AXES["z"], compliance=4e-8, lateral=(1e-8, 2e-8)),
         RigidOffset("upper", frame(rotation_from_vector(np.array([0.1, 0.4, 0.0])), [300.0, 20.0, 50.0]), mass=2.0),
-        ActuatedJoint("second", AXES["y"], slides, compliance=size),
+        Joint("second", AXES["y"], slides, compliance=size),
         RigidOffset("middle", frame(p=[200.0, 0.0, 10.0]), mass=1.0),
-        CoupledJoint("third", AXES["x"], slides, ratios=(("first", 100.0 if slides else -0.7), ("second", 0.4)),
-                     compliance=size, lateral=(3e-8, 0.0)),
+        Joint(
+            "third", AXES["x"], slides, compliance=size, lateral=(3e-8, 0.0),
+            coupling=JointCoupling((("first", 100.0 if slides else -0.7), ("second", 0.4))),
+        ),
         RigidOffset("lower", frame(p=[250.0, 30.0, 0.0]), mass=1.5),
-        CoupledJoint("fourth", AXES["y"], ratios=(("first", -1.0),)),
+        Joint("fourth", AXES["y"], coupling=JointCoupling((("first", -1.0),))),
         Beam("last", 200.0, section=Section(EA=2e9, GJ=1e10, EIy=2e10, EIz=1e10)),
     )  # fmt: skip
     values = {"first": 0.3, "second": 0.2}
@@ -124,7 +126,7 @@ def test_couplings_as_bent_pass_on_what_bends(slides):
     assert other.displacement == pytest.approx(one.displacement, rel=1e-5, abs=1e-7)
     assert other.tangent == pytest.approx(one.tangent, rel=1e-5)
     assert other.unstable == one.unstable == 0
-    without = replace(parts[4], as_bent=False)
+    without = replace(parts[4], coupling=replace(parts[4].coupling, as_bent=False))
     chain = replace(chain, parts=(*parts[:4], without, *parts[5:]))
     commanded = engine_by_name("vjm-8").trace(chain, case(4.0)).points[-1]
     assert np.abs(commanded.displacement - one.displacement).max() > 1e-3

@@ -10,8 +10,9 @@ import pytest
 
 from vjm.continuation.path import EventKind
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
-from vjm.model.parts import Beam, Mount, PassiveJoint, Section
+from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_fea.opensees import OpenSeesEngine, available
@@ -27,11 +28,11 @@ EULER = np.pi**2 * EIZ / LENGTH**2
 def column():
     y, z = AXES["y"], AXES["z"]
     parts = (
-        PassiveJoint("q1", y),
-        PassiveJoint("q2", z),
+        Joint("q1", y, passive=True),
+        Joint("q2", z, passive=True),
         Beam("bar", LENGTH, section=Section(EA, 1.07e7, 2.07e8, EIZ)),
-        PassiveJoint("q3", z),
-        PassiveJoint("q4", y),
+        Joint("q3", z, passive=True),
+        Joint("q4", y, passive=True),
     )
     return Chain("column", parts, postures={"-": np.zeros(4)})
 
@@ -75,7 +76,9 @@ def test_a_straight_column_is_pulled_like_a_rod(column):
     assert path.force[-1] == pytest.approx(EA / LENGTH, rel=1e-9)
 
 
-@pytest.mark.parametrize("mounts", [(), (Mount("frame", np.eye(3)[1], 1e-9, slides=False),)], ids=["", "mount"])
+@pytest.mark.parametrize(
+    "mounts", [(), (Joint("frame", np.eye(3)[1], passive=True, fixed=True, compliance=1e-9),)], ids=["", "mount"]
+)
 @pytest.mark.parametrize("posture", "ABCD")
 def test_unloaded_stiffness_is_the_lumped_model_s(orthoglide, linear_stiffness, posture, mounts):
     orthoglide = replace(orthoglide, parts=(*mounts, *orthoglide.parts))

@@ -11,9 +11,10 @@ from scipy.linalg import null_space
 from vjm.continuation.path import StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.lumped import LumpedModel
-from vjm.model.parts import Actuator, Beam, PassiveJoint, Section
+from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES, rotation_from_vector
 from vjm_fea.opensees import OpenSeesEngine, available
 from vjm_fea.opensees.backend import opensees
@@ -35,12 +36,16 @@ def odd_chain():
     """Every kind of part at every kind of place, nothing along an axis."""
     odd = OddParts(11, BAR)
     parts = (
-        odd.offset("o1"), Actuator("drive", odd.unit(), 2e-5), odd.beam("b1"), odd.offset("o2"),
-        PassiveJoint("p1", odd.unit()),
-        odd.offset("o3"), odd.beam("b2"), PassiveJoint("p2", odd.unit()), PassiveJoint("p3", odd.unit()),
-        Actuator("slide", odd.unit(), 1e-5), odd.offset("o4"), odd.beam("b3"), odd.beam("b4"),
-        Actuator("held", odd.unit()),
-        PassiveJoint("p4", odd.unit()), odd.offset("o5"), Actuator("last", odd.unit(), 3e-5), odd.offset("o6"),
+        odd.offset("o1"), Joint("drive", odd.unit(), slides=True, fixed=True, compliance=2e-5), odd.beam("b1"),
+        odd.offset("o2"),
+        Joint("p1", odd.unit(), passive=True),
+        odd.offset("o3"), odd.beam("b2"), Joint("p2", odd.unit(), passive=True),
+        Joint("p3", odd.unit(), passive=True),
+        Joint("slide", odd.unit(), slides=True, fixed=True, compliance=1e-5), odd.offset("o4"), odd.beam("b3"),
+        odd.beam("b4"),
+        Joint("held", odd.unit(), slides=True, fixed=True),
+        Joint("p4", odd.unit(), passive=True), odd.offset("o5"),
+        Joint("last", odd.unit(), slides=True, fixed=True, compliance=3e-5), odd.offset("o6"),
     )  # fmt: skip
     return odd.chain(parts)
 
@@ -211,7 +216,7 @@ def test_what_cannot_be_meshed_is_refused(orthoglide):
     with pytest.raises(ValueError, match="part 'foot': opensees does not take beams without a section"):
         engine.problem(bare, ramp)
     with pytest.raises(ValueError, match="does not take machines without a beam"):
-        engine.problem(Chain("stiff", (PassiveJoint("q", AXES["x"]),), postures={"-": np.zeros(1)}), ramp)
+        engine.problem(Chain("stiff", (Joint("q", AXES["x"], passive=True),), postures={"-": np.zeros(1)}), ramp)
     with pytest.raises(ValueError, match="at least one element"):
         OpenSeesEngine(elements=0).problem(orthoglide, LoadCase("A", 1.0))
     with pytest.raises(ValueError, match="opensees does not take imperfections"):

@@ -8,9 +8,10 @@ import pytest
 from vjm.continuation.path import StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
-from vjm.model.parts import Actuator, Beam, PassiveJoint, Section
+from vjm.model.parts import Beam, Section
 from vjm.rotations import rotation_from_vector
 from vjm_fea.common.quaternions import quaternion, rotation_matrices
 from vjm_fea.exudyn.engine import ExudynEngine
@@ -29,12 +30,14 @@ def odd_chain():
     second = np.cross(first, odd.unit())
     second /= np.linalg.norm(second)
     parts = (
-        odd.offset("o1"), Actuator("drive", odd.unit(), 2e-5), odd.beam("b1"), odd.offset("o2"),
-        PassiveJoint("p1", odd.unit()),
-        odd.offset("o3"), odd.beam("b2"), PassiveJoint("p2", first), PassiveJoint("p3", second),
-        Actuator("slide", odd.unit(), 1e-5), odd.offset("o4"), odd.beam("b3"), odd.beam("b4"),
-        Actuator("held", odd.unit()),
-        PassiveJoint("p4", odd.unit()), odd.offset("o5"),
+        odd.offset("o1"), Joint("drive", odd.unit(), slides=True, fixed=True, compliance=2e-5), odd.beam("b1"),
+        odd.offset("o2"),
+        Joint("p1", odd.unit(), passive=True),
+        odd.offset("o3"), odd.beam("b2"), Joint("p2", first, passive=True), Joint("p3", second, passive=True),
+        Joint("slide", odd.unit(), slides=True, fixed=True, compliance=1e-5), odd.offset("o4"), odd.beam("b3"),
+        odd.beam("b4"),
+        Joint("held", odd.unit(), slides=True, fixed=True),
+        Joint("p4", odd.unit(), passive=True), odd.offset("o5"),
     )  # fmt: skip
     return odd.chain(parts)
 

@@ -19,9 +19,9 @@ from vjm.io.manipulator_file import load_manipulator
 from vjm.io.model_file import load_chain
 from vjm.machine.legs import in_pose
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, PointSpring, SprungJoint
+from vjm.model.joints import Joint, JointCoupling, PointSpring
 from vjm.model.load_case import LoadCase
-from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset, Section
+from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, displaced, frame, rotation_from_vector
 
 ENGINES = ("vjm", "vjm-paper", "vjm-linear", "vjm-unloaded-jacobian", "msa", "exudyn", "opensees")
@@ -56,20 +56,21 @@ def arm(*parts, **values: float) -> Chain:
     return Chain("arm", (*parts, beam("forearm"), last), postures={"p": np.zeros(0)}, held={"p": values})
 
 
-def joint(**changes) -> ActuatedJoint:
-    return ActuatedJoint("j1", AXES["y"], compliance=3e-8, **changes)
+def joint(**changes) -> Joint:
+    return Joint("j1", AXES["y"], compliance=3e-8, **changes)
 
 
-def coupled(**changes) -> Chain:
-    follower = CoupledJoint("j2", AXES["z"], ratios=(("j1", -0.7),), offset=0.2, compliance=4e-8, **changes)
+def coupled(*, as_bent: bool) -> Chain:
+    coupling = JointCoupling((("j1", -0.7),), offset=0.2, as_bent=as_bent)
+    follower = Joint("j2", AXES["z"], compliance=4e-8, coupling=coupling)
     return arm(joint(), RigidOffset("l", frame(TURN, [250.0, 0.0, 0.0])), follower, j1=0.6)
 
 
 def tree(**changes) -> Chain:
     parts = (
         joint(), RigidOffset("hub", frame(TURN, [120.0, 0.0, 0.0])),
-        ActuatedJoint("left", AXES["z"], compliance=5e-8), beam("side"),
-        ActuatedJoint("right", AXES["x"], compliance=2e-8), beam("tool"),
+        Joint("left", AXES["z"], compliance=5e-8), beam("side"),
+        Joint("right", AXES["x"], compliance=2e-8), beam("tool"),
     )  # fmt: skip
     return Chain("tree", parts, postures={"p": np.zeros(0)}, held={"p": {"j1": 0.4, "left": 0.3, "right": -0.2}},
                  after={"right": "hub"}, **changes)  # fmt: skip
@@ -105,7 +106,8 @@ def template(kind: str) -> Chain:
 
 
 PASSIVE = (
-    Actuator("drive", AXES["x"], 2e-5), PassiveJoint("q1", AXES["y"]), beam("bar"), PassiveJoint("q2", AXES["z"]),
+    Joint("drive", AXES["x"], slides=True, fixed=True, compliance=2e-5), Joint("q1", AXES["y"], passive=True),
+    beam("bar"), Joint("q2", AXES["z"], passive=True),
 )  # fmt: skip
 MACHINES = {
     "pinned-column": lambda: library("pinned-column"),
@@ -116,22 +118,26 @@ MACHINES = {
     "template arm": lambda: template("arm"),
     "passive hinges": lambda: Chain("hinges", PASSIVE, postures={"p": np.array([0.4, -0.3])}),
     "passive slide": lambda: Chain(
-        "slide", (*PASSIVE[:3], PassiveJoint("s", TURN[0], slides=True), beam("end")),
+        "slide", (*PASSIVE[:3], Joint("s", TURN[0], slides=True, passive=True), beam("end")),
         postures={"p": np.array([0.4, 70.0])},
     ),
     "actuators and mounts": lambda: arm(
-        Mount("guide", AXES["y"], 3e-5), Actuator("drive", AXES["x"], 2e-5), Mount("foot", AXES["z"], 1e-8, False)
+        Joint("guide", AXES["y"], slides=True, passive=True, fixed=True, compliance=3e-5),
+        Joint("drive", AXES["x"], slides=True, fixed=True, compliance=2e-5),
+        Joint("foot", AXES["z"], passive=True, fixed=True, compliance=1e-8),
     ),
     "actuated": lambda: arm(joint(), j1=0.6),
-    "actuated slide": lambda: arm(ActuatedJoint("j1", AXES["z"], slides=True, compliance=3e-4), j1=55.0),
+    "actuated slide": lambda: arm(Joint("j1", AXES["z"], slides=True, compliance=3e-4), j1=55.0),
     "lateral": lambda: arm(joint(lateral=(2e-9, 7e-9)), j1=0.6),
-    "diagonal 6x6": lambda: arm(ActuatedJoint("j1", AXES["y"], matrix=np.diag(np.diag(matrix(1)))), j1=0.6),
-    "full 6x6": lambda: arm(ActuatedJoint("j1", AXES["y"], matrix=matrix(2)), j1=0.6),
-    "sprung": lambda: arm(SprungJoint("j1", AXES["x"], stiffness=3e7), j1=0.6),
-    "sprung slide": lambda: arm(SprungJoint("j1", AXES["x"], True, stiffness=800.0), j1=25.0),
+    "diagonal 6x6": lambda: arm(Joint("j1", AXES["y"], matrix=np.diag(np.diag(matrix(1)))), j1=0.6),
+    "full 6x6": lambda: arm(Joint("j1", AXES["y"], matrix=matrix(2)), j1=0.6),
+    "sprung": lambda: arm(Joint("j1", AXES["x"], passive=True, compliance=1.0 / 3e7), j1=0.6),
+    "sprung slide": lambda: arm(Joint("j1", AXES["x"], slides=True, passive=True, compliance=0.00125), j1=25.0),
     "as commanded": lambda: coupled(as_bent=False),
     "as bent": lambda: coupled(as_bent=True),
-    "preloaded": lambda: arm(joint(), SprungJoint("j2", AXES["x"], stiffness=3e7, preload=4e5), j1=0.6, j2=0.1),
+    "preloaded": lambda: arm(
+        joint(), Joint("j2", AXES["x"], passive=True, compliance=1.0 / 3e7, preload=4e5), j1=0.6, j2=0.1
+    ),
     "tree": tree,
     "tree with a spring": lambda: tree(point_springs=(bridge(),)),
 }  # fmt: skip

@@ -9,16 +9,17 @@ import numpy as np
 
 from vjm.baselines.msa import geometry
 from vjm.model.chain import Chain
-from vjm.model.end_condition import in_order, rigid_direction
+from vjm.model.end_condition import in_order, rigid_direction, support_joints
+from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, LoadCase
-from vjm.model.parts import Beam, PassiveJoint
-from vjm.rotations import AXES, Array
+from vjm.model.parts import Beam
+from vjm.rotations import Array
 
 STILL = 1e-9
 """Largest shift of a point in the machine's lengths, over the end-effector's turn, that is none."""
 
 
-def hand_joints(chain: Chain, load_case: LoadCase) -> tuple[PassiveJoint, ...]:
+def hand_joints(chain: Chain, load_case: LoadCase) -> tuple[Joint, ...]:
     """Joints between the end-effector and the support, from the end-effector; see `vjm.model.end_condition`.
 
     Hinges that the machine's own last joints make superfluous are left out.
@@ -43,7 +44,7 @@ def hand_joints(chain: Chain, load_case: LoadCase) -> tuple[PassiveJoint, ...]:
             raise rigid_direction(where)
         loose = machine.neutral(held) if free else np.zeros((len(machine.unit), 0))
         if not loose.shape[1]:
-            return tuple(PassiveJoint(f"support-{name}", AXES[name[-1]], slides=len(name) == 1) for name in free)
+            return support_joints(free)
         motion = loose[:, 0]
         turned, shifted = np.abs(all_held @ motion), np.abs(shape @ motion).max() / machine.length
         hinges = [name for name in free if len(name) == 2]
@@ -64,7 +65,7 @@ def _as_meshed(chain: Chain) -> Chain:
     return replace(chain, parts=tuple(parts))
 
 
-def joint_axes(joints: Sequence[PassiveJoint]) -> tuple[Array, tuple[int, ...]]:
+def joint_axes(joints: Sequence[Joint]) -> tuple[Array, tuple[int, ...]]:
     """One joint for the support's hinges and slides in a row.
 
     Hinges in a row leave as many conditions as there are turns less: none is all three turns; one hinge keeps the

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from vjm.model.parts import PassiveJoint
+from vjm.model.joints import Joint
 from vjm.rotations import Array
 
 REVOLUTE = (1, 1, 1, 1, 1, 0)
@@ -18,7 +20,34 @@ PERPENDICULAR = 1e-9
 """Cosine below which two revolute axes in a row make a universal joint."""
 
 
-def crossing(a: PassiveJoint, b: PassiveJoint) -> bool:
+@dataclass(frozen=True)
+class ElementarySpring:
+    """One direction in which a joint deflects, behind those before it.
+
+    Attributes:
+        axis: unit vector ``(3,)`` in the chain frame.
+        slides: along it; else it turns about it.
+        compliance: mm/N or rad/(N mm).
+        stretch: coordinate at which it is free of stress.
+    """
+
+    axis: Array
+    slides: bool
+    compliance: float
+    stretch: float = 0.0
+
+
+def elementary_springs(joint: Joint) -> list[ElementarySpring]:
+    """What deflects in a joint one direction after the other, its own last; of a 6×6 compliance the diagonal."""
+    if joint.matrix is not None:
+        diagonal = enumerate(np.diag(joint.matrix))
+        return [ElementarySpring(np.eye(3)[k % 3], k < 3, float(c)) for k, c in diagonal if c > 0.0]
+    across = [ElementarySpring(axis, False, compliance) for axis, compliance in joint.bearings]
+    own = [ElementarySpring(joint.axis, joint.slides, joint.compliance, joint.stretch)] if joint.compliance else []
+    return across + own
+
+
+def crossing(a: Joint, b: Joint) -> bool:
     """Whether two revolute axes in a row are at right angles, so that they make a universal joint."""
     return not (a.slides or b.slides) and abs(float(np.dot(a.axis, b.axis))) < PERPENDICULAR
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from vjm.model.chain import Chain
 from vjm.model.closures import Closure, Coupling
-from vjm.model.joints import HeldJoint, PointSpring
-from vjm.model.parts import Part, PassiveJoint
+from vjm.model.joints import Joint, PointSpring
+from vjm.model.parts import Part
 from vjm.rotations import Array, frame
 from vjm_fea.common.mesh import Mesh
 from vjm_fea.common.points import NEAR, NO_POINTS, Place, spring_points
@@ -38,7 +38,7 @@ class MachineSystem(ExudynSystem):
         q: Array,
         mesh: Mesh,
         points: Mapping[str, tuple[float, ...]] = NO_POINTS,
-        end_condition: Sequence[PassiveJoint] = (),
+        end_condition: Sequence[Joint] = (),
         nominal_end: Array | None = None,
     ) -> None:
         """Assemble a machine.
@@ -106,17 +106,17 @@ class MachineSystem(ExudynSystem):
                 self._begins[part.name] = (self._frame, self._at())
             behind = parts[0] if parts else None
             if self._universal(part, behind, {*seen_again, *fixed}, chain.after):
-                assert isinstance(part, PassiveJoint)
-                assert isinstance(behind, PassiveJoint)
+                assert isinstance(part, Joint)
+                assert isinstance(behind, Joint)
                 self._add_universal(part, values[part.name], behind, values[behind.name])
                 part = parts.pop(0)
-            elif isinstance(part, PassiveJoint):
+            elif isinstance(part, Joint) and part.free:
                 self._add_passive(part, values[part.name])
             else:
                 self._add(part)
             if part.name in seen_again:
                 self._ends[part.name] = (self._frame, self._at())
-            if part.name in fixed and isinstance(part, PassiveJoint | HeldJoint):
+            if part.name in fixed and isinstance(part, Joint) and not part.fixed:
                 # what is fixed to a joint is fixed behind it
                 self._begins[part.name] = (self._frame, self._at())
             last = part.name
@@ -124,14 +124,16 @@ class MachineSystem(ExudynSystem):
     def _universal(self, part: Part, behind: Part | None, apart: set[str], after: Mapping[str, str]) -> bool:
         """Whether two joints in a row make a universal joint, between which nothing else is held."""
         return (
-            isinstance(part, PassiveJoint)
-            and isinstance(behind, PassiveJoint)
+            isinstance(part, Joint)
+            and isinstance(behind, Joint)
+            and part.free
+            and behind.free
             and not {part.name, behind.name} & (self._coupled | (apart - {behind.name}))
             and behind.name not in after
             and crossing(part, behind)
         )
 
-    def _add_passive(self, joint: PassiveJoint, value: float) -> None:
+    def _add_passive(self, joint: Joint, value: float) -> None:
         before = self._at()
         self._add_joint(joint, value)
         if joint.name not in self._coupled:

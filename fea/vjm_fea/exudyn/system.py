@@ -17,8 +17,8 @@ import numpy as np
 
 from vjm.continuation.path import StationLabel
 from vjm.model.chain import FOOT
-from vjm.model.joints import ActuatedJoint, CoupledJoint, ElementarySpring, HeldJoint, elementary_springs
-from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
+from vjm.model.joints import Joint
+from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import Array, frame, inverse_frame, translation, turn
 from vjm_fea.common.end_condition import joint_axes
 from vjm_fea.common.mesh import Mesh, lumped_mass
@@ -27,7 +27,14 @@ from vjm_fea.common.quaternions import quaternion
 from vjm_fea.exudyn.assembly import Assembly
 from vjm_fea.exudyn.backend import Item, exu, items
 from vjm_fea.exudyn.bodies import Rigid, Station, between, leaders_of
-from vjm_fea.exudyn.joint_kinds import PRISMATIC, REVOLUTE, UNIVERSAL, axes_with
+from vjm_fea.exudyn.joint_kinds import (
+    PRISMATIC,
+    REVOLUTE,
+    UNIVERSAL,
+    ElementarySpring,
+    axes_with,
+    elementary_springs,
+)
 from vjm_fea.exudyn.matrix_spring import LinearConstraint, MatrixSpring, RelativeMotion, held_by, is_coupled
 
 Connect = Callable[[Item], None]
@@ -73,7 +80,7 @@ class ExudynSystem:
         self._ground = Rigid(-1, self.assembly.rigid(items.ObjectGround()), np.eye(4))
         self._rigid = self._ground
 
-    def _finish(self, name: str, end_condition: Sequence[PassiveJoint]) -> None:
+    def _finish(self, name: str, end_condition: Sequence[Joint]) -> None:
         """Hold what the last part ends on by the support, and assemble."""
         self._name, self.end = name, self._frame
         # an end-effector on a piece whose node lies elsewhere gets a node of its own, locked to it
@@ -94,27 +101,20 @@ class ExudynSystem:
                 R, p = self._frame[:3, :3], self._frame[:3, 3]
                 self._piece(part.name, p, R @ part.transform[:3, 3], part.mass, centre=p + R @ part.centre_of_mass)
                 self._frame = self._frame @ part.transform
-            case Mount(slides=False) if part.compliance > 0.0:
-                self._add_sprung(ElementarySpring(part.axis, slides=False, compliance=part.compliance), part)
-            case Actuator() | Mount():
-                if part.compliance > 0.0:
-                    self._add_drive(part)
-            case HeldJoint():
+            case Joint(free=True):
+                raise TypeError(f"joint '{part.name}' is passive: it is added with its coordinate")
+            case Joint():
                 self._frame = self._frame @ part.motion(part.held_at)
-                if isinstance(part, ActuatedJoint) and is_coupled(part.matrix):
+                self._follow(part)
+                if is_coupled(part.matrix):
                     self._add_matrix(part.matrix)
                     return
-                if isinstance(part, CoupledJoint) and part.as_bent:
-                    self._follow(part)
-                    part = replace(part, as_bent=False)
-                for spring in elementary_springs(part, "exudyn"):
+                for spring in elementary_springs(part):
                     self._add_sprung(spring, part)
             case Beam() if self.mesh.foot_spring and part.name == FOOT:
                 self._add_spring(part)
             case Beam():
                 self._add_beam(part)
-            case PassiveJoint():
-                raise TypeError(f"joint '{part.name}' is passive: it is added with its coordinate")
             case _:
                 assert_never(part)
 
@@ -179,20 +179,7 @@ class ExudynSystem:
         self._piece(beam.name, self._frame[:3, 3], np.zeros(3), start=1.0)
         self._mark(beam.name, 1.0)
 
-    def _add_drive(self, drive: Actuator | Mount) -> None:
-        at = self._frame @ frame(axes_with(drive.axis, 0))
-        before = self._marker(self._at(), at)
-
-        def connect(behind: Item) -> None:
-            self._joint(before, behind, PRISMATIC)
-            spring = items.RigidBodySpringDamper(
-                markerNumbers=[before, behind], stiffness=np.diag([1.0 / drive.compliance] + [0.0] * 5)
-            )
-            self.assembly.rigid(spring)
-
-        self._leave_open(at, connect)
-
-    def _add_sprung(self, spring: ElementarySpring, part: HeldJoint | Mount) -> None:
+    def _add_sprung(self, spring: ElementarySpring, part: Joint) -> None:
         column = 0 if spring.slides else 2
         at = self._frame @ frame(axes_with(spring.axis, column))
         rigid = self._at()
@@ -202,7 +189,7 @@ class ExudynSystem:
         stiffness[where], offset[where] = 1.0 / spring.compliance, spring.stretch
 
         def connect(behind: Item) -> None:
-            if spring.slides == part.slides and np.array_equal(spring.axis, part.axis):
+            if spring.axis is part.axis:
                 self._own[part.name] = RelativeMotion(*between(rigid, self._rigid, at)), 0 if spring.slides else 5
             self._joint(before, behind, PRISMATIC if spring.slides else REVOLUTE)
             self.assembly.rigid(
@@ -213,10 +200,12 @@ class ExudynSystem:
 
         self._leave_open(at, connect)
 
-    def _follow(self, joint: CoupledJoint) -> None:
+    def _follow(self, joint: Joint) -> None:
         """Move by what the springs of others add about or along their own axes."""
+        if not joint.passes_on:
+            return
         rigid = self._at()
-        others = [(*self._own[name], ratio) for name, ratio in joint.ratios if name in self._own]
+        others = [(*self._own[name], ratio) for name, ratio in joint.passes_on if name in self._own]
         if not others:
             return
         at = self._frame @ frame(axes_with(joint.axis, 0 if joint.slides else 2))
@@ -240,23 +229,23 @@ class ExudynSystem:
 
         self._leave_open(at, connect)
 
-    def _add_joint(self, joint: PassiveJoint, value: float) -> None:
+    def _add_joint(self, joint: Joint, value: float) -> None:
         axes = frame(axes_with(joint.axis, 0 if joint.slides else 2))
         before = self._marker(self._at(), self._frame @ axes)
-        move = translation(joint.axis * value) if joint.slides else turn(joint.axis, value)
+        move = joint.motion(value)
         behind = self._frame @ move @ axes
         self._frame = self._frame @ move
         kind = PRISMATIC if joint.slides else REVOLUTE
         self._leave_open(behind, lambda marker: self._joint(before, marker, kind))
 
-    def _add_universal(self, first: PassiveJoint, angle: float, second: PassiveJoint, angle2: float) -> None:
+    def _add_universal(self, first: Joint, angle: float, second: Joint, angle2: float) -> None:
         # the first axis stays in the piece before as its marker's y, the second in the piece behind as z
         axes = frame(np.column_stack([np.cross(first.axis, second.axis), first.axis, second.axis]))
         before = self._marker(self._at(), self._frame @ axes)
         self._frame = self._frame @ turn(first.axis, angle) @ turn(second.axis, angle2)
         self._leave_open(self._frame @ axes, lambda behind: self._joint(before, behind, UNIVERSAL))
 
-    def _add_hand(self, joints: Sequence[PassiveJoint]) -> int:
+    def _add_hand(self, joints: Sequence[Joint]) -> int:
         """The support's node, and one joint to the end-effector that leaves free what the support's joints do."""
         at = frame(p=self._frame[:3, 3])
         R, constrained = joint_axes(joints)

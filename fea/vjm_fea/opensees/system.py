@@ -14,11 +14,12 @@ from typing import assert_never
 import numpy as np
 
 from vjm.continuation.path import StationLabel
+from vjm.model import joints
 from vjm.model.chain import Chain
 from vjm.model.closures import Closure
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring, SprungJoint, joint_axes
-from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
-from vjm.rotations import Array, translation, turn
+from vjm.model.joints import PointSpring
+from vjm.model.parts import Beam, Part, RigidOffset
+from vjm.rotations import Array, translation
 from vjm_fea.common.mesh import grid, lumped_mass
 from vjm_fea.common.points import NO_POINTS, Piece, Place, find
 from vjm_fea.opensees.beams import Line
@@ -106,7 +107,7 @@ class MachineSystem:
         q: Array,
         elements: int,
         points: Mapping[str, tuple[float, ...]] = NO_POINTS,
-        end_condition: Sequence[PassiveJoint] = (),
+        end_condition: Sequence[joints.Joint] = (),
     ) -> None:
         """Set out a machine.
 
@@ -146,7 +147,7 @@ class MachineSystem:
             where = chain.after.get(part.name, last)
             self._here = begins[part.name] = ends[where] if where else base
             self._add(part, values)
-            if isinstance(part, PassiveJoint | HeldJoint):
+            if isinstance(part, joints.Joint) and not part.fixed:
                 begins[part.name] = self._here
             ends[part.name], last = self._here, part.name
         self._ends = {end: ends[behind] for end, behind in chain.ends.items()}
@@ -194,16 +195,12 @@ class MachineSystem:
                           centre)
                 )  # fmt: skip
                 self._move(part.transform)
-            case Actuator() | Mount():
-                if part.compliance > 0.0:
-                    self._add_spring(part.axis, isinstance(part, Actuator) or part.slides, part.compliance)
-            case ActuatedJoint() | SprungJoint() | CoupledJoint():
-                self._move(part.motion(part.held_at))
-                self._add_held(part)
-            case PassiveJoint():
+            case joints.Joint(free=True):
                 self._own[part.name] = self._add_joint(part.axis, slides=part.slides)
-                value = values[part.name]
-                self._move(translation(part.axis * value) if part.slides else turn(part.axis, value))
+                self._move(part.motion(values[part.name]))
+            case joints.Joint():
+                self._move(part.motion(part.held_at))
+                self._add_springs(part)
             case Beam():
                 self._add_beam(part)
             case _:
@@ -226,32 +223,21 @@ class MachineSystem:
         self._springs.append((number, np.array([[1.0 / compliance]]), np.array([stretch])))
         return number
 
-    def _add_held(self, joint: ActuatedJoint | SprungJoint | CoupledJoint) -> None:
-        """What deflects in a held joint, as the virtual joint method has it."""
-        match joint:
-            case SprungJoint():
-                self._own[joint.name] = self._add_spring(
-                    joint.axis, joint.slides, 1.0 / joint.stiffness, joint.stretch
-                )
-            case ActuatedJoint(matrix=matrix) if matrix is not None:
-                gives = np.flatnonzero(matrix.any(axis=0))
-                numbers = [self._add_joint(np.eye(3)[k % 3], slides=k < 3) for k in gives.tolist()]
-                if numbers:
-                    stiffness = np.asarray(np.linalg.inv(matrix[np.ix_(gives, gives)]), dtype=float)
-                    self._springs.append((numbers[0], stiffness, np.zeros(len(numbers))))
-            case ActuatedJoint() | CoupledJoint():
-                others = dict(joint.ratios) if isinstance(joint, CoupledJoint) and joint.as_bent else {}
-                sprung = {self._own[name]: ratio for name, ratio in others.items() if name in self._own}
-                if sprung:
-                    number = self._add_joint(joint.axis, slides=joint.slides)
-                    self._following.append((sprung | {number: -1.0}, 0.0))
-                for axis, compliance in zip(joint_axes(joint.axis).T, joint.lateral, strict=False):
-                    if compliance > 0.0:
-                        self._add_spring(axis, False, compliance)
-                if joint.compliance > 0.0:
-                    self._own[joint.name] = self._add_spring(joint.axis, joint.slides, joint.compliance)
-            case _:
-                assert_never(joint)
+    def _add_springs(self, joint: joints.Joint) -> None:
+        """What deflects in a joint, as the virtual joint method has it."""
+        sprung = {self._own[name]: ratio for name, ratio in joint.passes_on if name in self._own}
+        if sprung:
+            number = self._add_joint(joint.axis, slides=joint.slides)
+            self._following.append((sprung | {number: -1.0}, 0.0))
+        if joint.matrix is not None and joint.matrix.any():
+            gives = np.flatnonzero(joint.matrix.any(axis=0))
+            numbers = [self._add_joint(np.eye(3)[k % 3], slides=k < 3) for k in gives.tolist()]
+            stiffness = np.asarray(np.linalg.inv(joint.matrix[np.ix_(gives, gives)]), dtype=float)
+            self._springs.append((numbers[0], stiffness, np.zeros(len(numbers))))
+        for axis, compliance in joint.bearings:
+            self._add_spring(axis, False, compliance)
+        if joint.compliance > 0.0:
+            self._own[joint.name] = self._add_spring(joint.axis, joint.slides, joint.compliance, joint.stretch)
 
     def _add_beam(self, beam: Beam) -> None:
         section = beam.effective_section()

@@ -22,10 +22,10 @@ from vjm.continuation.path import Path
 from vjm.limits import refuse
 from vjm.model.chain import Chain
 from vjm.model.closures import Closure, Coupling
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring, SprungJoint, joint_axes
+from vjm.model.joints import Joint, PointSpring
 from vjm.model.load_case import LoadCase
-from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
-from vjm.rotations import Array, frame, rotate_matrix6, translation, turn
+from vjm.model.parts import Beam, Part, RigidOffset
+from vjm.rotations import Array, frame, rotate_matrix6, translation
 from vjm.threads import single_threaded
 
 LABEL = "msa"
@@ -165,20 +165,16 @@ class _Assembly:
                 self._weigh(part.mass, translation(part.centre_of_mass))
                 self._node = begin.behind(part.transform)
                 self._along[part.name] = [(0.0, begin), (1.0, self._node)]
-            case PassiveJoint():
+            case Joint(free=True):
                 self._own[part.name] = len(self.K)
                 self._release(part.axis, slides=part.slides)
-                value = coordinates[part.name]
                 # along or about the joint itself, so that its direction stays what it was
-                move = translation(part.axis * value) if part.slides else turn(part.axis, value)
-                self._node = self._begins[part.name] = self._node.behind(move)
-            case Actuator() | Mount():
-                if part.compliance > 0.0:
-                    slides = isinstance(part, Actuator) or part.slides
-                    self._release(part.axis, slides=slides, compliance=part.compliance)
-            case ActuatedJoint() | SprungJoint() | CoupledJoint():
+                self._node = self._begins[part.name] = self._node.behind(part.motion(coordinates[part.name]))
+            case Joint(fixed=True):
+                self._add_springs(part)
+            case Joint():
                 begin = self._node = self._node.behind(part.motion(part.held_at))
-                self._add_joint(part)
+                self._add_springs(part)
                 self._begins[part.name] = self._node
                 self._along[part.name] = [(0.0, begin), (1.0, self._node)]
             case Beam():
@@ -186,34 +182,23 @@ class _Assembly:
             case _:
                 assert_never(part)
 
-    def _add_joint(self, joint: ActuatedJoint | SprungJoint | CoupledJoint) -> None:
-        """What deflects in a held joint, as releases with springs."""
-        match joint:
-            case SprungJoint():
-                self._add_own(joint, 1.0 / joint.stiffness)
-            case ActuatedJoint(matrix=matrix) if matrix is not None:
-                self._deflect(matrix, np.eye(3))
-            case ActuatedJoint() | CoupledJoint():
-                if isinstance(joint, CoupledJoint) and joint.as_bent:
-                    self._pass_on(joint)
-                for axis, compliance in zip(joint_axes(joint.axis).T, joint.lateral, strict=False):
-                    if compliance > 0.0:
-                        self._release(axis, slides=False, compliance=compliance)
-                if joint.compliance > 0.0:
-                    self._add_own(joint, joint.compliance)
-            case _:
-                assert_never(joint)
+    def _add_springs(self, joint: Joint) -> None:
+        """What deflects in a joint, as releases with springs."""
+        self._pass_on(joint)
+        if joint.matrix is not None:
+            self._deflect(joint.matrix, np.eye(3))
+        for axis, compliance in joint.bearings:
+            self._release(axis, slides=False, compliance=compliance)
+        if joint.compliance > 0.0:
+            self._own[joint.name] = len(self.K)
+            self._release(joint.axis, slides=joint.slides, compliance=joint.compliance)
 
-    def _add_own(self, joint: HeldJoint, compliance: float) -> None:
-        self._own[joint.name] = len(self.K)
-        self._release(joint.axis, slides=joint.slides, compliance=compliance)
-
-    def _pass_on(self, joint: CoupledJoint) -> None:
+    def _pass_on(self, joint: Joint) -> None:
         """Move the node by the ratio times what the springs of the other joints do about their own axes."""
         at = self._node.within(len(self.K))
         world = self._node.T[:3, :3] @ joint.axis
         rows = slice(0, 3) if joint.slides else slice(3, 6)
-        for name, ratio in joint.ratios:
+        for name, ratio in joint.passes_on:
             if name in self._own:
                 at[rows, self._own[name]] += ratio * world
         self._node = _Node(self._node.T, at)

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, assert_never
 import numpy as np
 
 from vjm.design.linear_state import CARRIED, LinearState, free_motions, loading, question, state_of
-from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.model.joints import Joint, JointKind
 from vjm.model.load_case import Load
-from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
+from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.model.springs import LinearSpring, Spring
 from vjm.platform.manipulator import Machine
 from vjm.postures import Posture
@@ -32,6 +32,10 @@ JOINT, BEARING, BEAM, SPRING, DRIVE, MOUNT, PASSIVE = (
     "joint", "bearing", "beam", "spring", "drive", "mount", "passive joints",
 )  # fmt: skip
 """Kinds of what deflects. A joint's bearings are what deflects across its axis."""
+KINDS = {
+    JointKind.FREE: PASSIVE, JointKind.SPRUNG: SPRING, JointKind.ACTUATED: JOINT, JointKind.COUPLED: JOINT,
+    JointKind.ACTUATOR: DRIVE, JointKind.MOUNT: MOUNT,
+}  # fmt: skip
 GAUSS = np.polynomial.legendre.leggauss(8)
 """Points and weights by which the energy of a nonlinear spring is integrated: its law is smooth, and the error is
 rounding."""
@@ -306,7 +310,7 @@ def _coordinates(state: LinearState) -> Iterator[tuple[str, str, range]]:
     """Name, kind and coordinates of whatever deflects."""
     for part in state.model.chain.parts:
         span = state.model.built.spans[part.name]
-        across = _across(part)
+        across = len(part.bearings) if isinstance(part, Joint) else 0
         kind = _kind(part)
         if across:
             yield part.name, BEARING, span[:across]
@@ -314,26 +318,13 @@ def _coordinates(state: LinearState) -> Iterator[tuple[str, str, range]]:
             yield part.name, kind, span[across:]
 
 
-def _across(part: Part) -> int:
-    """Number of a joint's coordinates across its axis, which come first."""
-    if isinstance(part, ActuatedJoint | CoupledJoint):
-        return sum(compliance > 0.0 for compliance in part.lateral)
-    return 0
-
-
 def _kind(part: Part) -> str:
     match part:
-        case ActuatedJoint() | CoupledJoint():
-            return JOINT
-        case SprungJoint():
-            return SPRING
+        case Joint():
+            return KINDS[part.kind]
         case Beam():
             return BEAM
-        case Actuator():
-            return DRIVE
-        case Mount():
-            return MOUNT
-        case PassiveJoint() | RigidOffset():
+        case RigidOffset():
             return PASSIVE
         case _:
             assert_never(part)

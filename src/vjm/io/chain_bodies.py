@@ -10,8 +10,8 @@ import numpy as np
 
 from vjm.io.robot import HUGE, Kind
 from vjm.model.chain import Chain
-from vjm.model.joints import CoupledJoint, HeldJoint
-from vjm.model.parts import Beam, Part, PassiveJoint, RigidOffset, deflects
+from vjm.model.joints import Joint
+from vjm.model.parts import Beam, Part, RigidOffset, deflects
 from vjm.rotations import Array, translation
 
 
@@ -62,7 +62,7 @@ def chain_bodies(chain: Chain) -> tuple[str, list[ChainBody]]:
     # names of bodies differ, and an end keeps the one by which people know it
     links, names = set(ends), {part.name for part in chain.parts}
     base = _new("base", links)
-    joints = {part.name: part for part in chain.parts if isinstance(part, HeldJoint)}
+    joints = {joint.name: joint for joint in chain.moving}
     pushing = chain.pushing
     previous = ""
     frames = {"": (base, chain.base)}
@@ -73,14 +73,14 @@ def chain_bodies(chain: Chain) -> tuple[str, list[ChainBody]]:
         # what pushes a beam out stands still itself, and the beam's end slides in its place
         pushes = part.name in pushing
         pushed = joints.get(part.free_length) if isinstance(part, Beam) else None
-        moving = None if pushes else pushed if pushed is not None else part
+        moving = pushed if pushed is not None else None if pushes else joints.get(part.name)
         name = pushed.name if pushed is not None else _new(f"{part.name}-root", names) if pushes else part.name
         child, behind, axis = _new(f"{part.name}-body", links), np.eye(4), np.array([1.0, 0.0, 0.0])
         if isinstance(part, Beam) and pushed is not None:
             axis = part.section_in_chain[:3, 0]
             behind = translation(part.own_frame @ part.end_offset)
-        elif isinstance(part, HeldJoint | PassiveJoint):
-            axis = part.axis
+        elif moving is not None or pushes:
+            axis = joints[part.name].axis
         elif isinstance(part, RigidOffset):
             behind = part.transform
         elif isinstance(part, Beam):
@@ -89,7 +89,7 @@ def chain_bodies(chain: Chain) -> tuple[str, list[ChainBody]]:
         bodies.append(
             ChainBody(
                 child, name, _kind(moving), parent, before, axis,
-                moving.limits if isinstance(moving, HeldJoint | PassiveJoint) else None,
+                None if moving is None else moving.limits,
                 _followed(moving, joints), part, mass,
                 part.centre_of_mass if mass and isinstance(part, RigidOffset | Beam) else None,
             )
@@ -111,17 +111,17 @@ def _new(wanted: str, taken: set[str]) -> str:
     return name
 
 
-def _kind(part: Part | None) -> Kind:
-    if not isinstance(part, HeldJoint | PassiveJoint):
+def _kind(joint: Joint | None) -> Kind:
+    if joint is None:
         return "fixed"
-    return "slides" if part.slides else "turns"
+    return "slides" if joint.slides else "turns"
 
 
-def _followed(part: Part | None, joints: Mapping[str, HeldJoint]) -> Follows | None:
-    if not isinstance(part, CoupledJoint) or len(part.ratios) > 1:
+def _followed(joint: Joint | None, joints: Mapping[str, Joint]) -> Follows | None:
+    if joint is None or joint.coupling is None or len(joint.coupling.ratios) > 1:
         return None
-    name, ratio = part.ratios[0]
-    return Follows(name, ratio, part.offset, 3 * (joints[name].slides - part.slides))
+    name, ratio = joint.coupling.ratios[0]
+    return Follows(name, ratio, joint.coupling.offset, 3 * (joints[name].slides - joint.slides))
 
 
 def elastic_parts(chain: Chain) -> list[str]:
@@ -132,10 +132,10 @@ def elastic_parts(chain: Chain) -> list[str]:
 def not_rigid(chain: Chain, format_name: str) -> list[str]:
     """What no description of rigid bodies with one inertia each holds of a chain, a line for each kind."""
     lines = []
-    sums = [part.name for part in chain.parts if isinstance(part, CoupledJoint) and len(part.ratios) > 1]
+    sums = [one.name for one in chain.moving if one.coupling is not None and len(one.coupling.ratios) > 1]
     if sums:
         lines.append(f"the coupling of {', '.join(sums)}: a joint of {format_name} follows one other joint")
-    if passive := [part.name for part in chain.parts if isinstance(part, PassiveJoint)]:
+    if passive := [joint.name for joint in chain.joints]:
         lines.append(f"that {', '.join(passive)} move freely: {format_name} does not tell them from driven joints")
     if chain.point_springs:
         lines.append(f"the springs between points: {', '.join(spring.name for spring in chain.point_springs)}")

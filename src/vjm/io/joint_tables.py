@@ -11,8 +11,9 @@ from vjm.io import checks
 from vjm.io.fields import Axis, Label, Matrix6, Turns, VectorMM, rotation
 from vjm.io.inertia import InertiaKgMM2, inertia_matrix
 from vjm.io.sections import Table
-from vjm.model import joints, parts
+from vjm.model import parts
 from vjm.model.joint_limits import said_beyond, said_turned
+from vjm.model.joints import Joint, JointCoupling, PointSpring
 from vjm.rotations import frame
 
 Mass = Annotated[float, Field(ge=0.0, le=1e4, description="kg")]
@@ -87,9 +88,9 @@ class ActuatorTable(PartTable):
     axis: Axis
     compliance_mm_per_N: Compliance = 0.0  # noqa: N815
 
-    def part(self) -> parts.Actuator:
+    def part(self) -> Joint:
         """The part that the table describes."""
-        return parts.Actuator(self.name, self.axis, self.compliance_mm_per_N)
+        return Joint(self.name, self.axis, slides=True, fixed=True, compliance=self.compliance_mm_per_N)
 
 
 class MountTable(PartTable):
@@ -111,11 +112,11 @@ class MountTable(PartTable):
             )
         return self
 
-    def part(self) -> parts.Mount:
+    def part(self) -> Joint:
         """The part that the table describes."""
-        if self.compliance_rad_per_Nmm is not None:
-            return parts.Mount(self.name, self.axis, self.compliance_rad_per_Nmm, slides=False)
-        return parts.Mount(self.name, self.axis, self.compliance_mm_per_N or 0.0)
+        turning = self.compliance_rad_per_Nmm
+        compliance = (self.compliance_mm_per_N or 0.0) if turning is None else turning
+        return Joint(self.name, self.axis, slides=turning is None, passive=True, fixed=True, compliance=compliance)
 
 
 class MovingTable(PartTable):
@@ -188,13 +189,14 @@ class ActuatedTable(MovingTable):
         """Compliance about or along its axis."""
         return self.compliance_mm_per_N if self.slides else self.compliance_rad_per_Nmm
 
-    def part(self) -> joints.ActuatedJoint:
+    def part(self) -> Joint:
         """The part that the table describes."""
         first, second = self.lateral_rad_per_Nmm
         matrix = None if self.compliance is None else np.array(self.compliance, dtype=float)
-        return joints.ActuatedJoint(
-            self.name, self.axis, self.slides, self.own, (first, second), matrix, limits=self.limits
-        )
+        return Joint(
+            self.name, self.axis, self.slides, compliance=self.own, lateral=(first, second), matrix=matrix,
+            limits=self.limits,
+        )  # fmt: skip
 
 
 class JointTable(MovingTable):
@@ -233,14 +235,13 @@ class JointTable(MovingTable):
         """Where its spring is free of stress."""
         return self.rest_mm if self.slides else self.rest_rad
 
-    def part(self) -> parts.PassiveJoint | joints.SprungJoint:
+    def part(self) -> Joint:
         """The part that the table describes."""
-        if not self.stiffness:
-            return parts.PassiveJoint(self.name, self.axis, self.slides, limits=self.limits)
-        preload = self.preload_N if self.slides else self.preload_Nmm
-        return joints.SprungJoint(
-            self.name, self.axis, self.slides, self.stiffness, preload, self.rest, limits=self.limits
-        )
+        return Joint(
+            self.name, self.axis, self.slides, passive=True,
+            compliance=1.0 / self.stiffness if self.stiffness else 0.0,
+            preload=self.preload_N if self.slides else self.preload_Nmm, rest=self.rest, limits=self.limits,
+        )  # fmt: skip
 
 
 class CoupledTable(MovingTable):
@@ -268,14 +269,15 @@ class CoupledTable(MovingTable):
             raise ValueError("is coupled to itself: name another joint")
         return self
 
-    def part(self) -> joints.CoupledJoint:
+    def part(self) -> Joint:
         """The part that the table describes."""
         first, second = self.lateral_rad_per_Nmm
-        return joints.CoupledJoint(
-            self.name, self.axis, self.slides, tuple(self.to.items()),
-            self.offset_mm if self.slides else self.offset_rad, self.coupling == "as bent",
-            self.compliance_mm_per_N if self.slides else self.compliance_rad_per_Nmm, (first, second),
-            limits=self.limits,
+        offset = self.offset_mm if self.slides else self.offset_rad
+        return Joint(
+            self.name, self.axis, self.slides,
+            compliance=self.compliance_mm_per_N if self.slides else self.compliance_rad_per_Nmm,
+            lateral=(first, second), limits=self.limits,
+            coupling=JointCoupling(tuple(self.to.items()), offset, self.coupling == "as bent"),
         )  # fmt: skip
 
 
@@ -292,9 +294,9 @@ class PointSpringTable(Table):
     free_length_mm: float = Field(0.0, ge=0.0, le=1e5)
     preload_N: float = Field(0.0, ge=-1e9, le=1e9, description="at the free length, pulling the points together")  # noqa: N815
 
-    def spring(self) -> joints.PointSpring:
+    def spring(self) -> PointSpring:
         """The spring that the table describes."""
-        return joints.PointSpring(
+        return PointSpring(
             self.name, (self.between[0], self.between[1]), np.array(self.points_mm, dtype=float),
             self.stiffness_N_per_mm, self.free_length_mm, self.preload_N,
         )  # fmt: skip

@@ -33,7 +33,7 @@ from vjm.io.schema import rotation
 from vjm.machine.legs import MachineLeg, joined, posed
 from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
-from vjm.model.joints import ActuatedJoint
+from vjm.model.joints import Joint
 from vjm.model.parts import deflects
 from vjm.platform.manipulator import PLATFORM, Manipulator
 from vjm.rotations import Array, frame
@@ -164,7 +164,7 @@ def _machine_leg(table: LegTable, chain: Chain) -> MachineLeg:
         drive = leg_drive(table, chain)
         assert drive is not None
         limits = drive.limits if table.drive_limits is not None else None
-        joint = ActuatedJoint(table.name, drive.axis, drive.slides, limits=limits)
+        joint = Joint(table.name, drive.axis, drive.slides, limits=limits)
         home[table.name] = table.drive_home
     return MachineLeg(
         table.name,

@@ -25,7 +25,6 @@ from vjm.io.model_file import Entry, ModelDocument, build_chain, parsed, read_do
 from vjm.io.schema import Axis, Base, Label, Turn, Units, VectorMM, rotation
 from vjm.io.sections import Table
 from vjm.model.chain import Chain
-from vjm.model.joints import HeldJoint, SprungJoint
 from vjm.platform.manipulator import BASE, PLATFORM, Coupling, Drive, Leg, Manipulator, drive_of
 from vjm.rotations import Array, frame
 
@@ -290,11 +289,10 @@ def leg_document(name: str, folder: Path | Traversable) -> ModelDocument:
 
 
 def _leg(table: LegTable, chain: Chain) -> Leg:
-    held = next((part for part in chain.parts if isinstance(part, HeldJoint)), None)
+    held = next((joint for joint in chain.moving if joint.held), None)
     if held is not None:
-        sprung = isinstance(held, SprungJoint)
-        what = "has a spring" if sprung else "is held at a coordinate"
-        remedy = "leave its stiffness out" if sprung else "write kind = 'joint', and name the leg's drive"
+        what = "has a spring" if held.passive else "is held at a coordinate"
+        remedy = "leave its stiffness out" if held.passive else "write kind = 'joint', and name the leg's drive"
         raise ValueError(
             f"leg '{table.name}': joint '{held.name}' of chain '{table.chain}' {what}, and joints of legs are "
             f"free: {remedy}"

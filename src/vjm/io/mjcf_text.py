@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from vjm.io.chain_bodies import ChainBody, chain_bodies, elastic_parts, not_rigid, written
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, SprungJoint
+from vjm.model.joints import Joint
 from vjm.model.parts import RigidOffset
 from vjm.rotations import Array
 
@@ -95,11 +95,11 @@ def _standing(chain: Chain) -> dict[str, float]:
 
 def _stiffness(part: object) -> float | None:
     """About or along the joint's own axis, N mm/rad or N/mm; None where the joint has no such spring alone."""
-    if isinstance(part, SprungJoint):
-        return part.stiffness
-    if isinstance(part, ActuatedJoint) and part.compliance > 0.0 and not any(part.lateral):
-        return 1.0 / part.compliance
-    return None
+    if not isinstance(part, Joint) or not part.held or part.coupling is not None:
+        return None
+    if part.bearings or not part.compliance:
+        return None
+    return part.stiffness if part.passive else 1.0 / part.compliance
 
 
 def _joint(element: ET.Element, equality: ET.Element, body: ChainBody, standing: float) -> None:
@@ -116,8 +116,8 @@ def _joint(element: ET.Element, equality: ET.Element, body: ChainBody, standing:
         # N/mm are 1e3 N/m, N mm/rad 1e-3 N m/rad
         joint.set("stiffness", written(stiffness, 3 if slides else -3))
         free = standing
-        if isinstance(body.part, SprungJoint):
-            free = body.part.rest if body.part.rest is not None else standing + body.part.preload / stiffness
+        if isinstance(body.part, Joint) and body.part.passive:
+            free = body.part.rest if body.part.rest is not None else standing + body.part.stretch
         joint.set("springref", written(free, power))
     if (follows := body.follows) is not None:
         ratio, offset = written(follows.ratio, follows.power), written(follows.offset, power)

@@ -14,8 +14,8 @@ from vjm.io.model_file import build_chain, read_document
 from vjm.io.schema import ModelFile, known_keys
 from vjm.machine.closing import Closing, home_label
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
-from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset, Section
+from vjm.model.joints import Joint
+from vjm.model.parts import Beam, RigidOffset, Section
 
 Location = tuple[int | str, ...]
 
@@ -84,9 +84,10 @@ def summary_of(chain: Chain) -> list[tuple[str, str]]:
     """What a machine is, in rows of what and how much."""
     masses = [part.mass for part in chain.parts if isinstance(part, Beam | RigidOffset)]
     reach = sum(float(np.linalg.norm(_shift(part))) for part in chain.parts)
-    actuated = [part.name for part in chain.parts if isinstance(part, ActuatedJoint | Actuator)]
-    passive = [part.name for part in chain.parts if isinstance(part, PassiveJoint | SprungJoint)]
-    coupled = [part.name for part in chain.parts if isinstance(part, CoupledJoint)]
+    joints = [part for part in chain.parts if isinstance(part, Joint)]
+    actuated = [joint.name for joint in joints if not joint.passive and joint.coupling is None]
+    passive = [joint.name for joint in chain.moving if joint.passive]
+    coupled = [joint.name for joint in joints if joint.coupling is not None]
     rows = [
         ("parts", str(len(chain.parts))),
         ("mass", f"{printed(sum(masses))} kg"),
@@ -125,27 +126,27 @@ def elastic_parts(chain: Chain) -> list[tuple[str, str]]:
             case Beam():
                 kind = "6×6 compliance" if part.section is None else _section_of(part.section)
                 found.append((part.name, f"beam of {printed(part.length)} mm, {kind}"))
-            case Mount(slides=False) if part.compliance > 0.0:
-                found.append((part.name, f"{printed(part.compliance)} rad/(N mm) about its axis"))
-            case Actuator() | Mount() if part.compliance > 0.0:
-                found.append((part.name, f"{printed(part.compliance)} mm/N along its axis"))
-            case SprungJoint():
-                unit = "N/mm" if part.slides else "N mm/rad"
-                found.append((part.name, f"spring of {printed(part.stiffness)} {unit}"))
-            case ActuatedJoint(matrix=matrix) if matrix is not None:
-                found.append((part.name, "6×6 compliance"))
-            case ActuatedJoint() | CoupledJoint():
-                unit = "mm/N" if part.slides else "rad/(N mm)"
-                own = f"{printed(part.compliance)} {unit}" if part.compliance > 0.0 else ""
-                across = " and ".join(printed(c) for c in part.lateral if c > 0.0)
-                across = f"{across} rad/(N mm) across" if across else ""
-                if own or across:
-                    found.append((part.name, ", ".join(text for text in (own, across) if text)))
-            case RigidOffset() | PassiveJoint() | Actuator() | Mount():
+            case Joint():
+                if part.elastic:
+                    found.append((part.name, _compliance_of(part)))
+            case RigidOffset():
                 pass
             case _:
                 assert_never(part)
     return found
+
+
+def _compliance_of(joint: Joint) -> str:
+    if joint.matrix is not None:
+        return "6×6 compliance"
+    unit = "mm/N" if joint.slides else "rad/(N mm)"
+    own = f"{printed(joint.compliance)} {unit}" if joint.compliance > 0.0 else ""
+    if joint.fixed:
+        return f"{own} {'along' if joint.slides else 'about'} its axis"
+    if joint.passive:
+        return f"spring of {printed(joint.stiffness)} {'N/mm' if joint.slides else 'N mm/rad'}"
+    across = " and ".join(printed(compliance) for _, compliance in joint.bearings)
+    return ", ".join(text for text in (own, f"{across} rad/(N mm) across" if across else "") if text)
 
 
 def _section_of(section: Section) -> str:
@@ -167,6 +168,6 @@ def _posture(chain: Chain, label: str) -> str:
     values: dict[str, Any] = dict(chain.held.get(label, {}))
     # where loops are closed the passive joints follow
     values |= () if chain.closes else zip((joint.name for joint in chain.joints), chain.posture(label), strict=True)
-    slides = {part.name for part in chain.parts if isinstance(part, HeldJoint | PassiveJoint) and part.slides}
+    slides = {joint.name for joint in chain.moving if joint.slides}
     text = ", ".join(f"{k} {printed(float(v))} {'mm' if k in slides else 'rad'}" for k, v in values.items())
     return text or "no joints"

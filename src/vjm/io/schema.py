@@ -38,6 +38,7 @@ from vjm.machine.closing import closed
 from vjm.model import parts
 from vjm.model.chain import FOOT, Chain, pushed_out
 from vjm.model.joint_limits import joint_limits
+from vjm.model.joints import Joint
 from vjm.rotations import frame
 
 __all__ = ["Axis", "BeamTable", "Label", "ModelFile", "Turn", "Turns", "VectorMM", "known_keys", "rotation"]
@@ -248,7 +249,7 @@ class ModelFile(Table):
             ValueError: a posture leaves the passive joints dependent.
         """
         made = tuple(part.part() for part in self.parts)
-        passive = [part.name for part in made if isinstance(part, parts.PassiveJoint)]
+        passive = [part.name for part in made if isinstance(part, Joint) and part.free]
         given = {label: self.given(label) for label in self.postures}
         chain = Chain(
             name=self.name,

@@ -15,9 +15,9 @@ from vjm.machine.closing import closed
 from vjm.machine.rigid_tree import RigidTree
 from vjm.model.chain import FOOT, Chain
 from vjm.model.closures import Closure, Coupling
-from vjm.model.joints import ActuatedJoint, CoupledJoint, PointSpring
+from vjm.model.joints import Joint, PointSpring
 from vjm.model.load_case import LoadCase
-from vjm.model.parts import Beam, Part, PassiveJoint, RigidOffset
+from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.platform.manipulator import BASE, PLATFORM, Leg, Manipulator
 from vjm.rotations import Array, inverse_frame
 
@@ -49,7 +49,7 @@ class MachineLeg:
     end: str = PLATFORM
     root: Array = field(default_factory=lambda: np.eye(4))
     attachment: Array = field(default_factory=lambda: np.eye(4))
-    drive: ActuatedJoint | None = None
+    drive: Joint | None = None
     drive_part: str = ""
     home: Mapping[str, float] = field(default_factory=dict)
 
@@ -119,7 +119,7 @@ def joined(
         raise ValueError(f"{name}: body '{other}' has a mass, but no leg ends on it")
     parts.append(RigidOffset(PLATFORM, np.eye(4), *masses.get(PLATFORM, (0.0, None))))
     after[PLATFORM] = carriers[PLATFORM]
-    passive = [part.name for part in parts if isinstance(part, PassiveJoint)]
+    passive = [part.name for part in parts if isinstance(part, Joint) and part.free]
     return Chain(
         name=name,
         parts=tuple(parts),
@@ -234,7 +234,7 @@ def _leg(leg: Leg) -> MachineLeg:
     joint, home = None, dict(zip((j.name for j in leg.chain.joints), leg.posture.tolist(), strict=True))
     if leg.drive is not None:
         limits = leg.drive.limits if np.any(np.isfinite(leg.drive.limits)) else None
-        joint = ActuatedJoint(leg.name, leg.drive.axis, leg.drive.slides, limits=limits)
+        joint = Joint(leg.name, leg.drive.axis, leg.drive.slides, limits=limits)
         home[leg.name] = leg.coordinate
     part = "" if leg.drive is None else leg.drive.part
     return MachineLeg(leg.name, leg.chain, leg.start, leg.end, leg.root, leg.attachment, joint, part, home)
@@ -272,8 +272,9 @@ def _parts(leg: MachineLeg, *, own_numbers: bool) -> list[Part]:
         if isinstance(part, Beam) and isinstance(made, Beam):
             free = _named(leg, part.free_length) if part.free_length else ""
             made = replace(made, free_length=free, own_segments=numbers.get(part.name))
-        if isinstance(part, CoupledJoint) and isinstance(made, CoupledJoint):
-            made = replace(made, ratios=tuple((_named(leg, name), ratio) for name, ratio in part.ratios))
+        if isinstance(made, Joint) and made.coupling is not None:
+            ratios = tuple((_named(leg, name), ratio) for name, ratio in made.coupling.ratios)
+            made = replace(made, coupling=replace(made.coupling, ratios=ratios))
         if not joint or part.name != leg.drive_part:
             result.append(made)
         elif isinstance(part, RigidOffset) and not np.array_equal(part.transform, np.eye(4)):

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple, assert_never
 import numpy as np
 
 from vjm.model.chain import Chain
-from vjm.model.joints import CoupledJoint, HeldJoint
-from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
+from vjm.model.joints import Joint
+from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import Array, frame, rotation_vectors, translation
 
 if TYPE_CHECKING:
@@ -43,10 +43,9 @@ class RigidTree:
     def __init__(self, machine: Chain) -> None:
         self.machine = machine
         self.length = machine.characteristic_length
-        joints = [part for part in machine.parts if isinstance(part, HeldJoint | PassiveJoint)]
-        given = [part for part in joints if not isinstance(part, CoupledJoint)]
+        given = [joint for joint in machine.moving if joint.coupling is None]
         self.names = tuple(part.name for part in given)
-        self.passive = np.array([isinstance(part, PassiveJoint) for part in given], dtype=bool)
+        self.passive = np.array([part.free for part in given], dtype=bool)
         self.slides = np.array([part.slides for part in given], dtype=bool)
         self.unit = np.where(self.slides, self.length, 1.0)
         self._parent: list[int] = []
@@ -70,14 +69,12 @@ class RigidTree:
                     site = self._moved(site, frame(part.own_frame.T))
                 case Beam():
                     site = self._moved(site, translation(part.tip))
-                case Actuator() | Mount():
-                    pass
-                case HeldJoint() | PassiveJoint():
-                    if isinstance(part, CoupledJoint):
-                        row = sum((r * self._by_name[name][0] for name, r in part.ratios), np.zeros(len(given)))
-                        rest = part.offset + sum(r * self._by_name[name][1] for name, r in part.ratios)
+                case Joint():
+                    if (follows := part.coupling) is not None:
+                        row = follows.summed({name: share for name, (share, _) in self._by_name.items()})
+                        rest = follows.value({name: offset for name, (_, offset) in self._by_name.items()})
                         self._by_name[part.name] = row, rest
-                    if part.name not in pushing:
+                    if not part.fixed and part.name not in pushing:
                         site = self._joint(site, part.axis, rotary=not part.slides)
                         shares.append(self._by_name[part.name])
                 case _:

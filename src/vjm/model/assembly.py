@@ -13,8 +13,8 @@ from typing import assert_never
 import numpy as np
 
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint, joint_axes
-from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, Placement, RigidOffset
+from vjm.model.joints import Joint, JointKind
+from vjm.model.parts import Beam, Part, Placement, RigidOffset
 from vjm.model.springs import BeamColumnSpring, LinearSpring, Spring
 from vjm.rotations import AXES, Array, frame, inverse_frame, rotation_from_vector, translation
 
@@ -161,7 +161,7 @@ class Assembly:
             first = self.size
             self._add(part)
             self.spans[part.name] = range(first, self.size)
-            (self.passive if isinstance(part, PassiveJoint) else self.elastic).extend(self.spans[part.name])
+            (self.passive if isinstance(part, Joint) and part.free else self.elastic).extend(self.spans[part.name])
             self.ends[part.name] = Site(self._last, self.rigid)
 
     def carrying(self, part: str, point: Array) -> Site:
@@ -202,64 +202,56 @@ class Assembly:
                 self._mark(part.name, 0.0)
                 self._piece(part.name, 0.0, 1.0, part.transform[:3, 3], part.mass, centre=part.centre)
                 self._move(part.transform)
-            case PassiveJoint():
+            case Joint(free=True):
                 self._add_passive(part)
-            case ActuatedJoint() | SprungJoint() | CoupledJoint():
+            case Joint(fixed=True):
+                self._add_springs(part)
+            case Joint():
                 self._hold(part)
                 self._add_springs(part)
-            case Actuator() | Mount():
-                if part.compliance > 0.0:
-                    self._coordinate_joint(part.axis, rotary=isinstance(part, Mount) and not part.slides)
-                    self.springs.append(LinearSpring(np.array([[part.compliance]])))
+                self._piece(part.name, 1.0, 1.0, np.zeros(3))
+                self.begins[part.name] = Site(self._last, self.rigid)
             case Beam():
                 self._add_beam(part)
             case _:
                 assert_never(part)
 
-    def _add_passive(self, joint: PassiveJoint) -> None:
+    def _add_passive(self, joint: Joint) -> None:
         self._coordinate_joint(joint.axis, rotary=not joint.slides)
         self.begins[joint.name] = Site(self._last, self.rigid)
 
-    def _hold(self, joint: HeldJoint) -> None:
+    def _hold(self, joint: Joint) -> None:
         """Stand at the joint's coordinate."""
         self._mark(joint.name, 0.0)
         self._piece(joint.name, 0.0, 0.0, np.zeros(3))
         self._move(joint.motion(joint.held_at))
 
-    def _add_springs(self, joint: ActuatedJoint | SprungJoint | CoupledJoint) -> None:
-        """What deflects in a held joint: across its axis first, as (22) has it, then about or along it."""
+    def _add_springs(self, joint: Joint) -> None:
+        """What deflects in a joint: across its axis first, as (22) has it, then about or along it."""
         self._own[joint.name] = None
-        match joint:
-            case SprungJoint():
-                self._add_sprung(joint)
-            case ActuatedJoint(matrix=matrix) if matrix is not None:
-                self._spring_of_22(matrix, joint.name)
-            case ActuatedJoint() | CoupledJoint():
-                if isinstance(joint, CoupledJoint) and joint.as_bent:
-                    self._pass_on(joint)
-                for axis, compliance in zip(joint_axes(joint.axis).T, joint.lateral, strict=False):
-                    if compliance > 0.0:
-                        self._coordinate_joint(axis, rotary=True)
-                        self.springs.append(LinearSpring(np.array([[compliance]])))
-                if joint.compliance > 0.0:
-                    self._own_spring(joint, joint.compliance)
-            case _:
-                assert_never(joint)
-        self._piece(joint.name, 1.0, 1.0, np.zeros(3))
-        self.begins[joint.name] = Site(self._last, self.rigid)
+        self._pass_on(joint)
+        if joint.matrix is not None:
+            self._spring_of_22(joint.matrix, joint.name)
+        for axis, compliance in joint.bearings:
+            self._coordinate_joint(axis, rotary=True)
+            self.springs.append(LinearSpring(np.array([[compliance]])))
+        if joint.compliance > 0.0:
+            self._own_spring(joint)
+            self._stress(joint)
 
-    def _add_sprung(self, joint: SprungJoint) -> None:
-        self._own_spring(joint, 1.0 / joint.stiffness)
-        self.natural[self.size - 1] = joint.stretch
-
-    def _own_spring(self, joint: HeldJoint, compliance: float) -> None:
+    def _own_spring(self, joint: Joint) -> None:
         self._own[joint.name] = self.size
         self._coordinate_joint(joint.axis, rotary=not joint.slides)
-        self.springs.append(LinearSpring(np.array([[compliance]])))
+        self.springs.append(LinearSpring(np.array([[joint.compliance]])))
 
-    def _pass_on(self, joint: CoupledJoint) -> None:
+    def _stress(self, joint: Joint) -> None:
+        """Say where the last coordinate's spring is free of stress."""
+        if joint.kind is JointKind.SPRUNG:
+            self.natural[self.size - 1] = joint.stretch
+
+    def _pass_on(self, joint: Joint) -> None:
         """Move a coupled joint by what the springs of the others add about their own axes."""
-        for name, ratio in joint.ratios:
+        for name, ratio in joint.passes_on:
             if name not in self._own:
                 raise ValueError(
                     f"joint '{joint.name}' is coupled to '{name}', which must be a held joint before it"

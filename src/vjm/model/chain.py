@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vjm.model.closures import Closure, Coupling
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring
-from vjm.model.parts import Actuator, Beam, Part, PassiveJoint, Placement, RigidOffset
+from vjm.model.joints import Joint, JointKind, PointSpring
+from vjm.model.parts import Beam, Part, Placement, RigidOffset
 from vjm.rotations import Array
 
 FOOT = "foot"
@@ -93,11 +93,12 @@ class Chain:
                     f"{self.name}: part '{part.name}' begins after '{where}', which is no part before it"
                 )
             before.add(part.name)
-            for name, _ in part.ratios if isinstance(part, CoupledJoint) else ():
+            if not isinstance(part, Joint) or part.fixed:
+                continue
+            for name, _ in part.coupling.ratios if part.coupling is not None else ():
                 if name not in joints:
                     raise ValueError(f"joint '{part.name}' is coupled to '{name}', which is no joint before it")
-            if isinstance(part, HeldJoint | PassiveJoint):
-                joints.add(part.name)
+            joints.add(part.name)
         self._check_free_lengths()
         for end, behind in self.ends.items():
             if behind not in before:
@@ -126,7 +127,7 @@ class Chain:
         """
         sliding, pushed = set[str](), set[str]()
         for part in self.parts:
-            if isinstance(part, ActuatedJoint) and part.slides:
+            if isinstance(part, Joint) and part.kind is JointKind.ACTUATED and part.slides:
                 sliding.add(part.name)
             if isinstance(part, Beam) and part.free_length:
                 name = part.free_length
@@ -151,16 +152,19 @@ class Chain:
         return tuple(part for part in self.parts if isinstance(part, Beam))
 
     @property
-    def joints(self) -> tuple[PassiveJoint, ...]:
-        """The passive joints, from base to tool."""
-        return tuple(part for part in self.parts if isinstance(part, PassiveJoint))
+    def moving(self) -> tuple[Joint, ...]:
+        """The joints that have a coordinate, from base to tool: all but fixed ones."""
+        return tuple(part for part in self.parts if isinstance(part, Joint) and not part.fixed)
 
     @property
-    def held_joints(self) -> tuple[HeldJoint, ...]:
+    def joints(self) -> tuple[Joint, ...]:
+        """The joints that move freely, from base to tool."""
+        return tuple(joint for joint in self.moving if joint.free)
+
+    @property
+    def held_joints(self) -> tuple[Joint, ...]:
         """The joints that stand at a coordinate which the data give: actuated and sprung ones, base to tool."""
-        return tuple(
-            part for part in self.parts if isinstance(part, HeldJoint) and not isinstance(part, CoupledJoint)
-        )
+        return tuple(joint for joint in self.moving if joint.held and joint.coupling is None)
 
     def at(self, label: str) -> Chain:
         """The machine with its held joints at the coordinates of a posture; itself where it has none.
@@ -168,7 +172,7 @@ class Chain:
         Raises:
             KeyError: no such posture.
         """
-        if not any(isinstance(part, HeldJoint) for part in self.parts):
+        if not any(joint.held for joint in self.moving):
             return self
         self.posture(label)
         return self.locked(self.held.get(label, {}))
@@ -187,18 +191,18 @@ class Chain:
         at, pushing = dict(values), self.pushing
         parts: list[Part] = []
         for part in self.parts:
-            if isinstance(part, CoupledJoint):
-                other = next((name for name, _ in part.ratios if name not in at), None)
+            if isinstance(part, Joint) and part.coupling is not None:
+                other = next((name for name, _ in part.coupling.ratios if name not in at), None)
                 if other is not None:
                     raise ValueError(
                         f"joint '{part.name}' is coupled to '{other}', which is no held joint before it"
                     )
-                at[part.name] = part.offset + sum(ratio * at[name] for name, ratio in part.ratios)
+                at[part.name] = part.coupling.value(at)
             if isinstance(part, Beam) and part.free_length:
                 parts.append(pushed_out(part, at[part.free_length]))
                 continue
             stands = 0.0 if part.name in pushing else at.get(part.name, 0.0)
-            parts.append(replace(part, value=float(stands)) if isinstance(part, HeldJoint) else part)
+            parts.append(replace(part, value=float(stands)) if isinstance(part, Joint) and part.held else part)
         return replace(self, parts=tuple(parts))
 
     @property
@@ -314,13 +318,14 @@ class Chain:
         return replace(self, parts=tuple(parts))
 
     def with_actuator_compliance(self, compliance: float) -> Chain:
-        """The same machine with a ``compliance`` of every drive, mm/N."""
-        return replace(
-            self,
-            parts=tuple(
-                replace(part, compliance=compliance) if isinstance(part, Actuator) else part for part in self.parts
-            ),
+        """The same machine with a ``compliance`` of every actuator, mm/N."""
+        parts = (
+            replace(part, compliance=compliance)
+            if isinstance(part, Joint) and part.kind is JointKind.ACTUATOR
+            else part
+            for part in self.parts
         )
+        return replace(self, parts=tuple(parts))
 
 
 def pushed_out(beam: Beam, free: float) -> Beam:

@@ -14,11 +14,12 @@ from functools import lru_cache
 import numpy as np
 
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.kinematics import Kinematics
 from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.model.lumped import LumpedModel
-from vjm.model.parts import PassiveJoint, RigidOffset
-from vjm.rotations import AXES, Array, displacement_between, frame, inverse_frame, translation, turn
+from vjm.model.parts import RigidOffset
+from vjm.rotations import AXES, Array, displacement_between, frame, inverse_frame
 
 DEPENDENT = 1e-9
 """Singular value of the joints' Jacobian, over the largest, below which their motions depend on one another."""
@@ -41,7 +42,7 @@ class EndCondition:
 
     model: LumpedModel
     tool: Array
-    joints: tuple[PassiveJoint, ...]
+    joints: tuple[Joint, ...]
 
     def tool_pose(self, end_condition: Array, x: Array) -> Array:
         """Pose ``(4, 4)`` of the end-effector with the support at a frame ``(4, 4)`` and coordinates ``x`` (n,)."""
@@ -49,7 +50,7 @@ class EndCondition:
             return end_condition
         T = frame(self.tool[:3, :3].T)
         for joint, value in zip(self.joints, x[self.model.passive[-len(self.joints) :]], strict=True):
-            T = T @ (translation(joint.axis * value) if joint.slides else turn(joint.axis, value))
+            T = T @ joint.motion(value)
         return end_condition @ inverse_frame(T)
 
     @property
@@ -104,7 +105,7 @@ def held(model: LumpedModel, load_case: LoadCase) -> EndCondition:
         )
     free = in_order(load_case)
     while free:
-        joints = tuple(PassiveJoint(f"support-{name}", AXES[name[-1]], slides=len(name) == 1) for name in free)
+        joints = support_joints(free)
         there = type(model)(_extended(chain, load_case.posture, tool, joints))
         loose = _loose(there, len(joints), np.concatenate([q, np.zeros(len(joints))]))
         if loose is None:
@@ -188,7 +189,12 @@ def in_order(load_case: LoadCase) -> list[str]:
     return turns + [name for name in "xyz" if name in load_case.free]
 
 
-def _extended(chain: Chain, posture: str, tool: Array, joints: Sequence[PassiveJoint]) -> Chain:
+def support_joints(free: Sequence[str]) -> tuple[Joint, ...]:
+    """A perfect joint for each free component of the end-effector's pose, along the world's axes."""
+    return tuple(Joint(f"support-{name}", AXES[name[-1]], len(name) == 1, passive=True) for name in free)
+
+
+def _extended(chain: Chain, posture: str, tool: Array, joints: Sequence[Joint]) -> Chain:
     axes = RigidOffset("support-axes", frame(tool[:3, :3].T))
     q = np.concatenate([chain.posture(posture), np.zeros(len(joints))])
     return replace(chain, parts=(*chain.parts, axes, *joints), postures={posture: q})

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.model.chain import Chain
-from vjm.model.joints import CoupledJoint, HeldJoint
-from vjm.model.parts import PassiveJoint
 from vjm.rotations import Array
 
 ROUNDING = 1e-9
@@ -112,14 +110,14 @@ def joint_limits(chain: Chain, given: Sequence[str] = ()) -> JointLimits:
         >>> limits.said(np.array([0.0, 2.7]))
         'elbow = 2.7 exceeds its limit 2.6 by 0.1 rad'
     """
-    joints = [part for part in chain.parts if isinstance(part, HeldJoint | PassiveJoint)]
-    given = tuple(given) or tuple(part.name for part in joints if not isinstance(part, CoupledJoint))
+    joints = chain.moving
+    given = tuple(given) or tuple(joint.name for joint in joints if joint.coupling is None)
     share = {name: np.eye(len(given))[i] for i, name in enumerate(given)}
     offset = dict.fromkeys(given, 0.0)
-    for part in joints:
-        if isinstance(part, CoupledJoint):
-            share[part.name] = sum((ratio * share[name] for name, ratio in part.ratios), np.zeros(len(given)))
-            offset[part.name] = part.offset + sum(ratio * offset[name] for name, ratio in part.ratios)
+    for joint in joints:
+        if joint.coupling is not None:
+            share[joint.name] = joint.coupling.summed(share)
+            offset[joint.name] = joint.coupling.value(offset)
     limits = [part.limits or (-np.inf, np.inf) for part in joints]
     return JointLimits(
         names=tuple(part.name for part in joints),

@@ -1,4 +1,4 @@
-"""Joints that are held at a coordinate: actuated ones, sprung passive ones, and ones coupled to others.
+"""Joints: passive ones, ones held at a coordinate, and ones coupled to others.
 
 A held joint stands at a *value* that the posture or the data give. What is elastic in it moves it from there: its
 virtual springs come behind the motion by the value, ``T_Ac(q, θ)`` of the paper's (1).
@@ -6,11 +6,18 @@ virtual springs come behind the motion by the value, ``T_Ac(q, θ)`` of the pape
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, replace
+from enum import StrEnum
+from functools import reduce
+from operator import add
+from typing import TypeVar
 
 import numpy as np
 
 from vjm.rotations import Array, translation, turn
+
+Value = TypeVar("Value", float, Array)
 
 
 def joint_axes(axis: Array) -> Array:
@@ -28,28 +35,180 @@ def joint_axes(axis: Array) -> Array:
     return np.column_stack([side, np.cross(axis, side), axis])
 
 
+class JointKind(StrEnum):
+    """What a joint is by its data; see `Joint`."""
+
+    FREE = "free"
+    """Passive without a spring: the equilibrium finds its coordinate."""
+    SPRUNG = "sprung"
+    """Passive with a spring about or along its axis."""
+    ACTUATED = "actuated"
+    """Driven to the coordinate that the posture gives."""
+    COUPLED = "coupled"
+    """Its coordinate follows from those of others."""
+    ACTUATOR = "actuator"
+    """A drive that stands still in every posture, and deflects."""
+    MOUNT = "mount"
+    """No drive: what carries the chain, and deflects."""
+
+
 @dataclass(frozen=True)
-class HeldJoint:
-    """A joint that stands at a coordinate.
+class JointCoupling:
+    """What a joint follows: ``value = offset + Σ ratio · value of the other``.
+
+    Attributes:
+        ratios: names of other joints and the ratios to them.
+        offset: mm or rad.
+        as_bent: the coupling passes on what the other joints' springs add about their own axes too, as a belt or
+            gears between the joints' shafts do; else only what they are commanded, as a controller does. Neither
+            passes on the bending of links. A parallel linkage does: it is a manipulator of legs.
+    """
+
+    ratios: tuple[tuple[str, float], ...]
+    offset: float = 0.0
+    as_bent: bool = True
+
+    def summed(self, values: Mapping[str, Value]) -> Value:
+        """``Σ ratio · value of the other``, by the names of joints."""
+        result: Value = reduce(add, (ratio * values[name] for name, ratio in self.ratios))
+        return result
+
+    def value(self, values: Mapping[str, float]) -> float:
+        """The coordinate that follows from others by name, mm or rad."""
+        return self.offset + self.summed(values)
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint: an axis, turning or sliding, at a coordinate, with what deflects in it.
+
+    Driven joints stand at the coordinate that a posture or a coupling gives, and so do passive ones with a spring.
+    What deflects comes behind the motion by that coordinate.
 
     Attributes:
         name: of the part.
         axis: unit vector ``(3,)`` in the chain frame.
-        slides: along the axis; else it turns about it.
+        slides: along the axis; else it turns about it, through the chain frame's origin.
+        passive: nothing drives it: it moves freely without friction or play, or, with a compliance, on a spring.
+        fixed: it has no coordinate, stands still in every posture and only deflects: a drive before the joints, or,
+            where it is passive, what carries the chain, a frame or a guide.
+        compliance: about or along its own axis, rad/(N mm) or mm/N; zero for a rigid drive, and for a passive joint
+            without a spring.
+        lateral: rotational compliance about the two other `joint_axes`, rad/(N mm): bearings, and the link before.
+        matrix: in place of both the whole compliance ``(6, 6)`` in the axes of the chain frame behind the joint,
+            in mm/N, 1/N, rad/(N mm); rigid directions have zeros in their row and column.
+        preload: torque in N mm or force in N by which the spring of a passive joint drives it to larger coordinates
+            where the posture has it; ``rest`` says the same by a coordinate.
+        rest: coordinate at which that spring is free of stress; None: that of the posture.
+        coupling: what the joint follows, if anything.
         limits: of its coordinate, mm or rad.
         value: coordinate at which it stands, mm or rad; None until a posture or the data give it.
+
+    Example:
+        >>> elbow = Joint("elbow", np.array([0.0, 0.0, 1.0]), passive=True, compliance=1e-6, preload=2e3)
+        >>> elbow.kind, elbow.stretch
+        (<JointKind.SPRUNG: 'sprung'>, 0.002)
     """
 
     name: str
     axis: Array
     slides: bool = False
-    limits: tuple[float, float] | None = field(default=None, kw_only=True)
-    value: float | None = field(default=None, kw_only=True)
+    _: KW_ONLY
+    passive: bool = False
+    fixed: bool = False
+    compliance: float = 0.0
+    lateral: tuple[float, float] = (0.0, 0.0)
+    matrix: Array | None = None
+    preload: float = 0.0
+    rest: float | None = None
+    coupling: JointCoupling | None = None
+    limits: tuple[float, float] | None = None
+    value: float | None = None
 
     def __post_init__(self) -> None:
-        length = float(np.linalg.norm(self.axis))
+        where, length = f"joint '{self.name}'", float(np.linalg.norm(self.axis))
         if not abs(length - 1.0) < 1e-9:
-            raise ValueError(f"joint '{self.name}': its axis has length {length:g}; give a unit vector")
+            raise ValueError(f"{where}: its axis has length {length:g}; give a unit vector")
+        if not all(0.0 <= compliance < float("inf") for compliance in (self.compliance, *self.lateral)):
+            raise ValueError(f"{where}: a compliance is zero or more, and finite")
+        if self.matrix is not None and (self.compliance or any(self.lateral)):
+            raise ValueError(f"{where} has a 6×6 compliance and another one: give one of them")
+        if (self.passive or self.fixed) and (self.matrix is not None or any(self.lateral)):
+            raise ValueError(f"{where} deflects about or along its own axis alone: give it one compliance")
+        if (self.rest is not None or self.preload) and self.kind is not JointKind.SPRUNG:
+            raise ValueError(f"{where} has a preload or a rest position but no spring: make it passive, elastic")
+        if self.rest is not None and self.preload:
+            raise ValueError(f"{where} has a rest position and a preload, which say the same: give one")
+        if self.coupling is not None:
+            self._check_coupling(where, [name for name, _ in self.coupling.ratios])
+
+    def _check_coupling(self, where: str, names: list[str]) -> None:
+        if not names or len(set(names)) < len(names):
+            raise ValueError(f"{where} must be coupled to other joints, each named once")
+        if self.name in names:
+            raise ValueError(f"{where} is coupled to itself: name another joint")
+        if self.passive or self.fixed or self.matrix is not None:
+            raise ValueError(f"{where} is coupled: it is neither passive nor fixed, and has no 6×6 compliance")
+
+    @property
+    def kind(self) -> JointKind:
+        """What it is, by its data."""
+        if self.coupling is not None:
+            return JointKind.COUPLED
+        if self.fixed:
+            return JointKind.MOUNT if self.passive else JointKind.ACTUATOR
+        if self.passive:
+            return JointKind.SPRUNG if self.compliance > 0.0 else JointKind.FREE
+        return JointKind.ACTUATED
+
+    @property
+    def free(self) -> bool:
+        """Whether it moves freely: the equilibrium finds its coordinate."""
+        return self.kind is JointKind.FREE
+
+    @property
+    def held(self) -> bool:
+        """Whether it stands at a coordinate that a posture, the data or a coupling give."""
+        return not self.fixed and not self.free
+
+    @property
+    def elastic(self) -> bool:
+        """Whether anything in it deflects."""
+        return self.matrix is not None or self.compliance > 0.0 or any(self.lateral)
+
+    @property
+    def compliances(self) -> tuple[float, float, float]:
+        """About or along its own axis, and about the two others, see `lateral`."""
+        return self.compliance, *self.lateral
+
+    def with_compliance(self, which: int, value: float) -> Joint:
+        """The same joint with another value of one of its `compliances`, counted from zero."""
+        own, first, second = (value if i == which else c for i, c in enumerate(self.compliances))
+        return replace(self, compliance=own, lateral=(first, second))
+
+    @property
+    def stiffness(self) -> float:
+        """Of its spring about or along its own axis, N mm/rad or N/mm; infinite where it has none.
+
+        To the 15 digits that a float keeps of any decimal number, so that a stiffness of a file is as it was there.
+        """
+        return float(f"{1.0 / self.compliance:.15g}") if self.compliance > 0.0 else float("inf")
+
+    @property
+    def stretch(self) -> float:
+        """How far from the posture's coordinate its own spring is free of stress, mm or rad."""
+        return self.preload * self.compliance if self.rest is None else self.rest - self.held_at
+
+    @property
+    def bearings(self) -> list[tuple[Array, float]]:
+        """The axes ``(3,)`` across its own about which it deflects, with the compliances, rad/(N mm)."""
+        across = zip(joint_axes(self.axis).T[:2], self.lateral, strict=True)
+        return [(axis, compliance) for axis, compliance in across if compliance > 0.0]
+
+    @property
+    def passes_on(self) -> tuple[tuple[str, float], ...]:
+        """Names of joints and the ratios by which it moves with what their springs add about their own axes."""
+        return self.coupling.ratios if self.coupling is not None and self.coupling.as_bent else ()
 
     def motion(self, value: float) -> Array:
         """Frame ``(4, 4)`` behind the joint at a coordinate, in the chain frame before it."""
@@ -57,153 +216,18 @@ class HeldJoint:
 
     @property
     def held_at(self) -> float:
-        """The coordinate, mm or rad.
+        """The coordinate, mm or rad; zero where it is fixed.
 
         Raises:
             ValueError: no posture has given it.
         """
+        if self.fixed:
+            return 0.0
         if self.value is None:
             raise ValueError(
                 f"joint '{self.name}' has no coordinate yet: take the chain in a posture, chain.at(label)"
             )
         return self.value
-
-
-@dataclass(frozen=True)
-class ActuatedJoint(HeldJoint):
-    """A drive that holds its coordinate, with springs behind it.
-
-    Attributes:
-        compliance: about or along its own axis, rad/(N mm) or mm/N; zero for a rigid drive.
-        lateral: rotational compliance about the two other `joint_axes`, rad/(N mm): bearings, and the link before.
-        matrix: in place of both the whole compliance ``(6, 6)`` in the axes of the chain frame behind the joint,
-            in mm/N, 1/N, rad/(N mm); rigid directions have zeros in their row and column.
-    """
-
-    compliance: float = 0.0
-    lateral: tuple[float, float] = (0.0, 0.0)
-    matrix: Array | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if min(self.compliance, *self.lateral) < 0.0:
-            raise ValueError(f"joint '{self.name}': a compliance is zero or more")
-        if self.matrix is not None and (self.compliance or any(self.lateral)):
-            raise ValueError(f"joint '{self.name}' has a 6×6 compliance and another one: give one of them")
-
-    @property
-    def elastic(self) -> bool:
-        """Whether anything in it deflects."""
-        return self.matrix is not None or self.compliance > 0.0 or any(self.lateral)
-
-
-@dataclass(frozen=True)
-class SprungJoint(HeldJoint):
-    """A passive joint with a spring about or along its axis.
-
-    Attributes:
-        stiffness: N mm/rad or N/mm.
-        preload: torque in N mm or force in N by which the spring drives the joint to larger coordinates where
-            the posture has it; ``rest`` says the same by a coordinate.
-        rest: coordinate at which the spring is free of stress; None: that of the posture.
-    """
-
-    stiffness: float = 1.0
-    preload: float = 0.0
-    rest: float | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not 0.0 < self.stiffness < float("inf"):
-            raise ValueError(f"joint '{self.name}': stiffness must be positive and finite, not {self.stiffness}")
-        if self.rest is not None and self.preload:
-            raise ValueError(f"joint '{self.name}' has a rest position and a preload, which say the same: give one")
-
-    @property
-    def stretch(self) -> float:
-        """How far from the posture's coordinate the spring is free of stress, mm or rad."""
-        return self.preload / self.stiffness if self.rest is None else self.rest - self.held_at
-
-
-@dataclass(frozen=True)
-class CoupledJoint(HeldJoint):
-    """A joint that follows others: ``value = offset + Σ ratio · value of the other``.
-
-    Attributes:
-        ratios: names of held joints and the ratios to them.
-        offset: mm or rad.
-        as_bent: the coupling passes on what the other joints' springs add about their own axes too, as a belt or
-            gears between the joints' shafts do; else only what they are commanded, as a controller does. Neither
-            passes on the bending of links. A parallel linkage does: it is a manipulator of legs.
-        compliance: of its own about or along its axis, rad/(N mm) or mm/N.
-        lateral: as for an `ActuatedJoint`.
-    """
-
-    ratios: tuple[tuple[str, float], ...] = ()
-    offset: float = 0.0
-    as_bent: bool = True
-    compliance: float = 0.0
-    lateral: tuple[float, float] = (0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        names = [name for name, _ in self.ratios]
-        if not names or len(set(names)) < len(names):
-            raise ValueError(f"joint '{self.name}' must be coupled to other joints, each named once")
-        if self.name in names:
-            raise ValueError(f"joint '{self.name}' is coupled to itself: name another joint")
-        if min(self.compliance, *self.lateral) < 0.0:
-            raise ValueError(f"joint '{self.name}': a compliance is zero or more")
-
-
-@dataclass(frozen=True)
-class ElementarySpring:
-    """One direction in which a joint deflects, behind those before it.
-
-    Attributes:
-        axis: unit vector ``(3,)`` in the chain frame.
-        slides: along it; else it turns about it.
-        compliance: mm/N or rad/(N mm).
-        stretch: coordinate at which it is free of stress.
-    """
-
-    axis: Array
-    slides: bool
-    compliance: float
-    stretch: float = 0.0
-
-
-def elementary_springs(joint: HeldJoint, engine: str) -> list[ElementarySpring]:
-    """What deflects in a held joint one direction after the other, for engines that set up joints one by one.
-
-    Raises:
-        ValueError: its springs are coupled with each other or with another joint's.
-    """
-    match joint:
-        case SprungJoint():
-            return [ElementarySpring(joint.axis, joint.slides, 1.0 / joint.stiffness, joint.stretch)]
-        case CoupledJoint(as_bent=True):
-            raise ValueError(
-                f"joint '{joint.name}': {engine} does not pass on what bends in the joints that it is coupled to; "
-                f"write coupling = 'as commanded'"
-            )
-        case ActuatedJoint(matrix=matrix) if matrix is not None:
-            if np.any(matrix - np.diag(np.diag(matrix))):
-                raise ValueError(
-                    f"joint '{joint.name}': {engine} takes a 6×6 compliance of a joint only if diagonal"
-                )
-            return [
-                ElementarySpring(np.eye(3)[k % 3], k < 3, float(c))
-                for k, c in enumerate(np.diag(matrix))
-                if c > 0.0
-            ]
-        case ActuatedJoint() | CoupledJoint():
-            axes = joint_axes(joint.axis).T
-            found = [ElementarySpring(axes[k], False, c) for k, c in enumerate(joint.lateral) if c > 0.0]
-            own = ElementarySpring(joint.axis, joint.slides, joint.compliance)
-            return [*found, own] if joint.compliance > 0.0 else found
-        case _:
-            raise ValueError(f"joint '{joint.name}': {engine} does not know its kind")
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
-from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
+from vjm.model.joints import Joint
+from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import AXES, frame, rotation_from_vector
 
 SECTION_VALUES = ("EA", "GJ", "EIy", "EIz", "GAy", "GAz")
@@ -116,28 +116,6 @@ def beam_length(chain: Chain, part: str) -> Parameter:
     return Parameter(f"{part} length", "mm", value, value, apply)
 
 
-def actuator_compliance(chain: Chain, part: str) -> Parameter:
-    """Compliance of a drive in mm/N.
-
-    Raises:
-        ValueError: it is rigid. From zero upwards a compliance adds a coordinate.
-    """
-    actuator = _part(chain, part)
-    if not isinstance(actuator, Actuator):
-        raise ValueError(f"part '{part}' is no actuator")
-    if actuator.compliance <= 0.0:
-        raise ValueError(f"part '{part}' is rigid: give it a compliance above zero to differentiate by it")
-
-    def apply(chain: Chain, value: float) -> Chain:
-        now = _part(chain, part)
-        if not isinstance(now, Actuator) or value <= 0.0:
-            raise ValueError(f"part '{part}': an actuator's compliance must stay above zero, not {value}")
-        return _with(chain, replace(now, compliance=value))
-
-    value = float(actuator.compliance)
-    return Parameter(f"{part} compliance", "mm/N", value, value, apply)
-
-
 def joint_angle(chain: Chain, posture: str, joint: str) -> Parameter:
     """Passive joint coordinate of a posture in rad: where the chain stands when it is unloaded."""
     names = [part.name for part in chain.joints]
@@ -170,13 +148,7 @@ def orientation(chain: Chain, part: str, axis: str) -> Parameter:
                 return _with(chain, replace(now, own_frame=R @ given.own_frame))
             case RigidOffset(), RigidOffset():
                 return _with(chain, replace(now, transform=frame(R) @ given.transform))
-            case Actuator(), Actuator():
-                return _with(chain, replace(now, axis=R @ given.axis))
-            case Mount(), Mount():
-                return _with(chain, replace(now, axis=R @ given.axis))
-            case HeldJoint(), HeldJoint():
-                return _with(chain, replace(now, axis=R @ given.axis))
-            case PassiveJoint(), PassiveJoint():
+            case Joint(), Joint():
                 return _with(chain, replace(now, axis=R @ given.axis))
             case _:
                 raise ValueError(f"part '{part}' is no longer the {type(given).__name__} that it was")
@@ -185,44 +157,30 @@ def orientation(chain: Chain, part: str, axis: str) -> Parameter:
 
 
 def joint_compliance(chain: Chain, joint: str, axis: str = "own") -> Parameter:
-    """Compliance of a held joint about or along its axis, or about one of the two others.
+    """Compliance of a joint about or along its axis, or about one of the two others.
 
     Args:
         chain: the machine.
-        joint: name of an actuated, coupled or sprung joint.
+        joint: its name; it is not one that moves freely.
         axis: ``own``, or ``lateral-1`` and ``lateral-2`` for the two others, see `vjm.model.joints.joint_axes`.
 
     Raises:
         ValueError: no such joint or axis, a 6×6 compliance, or a rigid one: from zero upwards it adds a coordinate.
     """
-    part = _part(chain, joint)
-    names = ("own", "lateral-1", "lateral-2")
-    if (
-        not isinstance(part, ActuatedJoint | CoupledJoint | SprungJoint)
-        or getattr(part, "matrix", None) is not None
-    ):
+    part, names = _joint(chain, joint), ("own", "lateral-1", "lateral-2")
+    if part.free or part.matrix is not None:
         raise ValueError(f"part '{joint}' is no joint with a compliance about or along single axes")
     if axis not in names:
         raise ValueError(f"joint '{joint}': a compliance is one of {', '.join(names)}, not {axis}")
-    if isinstance(part, SprungJoint):
-        own, lateral = 1.0 / part.stiffness, (0.0, 0.0)
-    else:
-        own, lateral = part.compliance, part.lateral
-    value = (own, *lateral)[names.index(axis)]
+    which = names.index(axis)
+    value = part.compliances[which]
     if value <= 0.0:
         raise ValueError(f"joint '{joint}' is rigid there: give it a compliance above zero to differentiate by it")
 
     def apply(chain: Chain, value: float) -> Chain:
-        now = _part(chain, joint)
         if value <= 0.0:
             raise ValueError(f"joint '{joint}': a compliance must stay above zero, not {value}")
-        if isinstance(now, SprungJoint):
-            return _with(chain, replace(now, stiffness=1.0 / value))
-        assert isinstance(now, ActuatedJoint | CoupledJoint)
-        if axis == "own":
-            return _with(chain, replace(now, compliance=value))
-        first, second = now.lateral
-        return _with(chain, replace(now, lateral=(value, second) if axis == "lateral-1" else (first, value)))
+        return _with(chain, _joint(chain, joint).with_compliance(which, value))
 
     unit = "mm/N" if axis == "own" and part.slides else "rad/(N mm)"
     return Parameter(f"{joint} {axis} compliance", unit, value, value, apply)
@@ -267,6 +225,13 @@ def _part(chain: Chain, name: str) -> Part:
         if part.name == name:
             return part
     raise ValueError(f"{chain.name}: no part '{name}'; it has {', '.join(part.name for part in chain.parts)}")
+
+
+def _joint(chain: Chain, name: str) -> Joint:
+    part = _part(chain, name)
+    if not isinstance(part, Joint):
+        raise ValueError(f"part '{name}' is no joint")
+    return part
 
 
 def _beam(chain: Chain, name: str) -> Beam:

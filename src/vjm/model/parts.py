@@ -1,4 +1,4 @@
-"""The parts of a chain: rigid offsets, actuators, beams and passive joints.
+"""The parts of a chain: rigid offsets, beams and joints.
 
 Parts are the machine, not a model of it: the virtual joint method and every finite element engine read the
 same parts. A chain strings them from base to tool; each part begins at the *chain frame* where the one
@@ -13,7 +13,7 @@ from typing import assert_never
 
 import numpy as np
 
-from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.model.joints import Joint
 from vjm.rotations import Array, frame, rotate_matrix6, shift_compliance
 
 
@@ -126,52 +126,6 @@ class RigidOffset:
     def centre_of_mass(self) -> Array:
         """``(3,)`` mm, in the frame where the piece begins."""
         return 0.5 * self.transform[:3, 3] if self.centre is None else self.centre
-
-
-@dataclass(frozen=True)
-class Actuator:
-    """A drive, held at its coordinate, that deflects along its axis.
-
-    Attributes:
-        axis: unit vector ``(3,)`` in the chain frame.
-        compliance: mm/N; zero for a rigid drive.
-    """
-
-    name: str
-    axis: Array
-    compliance: float = 0.0
-
-
-@dataclass(frozen=True)
-class Mount:
-    """What carries the chain and deflects along one axis or about it: a frame, a guide.
-
-    Attributes:
-        axis: unit vector ``(3,)`` in the chain frame.
-        compliance: mm/N, rad/(N mm) where it turns; zero for a rigid one.
-        slides: along the axis; else it turns about it, through the chain frame's origin.
-    """
-
-    name: str
-    axis: Array
-    compliance: float = 0.0
-    slides: bool = True
-
-
-@dataclass(frozen=True)
-class PassiveJoint:
-    """A perfect joint: no friction, no backlash.
-
-    Attributes:
-        axis: unit vector ``(3,)`` in the chain frame.
-        slides: along the axis; else it turns about it.
-        limits: of its coordinate in a posture, mm or rad.
-    """
-
-    name: str
-    axis: Array
-    slides: bool = False
-    limits: tuple[float, float] | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -290,22 +244,18 @@ class Beam:
         return self.beam_compliance() if self.compliance is None else self.compliance / self.count
 
 
-Part = RigidOffset | Actuator | Mount | PassiveJoint | Beam | ActuatedJoint | SprungJoint | CoupledJoint
+Part = RigidOffset | Joint | Beam
 """Anything that a chain is made of."""
 
 
 def deflects(part: Part) -> bool:
     """Whether anything in a part deflects."""
     match part:
-        case Beam() | SprungJoint():
+        case Beam():
             return True
-        case ActuatedJoint():
+        case Joint():
             return part.elastic
-        case CoupledJoint():
-            return part.compliance > 0.0 or any(part.lateral)
-        case Actuator() | Mount():
-            return part.compliance > 0.0
-        case RigidOffset() | PassiveJoint():
+        case RigidOffset():
             return False
         case _:
             assert_never(part)

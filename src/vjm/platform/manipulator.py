@@ -14,7 +14,8 @@ import numpy as np
 
 from vjm.model.chain import Chain
 from vjm.model.joint_limits import said_beyond
-from vjm.model.parts import Actuator, RigidOffset
+from vjm.model.joints import Joint, JointKind
+from vjm.model.parts import RigidOffset
 from vjm.plain_numbers import plain_number
 from vjm.rotations import Array, translation, turn
 
@@ -318,10 +319,10 @@ def drive_of(chain: Chain, part: str, turns_about: Array | None, limits: tuple[f
     """
     if turns_about is not None:
         return Drive(part, turns_about, False, limits)
-    found = next((p for p in chain.parts if p.name == part), None)
-    if not isinstance(found, Actuator):
-        known = ", ".join(p.name for p in chain.parts if isinstance(p, Actuator)) or "none"
+    actuators = {p.name: p for p in chain.parts if isinstance(p, Joint) and p.kind is JointKind.ACTUATOR}
+    if part not in actuators:
+        known = ", ".join(actuators) or "none"
         raise ValueError(
             f"drive '{part}' is no actuator of {chain.name} (it has {known}): name one, or give drive_turns_about"
         )
-    return Drive(part, found.axis, True, limits)
+    return Drive(part, actuators[part].axis, True, limits)

@@ -10,8 +10,8 @@ import numpy as np
 from vjm.kernels.arrays import GROWS
 from vjm.model.assembly import Assembly, Piece
 from vjm.model.chain import Chain
-from vjm.model.joints import CoupledJoint, HeldJoint, SprungJoint
-from vjm.model.parts import Beam, PassiveJoint
+from vjm.model.joints import Joint
+from vjm.model.parts import Beam
 from vjm.model.springs import BeamColumnSpring, LinearSpring
 from vjm.rotations import Array, frame, translation
 
@@ -41,31 +41,30 @@ class TreeAssembly(Assembly):
         self._joint(axis, -1, 0.0, rotary=rotary)
         self.held[self._last] = name
 
-    def _hold(self, joint: HeldJoint) -> None:
+    def _hold(self, joint: Joint) -> None:
         self._mark(joint.name, 0.0)
         self._piece(joint.name, 0.0, 0.0, np.zeros(3))
         if joint.name not in self._pushing:
             self._stand(joint.name, joint.axis, rotary=not joint.slides)
 
-    def _add_passive(self, joint: PassiveJoint) -> None:
+    def _add_passive(self, joint: Joint) -> None:
         self._stand(joint.name, joint.axis, rotary=not joint.slides)
         self._own[joint.name] = self.size
         super()._add_passive(joint)
 
-    def _own_spring(self, joint: HeldJoint, compliance: float) -> None:
+    def _own_spring(self, joint: Joint) -> None:
         if self._last < 0 or self.held.get(self._last) != joint.name:
-            super()._own_spring(joint, compliance)
+            super()._own_spring(joint)
             return
         # nothing lies between the coordinate that it stands at and its spring: they are one joint
         self._own[joint.name] = self.coordinate[self._last] = self.size
         self.factor[self._last] = 1.0
-        self.springs.append(LinearSpring(np.array([[compliance]])))
+        self.springs.append(LinearSpring(np.array([[joint.compliance]])))
         self.size += 1
 
-    def _add_sprung(self, joint: SprungJoint) -> None:
-        self._own_spring(joint, 1.0 / joint.stiffness)
+    def _stress(self, joint: Joint) -> None:
         if joint.rest is None:
-            self.natural[self.size - 1] = joint.stretch
+            super()._stress(joint)
         else:
             self.rests[self.size - 1] = (joint.name, joint.rest)
 
@@ -122,11 +121,11 @@ def commands(
         ``(m, n)`` and ``(m,)``: values are ``C q + c``.
     """
     rows: dict[str, tuple[Array, float]] = {name: (np.eye(len(names))[i], 0.0) for i, name in enumerate(names)}
-    for part in chain.parts:
-        if isinstance(part, CoupledJoint):
-            row = sum((ratio * rows[name][0] for name, ratio in part.ratios), np.zeros(len(names)))
-            rows[part.name] = row, part.offset + sum(ratio * rows[name][1] for name, ratio in part.ratios)
+    for joint in chain.moving:
+        if (coupling := joint.coupling) is not None:
+            row = coupling.summed({name: share for name, (share, _) in rows.items()})
+            rows[joint.name] = row, coupling.value({name: offset for name, (_, offset) in rows.items()})
     C, c = np.zeros((joints, len(names))), np.zeros(joints)
-    for joint, name in held.items():
-        C[joint], c[joint] = (share.get(joint, 1.0) * value for value in rows[name])
+    for i, name in held.items():
+        C[i], c[i] = (share.get(i, 1.0) * value for value in rows[name])
     return C, c

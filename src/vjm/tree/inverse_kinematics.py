@@ -9,8 +9,6 @@ import numpy as np
 
 from vjm.machine.closing import Closing, PoseError
 from vjm.model.joint_limits import JointLimits, joint_limits
-from vjm.model.joints import HeldJoint, SprungJoint
-from vjm.model.parts import PassiveJoint
 from vjm.rotations import Array, displacement_between, frame, rotation_vectors
 from vjm.tree.damped_search import damped_search
 from vjm.tree.equilibria import unloaded_frames
@@ -85,12 +83,11 @@ def ranges_of(model: TreeModel, held: Array | None = None) -> Ranges:
     if held is None:
         label = next(iter(model.chain.postures), None)
         held = np.zeros(len(model.joints)) if label is None else model.posture(label)
-    parts = {part.name: part for part in model.chain.parts}
+    joints = {joint.name: joint for joint in model.chain.moving}
     low, high, unit, turns = [], [], [], []
     for name, value in zip(model.joints, held, strict=True):
-        part = parts[name]
-        assert isinstance(part, HeldJoint | PassiveJoint)
-        own = (value, value) if isinstance(part, PassiveJoint | SprungJoint) else part.limits
+        part = joints[name]
+        own = (value, value) if part.passive else part.limits
         reach = model.reach if part.slides else np.pi
         low.append(own[0] if own is not None else -reach)
         high.append(own[1] if own is not None else reach)

@@ -10,11 +10,9 @@ import numpy as np
 from vjm.kernels.arrays import MachineArrays
 from vjm.model.assembly import Site
 from vjm.model.chain import Chain
-from vjm.model.joints import CoupledJoint, HeldJoint
 from vjm.model.load_case import Load
 from vjm.model.lumped import LumpedModel
 from vjm.model.packing import Loads, Pieces, packed
-from vjm.model.parts import PassiveJoint
 from vjm.model.pieces import closure_sites, machine_pieces, point_springs
 from vjm.rotations import Array
 from vjm.tree.assembly import TreeAssembly, commands
@@ -52,11 +50,7 @@ class TreeModel:
             raise ValueError(
                 f"{chain.name}: nothing deflects: give a joint a compliance, or add a beam (kind = 'beam')"
             )
-        self.joints = tuple(
-            part.name
-            for part in chain.parts
-            if isinstance(part, HeldJoint | PassiveJoint) and not isinstance(part, CoupledJoint)
-        )
+        self.joints = tuple(joint.name for joint in chain.moving if joint.coupling is None)
         self.ends = tuple(chain.ends) or ("",)
         self._map, self._offset = commands(chain, list(self.joints), built.held, built.share, len(built.parent))
 
@@ -116,14 +110,14 @@ class TreeModel:
     @cached_property
     def _carried(self) -> Array:
         share = {name: np.eye(len(self.joints))[i] for i, name in enumerate(self.joints)}
-        for part in self.chain.parts:
-            if isinstance(part, CoupledJoint):
-                own = [ratio * share[name] for name, ratio in part.ratios if part.as_bent]
-                share[part.name] = sum(own, np.zeros(len(self.joints)))
+        for joint in self.chain.moving:
+            if joint.coupling is not None:
+                own = [ratio * share[name] for name, ratio in joint.passes_on]
+                share[joint.name] = sum(own, np.zeros(len(self.joints)))
         result = np.zeros((len(self.joints), len(self._built.parent)))
-        for joint, name in self._built.held.items():
+        for i, name in self._built.held.items():
             # what pushes a beam out bears what its end does, and each of the beam's joints but a share of that
-            result[:, joint] = self._built.share.get(joint, 1.0) * share[name]
+            result[:, i] = self._built.share.get(i, 1.0) * share[name]
         return result
 
     def span(self, part: str) -> range:

@@ -16,12 +16,11 @@ import numpy as np
 from vjm.io.model_file import build_chain
 from vjm.io.toml_text import toml_text
 from vjm.model.chain import Chain
-from vjm.model.joints import SprungJoint
-from vjm.model.parts import Actuator, Beam, Mount, Section
+from vjm.model.joints import Joint
+from vjm.model.parts import Beam, Section
 from vjm.rotations import Array, rotate_matrix6, shift_compliance
 from vjm_updating.calibration.parameters import split_parts
 from vjm_updating.experiment import Measurement
-from vjm_updating.mechanisms.drives import Driven
 
 ALIKE = 1e-12
 """Spread of factors below which they are one."""
@@ -38,12 +37,8 @@ def calibrated_document(measurement: Measurement, chain: Chain) -> dict[str, Any
     document = copy.deepcopy(measurement.document)
     split = split_parts(measurement.engine, measurement.chain)
     for table, old, new in zip(document["parts"], measurement.chain.parts, chain.parts, strict=True):
-        if isinstance(old, Actuator) and isinstance(new, Actuator):
-            table["compliance_mm_per_N"] = float(new.compliance)
-        elif isinstance(new, Driven):
+        if isinstance(new, Joint) and new is not old:
             _joint(table, new)
-        elif isinstance(old, Mount) and isinstance(new, Mount) and new.compliance != old.compliance:
-            table["compliance_mm_per_N" if new.slides else "compliance_rad_per_Nmm"] = float(new.compliance)
         elif isinstance(old, Beam) and isinstance(new, Beam):
             _beam(table, old, new, by_section=new.name in split)
     file, sheet = measurement.readings.file, measurement.sheet
@@ -73,9 +68,9 @@ def calibrated_text(measurement: Measurement, chain: Chain) -> str:
     return head + toml_text(document)
 
 
-def _joint(table: dict[str, Any], new: Driven) -> None:
+def _joint(table: dict[str, Any], new: Joint) -> None:
     """What a joint has of compliances, in the keys of its kind."""
-    if isinstance(new, SprungJoint):
+    if new.passive and not new.fixed:
         table["stiffness_N_per_mm" if new.slides else "stiffness_Nmm_per_rad"] = float(new.stiffness)
         return
     if new.compliance > 0.0:

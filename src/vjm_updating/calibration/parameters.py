@@ -16,13 +16,12 @@ import numpy as np
 
 from vjm.io.errors import did_you_mean
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.model.joints import Joint
 from vjm.model.parameters import SECTION_VALUES, Parameter, beam_length
-from vjm.model.parts import Actuator, Beam, Mount, Part
+from vjm.model.parts import Beam, Part
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment import Kind, Nuisance
-from vjm_updating.mechanisms.drives import Driven
 from vjm_updating.mechanisms.modified_chain import beam_of
 from vjm_updating.observation.coordinate import Coordinate
 
@@ -32,8 +31,6 @@ SOFT_DRIVE = 1e-5
 """Unit of a nominally rigid drive's compliance, mm/N: a thirtieth of the paper's foot."""
 RIGID = 1e-4
 """Smallest z of such a drive: its coordinate must not vanish."""
-Soft = Actuator | Mount | Driven
-"""Parts that are one spring about or along an axis."""
 MATRIX = tuple((i, j) for i in range(6) for j in range(i + 1))
 """Entries of the triangular factor, row by row."""
 SECTION = ("EA", "GJ", "EIy", "EIz")
@@ -154,17 +151,8 @@ def split_parts(engine: VjmEngine, chain: Chain) -> set[str]:
 
 def default_parameters(engine: VjmEngine, chain: Chain) -> list[str]:
     """One factor for every beam, and the compliance of every drive, mount and joint that has one."""
-    driven = (p for p in chain.parts if isinstance(p, Soft) and compliance_of(p, ABOUT[0]) > 0.0)
+    driven = (p for p in chain.parts if isinstance(p, Joint) and p.compliance > 0.0)
     return [*(f"{beam.name}.factor" for beam in chain.beams), *(f"{part.name}.{ABOUT[0]}" for part in driven)]
-
-
-def compliance_of(part: Soft, what: str) -> float:
-    """A compliance of a drive, mount or joint, one of `ABOUT`, in mm/N or rad/(N mm); zero for a rigid one."""
-    if isinstance(part, SprungJoint):
-        return 1.0 / part.stiffness
-    if isinstance(part, Actuator | Mount) or what == ABOUT[0]:
-        return part.compliance
-    return part.lateral[ABOUT.index(what) - 1]
 
 
 def unknowns(chain: Chain, engine: VjmEngine, names: Sequence[str], extra: Sequence[Nuisance]) -> Unknowns:
@@ -224,7 +212,7 @@ def _spelt_out(names: Sequence[str]) -> list[str]:
 
 
 def _part(chain: Chain, name: str) -> Part:
-    parts = {part.name: part for part in chain.parts if isinstance(part, Beam | Soft)}
+    parts = {p.name: p for p in chain.parts if isinstance(p, Beam) or (isinstance(p, Joint) and not p.free)}
     if name not in parts:
         raise ValueError(
             f"parameter of '{name}': {chain.name} has no such elastic part{did_you_mean(name, parts)}; "
@@ -258,7 +246,7 @@ def _unknown(name: str, unit: str, nominal: float) -> Unknown:
 
 def _block(name: str, part: Part, what: str, split: set[str], length: float) -> tuple[list[Unknown], Change]:
     """The coordinates of one name and what they do."""
-    if isinstance(part, Soft):
+    if isinstance(part, Joint):
         return _softness(name, part, what, length)
     assert isinstance(part, Beam)
     if what == "factor":
@@ -346,34 +334,25 @@ def _length(own: Coordinate) -> Change:
     return change
 
 
-def _softness(name: str, part: Soft, what: str, length: float) -> tuple[list[Unknown], Change]:
+def _softness(name: str, part: Joint, what: str, length: float) -> tuple[list[Unknown], Change]:
     """The coordinate of one spring's compliance; a rigid one's unit is `SOFT_DRIVE`, at the ``length``."""
-    if isinstance(part, ActuatedJoint) and part.matrix is not None:
+    if part.matrix is not None:
         raise ValueError(f"parameter '{name}': {part.name} has a whole 6×6, which is not looked for")
-    known = ABOUT if isinstance(part, ActuatedJoint | CoupledJoint) else ABOUT[:1]
+    known = ABOUT[:1] if part.passive or part.fixed else ABOUT
     if what not in known:
         raise ValueError(
             f"parameter '{name}': {part.name} has the parameters {', '.join(f'{part.name}.{k}' for k in known)}"
         )
-    slides = isinstance(part, Actuator) or (part.slides and what == ABOUT[0])
-    nominal = compliance_of(part, what)
+    which = ABOUT.index(what)
+    slides, nominal = part.slides and which == 0, part.compliances[which]
     own = _unknown(name, "mm/N" if slides else "rad/(N mm)", nominal)
     if nominal == 0.0:
         own = replace(own, scale=SOFT_DRIVE / (1.0 if slides else length**2), low=RIGID, linear=True)
 
     def change(chain: Chain, z: Array) -> Chain:
-        value, now = own.value(float(z[0])), next(p for p in chain.parts if p.name == part.name)
-        match now:
-            case SprungJoint():
-                return _with(chain, replace(now, stiffness=1.0 / value))
-            case ActuatedJoint() | CoupledJoint() if what != ABOUT[0]:
-                lateral = list(now.lateral)
-                lateral[ABOUT.index(what) - 1] = value
-                return _with(chain, replace(now, lateral=(lateral[0], lateral[1])))
-            case Actuator() | Mount() | ActuatedJoint() | CoupledJoint():
-                return _with(chain, replace(now, compliance=value))
-            case _:
-                raise TypeError(f"{part.name} is no drive any more")
+        now = next(p for p in chain.parts if p.name == part.name)
+        assert isinstance(now, Joint)
+        return _with(chain, now.with_compliance(which, own.value(float(z[0]))))
 
     return [own], change
 

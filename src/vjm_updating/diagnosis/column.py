@@ -14,7 +14,8 @@ import numpy as np
 
 from vjm.io.shapes import Shape
 from vjm.model.chain import Chain
-from vjm.model.parts import Beam, PassiveJoint
+from vjm.model.joints import Joint
+from vjm.model.parts import Beam
 from vjm.rotations import Array
 from vjm_updating.diagnosis.stress import fibre_of, shape_of
 from vjm_updating.experiment import Measurement, Readings
@@ -115,8 +116,9 @@ def observe_column(measurement: Measurement) -> Observed:
     """
     chain, sheet, control = measurement.chain, measurement.sheet, measurement.sheet.test.control
     where = sheet.points[split_point(control)[0]]
-    kinds = [type(part) for part in chain.parts]
-    if kinds != [PassiveJoint, Beam, PassiveJoint] or where.at != 0.5 or where.body != link_of(chain):
+    pins = [isinstance(part, Joint) and part.free for part in chain.parts]
+    pinned = pins == [True, False, True] and isinstance(chain.parts[1], Beam)
+    if not pinned or where.at != 0.5 or where.body != link_of(chain):
         raise ValueError(
             f"{sheet.file}: control {control}: a test that a point controls is diagnosed for a beam between two "
             "pins, by its middle. Give the displacement of the end-effector instead"

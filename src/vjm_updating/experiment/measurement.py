@@ -11,7 +11,7 @@ import numpy as np
 from vjm.io.manipulator_file import KIND
 from vjm.io.model_file import build_chain, read_document
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.experiment.channels import EFFORT, MOTION, POSE, WRENCH
@@ -55,21 +55,20 @@ class Measurement:
     data_sha256: str
 
     @property
-    def drive(self) -> ActuatedJoint | CoupledJoint | SprungJoint:
+    def drive(self) -> Joint:
         """The joint that a test of one joint is about.
 
         Raises:
             SheetError: the model has no such joint, or it does not deflect there.
         """
-        sheet, kinds = self.sheet, (ActuatedJoint, CoupledJoint, SprungJoint)
-        joints = {part.name: part for part in self.chain.parts if isinstance(part, kinds)}
+        sheet, joints = self.sheet, {joint.name: joint for joint in self.chain.moving if joint.held}
         found = joints.get(sheet.test.joint)
         if found is None:
             raise SheetError(
                 f"{sheet.file}: [test] joint: no actuated, coupled or sprung joint '{sheet.test.joint}' in "
                 f"{self.chain.name}; there are {', '.join(joints) or 'none'}"
             )
-        if not isinstance(found, SprungJoint) and not found.compliance > 0.0:
+        if not found.compliance > 0.0:
             raise SheetError(
                 f"{sheet.file}: [test] joint: {found.name} is rigid in the model: give it a compliance in the "
                 "model file, a first guess"
@@ -79,8 +78,7 @@ class Measurement:
     @property
     def joint_compliance(self) -> float:
         """Of that joint in the model, rad/(N mm) or mm/N."""
-        joint = self.drive
-        return 1.0 / joint.stiffness if isinstance(joint, SprungJoint) else joint.compliance
+        return self.drive.compliance
 
     @property
     def free(self) -> tuple[str, ...]:

@@ -10,8 +10,8 @@ import numpy as np
 
 from vjm.io.errors import did_you_mean
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
-from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
+from vjm.model.joints import Joint
+from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import Array, frame, rotate_matrix6, shift_compliance, translation
 
 BETWEEN = ".."
@@ -82,12 +82,12 @@ def series_compliance(chain: Chain) -> Array:
                 T = T @ part.transform
             case Beam():
                 T = T @ translation(part.tip)
-            case Actuator() | Mount():
-                pass
-            case PassiveJoint():
+            case Joint(free=True):
                 raise ValueError(f"part '{part.name}' is a passive joint: it moves freely")
-            case ActuatedJoint() | SprungJoint() | CoupledJoint():
+            case Joint(fixed=False):
                 raise ValueError(f"part '{part.name}' is a joint with a coordinate: name the beams beside it alone")
+            case Joint():
+                pass
             case _:
                 assert_never(part)
     C = np.zeros((6, 6))
@@ -96,17 +96,17 @@ def series_compliance(chain: Chain) -> Array:
         if isinstance(part, Beam):
             own = rotate_matrix6(part.beam_compliance(), R @ part.own_frame)
             C += shift_compliance(own, T[:3, 3] - p - R @ part.tip)
-        elif isinstance(part, Actuator | Mount):
+        elif isinstance(part, Joint):
             axis = R @ part.axis
             moves = np.append(axis, np.zeros(3))
-            if isinstance(part, Mount) and not part.slides:
+            if not part.slides:
                 moves = np.append(np.cross(axis, T[:3, 3] - p), axis)
             C += part.compliance * np.outer(moves, moves)
     return C
 
 
 def _check_range(name: str, parts: tuple[Part, ...]) -> None:
-    joints = [part.name for part in parts if isinstance(part, PassiveJoint)]
+    joints = [part.name for part in parts if isinstance(part, Joint) and part.free]
     if joints:
         raise ValueError(
             f"--part {name}: '{joints[0]}' is a passive joint, which moves freely: take parts between joints"

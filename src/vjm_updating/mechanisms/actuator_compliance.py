@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, assert_never
+from typing import Any
 
 import numpy as np
 
 from vjm.io.checks import checked_part_compliance
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
-from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
-from vjm_updating.mechanisms.drives import BEFORE_JOINTS, Drive, Driven, InDrive, drives, softened
+from vjm.model.joints import Joint, JointKind
+from vjm.model.parts import Part
+from vjm_updating.mechanisms.drives import BEFORE_JOINTS, Drive, InDrive, drives, softened
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene, part_table
 from vjm_updating.mechanisms.series_elements import Element, Place, memoryless
 
@@ -46,22 +46,22 @@ class ActuatorCompliance(InDrive):
 
     def built(self, chain: Chain, values: Sequence[float]) -> Chain:
         """A chain with it, added to what the joint, or each drive that slides before all joints, has."""
+        softer: dict[str, Part] = {joint.name: softened(joint, values[0]) for joint in self._joints(chain)}
+        return replace(chain, parts=tuple(softer.get(part.name, part) for part in chain.parts))
 
-        def soft(part: Part) -> Part:
-            if isinstance(part, Actuator) and not self.drive.joint:
-                return replace(part, compliance=part.compliance + values[0])
-            if isinstance(part, Driven) and part.name == self.drive.joint:
-                return softened(part, values[0])
-            return part
-
-        return replace(chain, parts=tuple(soft(part) for part in chain.parts))
+    def _joints(self, chain: Chain) -> list[Joint]:
+        """The joint, or each drive that slides before all joints."""
+        joints = [part for part in chain.parts if isinstance(part, Joint)]
+        if self.drive.joint:
+            return [joint for joint in joints if joint.name == self.drive.joint and joint.held]
+        return [joint for joint in joints if joint.kind is JointKind.ACTUATOR]
 
     def is_written(self, nominal: Chain, values: Sequence[float]) -> bool:
         """Whether a file can say it: not beside a 6×6 compliance that is rigid askew to the joint's axis."""
-        for part in self.built(nominal, values).parts:
-            if isinstance(part, ActuatedJoint) and part.name == self.drive.joint and part.matrix is not None:
+        for joint in self._joints(self.built(nominal, values)):
+            if joint.matrix is not None:
                 try:
-                    checked_part_compliance(part.matrix)
+                    checked_part_compliance(joint.matrix)
                 except ValueError:
                     return False
         return True
@@ -70,22 +70,14 @@ class ActuatorCompliance(InDrive):
         """Added to what the joint, or each drive, has."""
         if not self.is_written(nominal, values):
             return
-        for part in self.built(nominal, values).parts:
-            mine = part.name == self.drive.joint or (isinstance(part, Actuator) and not self.drive.joint)
-            if not mine:
-                continue
-            table = part_table(document, part.name)
-            match part:
-                case SprungJoint():
-                    table["stiffness_N_per_mm" if part.slides else "stiffness_Nmm_per_rad"] = float(part.stiffness)
-                case ActuatedJoint(matrix=matrix) if matrix is not None:
-                    table["compliance"] = matrix.tolist()
-                case Actuator() | ActuatedJoint() | CoupledJoint():
-                    table[self.quantities()[0].name] = float(part.compliance)
-                case RigidOffset() | Mount() | PassiveJoint() | Beam():
-                    raise TypeError(f"{part.name} is no drive any more")
-                case _:
-                    assert_never(part)
+        for joint in self._joints(self.built(nominal, values)):
+            table = part_table(document, joint.name)
+            if joint.matrix is not None:
+                table["compliance"] = joint.matrix.tolist()
+            elif joint.passive:
+                table["stiffness_N_per_mm" if joint.slides else "stiffness_Nmm_per_rad"] = float(joint.stiffness)
+            else:
+                table[self.quantities()[0].name] = float(joint.compliance)
 
 
 def effects(scene: Scene) -> list[Effect]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vjm.model.chain import Chain
-from vjm.model.parts import Mount
+from vjm.model.joints import Joint
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.modified_chain import ModifiedChain
 from vjm_updating.mechanisms.series_elements import AboutAxis, AlongAxis, Element, Law, memoryless
@@ -56,18 +56,20 @@ class BaseCompliance(Effect):
         turns = (Element(AboutAxis(AXES[a]), _spring(c)) for a, c in about.items())
         return (*shifts, *turns)
 
-    def mounts(self, nominal: Chain, values: Sequence[float]) -> list[Mount]:
+    def mounts(self, nominal: Chain, values: Sequence[float]) -> list[Joint]:
         """The same as parts before a chain, along the world's axes wherever its base is turned."""
         names = {part.name for part in nominal.parts}
         along, about = _compliances(nominal, values)
         springs = [(a, f"{MOUNT}-{a}", c, True) for a, c in along.items()]
         springs += [(a, f"{MOUNT}-turn-{a}", c, False) for a, c in about.items()]
         return [
-            Mount(
+            Joint(
                 next(n for k in range(99) if (n := name + "-" * k) not in names),
                 nominal.base[:3, :3].T @ np.array(AXES[a]),
-                float(c),
                 slides,
+                passive=True,
+                fixed=True,
+                compliance=float(c),
             )
             for a, name, c, slides in springs
         ]

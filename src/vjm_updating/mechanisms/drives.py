@@ -10,13 +10,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import assert_never
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, SprungJoint
+from vjm.model.joints import Joint
 from vjm.rotations import Array
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
 from vjm_updating.mechanisms.element_sites import SAME, drive
@@ -25,7 +24,6 @@ from vjm_updating.mechanisms.modified_chain import NEITHER, ModifiedChain
 from vjm_updating.mechanisms.part_compliance import FACTOR
 from vjm_updating.mechanisms.series_elements import AtJoint, Element, Place
 
-Driven = ActuatedJoint | SprungJoint | CoupledJoint
 SOFT = "_mm_per_N"
 """Ending of compliances."""
 TURNED = {SOFT: ("_rad_per_Nmm", -2), "_mm": ("_rad", -1), "_N": ("_Nmm", 1)}
@@ -149,12 +147,12 @@ def drives(scene: Scene) -> list[Drive]:
     machine, chain = scene.machine, scene.chain
     own = machine.drive
     found = [] if own is None else [Drive(compliance=own.compliance, force=scene.force)]
-    joints = [part for part in chain.parts if isinstance(part, Driven) and _is_driven(chain, part)]
+    joints = [joint for joint in chain.moving if joint.held and _is_driven(chain, joint)]
     if not joints:
         return found
     length = chain.characteristic_length
     moved = [joint_motions(machine, label) for label in sorted(scene.labels)]
-    places: list[tuple[list[Driven], Array]] = []
+    places: list[tuple[list[Joint], Array]] = []
     for joint in joints:
         motion = np.array([at[joint.name] / np.repeat([1.0, 1.0 / length], 3) for at in moved])
         if not np.abs(motion).max(initial=0.0) > SAME:
@@ -197,41 +195,25 @@ def _load(begun: Sequence[tuple[Array, dict[str, Array]]], joint: str, lever: fl
     return found if found > NEITHER else 0.0
 
 
-def _is_driven(chain: Chain, joint: Driven) -> bool:
+def _is_driven(chain: Chain, joint: Joint) -> bool:
     """Whether it has a drive, or a spring in its place that is free of stress in every posture."""
-    if isinstance(joint, SprungJoint):
-        at = [held.get(joint.name, 0.0) for held in chain.held.values()]
-        return all(replace(joint, value=value).stretch == 0.0 for value in at)
-    return True
+    at = [held.get(joint.name, 0.0) for held in chain.held.values()] if joint.passive else []
+    return all(replace(joint, value=value).stretch == 0.0 for value in at)
 
 
-def compliance_of(joint: Driven) -> float:
+def compliance_of(joint: Joint) -> float:
     """Of a joint's spring about or along its axis, rad/(N mm) or mm/N."""
-    match joint:
-        case SprungJoint():
-            return 1.0 / joint.stiffness
-        case ActuatedJoint(matrix=matrix) if matrix is not None:
-            return float(_along(joint) @ matrix @ _along(joint))
-        case ActuatedJoint() | CoupledJoint():
-            return joint.compliance
-        case _:
-            assert_never(joint)
+    return joint.compliance if joint.matrix is None else float(_along(joint) @ joint.matrix @ _along(joint))
 
 
-def softened(joint: Driven, by: float) -> Driven:
+def softened(joint: Joint, by: float) -> Joint:
     """A joint with a compliance about or along its axis, rad/(N mm) or mm/N, added to what it has."""
-    match joint:
-        case SprungJoint():
-            return replace(joint, stiffness=1.0 / (1.0 / joint.stiffness + by))
-        case ActuatedJoint(matrix=matrix) if matrix is not None:
-            return replace(joint, matrix=matrix + by * np.outer(_along(joint), _along(joint)))
-        case ActuatedJoint() | CoupledJoint():
-            return replace(joint, compliance=joint.compliance + by)
-        case _:
-            assert_never(joint)
+    if joint.matrix is None:
+        return replace(joint, compliance=joint.compliance + by)
+    return replace(joint, matrix=joint.matrix + by * np.outer(_along(joint), _along(joint)))
 
 
-def _along(joint: HeldJoint) -> Array:
+def _along(joint: Joint) -> Array:
     """What the joint does to what is behind it ``(6,)``, in its own frame."""
     result = np.zeros(6)
     result[slice(0, 3) if joint.slides else slice(3, 6)] = joint.axis

@@ -7,13 +7,12 @@ from collections.abc import Iterable
 import numpy as np
 
 from vjm.model.chain import FOOT, Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
-from vjm.model.parts import Beam, PassiveJoint
+from vjm.model.joints import Joint
+from vjm.model.parts import Beam
 from vjm.rotations import rotate_matrix6
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, links_of, place_of
 from vjm_updating.mechanisms.series_elements import AlongAxis, Behind
 
-JOINTS = (PassiveJoint, ActuatedJoint, SprungJoint, CoupledJoint)
 SAME = 1e-9
 """Difference of unit vectors that is rounding."""
 
@@ -78,6 +77,6 @@ def has_joint(chain: Chain, link: str) -> bool:
         for part in side:
             if isinstance(part, Beam):
                 break
-            if isinstance(part, JOINTS):
+            if isinstance(part, Joint) and not part.fixed:
                 return True
     return False

@@ -10,7 +10,8 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint
+from vjm.model.joints import Joint
+from vjm.model.parts import Part
 from vjm.rotations import Array
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, springs_of
 from vjm_updating.mechanisms.path_table import HalfRay, tabulate
@@ -47,7 +48,7 @@ def motions_of_readings(
         rays: posture, direction ``(6,)``, indices of the readings, and their places on the ray.
     """
     plain = ModifiedChain(machine.nominal, machine.engine)
-    if not any(isinstance(part, HeldJoint) for part in plain.nominal.parts):
+    if not any(joint.held for joint in plain.nominal.moving):
         return {}
     still = {label: joint_motions(plain, label) for label in dict.fromkeys(labels)}
     result = {name: np.array([still[label][name] for label in labels]) for name in still[labels[0]]}
@@ -84,7 +85,7 @@ def _along(machine: ModifiedChain, half: HalfRay) -> tuple[Array, dict[str, Arra
 def _motions(machine: ModifiedChain, posture: str, x: Array | None) -> dict[str, Array]:
     """Motions ``(m, 6)`` at coordinates ``(m, n)`` of a machine's model in a posture, unloaded by default."""
     chain = machine.nominal
-    joints = [part for part in chain.parts if isinstance(part, HeldJoint)]
+    joints = [joint for joint in chain.moving if joint.held]
     model = machine.engine.model(_yielding(chain.at(posture)))
     own = {joint.name: springs_of(model, joint.name + BEHIND)[0].start for joint in joints}
     kept = np.setdiff1d(np.arange(model.size), list(own.values()))
@@ -94,19 +95,17 @@ def _motions(machine: ModifiedChain, posture: str, x: Array | None) -> dict[str,
     J = np.array([model.kinematics(one).jacobian for one in at])
     result = {name: J[:, :, k] for name, k in own.items()}
     for joint in joints:
-        if isinstance(joint, CoupledJoint) and joint.as_bent:
-            for name, ratio in joint.ratios:
-                result[name] = result[name] + ratio * J[:, :, own[joint.name]]
+        for name, ratio in joint.passes_on:
+            result[name] = result[name] + ratio * J[:, :, own[joint.name]]
     return result
 
 
 def _yielding(chain: Chain) -> Chain:
     """The chain with a second joint of each held one's axis behind it, which deflects and moves with no other."""
-    parts = []
+    held, parts = {joint.name for joint in chain.moving if joint.held}, list[Part]()
     for part in chain.parts:
         parts.append(part)
-        if isinstance(part, HeldJoint):
-            parts.append(ActuatedJoint(part.name + BEHIND, part.axis, part.slides, 1.0, value=0.0))
-    held = {part.name for part in chain.parts if isinstance(part, HeldJoint)}
+        if isinstance(part, Joint) and part.name in held:
+            parts.append(Joint(part.name + BEHIND, part.axis, part.slides, compliance=1.0, value=0.0))
     after = {name: where + BEHIND if where in held else where for name, where in chain.after.items()}
     return replace(chain, parts=tuple(parts), after=after)

@@ -14,10 +14,10 @@ from typing import assert_never
 import numpy as np
 
 from vjm.model.chain import FOOT, Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.model.joints import Joint, JointKind
 from vjm.model.lumped import LumpedModel
 from vjm.model.parameters import beam_length, compliance_factor
-from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
+from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 
@@ -133,12 +133,12 @@ class ModifiedChain:
         return known[1]
 
     @property
-    def drive(self) -> Actuator | None:
+    def drive(self) -> Joint | None:
         """The drive before the joints, where there is one."""
         for part in self.nominal.parts:
-            if isinstance(part, Actuator):
+            if isinstance(part, Joint) and part.kind is JointKind.ACTUATOR:
                 return part
-            if isinstance(part, PassiveJoint):
+            if isinstance(part, Joint) and part.free:
                 return None
         return None
 
@@ -215,15 +215,13 @@ def springs_of(model: LumpedModel, part: str) -> list[slice]:
     at = 0
     for own in model.chain.parts:
         match own:
-            case RigidOffset() | PassiveJoint():
+            case RigidOffset():
                 count = 0
-            case Actuator() | Mount():
-                count = int(own.compliance > 0.0)
             case Beam():
                 count = own.segments or 1
-            case ActuatedJoint(matrix=None) | CoupledJoint():
-                count = sum(c > 0.0 for c in (*own.lateral, own.compliance))
-            case ActuatedJoint() | SprungJoint():
+            case Joint(matrix=None):
+                count = sum(c > 0.0 for c in own.compliances)
+            case Joint():
                 count = 1
             case _:
                 assert_never(own)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vjm.io.joint_tables import CALIBRATED
-from vjm.model.joints import HeldJoint, joint_axes
+from vjm.model.joints import Joint, joint_axes
 from vjm.rotations import Array
 from vjm_updating.poses.families import MASS, SECOND, VALUE
 from vjm_updating.poses.identifiability import MemberEstimate
@@ -51,7 +51,7 @@ def calibrated_document(
     )
     # compliances of members that were asked are as judged, also where their family was not added
     judged = {m.name for m in study.members if m.acts not in (VALUE, MASS)}.difference(kept)
-    joints = {part.name: part for part in measurement.model.chain.parts if isinstance(part, HeldJoint)}
+    joints = {joint.name: joint for joint in measurement.model.chain.moving if joint.held}
     parts: list[dict[str, Any]] = [_base(axis, value) for axis, value in _of_base(found)]
     for axis, _ in _of_base(found):
         for posture in document.get("postures", {}).values():
@@ -137,7 +137,7 @@ def _frame_link(name: str, axis: Array, found: dict[str, float], *, slides: bool
 
 
 def _compliances(
-    table: dict[str, Any], joint: HeldJoint, found: dict[str, float], judged: set[str], *, rigid: bool
+    table: dict[str, Any], joint: Joint, found: dict[str, float], judged: set[str], *, rigid: bool
 ) -> None:
     """Write a joint's compliances as judged; those that were not keep the values of the model."""
     own_key = "compliance_mm_per_N" if joint.slides else "compliance_rad_per_Nmm"

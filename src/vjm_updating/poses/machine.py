@@ -16,8 +16,8 @@ from typing import assert_never
 import numpy as np
 
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring, SprungJoint, joint_axes
-from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
+from vjm.model.joints import Joint, PointSpring, joint_axes
+from vjm.model.parts import Beam, Part, RigidOffset
 from vjm.rotations import AXES, Array, frame
 from vjm.tree.model import TreeModel
 
@@ -125,12 +125,12 @@ class PoseMachine:
         )  # fmt: skip
         # a beam is one spring here, whose compliance is what is fitted
         self.tree = TreeModel(extended, split=False)
-        own = {part.name: part for part in chain.parts if isinstance(part, HeldJoint)}
-        self.joints = tuple(name for name, part in own.items() if not isinstance(part, CoupledJoint))
+        own = {joint.name: joint for joint in chain.moving if joint.held}
+        self.joints = tuple(name for name, joint in own.items() if joint.coupling is None)
         self.slides = tuple(own[name].slides for name in self.joints)
         self.limits = tuple(own[name].limits for name in self.joints)
-        self.followers = tuple(part for part in own.values() if isinstance(part, CoupledJoint))
-        self.coupled = {part.name: part.as_bent for part in self.followers}
+        self.followers = tuple(joint for joint in own.values() if joint.coupling is not None)
+        self.coupled = {joint.name: bool(joint.passes_on) for joint in self.followers}
         self.driven = {name: self.tree.driven_by(name) for name in own}
         shares = {self.driven[name]: self.tree.shares(name) for name in chain.pushing}
         self.moves = {first: list(own_share.items()) for first, own_share in shares.items()}
@@ -169,16 +169,14 @@ class PoseMachine:
         behind = ""
         for axis in BASE:
             name = f"base~turn-{axis}"
-            self._append(ActuatedJoint(name, AXES[axis], compliance=RIGID), behind)
+            self._append(Joint(name, AXES[axis], compliance=RIGID), behind)
             self._springs.append(("base", "base", f"about {axis}", name, 0, 0.0, False))
             behind = name
         self._ends_at[""] = behind
 
     def _add(self, part: Part, behind: str, *, rigid: bool) -> None:
         match part:
-            case SprungJoint() | PassiveJoint():
-                self._append(part, behind)
-            case ActuatedJoint() | CoupledJoint():
+            case Joint(passive=False, fixed=False):
                 self._append_joint(part, behind, rigid=rigid)
             case RigidOffset():
                 self._append_link(part, behind)
@@ -186,20 +184,20 @@ class PoseMachine:
                 self._append(part, behind)
                 if part.free_length or part.segments is None or part.segments == 1:
                     self._springs.append((part.name, "beam", "factor", part.name, None, 1.0, False))
-            case Actuator() | Mount():
+            case Joint():
                 self._append(part, behind)
             case _:
                 assert_never(part)
 
-    def _append_joint(self, joint: ActuatedJoint | CoupledJoint, behind: str, *, rigid: bool) -> None:
+    def _append_joint(self, joint: Joint, behind: str, *, rigid: bool) -> None:
         axes = joint_axes(joint.axis)
         for k, label in enumerate(FRAME):
             name = f"{joint.name}~{label}"
-            self._append(ActuatedJoint(name, axes[:, k % 3], slides=k < 3), behind)
+            self._append(Joint(name, axes[:, k % 3], slides=k < 3), behind)
             self._frames.append((joint.name, label, name))
             behind = name
         aside = {label for label in SPRINGS if rigid and (joint.name, label) not in self.as_modelled}
-        keep = isinstance(joint, ActuatedJoint) and joint.matrix is not None
+        keep = joint.matrix is not None
         if keep and self._at_output and not aside:
             raise ValueError(
                 f"joint '{joint.name}': its 6×6 compliance mixes what a measured output has in it with what it has "
@@ -211,10 +209,7 @@ class PoseMachine:
         own = 0.0 if OWN in aside or self._at_output else joint.compliance
         lateral = [0.0 if label in aside else c for label, c in zip(LATERAL, joint.lateral, strict=True)]
         at_least = (max(lateral[0], RIGID), max(lateral[1], RIGID))
-        changed = replace(joint, compliance=max(own, RIGID), lateral=at_least)
-        if isinstance(changed, ActuatedJoint):
-            changed = replace(changed, matrix=None)
-        self._append(changed, behind)
+        self._append(replace(joint, compliance=max(own, RIGID), lateral=at_least, matrix=None), behind)
         for k, label in enumerate(LATERAL):
             self._springs.append((joint.name, ACROSS, label, joint.name, k, lateral[k], False))
         self._springs.append((joint.name, OWN, OWN, joint.name, 2, own, joint.slides))
@@ -236,7 +231,7 @@ class PoseMachine:
         behind = root.name
         for k, label in enumerate(("first", "second", "twist")):
             name = f"{link.name}~{label}"
-            self._append(ActuatedJoint(name, axes[:, k], compliance=RIGID), behind)
+            self._append(Joint(name, axes[:, k], compliance=RIGID), behind)
             self._springs.append((link.name, "link", label, name, 0, 0.0, False))
             behind = name
         rest = frame(link.transform[:3, :3], half)
@@ -258,7 +253,9 @@ class PoseMachine:
 def with_coupling(chain: Chain, joint: str, *, as_bent: bool) -> Chain:
     """The machine with a coupled joint that passes on what bends, or does not."""
     parts = tuple(
-        replace(part, as_bent=as_bent) if isinstance(part, CoupledJoint) and part.name == joint else part
+        replace(part, coupling=replace(part.coupling, as_bent=as_bent))
+        if isinstance(part, Joint) and part.coupling is not None and part.name == joint
+        else part
         for part in chain.parts
     )
     return replace(chain, parts=parts)
@@ -275,7 +272,7 @@ def _refuse(chain: Chain) -> None:
             "the data give"
         )
     for part in chain.parts:
-        if isinstance(part, PassiveJoint | Actuator | Mount):
+        if isinstance(part, Joint) and not part.held:
             raise ValueError(
                 f"{chain.name}: part '{part.name}' has no coordinate in a test of poses: make it kind = 'actuated'"
             )

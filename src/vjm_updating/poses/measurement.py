@@ -11,7 +11,6 @@ import numpy as np
 from vjm.io.model_file import build_chain, read_document
 from vjm.io.urdf import import_urdf
 from vjm.model.chain import Chain
-from vjm.model.joints import CoupledJoint
 from vjm.rotations import Array
 from vjm_updating.experiment.source import SheetError, SheetSource, TableSource
 from vjm_updating.poses.machine import PoseMachine
@@ -90,8 +89,7 @@ def model_of(page: RobotSheet, ends: dict[str, tuple[str, Array]]) -> SheetModel
     """
     content, file, sha256, doubts = _document(page)
     chain = build_chain(content, file, sha256)
-    driven = tuple(joint for joint in chain.held_joints if not isinstance(joint, CoupledJoint))
-    names = [joint.name for joint in driven]
+    names = [joint.name for joint in chain.held_joints]
     for column, joint in page.joints.items():
         if joint not in names:
             raise SheetError(

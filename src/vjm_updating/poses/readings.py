@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from vjm.io.errors import did_you_mean
-from vjm.model.joints import CoupledJoint
+from vjm.model.joints import Joint
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.experiment.readings import numbers_of
 from vjm_updating.experiment.source import DataError, TableSource, source_of_readings, table_in
@@ -307,24 +307,21 @@ def _check_coordinates(marker: str, by_name: Mapping[str, Array], sheet: PoseShe
     )
 
 
-def _check_follower(
-    joint: CoupledJoint, by_name: Mapping[str, Array], q: dict[str, Array], rows: np.ndarray
-) -> None:
+def _check_follower(joint: Joint, by_name: Mapping[str, Array], q: dict[str, Array], rows: np.ndarray) -> None:
     """A coupled joint's own column, as logs have it beside its masters', must be what these make."""
     column = f"{joint.name}.q_mm" if joint.slides else f"{joint.name}.q_rad"
-    if column not in by_name:
+    if column not in by_name or joint.coupling is None:
         return
-    unknown = [name for name, _ in joint.ratios if name not in q]
-    if unknown:
+    masters = [name for name, _ in joint.coupling.ratios]
+    if any(name not in q for name in masters):
         return  # it follows another coupled joint, whose own column is held against its masters
-    made = joint.offset + sum((ratio * q[name] for name, ratio in joint.ratios), np.zeros(len(rows)))
+    made = joint.coupling.offset + joint.coupling.summed(q)
     off = np.abs(by_name[column] - made)
     worst = int(np.nanargmax(off)) if np.isfinite(off).any() else 0
     if off[worst] > (FOLLOWS_MM if joint.slides else FOLLOWS_RAD):
-        masters = ", ".join(name for name, _ in joint.ratios)
         raise ValueError(
             f"row {rows[worst]}, column '{column}': {by_name[column][worst]:.4g} where the model makes "
-            f"{made[worst]:.4g} of {masters}: correct the model's coupling, or delete the column"
+            f"{made[worst]:.4g} of {', '.join(masters)}: correct the model's coupling, or delete the column"
         )
 
 

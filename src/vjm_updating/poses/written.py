@@ -15,7 +15,7 @@ from vjm.io.toml_parsing import parse_toml
 from vjm.io.toml_text import toml_text
 from vjm.io.urdf_text import urdf_text
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint
+from vjm.model.joints import Joint
 from vjm_updating.poses.calibrated import NO_WORD, calibrated_document, elastic
 from vjm_updating.poses.families import VALUE
 from vjm_updating.poses.fit import NO_FAMILY, solve
@@ -118,7 +118,7 @@ def _kept(study: Study, state: State, members: Sequence[MemberEstimate]) -> set[
 def _springs(study: Study) -> Iterator[tuple[str, float]]:
     """Members that are springs of joints, by name, and the compliances that the model gives them."""
     for part in study.machine.chain.parts:
-        if isinstance(part, ActuatedJoint | CoupledJoint):
+        if isinstance(part, Joint) and not part.passive:
             yield f"joint_compliance.{part.name}", 0.0 if study.sheet.at_output else part.compliance
             for label, compliance in zip(LATERAL, part.lateral, strict=True):
                 yield f"lateral_compliance.{part.name}.{label}", compliance

@@ -11,9 +11,10 @@ from vjm.baselines.elements import beam_element
 from vjm.baselines.msa import msa_stiffness
 from vjm.continuation.path import EventKind
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
-from vjm.model.parts import Beam, Mount, RigidOffset, Section
+from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import translation
 from vjm.statics.equilibrium import Configuration
 from vjm.statics.stability import stability
@@ -178,9 +179,13 @@ def test_published_like_loads_of_frozen_geometry_are_made_by_an_euler_step(chain
 
 def test_mounts_that_slide_and_turn_deflect_what_they_carry():
     along, about = (2e-5, 1e-5, 3e-5), (4e-10, 1e-10, 2e-10)
-    mounts = [Mount(f"to {a}", axis, c) for a, axis, c in zip("xyz", np.eye(3), along, strict=True)]
+    mounts = [
+        Joint(f"to {a}", axis, slides=True, passive=True, fixed=True, compliance=c)
+        for a, axis, c in zip("xyz", np.eye(3), along, strict=True)
+    ]
     mounts += [
-        Mount(f"about {a}", axis, c, slides=False) for a, axis, c in zip("xyz", np.eye(3), about, strict=True)
+        Joint(f"about {a}", axis, passive=True, fixed=True, compliance=c)
+        for a, axis, c in zip("xyz", np.eye(3), about, strict=True)
     ]
     beam = Beam("bar", 120.0, section=SECTIONS[0])
     shift = np.array([30.0, -50.0, 80.0])

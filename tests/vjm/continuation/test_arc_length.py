@@ -11,8 +11,9 @@ from vjm.continuation.arc_length import ArcControl, follow_arc
 from vjm.continuation.imperfections import imperfection_curve
 from vjm.continuation.path import EventKind
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.load_case import ARC, COMPONENTS, TO_LIMIT, Load, LoadCase, PointControl
-from vjm.model.parts import Actuator, Beam, PassiveJoint, Section
+from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES
 from vjm.vjm_engine import VjmEngine
 
@@ -25,7 +26,7 @@ def truss() -> Chain:
     """Two bars on three hinges, leaning against each other; they give way along themselves only."""
     stiff = Section(EA, 1e10, 1e10, 1e10)
     bars = [Beam(name, BAR, section=stiff) for name in ("left", "right")]
-    joints = [PassiveJoint(name, Z) for name in ("q1", "q2", "q3")]
+    joints = [Joint(name, Z, passive=True) for name in ("q1", "q2", "q3")]
     parts = (joints[0], bars[0], joints[1], bars[1], joints[2])
     return Chain("truss", parts, postures={"up": np.array([RISE, -2.0 * RISE, RISE])})
 
@@ -109,8 +110,8 @@ def soft_truss(compliance: float) -> Chain:
     """The truss, pushed at its crown through a spring: crown, spring, support."""
     stiff = Section(EA, 1e10, 1e10, 1e10)
     parts = (
-        PassiveJoint("q1", Z), Beam("left", BAR, section=stiff), PassiveJoint("q2", Z),
-        Actuator("spring", AXES["y"], compliance),
+        Joint("q1", Z, passive=True), Beam("left", BAR, section=stiff), Joint("q2", Z, passive=True),
+        Joint("spring", AXES["y"], slides=True, fixed=True, compliance=compliance),
     )  # fmt: skip
     # one bar, its crown led along y by the held support: half of the symmetric truss
     return Chain("half", parts, postures={"up": np.array([RISE, -RISE])})
@@ -145,7 +146,12 @@ K, HIGH = 3.0, 100.0
 def propped_bar() -> Chain:
     """A practically rigid bar, hinged at its foot, its top held sideways by a spring that stays level."""
     bar = Beam("bar", HIGH, section=Section(1e9, 1e9, 1e9, 1e9))
-    parts = (PassiveJoint("q1", Z), bar, PassiveJoint("q2", Z), Actuator("spring", AXES["y"], 1.0 / K))
+    parts = (
+        Joint("q1", Z, passive=True),
+        bar,
+        Joint("q2", Z, passive=True),
+        Joint("spring", AXES["y"], slides=True, fixed=True, compliance=1.0 / K),
+    )
     return Chain("propped", parts, postures={"straight": np.zeros(2)})
 
 

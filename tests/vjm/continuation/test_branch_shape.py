@@ -8,9 +8,9 @@ from vjm.continuation.branch_shape import Leaving, branch_shape
 from vjm.continuation.path import Equilibrium, EventKind
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
-from vjm.model.joints import SprungJoint
+from vjm.model.joints import Joint
 from vjm.model.load_case import ARC, COMPONENTS, RAMP, Load, LoadCase
-from vjm.model.parts import Beam, PassiveJoint, RigidOffset, Section
+from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, translation
 from vjm.vjm_engine import VjmEngine
 
@@ -110,9 +110,9 @@ def sprung_column(stiffness, share):
     """Two beams of 1000 mm between pins, with a sprung hinge at a share of the length."""
     section = Section(1e9, 1e9, 5e9, 1e8)
     parts = (
-        PassiveJoint("a", AXES["z"]), Beam("b1", 1000.0 * share, section=section),
-        SprungJoint("m", AXES["z"], stiffness=stiffness),
-        Beam("b2", 1000.0 * (1.0 - share), section=section), PassiveJoint("c", AXES["z"]),
+        Joint("a", AXES["z"], passive=True), Beam("b1", 1000.0 * share, section=section),
+        Joint("m", AXES["z"], passive=True, compliance=1.0 / stiffness),
+        Beam("b2", 1000.0 * (1.0 - share), section=section), Joint("c", AXES["z"], passive=True),
     )  # fmt: skip
     return Chain("sprung", parts, postures={"p": np.zeros(2)}, held={"p": {"m": 0.0}})
 
@@ -167,7 +167,7 @@ def test_a_link_on_a_sprung_hinge_rises_as_the_angle_over_its_sine():
 
     The end turns back by φ and shifts by φ lengths, a² = 3 φ².
     """
-    hinge = SprungJoint("h", AXES["z"], stiffness=1e5)
+    hinge = Joint("h", AXES["z"], passive=True, compliance=1e-05)
     parts = (hinge, RigidOffset("l", translation([100.0, 0.0, 0.0])))
     chain = Chain("link", parts, postures={"p": np.zeros(0)}, held={"p": {"h": 0.0}})
     case = pushed(1500.0, free=COMPONENTS)
@@ -181,7 +181,7 @@ def test_a_link_on_a_sprung_hinge_rises_as_the_angle_over_its_sine():
 
 
 def test_a_round_link_says_how_it_leaves_in_both_directions():
-    hinges = [SprungJoint(name, AXES[name], stiffness=1e5) for name in "yz"]
+    hinges = [Joint(name, AXES[name], passive=True, compliance=1e-05) for name in "yz"]
     parts = (*hinges, RigidOffset("l", translation([100.0, 0.0, 0.0])))
     chain = Chain("link", parts, postures={"p": np.zeros(0)}, held={"p": {"y": 0.0, "z": 0.0}})
     case = pushed(1500.0, free=COMPONENTS)

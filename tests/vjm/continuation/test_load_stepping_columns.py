@@ -7,8 +7,9 @@ import pytest
 
 from vjm.continuation.path import EventKind
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
-from vjm.model.parts import Beam, PassiveJoint, Section
+from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES
 from vjm.vjm_engine import VjmEngine
 
@@ -25,7 +26,7 @@ def critical_load(euler):
 
 def universal_column(EIy):
     """A column on universal joints, y and z at both ends."""
-    joints = [PassiveJoint(name, AXES[axis]) for name, axis in zip("abcd", "yzzy", strict=True)]
+    joints = [Joint(name, AXES[axis], passive=True) for name, axis in zip("abcd", "yzzy", strict=True)]
     beam = Beam("link", 100.0, section=Section(EA, EI, EIy, EI))
     return Chain("column", (*joints[:2], beam, *joints[2:]), postures={"straight": np.zeros(4)})
 

@@ -8,8 +8,9 @@ import pytest
 from vjm.continuation.path import EventKind
 from vjm.engines import engine_by_name
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.load_case import Load, LoadCase, PointControl
-from vjm.model.parts import Beam, PassiveJoint, RigidOffset, Section
+from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, turn
 
 DOWN = (0.0, -1.0, 0.0, 0.0, 0.0, 0.0)
@@ -20,9 +21,9 @@ def lee():
     section = Section(EA=4.32e7, GJ=1.44e10, EIy=1.44e10, EIz=1.44e7)
     quarter = turn(AXES["z"], 0.5 * np.pi)
     parts = (
-        PassiveJoint("base", AXES["z"]), Beam("column", 120.0, section=section),
+        Joint("base", AXES["z"], passive=True), Beam("column", 120.0, section=section),
         RigidOffset("corner", np.linalg.inv(quarter)), Beam("near", 24.0, section=section),
-        Beam("far", 96.0, section=section), PassiveJoint("end", AXES["z"]),
+        Beam("far", 96.0, section=section), Joint("end", AXES["z"], passive=True),
     )  # fmt: skip
     return Chain("lee", parts, base=quarter, postures={"drawn": np.zeros(2)})
 
@@ -31,8 +32,8 @@ def toggle():
     """Half of a truss of 20 over 100 mm, its apex free to sink."""
     rise = turn(AXES["z"], float(np.arctan(0.2)))
     section = Section(EA=1e5, GJ=1e8, EIy=1e8, EIz=1e8)
-    parts = (PassiveJoint("base", AXES["z"]), Beam("bar", float(np.hypot(100.0, 20.0)), section=section),
-             PassiveJoint("apex", AXES["z"]))  # fmt: skip
+    parts = (Joint("base", AXES["z"], passive=True), Beam("bar", float(np.hypot(100.0, 20.0)), section=section),
+             Joint("apex", AXES["z"], passive=True))  # fmt: skip
     return Chain("toggle", parts, base=rise, postures={"drawn": np.zeros(2)})
 
 

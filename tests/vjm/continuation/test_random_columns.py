@@ -14,9 +14,9 @@ from vjm.continuation.arc_length import trace
 from vjm.continuation.branch_shape import BranchShape, Leaving
 from vjm.continuation.path import EventKind, Path
 from vjm.model.chain import Chain
-from vjm.model.joints import SprungJoint
+from vjm.model.joints import Joint
 from vjm.model.load_case import Load, LoadCase
-from vjm.model.parts import Beam, PassiveJoint, Section
+from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES
 from vjm.statics.stability import critical_modes
 from vjm.vjm_engine import VjmEngine
@@ -67,10 +67,10 @@ def chain_of(column: Column) -> Chain:
 
     def hinge(name: str, stiffness: float) -> None:
         if stiffness == 0.0:
-            parts.append(PassiveJoint(name, AXES["z"]))
+            parts.append(Joint(name, AXES["z"], passive=True))
             free.append(0.0)
         elif np.isfinite(stiffness):
-            parts.append(SprungJoint(name, AXES["z"], stiffness=stiffness))
+            parts.append(Joint(name, AXES["z"], passive=True, compliance=1.0 / stiffness))
             held[name] = 0.0
 
     for i, (length, EI) in enumerate(zip(column.lengths, column.bending, strict=True)):

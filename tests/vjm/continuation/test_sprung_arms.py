@@ -9,7 +9,7 @@ import pytest
 
 from vjm.continuation.path import EventKind
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, SprungJoint
+from vjm.model.joints import Joint
 from vjm.model.load_case import ARC, COMPONENTS, Load, LoadCase
 from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import AXES, translation
@@ -24,9 +24,9 @@ def column(count: int = 3, preload: float = 0.0) -> Chain:
     parts: list = []
     for i in range(count):
         joint = (
-            SprungJoint(f"q{i}", AXES["z"], stiffness=K, preload=preload)
+            Joint(f"q{i}", AXES["z"], passive=True, compliance=1.0 / K, preload=preload)
             if i
-            else ActuatedJoint("q0", AXES["z"], compliance=1.0 / K)
+            else Joint("q0", AXES["z"], compliance=1.0 / K)
         )
         parts += [joint, RigidOffset(f"l{i}", translation([A, 0.0, 0.0]))]
     held = {"straight": {f"q{i}": 0.0 for i in range(count)}}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint
+from vjm.model.joints import Joint
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import translation
 
@@ -50,6 +50,6 @@ def six_joints():
     parts = []
     for name, axis in axes.items():
         lateral = (5e-9, 4e-9) if name == "lift" else (0.0, 0.0)
-        parts += [ActuatedJoint(name, unit[axis], compliance=gears[name], lateral=lateral), between[name]]
+        parts += [Joint(name, unit[axis], compliance=gears[name], lateral=lateral), between[name]]
     bent = dict(zip(axes, (0.3, -0.6, 1.1, 0.4, -0.7, 0.2), strict=True))
     return Chain("six-joints", tuple(parts), postures={"bent": np.zeros(0)}, held={"bent": bent})

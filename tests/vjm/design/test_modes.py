@@ -18,9 +18,9 @@ from vjm.io.urdf import import_urdf
 from vjm.machine.legs import machine_of
 from vjm.model.chain import Chain
 from vjm.model.closures import Closure
-from vjm.model.joints import ActuatedJoint, SprungJoint
+from vjm.model.joints import Joint
 from vjm.model.load_case import Load
-from vjm.model.parts import Beam, Mount, PassiveJoint, RigidOffset, Section
+from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import translation, turn
 from vjm.vjm_engine import VjmEngine
 
@@ -85,10 +85,10 @@ def test_clamped_at_both_ends(cantilever):
 def pinned(section):
     """A rod on two hinges about z, the second on a slide along it."""
     parts = (
-        PassiveJoint("root", Z),
+        Joint("root", Z, passive=True),
         Beam("rod", LENGTH, section=section),
-        PassiveJoint("hinge", Z),
-        PassiveJoint("slide", np.eye(3)[0], slides=True),
+        Joint("hinge", Z, passive=True),
+        Joint("slide", np.eye(3)[0], slides=True, passive=True),
     )
     support = Closure("support", ("slide", ""), np.array([np.eye(4), translation((LENGTH, 0.0, 0.0))]))
     return Chain("pinned", parts, postures={"straight": np.zeros(3)}, closures=(support,))
@@ -166,8 +166,8 @@ def link(name, length, mass):
 def test_an_arm_of_two_joints_by_hand():
     c, l1, l2, m1, m2, bend = (1e-7, 3e-7), 400.0, 300.0, 2.0, 1.5, 0.8
     parts = (
-        ActuatedJoint("shoulder", Z, compliance=c[0]), link("upper", l1, m1),
-        ActuatedJoint("elbow", Z, compliance=c[1]), link("fore", l2, m2),
+        Joint("shoulder", Z, compliance=c[0]), link("upper", l1, m1),
+        Joint("elbow", Z, compliance=c[1]), link("fore", l2, m2),
     )  # fmt: skip
     arm = Chain("2r", parts, postures={"bent": np.zeros(0)}, held={"bent": {"shoulder": 0.3, "elbow": bend}})
     found = modes(arm, "bent")
@@ -184,7 +184,7 @@ def test_moments_of_inertia_turn_with_their_body():
     inertia = np.array([[900.0, 50.0, 20.0], [50.0, 700.0, -30.0], [20.0, -30.0, 400.0]])
     turned = turn((1.0, 0.0, 0.0), 0.7)
     parts = (
-        ActuatedJoint("spring", Z, compliance=1e-6),
+        Joint("spring", Z, compliance=1e-6),
         RigidOffset("turned", turned),
         RigidOffset("body", np.eye(4), 3.0, np.zeros(3), inertia),
     )
@@ -197,9 +197,9 @@ def test_moments_of_inertia_turn_with_their_body():
 def test_a_pendulum_swings_under_its_weight():
     """f = √(g/l): no spring, only the weight's geometric stiffness."""
     parts = (
-        PassiveJoint("hinge", Y),
+        Joint("hinge", Y, passive=True),
         link("rod", 500.0, 2.0),
-        SprungJoint("far", Y, stiffness=1e6),
+        Joint("far", Y, passive=True, compliance=1e-06),
         link("bob", 1.0, 1e-9),
     )
     chain = Chain("pendulum", parts, postures={"down": np.array([0.5 * np.pi])}, held={"down": {"far": 0.0}})
@@ -217,7 +217,9 @@ def test_a_machine_on_a_soft_frame_moves_with_its_whole_mass(six_joints):
         for part in six_joints.parts
     )
     for axis in np.eye(3):
-        chain = replace(six_joints, parts=(Mount("frame", axis, 1.0), *heavy))
+        chain = replace(
+            six_joints, parts=(Joint("frame", axis, slides=True, passive=True, fixed=True, compliance=1.0), *heavy)
+        )
         state = state_of(question(chain, "bent"))
         M = mass_matrix(state)
         assert M[0, 0] == pytest.approx(total_mass(state), rel=1e-12)
@@ -336,8 +338,8 @@ def test_zieglers_column_flutters():
     """Two links of length l with springs c, masses 2m and m: P l/c = 7/2 − √2 (Ziegler 1952)."""
     c, length, m = 1e5, 200.0, 0.5
     parts = (
-        SprungJoint("first", Z, stiffness=c), link("lower", length, 2.0 * m),
-        SprungJoint("second", Z, stiffness=c), link("upper", length, m),
+        Joint("first", Z, passive=True, compliance=1.0 / c), link("lower", length, 2.0 * m),
+        Joint("second", Z, passive=True, compliance=1.0 / c), link("upper", length, m),
     )  # fmt: skip
     chain = Chain(
         "ziegler", parts, postures={"straight": np.zeros(0)}, held={"straight": {"first": 0.0, "second": 0.0}}
@@ -361,13 +363,13 @@ def test_a_number_below_one_is_refused(cantilever):
 
 def test_what_has_neither_mass_nor_stiffness_is_refused():
     parts = (
-        PassiveJoint("spin", np.eye(3)[0]),
-        ActuatedJoint("spring", Z, compliance=1e-6),
+        Joint("spin", np.eye(3)[0], passive=True),
+        Joint("spring", Z, compliance=1e-6),
         link("rod", 100.0, 1.0),
     )
     chain = Chain(
         "spins",
-        (*parts, PassiveJoint("idle", np.eye(3)[0])),
+        (*parts, Joint("idle", np.eye(3)[0], passive=True)),
         postures={"home": np.zeros(2)},
         held={"home": {"spring": 0.0}},
     )

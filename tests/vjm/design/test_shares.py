@@ -13,10 +13,10 @@ from vjm.design.shares import shares
 from vjm.engines import engine_by_name
 from vjm.machine.legs import machine_of
 from vjm.model.chain import Chain
-from vjm.model.joints import PointSpring, SprungJoint
+from vjm.model.joints import Joint, PointSpring
 from vjm.model.load_case import Load
 from vjm.model.parameters import compliance_factor
-from vjm.model.parts import Mount, RigidOffset
+from vjm.model.parts import RigidOffset
 from vjm.rotations import rotate_matrix6, shift_compliance, translation
 from vjm.vjm_engine import VjmEngine
 
@@ -130,8 +130,8 @@ def test_a_share_in_a_loop_is_the_derivative_by_its_compliance(name, part):
 def test_springs_between_points_and_mounts_have_shares():
     """A lever on a hinge spring, a stay at right angles to it, on a mount that slides: statics by hand."""
     parts = (
-        Mount("frame", np.array([0.0, 0.0, 1.0]), 1e-3),
-        SprungJoint("hinge", np.array([0.0, 1.0, 0.0]), stiffness=1e5),
+        Joint("frame", np.array([0.0, 0.0, 1.0]), slides=True, passive=True, fixed=True, compliance=1e-3),
+        Joint("hinge", np.array([0.0, 1.0, 0.0]), passive=True, compliance=1e-05),
         RigidOffset("lever", translation((100.0, 0.0, 0.0))),
     )
     stay = PointSpring("stay", ("", "lever"), np.array([[50.0, 0.0, -40.0], [50.0, 0.0, 0.0]]), 20.0, 40.0)

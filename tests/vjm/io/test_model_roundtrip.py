@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vjm.io.model_file import load_chain
-from vjm.model.parts import Actuator, Beam, PassiveJoint, RigidOffset, Section
+from vjm.model.joints import Joint, JointKind
+from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, rotate_matrix6, shift_compliance, turn
 
 VECTORS = st.lists(st.floats(-200.0, 200.0), min_size=3, max_size=3)
@@ -117,10 +118,12 @@ def test_roundtrip(document):
             case RigidOffset():
                 np.testing.assert_array_equal(part.transform[:3, 3], raw["translation_mm"])
                 np.testing.assert_allclose(part.transform[:3, :3], rotation(raw["turns"]), atol=1e-14)
-            case Actuator():
+            case Joint(fixed=True):
+                assert (part.kind, part.slides) == (JointKind.ACTUATOR, True)
                 np.testing.assert_array_equal(part.axis, AXES[raw["axis"]])
                 assert part.compliance == raw["compliance_mm_per_N"]
-            case PassiveJoint():
+            case Joint():
+                assert part.kind is JointKind.FREE
                 np.testing.assert_allclose(part.axis, raw["axis"], atol=1e-15)
             case Beam():
                 check_beam(part, raw)

@@ -7,8 +7,9 @@ import pytest
 
 from vjm.continuation.path import EventKind
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
-from vjm.model.parts import Beam, PassiveJoint, Section
+from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES
 from vjm.vjm_engine import VjmEngine
 
@@ -22,9 +23,9 @@ def column(*joints: str) -> Chain:
     """A bar along x, clamped or on hinges about z."""
     parts: list = [Beam("link", LENGTH, section=SECTION)]
     if "base" in joints:
-        parts.insert(0, PassiveJoint("q1", AXES["z"]))
+        parts.insert(0, Joint("q1", AXES["z"], passive=True))
     if "tip" in joints:
-        parts.append(PassiveJoint("q2", AXES["z"]))
+        parts.append(Joint("q2", AXES["z"], passive=True))
     return Chain("column", tuple(parts), postures={"straight": np.zeros(len(joints))})
 
 

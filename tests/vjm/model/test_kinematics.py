@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vjm.model.joints import Joint
 from vjm.model.lumped import LumpedModel
-from vjm.model.parts import Actuator, Beam, PassiveJoint, RigidOffset
+from vjm.model.parts import Beam, RigidOffset
 from vjm.rotations import displacement_between
 
 STEP = 1e-5
@@ -145,9 +146,9 @@ class PinocchioChain:
         match part:
             case RigidOffset():
                 self.pending = self.pending * pin.SE3(part.transform)
-            case PassiveJoint():
+            case Joint(free=True):
                 self.joint(pin.JointModelRevoluteUnaligned(*part.axis))
-            case Actuator():
+            case Joint(fixed=True, slides=True):
                 if part.compliance > 0.0:
                     self.joint(pin.JointModelPrismaticUnaligned(*part.axis))
             case Beam():

@@ -13,8 +13,9 @@ from scipy.optimize import brentq, root
 
 from vjm.continuation.path import EventKind
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
-from vjm.model.parts import Beam, PassiveJoint, Placement, Section
+from vjm.model.parts import Beam, Placement, Section
 from vjm.model.springs import BeamColumnSpring
 from vjm.rotations import AXES
 from vjm.statics.equilibrium import solve_under_wrench
@@ -47,10 +48,10 @@ def column(ends, EA, plane):
         "soft": ("z", Section(EA, EI, 20.0 * EI, EI)),
         "stiff": ("y", Section(EA, EI, EI, EI / 2.0)),
     }[plane]
-    beam, pin = Beam("link", L, section=section), PassiveJoint("tip", AXES[about])
+    beam, pin = Beam("link", L, section=section), Joint("tip", AXES[about], passive=True)
     match ends:
         case "pinned":
-            parts = (PassiveJoint("base", AXES[about]), beam, pin)
+            parts = (Joint("base", AXES[about], passive=True), beam, pin)
         case "clamped-pinned":
             parts = (beam, pin)
         case "sprung-pinned":
@@ -168,7 +169,7 @@ def test_no_critical_point_in_tension_below_five_times_eulers_load(n):
 
 @pytest.mark.parametrize("n", [3, 4, 8, 16])
 def test_round_column_buckles_at_the_closed_form_in_both_planes_at_once(n):
-    joints = [PassiveJoint(name, AXES[axis]) for name, axis in zip("abcd", "yzzy", strict=True)]
+    joints = [Joint(name, AXES[axis], passive=True) for name, axis in zip("abcd", "yzzy", strict=True)]
     beam = Beam("link", L, section=Section(1e6, EI, EI, EI))
     chain = Chain("round", (*joints[:2], beam, *joints[2:]), postures={"straight": np.zeros(4)})
     path = VjmEngine(n).trace(chain, LoadCase("straight", -0.5))
@@ -263,7 +264,7 @@ def test_pinned_column_behind_buckling_meets_the_elastica():
     found = root(open_end, [1.0, 2.0], tol=1e-13)
     assert np.abs(found.fun).max() < 1e-9
     exact = found.x[0] * euler
-    joints = [PassiveJoint(name, AXES["z"]) for name in "ab"]
+    joints = [Joint(name, AXES["z"], passive=True) for name in "ab"]
     chain = Chain("bars", (joints[0], Beam("link", 310.0, section=bar), joints[1]), postures={"s": np.zeros(2)})
     n = (2, 4, 8, 16)
     for rule in ("end", "middle", "two-thirds", "best"):

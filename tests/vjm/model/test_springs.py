@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.lumped import LumpedModel
-from vjm.model.parts import Beam, PassiveJoint, Placement, Section
+from vjm.model.parts import Beam, Placement, Section
 from vjm.model.springs import BeamColumnSpring
 from vjm.rotations import AXES
 
@@ -117,7 +118,7 @@ def test_impossible_splits_are_refused_by_name(segments, said):
 
 def test_chain_refuses_equal_names_and_unknown_postures(chain):
     with pytest.raises(ValueError) as refusal:
-        Chain("c", (PassiveJoint("q", AXES["z"]), PassiveJoint("q", AXES["y"])))
+        Chain("c", (Joint("q", AXES["z"], passive=True), Joint("q", AXES["y"], passive=True)))
     assert "q stands twice" in str(refusal.value)
     with pytest.raises(KeyError) as unknown:
         chain.posture("E")

@@ -13,8 +13,9 @@ from vjm.machine.closing import PoseError
 from vjm.machine.legs import in_pose
 from vjm.machine.platforms import PlatformBatch
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
-from vjm.model.parts import Actuator, Beam, PassiveJoint, RigidOffset, Section
+from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.platform.manipulator import Drive, Leg, Manipulator
 from vjm.rotations import AXES, frame, rotation_from_vector, translation
 from vjm.vjm_engine import VjmEngine
@@ -31,10 +32,10 @@ def cartesian(*, elastic: bool = True) -> Manipulator:
         axes = np.column_stack([AXES[a], AXES[b], AXES[c]])
         bar = Beam("bar", BAR, own_frame=axes, section=SECTION)
         parts = (
-            Actuator("slide", AXES[a], DRIVE),
+            Joint("slide", AXES[a], slides=True, fixed=True, compliance=DRIVE),
             bar if elastic else RigidOffset("bar", translation(bar.tip)),
-            PassiveJoint("u", AXES[b], slides=True),
-            PassiveJoint("v", AXES[c], slides=True),
+            Joint("u", AXES[b], slides=True, passive=True),
+            Joint("v", AXES[c], slides=True, passive=True),
         )
         chain = Chain("leg", parts, postures={"h": np.zeros(2)})
         legs.append(Leg(a, chain, root=translation(-bar.tip), drive=Drive("slide", AXES[a]), posture=np.zeros(2)))
@@ -70,8 +71,8 @@ def strut(i: int) -> tuple[Leg, np.ndarray, np.ndarray]:
     length = float(np.linalg.norm(head - foot))
     bar = Beam("strut", length, section=SECTION)
     names = ("u1", "u2", "s1", "s2", "s3")
-    joints = [PassiveJoint(name, AXES[axis]) for name, axis in zip(names, "yzxyz", strict=True)]
-    parts = (*joints[:2], Actuator("slide", AXES["x"], DRIVE), bar, *joints[2:])
+    joints = [Joint(name, AXES[axis], passive=True) for name, axis in zip(names, "yzxyz", strict=True)]
+    parts = (*joints[:2], Joint("slide", AXES["x"], slides=True, fixed=True, compliance=DRIVE), bar, *joints[2:])
     chain = Chain(f"leg{i}", parts, postures={"h": np.zeros(5)})
     attachment = frame(root[:3, :3], head - [0.0, 0.0, 400.0])
     return Leg(f"l{i}", chain, root=root, attachment=attachment, posture=np.zeros(5)), foot, head

@@ -8,8 +8,8 @@ import pytest
 
 from vjm.errors import NoConvergenceError
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.lumped import LumpedModel
-from vjm.model.parts import Actuator, PassiveJoint
 from vjm.rotations import AXES, displaced
 from vjm.statics import equilibrium
 from vjm.statics.equilibrium import TOLERANCE, residual, solve_newton, solve_paper, solve_under_wrench
@@ -148,7 +148,10 @@ def test_noise_is_repeatable_and_refused_without_a_generator(chain):
 
 def test_out_of_reach_is_said_and_not_answered():
     # a drive along x and a hinge about z never leave their line
-    chain = Chain("stub", (Actuator("a", AXES["x"], 1e-4), PassiveJoint("q", AXES["z"])))
+    chain = Chain(
+        "stub",
+        (Joint("a", AXES["x"], slides=True, fixed=True, compliance=1e-4), Joint("q", AXES["z"], passive=True)),
+    )
     model = LumpedModel(chain)
     target = displaced(np.eye(4), [0, 10.0, 0, 0, 0, 0])
     with pytest.raises(NoConvergenceError):

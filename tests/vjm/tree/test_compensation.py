@@ -7,7 +7,7 @@ import pytest
 
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, PointSpring, SprungJoint
+from vjm.model.joints import Joint, PointSpring
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.compensation import compensated_arm, difference
@@ -20,7 +20,7 @@ WEIGHT = (0.0, 0.0, -9.81)
 
 def lever() -> Chain:
     """One elastic hinge about z and a bar of 500 mm."""
-    parts = (ActuatedJoint("hinge", AXES["z"], compliance=1e-7), RigidOffset("bar", translation([500.0, 0.0, 0.0])))
+    parts = (Joint("hinge", AXES["z"], compliance=1e-7), RigidOffset("bar", translation([500.0, 0.0, 0.0])))
     return Chain("lever", parts, postures={"-": np.zeros(0)}, held={"-": {"hinge": 0.0}})
 
 
@@ -92,7 +92,7 @@ def two_links(compliance: float = 1e-6, limit: float = 3.0) -> TreeModel:
     """Rigid links of 500 and 400 mm in a plane, on elastic gears."""
     parts: list = []
     for name, length in (("shoulder", 500.0), ("elbow", 400.0)):
-        parts.append(ActuatedJoint(name, AXES["z"], compliance=compliance, limits=(-limit, limit)))
+        parts.append(Joint(name, AXES["z"], compliance=compliance, limits=(-limit, limit)))
         parts.append(RigidOffset(f"after-{name}", translation([length, 0.0, 0.0])))
     return TreeModel(Chain("two", tuple(parts)))
 
@@ -187,12 +187,12 @@ def stressed(share: float) -> Chain:
     q = {"q2": -1.0, "q3": 1.2, "s": 0.3, "q5": 0.4}
     parts = (
         RigidOffset("column", translation([350.0, 0.0, 750.0])),
-        ActuatedJoint("q2", AXES["y"], compliance=3e-10),
+        Joint("q2", AXES["y"], compliance=3e-10),
         RigidOffset("upper", translation([1250.0, 0.0, 0.0]), 200.0 * share, np.array([500.0, 0.0, 0.0])),
-        ActuatedJoint("q3", AXES["y"], compliance=4e-10),
-        SprungJoint("s", AXES["z"], stiffness=2e9, preload=4e5 * share),
+        Joint("q3", AXES["y"], compliance=4e-10),
+        Joint("s", AXES["z"], passive=True, compliance=5e-10, preload=4e5 * share),
         RigidOffset("fore", translation([1100.0, 0.0, 55.0]), 150.0 * share, np.array([400.0, 0.0, 0.0])),
-        ActuatedJoint("q5", AXES["y"], compliance=2e-9),
+        Joint("q5", AXES["y"], compliance=2e-9),
         RigidOffset("flange", translation([230.0, 0.0, 0.0]), 100.0 * share),
     )
     return Chain("arm", parts, postures={"-": np.zeros(0)}, held={"-": q}, point_springs=(spring,))
@@ -218,10 +218,10 @@ def test_a_sprung_passive_joint_stays_where_the_posture_has_it_and_the_drives_ar
     """A shoulder, a passive hinge with a spring and a boom: by the triangle of shoulder, hinge and tool."""
     L, p0, rest, k, turn, stretch = 300.0, 0.2, 0.1, 1e6, 1e-8, 1e-5
     parts = (
-        ActuatedJoint("shoulder", AXES["z"], compliance=turn),
+        Joint("shoulder", AXES["z"], compliance=turn),
         RigidOffset("arm", translation([L, 0.0, 0.0])),
-        SprungJoint("p", AXES["z"], stiffness=k, rest=rest, limits=(-0.3, 0.3)),
-        ActuatedJoint("boom", AXES["x"], slides=True, compliance=stretch, limits=(50.0, 400.0)),
+        Joint("p", AXES["z"], passive=True, compliance=1.0 / k, rest=rest, limits=(-0.3, 0.3)),
+        Joint("boom", AXES["x"], slides=True, compliance=stretch, limits=(50.0, 400.0)),
     )
     held = {"-": {"shoulder": 0.1, "p": p0, "boom": 200.0}}
     model = TreeModel(Chain("arm", parts, postures={"-": np.zeros(0)}, held=held))

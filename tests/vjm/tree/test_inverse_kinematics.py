@@ -5,7 +5,7 @@ import pytest
 
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint
+from vjm.model.joints import Joint
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
 from vjm.tree.equilibria import unloaded_frames
@@ -16,7 +16,7 @@ from vjm.tree.model import TreeModel
 def planar() -> TreeModel:
     parts: list = []
     for name, length in (("shoulder", 500.0), ("elbow", 400.0)):
-        parts.append(ActuatedJoint(name, AXES["z"], compliance=1e-8))
+        parts.append(Joint(name, AXES["z"], compliance=1e-8))
         parts.append(RigidOffset(f"after-{name}", translation([length, 0.0, 0.0])))
     return TreeModel(Chain("planar", tuple(parts)))
 

@@ -9,7 +9,7 @@ import pytest
 
 import vjm
 from vjm.model.chain import USUAL_SEGMENTS, Chain
-from vjm.model.joints import ActuatedJoint
+from vjm.model.joints import Joint
 from vjm.model.parts import Beam, Section
 from vjm.rotations import AXES
 from vjm.tree.equilibria import equilibria
@@ -21,7 +21,7 @@ SECTION = Section(EA=1e9, GJ=1e9, EIy=EI, EIz=EI)
 
 def arm(**changes) -> Chain:
     parts = (
-        ActuatedJoint("q", AXES["y"]),
+        Joint("q", AXES["y"]),
         Beam("upper", 0.5 * LENGTH, section=SECTION),
         Beam("fore", 0.5 * LENGTH, section=SECTION),
     )
@@ -67,6 +67,6 @@ def test_batches_and_the_engine_split_alike(chain: Chain, numbers):
 
 def test_a_beam_without_a_section_stays_the_spring_that_is_given():
     bar = Beam("bar", 300.0, compliance=np.diag([1e-6, 1e-4, 1e-4, 1e-8, 1e-8, 1e-8]))
-    model = TreeModel(Chain("matrix", (ActuatedJoint("q", AXES["y"]), bar)))
+    model = TreeModel(Chain("matrix", (Joint("q", AXES["y"]), bar)))
     assert model.chain.beams[0].segments is None
     assert model.size == 6

@@ -9,7 +9,7 @@ import pytest
 
 import vjm
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, PointSpring
+from vjm.model.joints import Joint, PointSpring
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
@@ -22,7 +22,7 @@ DOWN = (0.0, 0.0, -FORCE, 0.0, 0.0, 0.0)
 
 def lever(*beams, springs=()) -> Chain:
     """A hinge about y and beams along x, in a posture p."""
-    parts = (ActuatedJoint("q", AXES["y"], compliance=COMPLIANCE), *beams)
+    parts = (Joint("q", AXES["y"], compliance=COMPLIANCE), *beams)
     return Chain("lever", parts, postures={"p": np.zeros(0)}, held={"p": {"q": 0.0}}, point_springs=springs)
 
 
@@ -111,7 +111,7 @@ def test_where_a_beam_has_no_shape_it_is_refused():
     ):
         vjm.stiffness(chain, "p", wrench=DOWN, engine="vjm-paper")
     boom = lever(
-        ActuatedJoint("out", AXES["x"], slides=True), Beam("b", LENGTH, section=SECTION, free_length="out"),
+        Joint("out", AXES["x"], slides=True), Beam("b", LENGTH, section=SECTION, free_length="out"),
         springs=(hanger("b", [400.0, 0.0, 0.0], 400.0),),
     )  # fmt: skip
     boom = replace(boom, held={"p": {"q": 0.0, "out": 700.0}})

@@ -9,11 +9,11 @@ from helpers.random_machines import GRAVITY, random_machine
 from helpers.virtual_work import Statics
 
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, HeldJoint, PointSpring, SprungJoint
+from vjm.model.joints import Joint, JointCoupling, PointSpring
 from vjm.model.load_case import Load
 from vjm.model.lumped import LumpedModel
 from vjm.model.parameters import joint_compliance, link_mass, link_offset, orientation
-from vjm.model.parts import Beam, PassiveJoint, RigidOffset, Section
+from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, translation
 from vjm.statics.equilibrium import solve_under_wrench
 from vjm.statics.stiffness import loaded_stiffness
@@ -59,7 +59,7 @@ def arm(count: int = 6, compliance: float = 1e-8, lateral: float = 0.0, seed: in
     parts: list = []
     for i in range(count):
         axis = AXES["zyx"[int(rng.integers(3))]]
-        parts.append(ActuatedJoint(f"q{i}", axis, compliance=compliance, lateral=(lateral, lateral)))
+        parts.append(Joint(f"q{i}", axis, compliance=compliance, lateral=(lateral, lateral)))
         T = frame(rotation_from_vector(rng.normal(size=3)), rng.uniform(-300, 300, 3))
         parts.append(RigidOffset(f"l{i}", T, float(rng.uniform(1, 9)), rng.uniform(-100, 100, 3)))
     return Chain("arm", tuple(parts))
@@ -71,7 +71,7 @@ def test_torques_are_pinocchios():
     model.gravity.linear = np.array(WEIGHT)
     parent, placement = 0, pinocchio.SE3.Identity()
     for part in chain.parts:
-        if isinstance(part, HeldJoint):
+        if isinstance(part, Joint):
             parent = model.addJoint(parent, pinocchio.JointModelRevoluteUnaligned(part.axis), placement, part.name)
             placement = pinocchio.SE3.Identity()
         else:
@@ -140,7 +140,7 @@ def test_a_sprung_column_buckles_at_its_closed_form():
     parts: list = []
     for i in range(3):
         parts += [
-            ActuatedJoint(f"q{i}", AXES["z"], compliance=1.0 / k),
+            Joint(f"q{i}", AXES["z"], compliance=1.0 / k),
             RigidOffset(f"l{i}", translation([a, 0, 0])),
         ]
     model = TreeModel(Chain("column", tuple(parts)))
@@ -153,7 +153,7 @@ def test_a_preload_holds_a_pendulum_and_its_spring_is_in_the_stiffness():
     # a bar of 100 mm with 2 kg at its end, held level by a preload: the torque is the weight's exactly
     k, torque = 5e4, 2.0 * 9.81 * 100.0
     parts = (
-        SprungJoint("q", AXES["y"], stiffness=k, preload=-torque),
+        Joint("q", AXES["y"], passive=True, compliance=1.0 / k, preload=-torque),
         RigidOffset("bar", translation([100.0, 0.0, 0.0]), 2.0, np.array([100.0, 0.0, 0.0])),
     )
     found = equilibria(TreeModel(Chain("held", parts)), np.zeros(1), gravity=WEIGHT)
@@ -163,7 +163,7 @@ def test_a_preload_holds_a_pendulum_and_its_spring_is_in_the_stiffness():
 
 def test_a_passive_pendulum_hangs():
     parts = (
-        PassiveJoint("q", AXES["y"]),
+        Joint("q", AXES["y"], passive=True),
         RigidOffset("rod", translation([0.0, 0.0, -200.0]), 1.5, np.array([0.0, 0.0, -200.0])),
     )
     found = equilibria(TreeModel(Chain("pendulum", parts)), np.array([0.7]), gravity=WEIGHT)
@@ -177,7 +177,7 @@ def test_a_zero_length_spring_balances_a_link_in_every_posture():
     a, b, l_mm, mass = 150.0, 200.0, 500.0, 6.0
     spring = PointSpring("lamp", ("", "link"), np.array([[0, 0, a], [0, 0, b]]), mass * 9.81 * l_mm / (a * b))
     parts = (
-        ActuatedJoint("q", AXES["y"], compliance=1e-7),
+        Joint("q", AXES["y"], compliance=1e-7),
         RigidOffset("link", translation([0, 0, l_mm]), mass, np.array([0, 0, l_mm])),
     )
     model = TreeModel(Chain("lamp", parts, point_springs=(spring,)))
@@ -191,9 +191,9 @@ def test_a_zero_length_spring_balances_a_link_in_every_posture():
 def test_a_coupling_as_bent_passes_on_what_bends():
     def machine(as_bent: bool) -> TreeModel:
         parts = (
-            ActuatedJoint("tilt", AXES["y"], compliance=1e-6),
+            Joint("tilt", AXES["y"], compliance=1e-6),
             RigidOffset("a", translation([0, 0, 300.0])),
-            CoupledJoint("chest", AXES["y"], ratios=(("tilt", -1.0),), as_bent=as_bent),
+            Joint("chest", AXES["y"], coupling=JointCoupling((("tilt", -1.0),), as_bent=as_bent)),
             RigidOffset("b", translation([0, 0, 300.0]), 4.0, np.array([0, 0, 300.0])),
         )
         return TreeModel(Chain("torso", parts))
@@ -245,11 +245,11 @@ def test_derivatives_are_differences_of_equilibria():
 def test_two_hands_on_one_torso_bend_it_together():
     def side(sign: int, name: str) -> list:
         return [
-            ActuatedJoint(f"{name}-shoulder", AXES["x"], compliance=1e-7),
+            Joint(f"{name}-shoulder", AXES["x"], compliance=1e-7),
             RigidOffset(f"{name}-arm", translation([0.0, 300.0 * sign, 0.0]), 3.0),
         ]
 
-    parts = (ActuatedJoint("pan", AXES["x"], compliance=1e-7), RigidOffset("torso", translation([0, 0, 600.0])))
+    parts = (Joint("pan", AXES["x"], compliance=1e-7), RigidOffset("torso", translation([0, 0, 600.0])))
     tree = Chain(
         "two", (*parts, *side(1, "left"), *side(-1, "right")), after={"right-shoulder": "torso"},
         ends={"left": "left-arm", "right": "right-arm"},
@@ -271,8 +271,8 @@ def test_two_hands_on_one_torso_bend_it_together():
     ("make", "says"),
     [
         (lambda: TreeModel(Chain("rigid", (RigidOffset("a"),))), "nothing deflects"),
-        (lambda: CoupledJoint("c", AXES["z"], ratios=(("c", 1.0),)), "coupled to itself"),
-        (lambda: ActuatedJoint("a", np.zeros(3)), "axis has length 0"),
+        (lambda: Joint("c", AXES["z"], coupling=JointCoupling((("c", 1.0),))), "coupled to itself"),
+        (lambda: Joint("a", np.zeros(3)), "axis has length 0"),
         (lambda: TreeModel(arm()).coordinates(np.zeros((2, 5))), "a column for each of its 6 joints"),
         (lambda: TreeModel(arm()).coordinates(np.full((2, 6), np.nan)), "row 0 of q is not finite"),
         (lambda: equilibria(TreeModel(arm()), np.zeros(6), wrench=np.zeros(5)), "wrench has the shape"),

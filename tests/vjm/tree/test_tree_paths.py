@@ -10,9 +10,9 @@ from helpers.virtual_work import Statics
 from vjm.continuation.path import EventKind
 from vjm.engines import engine_by_name
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, PointSpring, SprungJoint
+from vjm.model.joints import Joint, JointCoupling, PointSpring
 from vjm.model.load_case import COMPONENTS, Load, LoadCase, PointControl
-from vjm.model.parts import Beam, PassiveJoint, RigidOffset, Section
+from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector, translation
 
 DOWN = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -21,7 +21,7 @@ DOWN = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 def arm():
     section = Section(EA=2e8, GJ=1e9, EIy=2e10, EIz=1e9)
     bend = frame(rotation_from_vector(np.array([0.1, 0.2, 0.3])), [30.0, 5.0, 2.0])
-    parts = (ActuatedJoint("drive", AXES["z"], compliance=1e-7), Beam("first", 400.0, section=section),
+    parts = (Joint("drive", AXES["z"], compliance=1e-7), Beam("first", 400.0, section=section),
              RigidOffset("bend", bend, mass=2.0), Beam("second", 300.0, section=section))  # fmt: skip
     return Chain("arm", parts, postures={"-": np.zeros(0)}, held={"-": {"drive": 0.3}})
 
@@ -94,7 +94,7 @@ def strutted(stiffness=3.0, height=400.0, reach=250.0, length=1000.0):
     points = points.copy()
     points[0, 0] = height
     strut = replace(strut, points=points)
-    parts = (PassiveJoint("hinge", AXES["z"]), RigidOffset("column", translation([length, 0.0, 0.0])))
+    parts = (Joint("hinge", AXES["z"], passive=True), RigidOffset("column", translation([length, 0.0, 0.0])))
     return Chain("strutted", parts, postures={"-": np.zeros(1)}, point_springs=(strut,))
 
 
@@ -110,11 +110,11 @@ def test_branches_that_hang_on_a_column_lower_its_critical_load_by_their_weight(
     # a sprung hinge k with a branch of weight W at the height a: P L + W a = k
     stiffness, length, height, mass = 5e5, 1000.0, 300.0, 20.0
     parts = (
-        SprungJoint("hinge", AXES["z"], stiffness=stiffness),
+        Joint("hinge", AXES["z"], passive=True, compliance=1.0 / stiffness),
         RigidOffset("lower", translation([height, 0.0, 0.0])),
         RigidOffset("upper", translation([length - height, 0.0, 0.0])),
         RigidOffset("weight", np.eye(4), mass=mass),
-        ActuatedJoint("tip", AXES["z"], compliance=1e-9),
+        Joint("tip", AXES["z"], compliance=1e-9),
         RigidOffset("end", translation([0.0, 0.0, 0.0])),
     )
     chain = Chain("laden", parts, postures={"-": np.zeros(0)}, held={"-": {"hinge": 0.0, "tip": 0.0}},
@@ -127,7 +127,7 @@ def test_branches_that_hang_on_a_column_lower_its_critical_load_by_their_weight(
 
 def test_a_branch_that_nothing_holds_is_refused():
     chain = strutted()
-    parts = (*chain.parts[:1], PassiveJoint("loose", AXES["z"]), *chain.parts[1:])
+    parts = (*chain.parts[:1], Joint("loose", AXES["z"], passive=True), *chain.parts[1:])
     loose = replace(chain, parts=parts, after={"column": "hinge"}, postures={"-": np.zeros(2)})
     with pytest.raises(ValueError, match="is singular: some of its passive joints move without moving the tool"):
         engine_by_name("vjm-paper").trace(loose, LoadCase("-", 1.0, axis="y"))
@@ -137,9 +137,9 @@ def test_a_coupling_as_bent_reaches_over_a_beam():
     # the second joint turns back by what the first bends: the far link keeps its direction but for the beam's
     section = Section(EA=2e8, GJ=1e9, EIy=2e10, EIz=1e9)
     parts = (
-        ActuatedJoint("first", AXES["z"], compliance=1e-6),
+        Joint("first", AXES["z"], compliance=1e-6),
         Beam("between", 400.0, section=section),
-        CoupledJoint("second", AXES["z"], ratios=(("first", -1.0),), as_bent=True),
+        Joint("second", AXES["z"], coupling=JointCoupling((("first", -1.0),))),
         RigidOffset("far", translation([300.0, 0.0, 0.0])),
     )
     chain = Chain("parallel", parts, postures={"-": np.zeros(0)}, held={"-": {"first": 0.0}})

@@ -9,7 +9,8 @@ import pytest
 
 from vjm.io.errors import ModelFileError
 from vjm.model.chain import Chain
-from vjm.model.parts import Actuator, Beam, PassiveJoint, RigidOffset, Section
+from vjm.model.joints import Joint
+from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
 from vjm_updating.identify.beam_path import BeamPath, Piece
 from vjm_updating.identify.command import identify_part
@@ -181,9 +182,9 @@ def test_parts_that_cannot_be_tested_are_refused(name):
     section = Section(5e6, 3e7, 2e8, 4e7)
     first = Beam("first", 100.0, section=section)
     body = alone(
-        Actuator("drive", AXES["x"]),
+        Joint("drive", AXES["x"], slides=True, fixed=True),
         first,
-        PassiveJoint("q", AXES["y"]),
+        Joint("q", AXES["y"], passive=True),
         replace(first, name="second"),
         Beam("third", 100.0, compliance=cantilever(100.0, 5e6, 3e7, 2e8, 4e7)),
     )

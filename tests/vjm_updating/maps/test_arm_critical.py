@@ -9,7 +9,7 @@ import pytest
 
 import vjm
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint
+from vjm.model.joints import Joint
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
@@ -31,7 +31,7 @@ def links(n: int) -> Chain:
         part
         for i in range(n)
         for part in (
-            ActuatedJoint(f"j{i}", AXES["z"], compliance=C),
+            Joint(f"j{i}", AXES["z"], compliance=C),
             RigidOffset(f"l{i}", translation([L, 0.0, 0.0])),
         )
     ]

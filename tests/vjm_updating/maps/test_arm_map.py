@@ -12,7 +12,7 @@ import pytest
 
 from vjm.io.model_file import load_chain
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.model.joints import Joint, JointCoupling
 from vjm.model.load_case import Load
 from vjm.model.parts import RigidOffset
 from vjm.rotations import AXES, translation
@@ -33,7 +33,7 @@ def two_links() -> Chain:
         part
         for i in range(2)
         for part in (
-            ActuatedJoint(f"j{i}", AXES["z"], compliance=C),
+            Joint(f"j{i}", AXES["z"], compliance=C),
             RigidOffset(f"l{i}", translation([L, 0.0, 0.0])),
         )
     ]
@@ -88,7 +88,7 @@ def test_a_point_beyond_a_joints_limits_has_no_value_and_says_which_and_by_how_m
 
 
 def test_the_limits_of_a_joint_that_follows_others_count_too():
-    follower = CoupledJoint("j2", AXES["z"], ratios=(("j1", 2.0),), offset=0.1, limits=(-1.0, 1.0))
+    follower = Joint("j2", AXES["z"], limits=(-1.0, 1.0), coupling=JointCoupling((("j1", 2.0),), offset=0.1))
     chain = two_links()
     chain = replace(chain, parts=(*chain.parts, follower))
     found = map_arm(chain, VjmEngine(), Quantity.STIFFNESS, "j1=0.4:0.5:2", "bent")
@@ -163,10 +163,10 @@ def test_bad_words_are_refused(words, said, tmp_path, capsys):
 
 def test_a_grid_over_a_passive_joint_is_refused_and_tool_positions_leave_it_where_it_is():
     parts = (
-        ActuatedJoint("j1", AXES["z"], compliance=1e-8),
+        Joint("j1", AXES["z"], compliance=1e-8),
         RigidOffset("arm", translation([300.0, 0.0, 0.0])),
-        SprungJoint("p", AXES["z"], stiffness=1e6, rest=0.0),
-        ActuatedJoint("j2", AXES["x"], slides=True, compliance=1e-5),
+        Joint("p", AXES["z"], passive=True, compliance=1e-06, rest=0.0),
+        Joint("j2", AXES["x"], slides=True, compliance=1e-5),
     )
     held = {"bent": {"j1": 0.1, "p": 0.2, "j2": 200.0}}
     chain = Chain("arm", parts, postures={"bent": np.zeros(0)}, held=held)

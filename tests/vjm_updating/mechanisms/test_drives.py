@@ -10,7 +10,7 @@ import pytest
 from helpers import linear_arm
 
 from vjm.io.model_file import build_chain, load_chain, read_document
-from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
+from vjm.model.joints import Joint, JointCoupling
 from vjm.model.load_case import LoadCase
 from vjm.vjm_engine import VjmEngine
 from vjm_updating.mechanisms.catalogue import catalogue
@@ -102,14 +102,16 @@ def test_every_kind_of_joint_is_a_drive(kind, axis):
     """Motion by what the model's end-effector does if the joint's compliance is ten times as large."""
     axis = np.array(axis)
     made = {
-        "slides": lambda c: ActuatedJoint("elbow", axis, True, compliance=1e-5 + c),
-        "matrix": lambda c: ActuatedJoint(
+        "slides": lambda c: Joint("elbow", axis, slides=True, compliance=1e-5 + c),
+        "matrix": lambda c: Joint(
             "elbow", axis, matrix=1e-6 * np.eye(6) + c * np.outer(np.r_[0, 0, 0, axis], np.r_[0, 0, 0, axis])
         ),
-        "sprung": lambda c: SprungJoint("elbow", axis, stiffness=1.0 / (1e-6 + c)),
-        "coupled": lambda c: CoupledJoint("elbow", axis, ratios=(("shoulder", 2.0),), compliance=1e-6 + c),
-        "as commanded": lambda c: CoupledJoint(
-            "elbow", axis, ratios=(("shoulder", 2.0),), as_bent=False, compliance=1e-6 + c
+        "sprung": lambda c: Joint("elbow", axis, passive=True, compliance=1e-6 + c),
+        "coupled": lambda c: Joint(
+            "elbow", axis, compliance=1e-6 + c, coupling=JointCoupling((("shoulder", 2.0),))
+        ),
+        "as commanded": lambda c: Joint(
+            "elbow", axis, compliance=1e-6 + c, coupling=JointCoupling((("shoulder", 2.0),), as_bent=False)
         ),
     }[kind]
 
@@ -139,7 +141,7 @@ def test_a_coupling_passes_on_what_bends():
     def with_belt(c):
         def change(part):
             if part.name == "elbow":
-                return CoupledJoint("elbow", part.axis, ratios=(("shoulder", -1.0),))
+                return Joint("elbow", part.axis, coupling=JointCoupling((("shoulder", -1.0),)))
             return replace(part, compliance=c) if part.name == "shoulder" else part
 
         # no beam between the joints: a coupling across one is for another engine
@@ -162,7 +164,7 @@ def test_a_coupling_passes_on_what_bends():
 
 def test_joints_about_one_line_are_one_place():
     def twice(part):
-        return (part, ActuatedJoint("wrist", part.axis, value=None)) if part.name == "elbow" else (part,)
+        return (part, Joint("wrist", part.axis, value=None)) if part.name == "elbow" else (part,)
 
     chain = load_chain("planar-2r")
     parts = tuple(new for part in chain.parts for new in twice(part))

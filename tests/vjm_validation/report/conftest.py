@@ -9,8 +9,9 @@ import pytest
 
 from vjm.continuation.direction import Direction
 from vjm.model.chain import Chain
+from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
-from vjm.model.parts import Beam, PassiveJoint, Section
+from vjm.model.parts import Beam, Section
 from vjm.rotations import rotation_from_vector
 from vjm.vjm_engine import VjmEngine
 from vjm_validation.report import page
@@ -44,7 +45,7 @@ def make_chain():
     )  # fmt: skip
     bar = Beam("bar", 310.0, own_frame=quarter, count=2, section=Section(6.74e6, 1.07e7, 2.07e8, 4.31e7))
     y, z = np.eye(3)[1], np.eye(3)[2]
-    joints = [PassiveJoint(name, axis) for name, axis in (("q1", y), ("q2", z), ("q3", z), ("q4", y))]
+    joints = [Joint(name, axis, passive=True) for name, axis in (("q1", y), ("q2", z), ("q3", z), ("q4", y))]
     return Chain(
         "small", (foot, *joints[:2], bar, *joints[2:]), postures={"A": np.zeros(4)}, title="A leg",
         source="made for a test",

@@ -11,8 +11,8 @@ import numpy as np
 from vjm.design.linear_state import LinearState
 from vjm.design.modes import Modes, station_lines
 from vjm.io.shapes import IBeam, Round, Shape
-from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
-from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint
+from vjm.model.joints import Joint
+from vjm.model.parts import Beam
 from vjm.rotations import Array
 from vjm_validation.report.scenes import THIN, radii_of
 
@@ -291,11 +291,11 @@ def _joints(state: LinearState) -> list[tuple[str, Array, Array]]:
     """What each joint is, where it is ``(3,)`` mm, and its axis ``(3,)``, world."""
     found = []
     for part in state.model.chain.parts:
-        if isinstance(part, PassiveJoint | ActuatedJoint | SprungJoint | CoupledJoint | Actuator | Mount):
+        if isinstance(part, Joint):
             site = state.model.built.begins[part.name]
             T = state.kinematics.behind[site.joint + 1] @ site.frame
             axis = T[:3, :3] @ part.axis
-            found.append((FREE if isinstance(part, PassiveJoint) else HELD, T[:3, 3], axis))
+            found.append((FREE if part.free else HELD, T[:3, 3], axis))
     return found
 
 

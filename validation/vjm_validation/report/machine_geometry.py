@@ -9,12 +9,12 @@ from typing import assert_never
 import numpy as np
 
 from vjm.machine.legs import ATTACHMENT, ROOT, in_pose
+from vjm.model import joints
 from vjm.model.chain import Chain
-from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
 from vjm.model.load_case import LoadCase
-from vjm.model.parts import Actuator, Beam, Mount, PassiveJoint, RigidOffset
+from vjm.model.parts import Beam, RigidOffset
 from vjm.platform.manipulator import PLATFORM, Manipulator
-from vjm.rotations import Array, translation, turn
+from vjm.rotations import Array, translation
 
 BEAM, RIGID, BODY = "beam", "rigid", "body"
 """Kinds of lines."""
@@ -108,37 +108,18 @@ def _draw(chain: Chain, values: dict[str, float], base: Array, found: Geometry) 
                 end = begin @ part.transform
                 if np.linalg.norm(part.transform[:3, 3]) > 0.0:
                     found.lines.append(Line(name, RIGID, np.array([begin[:3, 3], end[:3, 3]])))
-            case PassiveJoint():
-                value = values[part.name]
-                end = begin @ (translation(part.axis * value) if part.slides else turn(part.axis, value))
-                found.joints.append(Joint(name, PASSIVE, begin[:3, 3], begin[:3, :3] @ part.axis, part.slides))
-                begin = end
-            case ActuatedJoint() | SprungJoint() | CoupledJoint():
-                end = begin @ part.motion(part.held_at)
-                found.joints.append(Joint(name, _kind(part), begin[:3, 3], begin[:3, :3] @ part.axis, part.slides))
-                if part.slides and abs(part.held_at) > 0.0:
+            case joints.Joint():
+                end = begin @ part.motion(values[name] if part.free else part.held_at)
+                kind = PASSIVE if part.free else ELASTIC_JOINT if part.elastic or part.passes_on else STIFF
+                found.joints.append(Joint(name, kind, begin[:3, 3], begin[:3, :3] @ part.axis, part.slides))
+                if part.held and part.slides and abs(part.held_at) > 0.0:
                     found.lines.append(Line(name, RIGID, np.array([begin[:3, 3], end[:3, 3]])))
                 begin = end
-            case Actuator() | Mount():
-                kind = ELASTIC_JOINT if part.compliance > 0.0 else STIFF
-                found.joints.append(Joint(name, kind, begin[:3, 3], begin[:3, :3] @ part.axis, True))
             case _:
                 assert_never(part)
         frames[part.name] = begin, end
         before = part.name
     return frames
-
-
-def _kind(part: ActuatedJoint | SprungJoint | CoupledJoint) -> str:
-    match part:
-        case SprungJoint():
-            return ELASTIC_JOINT
-        case ActuatedJoint():
-            return ELASTIC_JOINT if part.elastic else STIFF
-        case CoupledJoint():
-            return ELASTIC_JOINT if part.compliance or any(part.lateral) or part.as_bent else STIFF
-        case _:
-            assert_never(part)
 
 
 def _of_platform(manipulator: Manipulator, label: str) -> Geometry:

@@ -9,7 +9,8 @@ import numpy as np
 
 from vjm.continuation.path import Equilibrium, Path
 from vjm.model.chain import Chain
-from vjm.model.parts import Beam, PassiveJoint
+from vjm.model.joints import Joint
+from vjm.model.parts import Beam
 from vjm.rotations import Array
 from vjm.vjm_engine import VjmEngine
 from vjm_output.plot_style import FE, PAPER
@@ -102,7 +103,7 @@ def _joints(chain: Chain, parts: Sequence[str]) -> tuple[int, ...]:
     """Rows where the passive joints sit: behind the part before them, or at the root of the first part."""
     rows, at = [], 0
     for part in chain.parts:
-        if isinstance(part, PassiveJoint):
+        if isinstance(part, Joint) and part.free:
             rows.append(at)
         elif part.name in parts:
             at = len(parts) - 1 - list(reversed(parts)).index(part.name)

@@ -10,10 +10,10 @@ from scipy.linalg import expm
 from vjm.io.load_cases import from_plain
 from vjm.io.schema import rotation
 from vjm.model.chain import Chain
-from vjm.model.joints import HeldJoint
+from vjm.model.joints import Joint
 from vjm.model.load_case import LoadCase
 from vjm.model.lumped import LumpedModel
-from vjm.model.parts import Beam, Part, PassiveJoint, RigidOffset, Section
+from vjm.model.parts import Beam, Part, RigidOffset, Section
 from vjm.rotations import AXES, Array, frame, translation, turn
 from vjm_validation.verification.library import Case
 from vjm_validation.verification.schema import ArcTable, RodTable, RunTable
@@ -39,7 +39,7 @@ def chain_of(case: Case, mesh: int) -> Chain:
         parts,
         base=frame(rotation(table.turns)),
         postures={POSTURE: np.array(table.posture, dtype=float)},
-        held={POSTURE: {part.name: 0.0 for part in parts if isinstance(part, HeldJoint)}},
+        held={POSTURE: {part.name: 0.0 for part in parts if isinstance(part, Joint) and part.held}},
         title=file.title,
         sha256=case.sha256,
     )
@@ -66,7 +66,7 @@ def arc_chain(name: str, arc: ArcTable, sides: int, sha256: str = "") -> Chain:
         parts.append(RigidOffset(f"arm-{i}", back))
         parts.append(RigidOffset(corner_name(i), half if i == sides else half @ half @ out))
     if arc.hinged_end:
-        parts.append(PassiveJoint("hinge", AXES["z"]))
+        parts.append(Joint("hinge", AXES["z"], passive=True))
     base = turn(AXES["z"], np.deg2rad(arc.start_deg))
     posture = np.zeros(1 if arc.hinged_end else 0)
     return Chain(name, tuple(parts), base=base, postures={POSTURE: posture}, sha256=sha256)
