@@ -12,18 +12,22 @@ from vjm.continuation.path import travel
 from vjm.io.files import write_whole
 from vjm_output.number_text import number, percent
 from vjm_output.off_screen import why_not_rendered
-from vjm_output.plot_style import Drawing, Picture, drawing_of, engine_style, figure
+from vjm_output.plot_style import Picture, drawing_of, engine_style, figure
 from vjm_output.templating import environment
-from vjm_validation.report.machine_geometry import geometry
-from vjm_validation.report.machine_view import rendered
+from vjm_validation.report.own_machine_design import (
+    design_findings,
+    design_pictures,
+    design_tables,
+    map_picture,
+    map_table,
+)
+from vjm_validation.report.own_machine_view import file_name, machine_picture
 from vjm_validation.report.tables import Table
 from vjm_validation.report.words import Finding, Tone
-from vjm_validation.studies.own_machine import REFERENCE, OwnMachine
+from vjm_validation.studies.own_machine_request import REFERENCE, OwnMachine
 from vjm_validation.studies.own_machine_rows import CriticalRow, LoadRow, OwnMachineSummary
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-SHOWN_TURN = 0.1
-"""Of the machine's size: largest deflection in a render."""
 CONVERGED = 1e-3
 """Relative error of a number of springs that is enough."""
 
@@ -38,20 +42,27 @@ def write_own_report(found: OwnMachine, summary: OwnMachineSummary, out: Path) -
     figures = [picture for label in labels for picture in _curves(found, label)]
     figures += [picture for picture in (_convergence(found),) if picture]
     reason = why_not_rendered()
-    renders = [] if reason else [_render(found, label) for label in labels]
-    for folder, pictures in (("figures", figures), ("renders", renders)):
+    renders = [] if reason else [machine_picture(found, label) for label in labels]
+    chapters = design_pictures(found)
+    maps = [picture for picture in (map_picture(found),) if picture]
+    for folder, pictures in (("figures", [*figures, *maps, *chapters]), ("renders", renders)):
         for picture in pictures:
             write_whole(out / folder / f"{picture.name}.png", picture.drawing.png)
     findings = own_findings(found, summary, reason)
-    write_whole(out / "findings.md", _markdown(found, summary, findings, [*renders, *figures]))
+    write_whole(out / "findings.md", _markdown(found, summary, findings, [*renders, *figures, *maps, *chapters]))
     page = environment("vjm_validation.report").get_template("own_machine.html.j2").render(
-        machine=found.machine,
+        machine=found.drawn,
         held=found.held,
         size=found.size,
         gravity=summary.gravity,
         findings=findings,
         renders=renders,
         figures=figures,
+        maps=maps,
+        map_tables=map_table(found),
+        design=chapters,
+        design_findings=design_findings(found),
+        design_tables=design_tables(found),
         tables=own_tables(found),
         acceptance=summary.acceptance,
         command=summary.command,
@@ -190,7 +201,7 @@ def _springs(found: OwnMachine) -> Finding | None:
 def _markdown(
     found: OwnMachine, summary: OwnMachineSummary, findings: list[Finding], pictures: list[Picture]
 ) -> str:
-    lines = [f"# {found.machine.title or found.machine.name}", "", f"Written by `{summary.command}`.", ""]
+    lines = [f"# {found.drawn.title or found.drawn.name}", "", f"Written by `{summary.command}`.", ""]
     for finding in findings:
         lines += [f"## {finding.title}", "", *(f"- {sentence}" for sentence in finding.sentences), ""]
     for picture in pictures:
@@ -306,7 +317,7 @@ def _curves(found: OwnMachine, label: str) -> list[Picture]:
         drawing = drawing_of(fig)
     return [
         Picture(
-            f"load_{_file(label)}", drawing, f"Posture {label}: force against displacement",
+            f"load_{file_name(label)}", drawing, f"Posture {label}: force against displacement",
             "Displacement of the end along the force, counted from where no force acts; the linear line has the "
             "stiffness there.",
         )
@@ -322,7 +333,8 @@ def _draw(ax: Axes, engine: str, path: LoadPath, sign: float) -> None:
     reference = engine == REFERENCE
     ax.plot(
         along, force, color=style.colour if reference else "#0072B2", ls=style.line if reference else (0, (4, 2)),
-        lw=3.0 if reference else 1.8, zorder=2.0 if reference else 3.0, label=engine,
+        marker="o" if reference else None, ms=4.0, lw=3.0 if reference else 1.8,
+        zorder=2.0 if reference else 3.0, label=engine,
     )  # fmt: skip
     K0 = path.points[0].tangent
     if not reference and K0 > 0.0:
@@ -352,45 +364,3 @@ def _convergence(found: OwnMachine) -> Picture | None:
         "convergence", drawing, f"Number of springs: {what}, posture {first.posture}, {first.direction}",
         f"Difference to {found.convergence[-1].springs} springs a beam; dotted, that of finite elements to them.",
     )  # fmt: skip
-
-
-def _render(found: OwnMachine, label: str) -> Picture:
-    """The machine, and the shape of its largest deflection in the posture."""
-    shown = geometry(found.machine, label)
-    paths = {
-        key: path for key, path in found.paths.items() if key[0] == label and key[2] != REFERENCE and path.stations
-    }
-    moved, said = [], ""
-    if paths:
-        key, path = max(paths.items(), key=lambda item: _largest(item[1]))
-        start, end = path.points[0].shape, path.points[-1].shape
-        size = _largest(path)
-        times = _nice(SHOWN_TURN * shown.extent / size) if size > 0.0 else 1.0
-        moved = _polylines(path, start + times * (end - start))
-        said = f" In black, {times:g} times its size, the deflection under the load along {key[1]}."
-    return Picture(
-        f"machine_{_file(label)}", Drawing(rendered(shown, moved)), f"Posture {label}",
-        f"Beams blue, rigid links grey, joints that deflect orange, passive joints pink.{said}",
-    )  # fmt: skip
-
-
-def _polylines(path: LoadPath, shape: np.ndarray) -> list[np.ndarray]:
-    """The stations of a path as lines, one for every leg of a platform."""
-    legs: dict[str, list[int]] = {}
-    for row, station in enumerate(path.stations):
-        legs.setdefault(station.part.rpartition("/")[0], []).append(row)
-    return [shape[rows] for rows in legs.values()]
-
-
-def _largest(path: LoadPath) -> float:
-    moved = path.points[-1].shape - path.points[0].shape
-    return float(np.linalg.norm(moved, axis=1).max(initial=0.0))
-
-
-def _nice(value: float) -> float:
-    decade = 10.0 ** np.floor(np.log10(value))
-    return max(1.0, float(max(m * decade for m in (1.0, 2.0, 5.0) if m * decade <= value)))
-
-
-def _file(label: str) -> str:
-    return "".join(c if c.isalnum() or c in "-_" else "_" for c in label)

@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict
 from vjm.continuation.path import EventKind
 from vjm_output.documents import DoubtRow
 from vjm_validation.acceptance import AcceptanceRow
+from vjm_validation.documents import MapRowsDocument, SensitivityDocument, SharesRow
 
 
 class Row(BaseModel):
@@ -78,6 +79,19 @@ class ConvergenceRow(Row):
     """Relative, to the value with the most springs."""
 
 
+class FrequencyRow(Row):
+    """One natural frequency in one posture."""
+
+    posture: str
+    mode: int
+    """Counted from 1, the lowest first."""
+    frequency_Hz: float  # noqa: N815
+    growth_per_s: float
+    """By which its amplitude grows; zero for a stable machine."""
+    largest_at: str
+    """The part, and the fraction of its length, that moves most."""
+
+
 class OwnMachineSummary(Row):
     """The content of ``summary.json`` of a run on one's own machine; N, mm, rad."""
 
@@ -93,6 +107,16 @@ class OwnMachineSummary(Row):
     convergence: list[ConvergenceRow]
     elements: float | None
     """The quantity of ``convergence`` by finite elements; null without them."""
+    shares: list[SharesRow]
+    """Of every part in the deflection, posture by posture, under the force along its softest direction."""
+    shares_along: dict[str, str]
+    """That direction by posture."""
+    modes: list[FrequencyRow]
+    """The lowest natural frequencies without a force on the end, under the weight where it acts."""
+    sensitivity: SensitivityDocument | None
+    """Of the deflection in the softest posture and direction to the numbers of the model file; null without one."""
+    map: MapRowsDocument | None
+    """Of the stiffness about one posture; null without one."""
     acceptance: list[AcceptanceRow]
     seconds: float
     versions: dict[str, str]

@@ -1,0 +1,305 @@
+"""What contributes to the deflection of a user's own machine, how it vibrates, what to stiffen, and a map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+
+from vjm import __version__
+from vjm.design.linear_state import question, state_of
+from vjm.design.modes import modes
+from vjm.design.sensitivity import Quantity, derivative_of, sensitivity
+from vjm.design.shares import shares
+from vjm.errors import NoConvergenceError
+from vjm.io.file_parameters import file_number, file_parameter, parameter_keys, unit_of_key, with_numbers
+from vjm.io.manipulator_file import leg_documents
+from vjm.io.model_file import ModelDocument, build_chain, read_document
+from vjm.machine.closing import Closing
+from vjm.model.chain import Chain
+from vjm.model.parameters import Parameter
+from vjm.model.parts import Part
+from vjm.platform.manipulator import Manipulator
+from vjm.rotations import Array
+from vjm.tree.inverse_kinematics import ranges_of
+from vjm.tree.model import TreeModel
+from vjm.vjm_engine import VjmEngine
+from vjm_updating.maps.arm_map import map_arm
+from vjm_updating.maps.evaluate import COLUMNS
+from vjm_updating.maps.evaluate import Quantity as Mapped
+from vjm_validation.design_documents import SOUGHT, sensitivity_document, shares_row
+from vjm_validation.documents import MapRowsDocument
+from vjm_validation.studies.force_directions import unit_of
+from vjm_validation.studies.own_machine_request import OwnMachine, Progress, Request, end_name, extent
+from vjm_validation.studies.own_machine_rows import FrequencyRow, LoadRow
+
+SPRINGS = VjmEngine(4)
+"""Shares and stiffness at small loads do not depend on the number of springs; frequencies are good to 1e-4."""
+MODES = 6
+"""Natural frequencies of a posture."""
+ASIDE = 0.1
+"""Of the machine's size, or rad: how far a map goes to each side of its posture where there is no workspace."""
+POINTS = {1: (21,), 2: (11, 11), 3: (7, 7, 3)}
+"""Of a map, by the number of its axes."""
+REACHED = 1e-6
+"""Of a unit motion along an axis: what the drives leave of it where they can make it."""
+SINGULAR = 1e-3
+"""Singular value over the largest below which the end does not move by the drives."""
+SWINGS = (
+    "compliance shares, natural frequencies, what to stiffen and a map are of machines that their drives hold: "
+    "passive joints let the end of this one move without straining a spring"
+)
+
+
+def design(request: Request, found: OwnMachine, labels: Sequence[str], progress: Progress) -> None:
+    """Shares, natural frequencies, sensitivities and a map of a machine that its drives hold."""
+    if found.held:
+        found.note(SWINGS)
+        return
+    steps: list[Callable[[], None]] = [
+        lambda: _shares(found, labels),
+        lambda: _modes(request, found, labels),
+        lambda: _sensitivity(request, found),
+        lambda: _map(request, found, labels),
+    ]
+    for done, step in enumerate(steps):
+        progress("design", done, len(steps))
+        step()
+    progress("design", len(steps), len(steps))
+
+
+def softest(found: OwnMachine, labels: Sequence[str]) -> list[LoadRow]:
+    """The load path of each posture along which the machine is softest, by virtual springs."""
+    rows = []
+    for label in labels:
+        known = [row for row in found.loads if row.posture == label and row.K0 and row.engine.startswith("vjm")]
+        rows += [min(known, key=lambda row: row.K0 or np.inf)] if known else []
+    return rows
+
+
+def _shares(found: OwnMachine, labels: Sequence[str]) -> None:
+    for row in softest(found, labels):
+        wrench = found.size * unit_of(row.direction)
+        try:
+            result = shares(found.machine, row.posture, wrench=wrench.tolist(), engine=SPRINGS)
+        except (ValueError, NoConvergenceError) as error:
+            found.note(f"no compliance shares in posture {row.posture}: {error}")
+            continue
+        found.shares.append(shares_row(result))
+        found.shares_along[row.posture] = row.direction
+
+
+def _modes(request: Request, found: OwnMachine, labels: Sequence[str]) -> None:
+    for label in labels:
+        try:
+            result = modes(found.machine, label, number=MODES, gravity=request.gravity, engine=SPRINGS)
+        except (ValueError, NoConvergenceError) as error:
+            found.note(f"no natural frequencies in posture {label}: {error}")
+            continue
+        found.shapes[label] = result
+        found.modes += [
+            FrequencyRow(posture=label, mode=k + 1, frequency_Hz=f, growth_per_s=g, largest_at=result.largest(k))
+            for k, (f, g) in enumerate(zip(result.frequencies.tolist(), result.growth.tolist(), strict=True))
+        ]
+        if result.massless:
+            found.note(f"for natural frequencies these beams have no mass: {', '.join(result.massless)}")
+
+
+# --- what to stiffen ----------------------------------------------------------------------------------
+
+
+def _sensitivity(request: Request, found: OwnMachine) -> None:
+    rows = softest(found, list(dict.fromkeys(row.posture for row in found.loads)))
+    if not rows:
+        found.note("nothing to stiffen: nothing deflects along the directions asked for")
+        return
+    row = min(rows, key=lambda each: each.K0 or np.inf)
+    parameters = file_parameters(request.model)
+    wrench = (found.size * unit_of(row.direction)).tolist()
+    try:
+        base = state_of(question(found.machine, row.posture, wrench=wrench, engine=SPRINGS))
+        rates: dict[str, float] = {}
+        opening = []
+        for parameter in parameters:
+            try:
+                rates[parameter.name] = (
+                    abs(derivative_of(base, parameter, Quantity.DEFLECTION, "")) * parameter.scale
+                )
+            except ValueError:
+                opening.append(parameter.name)
+        able = sorted((p for p in parameters if rates.get(p.name)), key=lambda p: -rates[p.name])
+        if not able:
+            found.note("nothing to stiffen: no number of a part in the model file changes the deflection")
+            return
+        result = sensitivity(
+            found.machine, able, Quantity.DEFLECTION, row.posture, wrench=wrench, engine=SPRINGS, factors=SOUGHT
+        )
+    except (ValueError, NoConvergenceError) as error:
+        found.note(f"no sensitivities: {error}")
+        return
+    found.sensitivity = sensitivity_document(result)
+    found.stiffened = row
+    if opening:
+        found.note(
+            f"what to stiffen leaves out {len(opening)} numbers of the file, such as {opening[0]}: with another "
+            f"value loops are open in this posture, or there is another number of springs"
+        )
+
+
+def file_parameters(model: str) -> list[Parameter]:
+    """The numbers of a model file by which its machine can be differentiated; of legs those of their chains' files.
+
+    A leg's number is that of all legs that are made of the same chain.
+
+    Raises:
+        ModelFileError: there is no such file.
+    """
+    document = read_document(model)
+    if "legs" not in document.content:
+        return [file_parameter(document, key, lambda chain: chain) for key in parameter_keys(document.content)]
+    legs: list[Mapping[str, Any]] = document.content["legs"]
+    return [
+        leg_parameter(chain, key, [str(leg["name"]) for leg in legs if leg["chain"] == name])
+        for name, chain in leg_documents(model).items()
+        for key in parameter_keys(chain.content)
+    ]
+
+
+def leg_parameter(document: ModelDocument, key: str, legs: Sequence[str]) -> Parameter:
+    """A number of a chain's file, in all legs of a machine that are made of it.
+
+    Args:
+        document: of the chain.
+        key: as in `vjm.io.file_parameters.parameter_keys`.
+        legs: their names.
+    """
+    value = file_number(document, key)
+
+    def parts(number: float) -> dict[str, Part]:
+        content = with_numbers(document, {key: number}).content
+        return {part.name: part for part in build_chain(content, document.file, may_be_rigid=True).parts}
+
+    given = parts(value)
+
+    def apply(machine: Chain, now: float) -> Chain:
+        changes = {
+            f"{leg}/{name}": changed
+            for name, part in parts(now).items()
+            if (changed := _changes(given[name], part))
+            for leg in legs
+        }
+        return replace(machine, parts=tuple(replace(part, **changes.get(part.name, {})) for part in machine.parts))
+
+    return Parameter(f"{document.content['name']}: {key}", unit_of_key(key), value, abs(value), apply)
+
+
+def _changes(before: Part, after: Part) -> dict[str, Any]:
+    """The fields of a part that differ from those that it had."""
+    pairs = ((each.name, getattr(before, each.name), getattr(after, each.name)) for each in fields(before))
+    return {name: new for name, old, new in pairs if not np.array_equal(old, new)}
+
+
+# --- map ----------------------------------------------------------------------------------------------
+
+
+def _map(request: Request, found: OwnMachine, labels: Sequence[str]) -> None:
+    """A map of the stiffness about the posture that is farthest from a singular one."""
+    try:
+        grid, posture = _grid(found, labels)
+        result = map_arm(
+            found.machine,
+            SPRINGS,
+            Mapped.STIFFNESS,
+            grid,
+            posture,
+            gravity=request.gravity,
+            end=end_name(found.machine),
+        )
+    except ValueError as error:
+        found.note(f"no map of the stiffness: {error}")
+        return
+
+    def numbers(values: Array) -> list[float | None]:
+        return [float(v) if np.isfinite(v) else None for v in values]
+
+    found.map_axes, found.map_posture = {n: list(v) for n, v in result.grid.ordered.items()}, posture
+    found.map = MapRowsDocument(
+        model=found.machine.name, model_sha256=found.machine.sha256, version=__version__, engine=result.engine,
+        quantity=str(result.quantity), columns=list(COLUMNS[result.quantity]),
+        places_mm=[numbers(row) for row in result.tool],
+        joints={name: numbers(values) for name, values in zip(result.joints, result.q.T, strict=True)},
+        values=[numbers(row) for row in result.values], status=list(result.why), wrench=[0.0] * 6, against="",
+        difference_percent=[], files=[],
+    )  # fmt: skip
+
+
+def _grid(found: OwnMachine, labels: Sequence[str]) -> tuple[str, str]:
+    """The grid as ``validate map`` has it, and its posture.
+
+    It is over the axes along which the drives can move the end, or over the first two drives where these are fewer
+    than two.
+
+    Raises:
+        ValueError: nothing is driven.
+    """
+    machine = found.machine
+    model = SPRINGS.tree_model(machine)
+    ranges = ranges_of(model)
+    driven = [name for name, is_driven in zip(model.joints, ranges.driven, strict=True) if is_driven]
+    if not driven:
+        raise ValueError("no joint is driven")
+    best = max(labels, key=lambda label: _dexterity(machine, label, driven))
+    axes = _reached(machine, best, driven)
+    if len(axes) < 2:
+        return ",".join(_joint_axis(found, model, name, best, min(2, len(driven))) for name in driven[:2]), best
+    place = _end(machine, best)[:3, 3]
+    words = []
+    for k, count in zip(axes, POINTS[len(axes)], strict=True):
+        low, high = place[k] + extent(machine) * ASIDE * np.array([-1.0, 1.0])
+        if isinstance(found.drawn, Manipulator) and found.drawn.workspace is not None:
+            low, high = found.drawn.home[k, 3] + found.drawn.workspace[:, k]
+        words.append(f"{'xyz'[k]}={low:.9g}:{high:.9g}:{count}" if high > low else f"{'xyz'[k]}={low:.9g}")
+    return ",".join(words), best
+
+
+def _joint_axis(found: OwnMachine, model: TreeModel, name: str, posture: str, count: int) -> str:
+    k = model.joints.index(name)
+    ranges, at = ranges_of(model), float(model.posture(posture)[k])
+    aside = ASIDE * (1.0 if ranges.turns[k] else extent(found.machine))
+    low, high = max(at - aside, float(ranges.low[k])), min(at + aside, float(ranges.high[k]))
+    return f"{name}={low:.9g}:{high:.9g}:{POINTS[count][0]}"
+
+
+def _motions(machine: Chain, label: str, driven: Sequence[str]) -> Array:
+    """Shifts ``(3, k)`` of the end by independent motions of the drives, lengths over the machine's."""
+    closing = Closing(machine, label)
+    _, J, _, J_end = closing.tree.linearised(closing.home[None])
+    moving = np.array([name in driven for name in closing.tree.names]) | closing.tree.passive * machine.closes
+    gaps, shifts = J[0][:, moving], J_end[0][:3, moving]
+    if not len(gaps):
+        return shifts
+    _, s, Vt = np.linalg.svd(gaps)
+    result: Array = shifts @ Vt[int(np.count_nonzero(s > SINGULAR * s[0])) :].T
+    return result
+
+
+def _dexterity(machine: Chain, label: str, driven: Sequence[str]) -> tuple[int, float]:
+    """In how many directions the end moves, and its smallest motion over its largest."""
+    s = np.linalg.svd(_motions(machine, label, driven), compute_uv=False)
+    kept = s[s > SINGULAR * s[0]] if s[0] > 0.0 else s[:0]
+    return len(kept), float(kept[-1] / kept[0]) if len(kept) else 0.0
+
+
+def _reached(machine: Chain, label: str, driven: Sequence[str]) -> list[int]:
+    """Axes 0 to 2 along which the drives can move the end."""
+    U, s, _ = np.linalg.svd(_motions(machine, label, driven))
+    kept = U[:, : int(np.count_nonzero(s > SINGULAR * s[0]))] if s[0] > 0.0 else U[:, :0]
+    left = np.eye(3) - kept @ kept.T
+    return [k for k in range(3) if np.linalg.norm(left[:, k]) < REACHED]
+
+
+def _end(machine: Chain, label: str) -> Array:
+    result: Array = Closing(machine, label).end
+    return result
