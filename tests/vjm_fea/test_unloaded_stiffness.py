@@ -130,7 +130,7 @@ MACHINES = {
     "sprung": lambda: arm(SprungJoint("j1", AXES["x"], stiffness=3e7), j1=0.6),
     "sprung slide": lambda: arm(SprungJoint("j1", AXES["x"], True, stiffness=800.0), j1=25.0),
     "as commanded": lambda: coupled(as_bent=False),
-    "as bent": lambda: coupled(as_bent=True),
+    "as deflected": lambda: coupled(as_bent=True),
     "preloaded": lambda: arm(joint(), SprungJoint("j2", AXES["x"], stiffness=3e7, preload=4e5), j1=0.6, j2=0.1),
     "tree": tree,
     "tree with a spring": lambda: tree(point_springs=(bridge(),)),

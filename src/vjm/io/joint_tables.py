@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from vjm.io import checks
 from vjm.io.fields import Axis, Label, Matrix6, Turns, VectorMM, rotation
 from vjm.io.inertia import InertiaKgMM2, inertia_matrix
+from vjm.io.renamed import read_on
 from vjm.io.sections import Table
 from vjm.model import joints, parts
 from vjm.model.joint_limits import said_beyond, said_turned
@@ -250,8 +251,8 @@ class CoupledTable(MovingTable):
     to: dict[Label, float] = Field(min_length=1, description="ratios to other joints by their names")
     offset_rad: float = 0.0
     offset_mm: float = 0.0
-    coupling: Literal["as bent", "as commanded"] = Field(
-        "as bent",
+    coupling: Annotated[Literal["as deflected", "as commanded"], BeforeValidator(read_on("coupling"))] = Field(
+        "as deflected",
         description=(
             "whether what the others' springs add about their own axes is passed on, as by a belt between the "
             "joints' shafts. The bending of links is not passed on."
@@ -273,7 +274,7 @@ class CoupledTable(MovingTable):
         first, second = self.lateral_rad_per_Nmm
         return joints.CoupledJoint(
             self.name, self.axis, self.slides, tuple(self.to.items()),
-            self.offset_mm if self.slides else self.offset_rad, self.coupling == "as bent",
+            self.offset_mm if self.slides else self.offset_rad, self.coupling == "as deflected",
             self.compliance_mm_per_N if self.slides else self.compliance_rad_per_Nmm, (first, second),
             limits=self.limits,
         )  # fmt: skip
