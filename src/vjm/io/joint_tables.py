@@ -216,11 +216,11 @@ class JointTable(MovingTable):
         self.refuse_other_motion(
             ("stiffness_Nmm_per_rad", "stiffness_N_per_mm"), ("preload_Nmm", "preload_N"), ("rest_rad", "rest_mm")
         )
-        strained = bool(self.preload_Nmm or self.preload_N) + (self.rest is not None)
-        if strained and not self.stiffness:
+        prestressed = bool(self.preload_Nmm or self.preload_N) + (self.rest is not None)
+        if prestressed and not self.stiffness:
             key = "stiffness_N_per_mm" if self.slides else "stiffness_Nmm_per_rad"
             raise ValueError(f"has a preload or a rest position but no spring: add {key}")
-        if strained > 1:
+        if prestressed > 1:
             raise ValueError("has a rest position and a preload, which say the same: give one")
         return self
 
