@@ -217,6 +217,29 @@ def test_one_version_everywhere():
     assert f"\nversion: {vjm.__version__}\n" in citation
 
 
+SHARED_NAMES = {
+    "AppliedLoads", "Asked", "Assembly", "Bar", "Base", "BeamTable", "BodyTable", "Border", "Buckling",
+    "CandidateRow", "Column", "Comparison", "Cone", "Configuration", "Contrast", "ContrastRow", "Coupling",
+    "CouplingTable", "CriticalRow", "Direction", "Drawing", "Drive", "Element", "Ends", "Entry", "Finding",
+    "Fit", "Forward", "Held", "Joint", "JointTable", "Limit", "Line", "LoadTable", "MachineSystem",
+    "Material", "Measurement", "Move", "Path", "Piece", "Place", "Point", "PointTable", "Problem", "Quantity",
+    "Ramp", "Ramped", "Response", "Robot", "Row", "Search", "Section", "Sensitivity", "Site", "Solution",
+    "Specimen", "Spring", "State", "Statics", "Station", "StiffnessRow", "Stretch", "Study", "Table", "Task",
+    "Tip", "Turn", "Verdict", "Weakest",
+}  # fmt: skip
+"""Classes that several modules have, each a thing of its own. The list may only become shorter."""
+
+
+def test_no_more_classes_share_a_name():
+    names: dict[str, int] = {}
+    for folder in SOURCES.values():
+        for path in folder.rglob("*.py"):
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            for name in (node.name for node in ast.walk(tree) if isinstance(node, ast.ClassDef)):
+                names[name] = names.get(name, 0) + 1
+    assert {name for name, count in names.items() if count > 1} == SHARED_NAMES
+
+
 @pytest.mark.parametrize("package", SOURCES)
 def test_no_product_module_is_named_like_a_test(package: str):
     """`pytest` collects `test_*.py` and `*_test.py` wherever it is pointed."""

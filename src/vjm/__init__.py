@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from vjm.postures import in_posture
     from vjm.vjm_engine import VjmEngine
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 _HOME = {
     "Buckling": "vjm.analysis",

@@ -61,7 +61,7 @@ def _imperfect(_: Chain, load_case: LoadCase | None) -> str:
     return "the load case's imperfection" if load_case is not None and load_case.imperfection else ""
 
 
-def _otherwise_steered(_: Chain, load_case: LoadCase | None) -> str:
+def _otherwise_controlled(_: Chain, load_case: LoadCase | None) -> str:
     return "the load case's control" if load_case is not None and load_case.control != RAMP else ""
 
 
@@ -86,7 +86,10 @@ STRAIGHT = Limit(
 )  # fmt: skip
 PERFECT = Limit("imperfections", "nothing bends its beams before they are loaded", _imperfect, VJM)
 RAMPS = Limit(
-    "other control than the ramp", "its path is a straight line, which does not turn back", _otherwise_steered, VJM
+    "other control than the ramp",
+    "its path is a straight line, which does not turn back",
+    _otherwise_controlled,
+    VJM,
 )
 POSE = Limit(
     "loads, free components and other control than the ramp",

@@ -119,7 +119,7 @@ class Energy:
                     held[part.name] = part.coupling.offset + sum(r * held[name] for name, r in part.coupling.ratios)
                 if not part.fixed:
                     R, p = move(R, p, part.axis, part.slides, held[part.name])
-                if part.coupling is not None and part.coupling.as_bent:
+                if part.coupling is not None and part.coupling.as_deflected:
                     for name, ratio in part.coupling.ratios:
                         if name in own:
                             R, p = move(R, p, part.axis, part.slides, ratio * own[name])

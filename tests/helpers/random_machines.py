@@ -64,7 +64,7 @@ def _joint(rng, name, scalar):
             axis,
             compliance=size,
             lateral=lateral,
-            coupling=JointCoupling(ratios, as_bent=bool(rng.random() < 0.6)),
+            coupling=JointCoupling(ratios, as_deflected=bool(rng.random() < 0.6)),
         )
     if kind < 0.5:
         return Joint(name, axis, slides, matrix=_compliance(rng, 200.0))

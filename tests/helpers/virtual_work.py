@@ -382,7 +382,7 @@ class Statics:
                 placed(p=part.axis * value) if part.slides else placed(turned(part.axis, value))
             )
             self.stands[name] = self._joint(part.axis, part.slides, constant=value)
-        if coupling is not None and coupling.as_bent:
+        if coupling is not None and coupling.as_deflected:
             for other, ratio in coupling.ratios:
                 if other in self.own:
                     c, start = self.own[other]
@@ -843,7 +843,7 @@ class Statics:
             share[part.name] = {part.name: 1.0}
             if part.coupling is not None:
                 share[part.name] = {}
-                for other, ratio in part.coupling.ratios if part.coupling.as_bent else ():
+                for other, ratio in part.coupling.ratios if part.coupling.as_deflected else ():
                     for name, s in share.get(other, {}).items():
                         share[part.name][name] = share[part.name].get(name, 0.0) + ratio * s
             if part.name in self.stands:

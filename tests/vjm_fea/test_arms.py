@@ -79,7 +79,7 @@ def test_segments_by_part_split_that_part():
         VjmEngine(8, parts=(("frame", 3),)).split(chain)
 
 
-def all_kinds(as_bent: bool) -> Chain:
+def all_kinds(as_deflected: bool) -> Chain:
     """Lateral springs, a sliding drive, a preloaded spring, a coupling and a 6×6 joint compliance."""
 
     def link(name: str, x: float, seed: int) -> RigidOffset:
@@ -91,16 +91,16 @@ def all_kinds(as_bent: bool) -> Chain:
         Joint("pan", AXES["z"], compliance=1e-8, lateral=(2e-9, 3e-9)), link("a", 200.0, 0),
         Joint("boom", AXES["x"], slides=True, compliance=1e-4), link("b", 150.0, 1),
         Joint("spring", AXES["y"], passive=True, compliance=2.5e-08, preload=2e5), link("c", 180.0, 2),
-        Joint("follower", AXES["y"], compliance=2e-8, coupling=JointCoupling((("pan", -0.5),), as_bent=as_bent)),
+        Joint("follower", AXES["y"], compliance=2e-8, coupling=JointCoupling((("pan", -0.5),), as_deflected=as_deflected)),
         link("d", 120.0, 3), Joint("wrist", AXES["x"], matrix=matrix), link("e", 60.0, 4),
     )  # fmt: skip
     held = {"home": {"pan": 0.4, "boom": 35.0, "spring": 0.3, "wrist": -0.5}}
     return Chain("all", parts, postures={"home": np.zeros(0)}, held=held)
 
 
-@pytest.mark.parametrize("as_bent", [False, True])
-def test_every_kind_of_joint_is_exudyns(as_bent):
-    chain, load_case = all_kinds(as_bent), under_weight("home", TEN_KG)
+@pytest.mark.parametrize("as_deflected", [False, True])
+def test_every_kind_of_joint_is_exudyns(as_deflected):
+    chain, load_case = all_kinds(as_deflected), under_weight("home", TEN_KG)
     paths = [engine.trace(chain, load_case) for engine in (VjmEngine(), ExudynEngine())]
     for start_or_end in (0, -1):
         found, other = (path.points[start_or_end] for path in paths)
@@ -111,7 +111,7 @@ def test_every_kind_of_joint_is_exudyns(as_bent):
 
 
 def test_a_coupling_as_bent_is_the_trees():
-    chain = all_kinds(as_bent=True)
+    chain = all_kinds(as_deflected=True)
     at_end = VjmEngine().trace(chain, under_weight("home", TEN_KG)).points[-1]
     tree = TreeModel(chain)
     found = equilibria(tree, tree.posture("home"), gravity=WEIGHT, wrench=np.array(TEN_KG.wrench))

@@ -126,7 +126,7 @@ def test_couplings_as_bent_pass_on_what_bends(slides):
     assert other.displacement == pytest.approx(one.displacement, rel=1e-5, abs=1e-7)
     assert other.tangent == pytest.approx(one.tangent, rel=1e-5)
     assert other.unstable == one.unstable == 0
-    without = replace(parts[4], coupling=replace(parts[4].coupling, as_bent=False))
+    without = replace(parts[4], coupling=replace(parts[4].coupling, as_deflected=False))
     chain = replace(chain, parts=(*parts[:4], without, *parts[5:]))
     commanded = engine_by_name("vjm-8").trace(chain, case(4.0)).points[-1]
     assert np.abs(commanded.displacement - one.displacement).max() > 1e-3

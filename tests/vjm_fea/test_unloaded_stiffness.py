@@ -60,8 +60,8 @@ def joint(**changes) -> Joint:
     return Joint("j1", AXES["y"], compliance=3e-8, **changes)
 
 
-def coupled(*, as_bent: bool) -> Chain:
-    coupling = JointCoupling((("j1", -0.7),), offset=0.2, as_bent=as_bent)
+def coupled(*, as_deflected: bool) -> Chain:
+    coupling = JointCoupling((("j1", -0.7),), offset=0.2, as_deflected=as_deflected)
     follower = Joint("j2", AXES["z"], compliance=4e-8, coupling=coupling)
     return arm(joint(), RigidOffset("l", frame(TURN, [250.0, 0.0, 0.0])), follower, j1=0.6)
 
@@ -133,8 +133,8 @@ MACHINES = {
     "full 6x6": lambda: arm(Joint("j1", AXES["y"], matrix=matrix(2)), j1=0.6),
     "sprung": lambda: arm(Joint("j1", AXES["x"], passive=True, compliance=1.0 / 3e7), j1=0.6),
     "sprung slide": lambda: arm(Joint("j1", AXES["x"], slides=True, passive=True, compliance=0.00125), j1=25.0),
-    "as commanded": lambda: coupled(as_bent=False),
-    "as bent": lambda: coupled(as_bent=True),
+    "as commanded": lambda: coupled(as_deflected=False),
+    "as deflected": lambda: coupled(as_deflected=True),
     "preloaded": lambda: arm(
         joint(), Joint("j2", AXES["x"], passive=True, compliance=1.0 / 3e7, preload=4e5), j1=0.6, j2=0.1
     ),

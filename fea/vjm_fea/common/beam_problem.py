@@ -268,10 +268,10 @@ class BeamProblem:
         state = self.followed(start.state + slope * (s - start.s))
         return self.equilibrium(s, *self.bordered(state, border))
 
-    # --- a point that steers ------------------------------------------------------------------------------
+    # --- a controlled point -------------------------------------------------------------------------------
 
     @cached_property
-    def _steering(self) -> tuple[Place, Array]:
+    def _controlled_point(self) -> tuple[Place, Array]:
         """The point, and the direction ``(3,)`` along which it is to go."""
         assert self._watched is not None
         assert isinstance(self.load_case.control, PointControl)
@@ -279,12 +279,12 @@ class BeamProblem:
 
     def _gone(self, state: Array) -> float:
         """Controlled displacement of the path, mm."""
-        place, along = self._steering
+        place, along = self._controlled_point
         return float(along @ (self.statics.points(state, [place])[0].position - place.position))
 
     def _point_row(self, state: Array) -> Array:
         """Derivative ``(m + c,)`` of that displacement by scaled motions."""
-        place, along = self._steering
+        place, along = self._controlled_point
         point = self.statics.points(state, [place])[0]
         row = np.zeros(len(self.statics.unit))
         row[point.motions] = along @ point.jacobian[:3]

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from vjm.continuation.branch_shape import NEIGHBOUR, behind_bifurcation, firmest
+from vjm.continuation.branch_shape import NEIGHBOUR, behind_bifurcation, stiffest
 from vjm.continuation.path import Equilibrium
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
@@ -89,7 +89,7 @@ def switch(problem: Branching, critical: Equilibrium, s: float, sign: int) -> Eq
             problem.load_case.length,
         )  # fmt: skip
 
-    return firmest(modes, sign, behind)
+    return stiffest(modes, sign, behind)
 
 
 def enter(problem: Branching, critical: Equilibrium, sign: int) -> Equilibrium:
@@ -104,7 +104,7 @@ def enter(problem: Branching, critical: Equilibrium, sign: int) -> Equilibrium:
         there = _on_branch(problem, critical, mode, amplitude)
         return replace(there, s=critical.s + problem.distance(there.state - critical.state))
 
-    return firmest(_modes(problem, critical)[0], sign, entered)
+    return stiffest(_modes(problem, critical)[0], sign, entered)
 
 
 def _modes(problem: Branching, critical: Equilibrium) -> tuple[list[Array], float]:

@@ -18,7 +18,7 @@ MAX_ITERATIONS = 30
 NUDGE = 1e-9
 """Change of the ramp, over its end, that leaves a state which is singular to the last digit."""
 STILL = 1e-13
-"""Motion that steers a path, over the sum of its terms' sizes: rounding."""
+"""Motion that controls a path, over the sum of its terms' sizes: rounding."""
 
 
 class Border(NamedTuple):

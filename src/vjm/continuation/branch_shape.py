@@ -266,7 +266,7 @@ def behind_bifurcation(
         raise NoStableBranchError(shape) from None
 
 
-def firmest(modes: Sequence[Array], sign: int, branch: Callable[[Array], Equilibrium]) -> Equilibrium:
+def stiffest(modes: Sequence[Array], sign: int, branch: Callable[[Array], Equilibrium]) -> Equilibrium:
     """The branch that leaves along the critical mode; of two modes at once along the stiffest mixture.
 
     Args:

@@ -16,7 +16,7 @@ from vjm.continuation.branch_shape import (
     BranchShape,
     behind_bifurcation,
     branch_shape,
-    firmest,
+    stiffest,
 )
 from vjm.continuation.critical_points import NEUTRAL
 from vjm.continuation.path import Equilibrium, StationLabel
@@ -126,7 +126,7 @@ class LoadedProblem(ABC, Generic[M]):
             at_amplitude = partial(self._on_branch, critical, along)
             return behind_bifurcation(critical, direct, at_amplitude, along, AMPLITUDES, self.load_case.length)
 
-        return firmest(critical_modes(at, self._device(at)), sign, behind)
+        return stiffest(critical_modes(at, self._device(at)), sign, behind)
 
     def nearest_product(self, point: Equilibrium) -> float:
         """See `vjm.continuation.problem.Problem.nearest_product`; of loads that have a potential only."""
@@ -171,7 +171,7 @@ class LoadedProblem(ABC, Generic[M]):
             there = self._on_branch(critical, along, ENTRY, critical.state + ENTRY * along)
             return replace(there, s=critical.s + self.distance(there.state - critical.state))
 
-        return firmest(critical_modes(at, self._device(at)), sign, entered)
+        return stiffest(critical_modes(at, self._device(at)), sign, entered)
 
     def tangent(self, point: Equilibrium, along: Array | None = None) -> Array:
         """Derivative ``(n + 7,)`` of the state by the arc's length.

@@ -67,7 +67,7 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
 
     def at_rest(self) -> Configuration[LumpedModel]:
         """The posture as drawn, under the loads that act all along, see `LoadedProblem.at_rest`."""
-        if np.any(self._loading.constant) or self.model.strained(self._x0) or self._open:
+        if np.any(self._loading.constant) or self.model.prestressed(self._x0) or self._open:
             return self._settled()
         return Configuration(self.model, self._x0, np.zeros(6), 0.0, 0)
 
@@ -159,11 +159,11 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
     def _settled(self) -> Configuration[LumpedModel]:
         """The drawn pose under the constant loads and the springs' preloads, which are put on step by step."""
         loaded = self.model.under(self._loading.gradual())
-        strained = loaded.strained(self._x0)
+        prestressed = loaded.prestressed(self._x0)
         at, step = Configuration(loaded, self._x0, np.zeros(6), 0.0, 0, 0.0), 1.0
         while at.load < 1.0:
             load = min(at.load + step, 1.0)
-            model = loaded.eased(self._x0, load) if strained else loaded
+            model = loaded.partially_unloaded(self._x0, load) if prestressed else loaded
             try:
                 there = solve_newton(model, self._pose0, at.x, at.wrench, load=load)
                 lost = stability(there).unstable > 0
@@ -174,7 +174,7 @@ class LumpedProblem(LoadedProblem[LumpedModel]):
                 continue
             step = 0.5 * (load - at.load)
             if step < STEPS_OF_CONSTANT_LOADS:
-                borne = "constant loads" if np.any(self._loading.constant) or strained else "errors of assembly"
+                borne = "constant loads" if np.any(self._loading.constant) or prestressed else "errors of assembly"
                 raise NoConvergenceError(
                     f"the posture does not bear its {borne}: stable up to {at.load:.3g} of them"
                 )

@@ -365,7 +365,7 @@ def state_of(asked: Question, near: LinearState | None = None) -> LinearState:
     model = LumpedModel(asked.engine.split(asked.machine.at(asked.posture))) if near is None else near.model
     chain = model.chain
     x0 = model.configuration(chain.posture(asked.posture))
-    if not asked.acting and asked.gravity is None and not model.strained(x0):
+    if not asked.acting and asked.gravity is None and not model.prestressed(x0):
         return LinearState(asked, model, x0, np.zeros(6), NO_LOADS, np.zeros(6))
     tree = TreeModel(chain, split=False) if near is None else near.tree
     q = dict(zip((joint.name for joint in chain.joints), chain.posture(asked.posture).tolist(), strict=True))

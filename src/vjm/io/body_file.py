@@ -52,7 +52,7 @@ class _Edge:
 
 
 @dataclass
-class _Tree:
+class _BodyTree:
     """The parts of a chain file as they are strung."""
 
     edges: list[_Edge]
@@ -99,7 +99,7 @@ def _document(table: BodyFile) -> Content:
     names = [GROUND, *(body.name for body in table.bodies)]
     _refuse_names(names, edges, table)
     kept = _spanning(edges, names)
-    tree = _Tree(edges, {body.name: body for body in table.bodies})
+    tree = _BodyTree(edges, {body.name: body for body in table.bodies})
     _string(tree, GROUND, kept)
     lost = [name for name in names if name not in tree.origin]
     if lost:
@@ -206,7 +206,7 @@ def _spanning(edges: list[_Edge], bodies: list[str]) -> set[int]:
     return kept
 
 
-def _string(tree: _Tree, body: str, kept: set[int]) -> None:
+def _string(tree: _BodyTree, body: str, kept: set[int]) -> None:
     """String the parts behind a body."""
     for i, edge in enumerate(tree.edges):
         if i not in kept or body not in edge.bodies:
@@ -227,7 +227,7 @@ def _string(tree: _Tree, body: str, kept: set[int]) -> None:
         _string(tree, other, kept)
 
 
-def _edge_parts(tree: _Tree, edge: _Edge, start: str) -> str:
+def _edge_parts(tree: _BodyTree, edge: _Edge, start: str) -> str:
     """String the parts of a joint or beam behind one of its bodies; the name of the last one."""
     table, first = edge.table, edge.bodies[0] == start
     here, there = edge.places if first else edge.places[::-1]
@@ -294,7 +294,7 @@ def _coordinates(joint: JointTable) -> list[str]:
             assert_never(joint.kind)
 
 
-def _close(tree: _Tree, edge: _Edge) -> None:
+def _close(tree: _BodyTree, edge: _Edge) -> None:
     """String a joint or beam behind its first body, and hold its end to the second."""
     first, second = edge.bodies
     closure: Content = {"name": f"{edge.table.name}-loop"}
@@ -308,7 +308,7 @@ def _close(tree: _Tree, edge: _Edge) -> None:
     tree.closures.append(closure)
 
 
-def _spring(tree: _Tree, spring: SpringTable) -> Content:
+def _spring(tree: _BodyTree, spring: SpringTable) -> Content:
     points = [
         (np.array(point) - tree.origin[body]).tolist()
         for point, body in zip(spring.points_mm, spring.between, strict=True)

@@ -99,7 +99,7 @@ def parse_xml(raw: bytes, file: str) -> XmlFile:
     text, notes = _decoded(raw, file)
     if not text.strip():
         raise ModelFileError(f"{file}: the file is empty")
-    return XmlFile(_Tree(file).parsed(_AMPERSAND.sub("&amp;", _without_prolog(_without_comments(text)))), notes)
+    return XmlFile(_XmlTree(file).parsed(_AMPERSAND.sub("&amp;", _without_prolog(_without_comments(text)))), notes)
 
 
 def _decoded(raw: bytes, file: str) -> tuple[str, list[str]]:
@@ -164,7 +164,7 @@ def _without_prolog(text: str) -> str:
     return _HEADER.sub(lambda header: "\n" * header.group().count("\n"), text[:first]) + text[first:]
 
 
-class _Tree:
+class _XmlTree:
     """Builds elements from what expat finds."""
 
     def __init__(self, file: str) -> None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from vjm.io import checks
 from vjm.io.fields import Axis, Label, Matrix6, Turns, VectorMM, rotation
 from vjm.io.inertia import InertiaKgMM2, inertia_matrix
+from vjm.io.renamed import read_on
 from vjm.io.sections import Table
 from vjm.model import parts
 from vjm.model.joint_limits import said_beyond, said_turned
@@ -217,11 +218,11 @@ class JointTable(MovingTable):
         self.refuse_other_motion(
             ("stiffness_Nmm_per_rad", "stiffness_N_per_mm"), ("preload_Nmm", "preload_N"), ("rest_rad", "rest_mm")
         )
-        strained = bool(self.preload_Nmm or self.preload_N) + (self.rest is not None)
-        if strained and not self.stiffness:
+        prestressed = bool(self.preload_Nmm or self.preload_N) + (self.rest is not None)
+        if prestressed and not self.stiffness:
             key = "stiffness_N_per_mm" if self.slides else "stiffness_Nmm_per_rad"
             raise ValueError(f"has a preload or a rest position but no spring: add {key}")
-        if strained > 1:
+        if prestressed > 1:
             raise ValueError("has a rest position and a preload, which say the same: give one")
         return self
 
@@ -251,8 +252,8 @@ class CoupledTable(MovingTable):
     to: dict[Label, float] = Field(min_length=1, description="ratios to other joints by their names")
     offset_rad: float = 0.0
     offset_mm: float = 0.0
-    coupling: Literal["as bent", "as commanded"] = Field(
-        "as bent",
+    coupling: Annotated[Literal["as deflected", "as commanded"], BeforeValidator(read_on("coupling"))] = Field(
+        "as deflected",
         description=(
             "whether what the others' springs add about their own axes is passed on, as by a belt between the "
             "joints' shafts. The bending of links is not passed on."
@@ -277,7 +278,7 @@ class CoupledTable(MovingTable):
             self.name, self.axis, self.slides,
             compliance=self.compliance_mm_per_N if self.slides else self.compliance_rad_per_Nmm,
             lateral=(first, second), limits=self.limits,
-            coupling=JointCoupling(tuple(self.to.items()), offset, self.coupling == "as bent"),
+            coupling=JointCoupling(tuple(self.to.items()), offset, self.coupling == "as deflected"),
         )  # fmt: skip
 
 

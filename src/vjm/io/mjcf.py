@@ -44,12 +44,12 @@ def mjcf_robot(path: Path, tip: str | None = None) -> Robot:
         raise ModelFileError(f"{path.name}: MuJoCo does not read it: {error}") from error
     finally:
         mujoco.set_mju_user_warning(before)
-    robot = _Reader(mujoco, model, path.name).robot(tip)
+    robot = _MjcfReader(mujoco, model, path.name).robot(tip)
     robot.notes.doubtful += [f"MuJoCo says: {warning.strip()}" for warning in warnings]
     return robot
 
 
-class _Reader:
+class _MjcfReader:
     """One compiled model."""
 
     def __init__(self, mujoco: Library, model: Library, file: str) -> None:

@@ -41,6 +41,7 @@ from vjm.io.joint_tables import (
 from vjm.io.manipulator_file import KIND, LegTable, ManipulatorFile, leg_documents
 from vjm.io.matrix_plausibility import matrices
 from vjm.io.model_file import read_document
+from vjm.io.renamed import old_words
 from vjm.io.schema import BeamTable, ModelFile
 from vjm.io.sections import LONGEST_MM
 from vjm.model.parts import Beam
@@ -117,7 +118,8 @@ def model_findings(content: Mapping[str, Any], file: str) -> list[Finding]:
         pydantic.ValidationError: it is not sound.
     """
     model = ModelFile.model_validate(content)
-    return worst_first(Finding(g, f"{file}: {w}", t) for rule in RULES for g, w, t in rule(model))
+    found = (Finding(g, f"{file}: {w}", t) for rule in RULES for g, w, t in rule(model))
+    return worst_first([*old_words(content, file), *found])
 
 
 def weight_findings(name_or_path: str | Path) -> list[Finding]:

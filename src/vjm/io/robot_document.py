@@ -175,7 +175,7 @@ class _Writer:
             self._leads.add(joint.name)
         else:
             table |= {"kind": "coupled", **self._moves(joint)}
-            table |= {"to": {self._label[mimic.joint]: mimic.ratio}, "coupling": "as bent"}
+            table |= {"to": {self._label[mimic.joint]: mimic.ratio}, "coupling": "as deflected"}
             if mimic.offset:
                 table[OFFSET[joint.kind]] = mimic.offset
             table |= self._limits(joint)

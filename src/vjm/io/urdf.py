@@ -60,7 +60,7 @@ def urdf_robot(xml: XmlFile, file: str, tip: str | None = None) -> Robot:
         other = {"sdf": "an SDF file", "mujoco": "an MJCF file; give it the suffix .xml", "COLLADA": "a mesh"}
         what = other.get(xml.root.tag, f"its outermost element is <{xml.root.tag}>")
         raise ModelFileError(f"{file}: line {xml.root.line}: is no URDF, which begins with <robot>: {what}")
-    return _Reader(xml, file).robot(tip)
+    return _UrdfReader(xml, file).robot(tip)
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class _RawJoint:
     element: Element
 
 
-class _Reader:
+class _UrdfReader:
     """One file."""
 
     def __init__(self, xml: XmlFile, file: str) -> None:

@@ -59,14 +59,14 @@ class JointCoupling:
     Attributes:
         ratios: names of other joints and the ratios to them.
         offset: mm or rad.
-        as_bent: the coupling passes on what the other joints' springs add about their own axes too, as a belt or
+        as_deflected: the coupling passes on what the other joints' springs add about their own axes too, as a belt or
             gears between the joints' shafts do; else only what they are commanded, as a controller does. Neither
             passes on the bending of links. A parallel linkage does: it is a manipulator of legs.
     """
 
     ratios: tuple[tuple[str, float], ...]
     offset: float = 0.0
-    as_bent: bool = True
+    as_deflected: bool = True
 
     def summed(self, values: Mapping[str, Value]) -> Value:
         """``Σ ratio · value of the other``, by the names of joints."""
@@ -208,7 +208,7 @@ class Joint:
     @property
     def passes_on(self) -> tuple[tuple[str, float], ...]:
         """Names of joints and the ratios by which it moves with what their springs add about their own axes."""
-        return self.coupling.ratios if self.coupling is not None and self.coupling.as_bent else ()
+        return self.coupling.ratios if self.coupling is not None and self.coupling.as_deflected else ()
 
     def motion(self, value: float) -> Array:
         """Frame ``(4, 4)`` behind the joint at a coordinate, in the chain frame before it."""

@@ -106,11 +106,11 @@ class LumpedModel:
         """The same model with springs that are free of stress at the coordinates ``natural`` (n,)."""
         return self._changed(natural=natural)
 
-    def strained(self, x: Array) -> bool:
+    def prestressed(self, x: Array) -> bool:
         """Whether a spring, between points or not, is under stress at the coordinates ``x`` (n,)."""
         return bool(np.any((self.natural - x)[self.elastic])) or bool(np.any(self._pulls(x)))
 
-    def eased(self, x: Array, share: float) -> LumpedModel:
+    def partially_unloaded(self, x: Array, share: float) -> LumpedModel:
         """The same model with springs under a share of the stress that they have at the coordinates ``x`` (n,)."""
         natural, laws = self.natural.copy(), self._spring_laws.copy()
         natural[self.elastic] -= (1.0 - share) * (self.natural - x)[self.elastic]

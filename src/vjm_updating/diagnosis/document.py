@@ -134,7 +134,7 @@ class NoiseRow(Row):
     """What was found of the noise."""
 
     autocorrelation: dict[str, float]
-    wild_samples: int
+    outliers: int
     readings: int
 
 

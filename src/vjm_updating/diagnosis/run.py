@@ -203,7 +203,7 @@ def _document(
         ],
         noise=NoiseRow(
             autocorrelation={name: float(fitter.whitening.memory.rho[k]) for name, k in channels.items()},
-            wild_samples=observed.wild,
+            outliers=observed.wild,
             readings=len(observed.pose),
         ),
         nuisances={name: _value(e) for name, e in nuisance_estimates(fitter, chosen).items()},

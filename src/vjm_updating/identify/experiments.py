@@ -105,10 +105,10 @@ def measure(specimen: Specimen, meshes: tuple[int, int, int] = MESHES, *, correc
 
 def _sizes(compliance: Array) -> Array:
     """Size ``(6,)`` of the loads, N and N mm: the most compliant turn by `TURN`, at an arm that suits the body."""
-    softest = float(np.linalg.eigvalsh(compliance[3:, 3:])[-1])
+    most_compliant = float(np.linalg.eigvalsh(compliance[3:, 3:])[-1])
     # a cantilever's length over √3; a force at the whole length then turns the tip by less than a moment does
-    arm = float(np.sqrt(np.linalg.eigvalsh(compliance[:3, :3])[-1] / softest))
-    return TURN / softest / np.repeat([np.sqrt(3.0) * arm, 1.0], 3)
+    arm = float(np.sqrt(np.linalg.eigvalsh(compliance[:3, :3])[-1] / most_compliant))
+    return TURN / most_compliant / np.repeat([np.sqrt(3.0) * arm, 1.0], 3)
 
 
 def _on_mesh(specimen: Specimen, n: int, sizes: Array, corrected: bool) -> tuple[Array, Array]:

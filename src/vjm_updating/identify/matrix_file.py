@@ -99,7 +99,7 @@ def matrix_names() -> list[str]:
 
 def parse_matrix(text: str, file: str, sha256: str = "") -> RawMatrix:
     """As `read_matrix`, of a text."""
-    reader = _Reader(text, file)
+    reader = _MatrixReader(text, file)
     values = np.array([[_value(word) for word in row] for row in reader.texts])
     half = reader.half(values)
     units = reader.header.get("units", UNITS[0])
@@ -125,7 +125,7 @@ def _value(word: str) -> float:
     return plain_number(word.lower().replace("d", "e"))
 
 
-class _Reader:
+class _MatrixReader:
     """A file taken apart."""
 
     def __init__(self, text: str, file: str) -> None:

@@ -75,8 +75,8 @@ def calibrated_document(
                 parts.append(link)
             _compliances(table, joints[name], found, judged, rigid=measurement.sheet.test.rigid)
             if name in state.hypothesis.bent:
-                as_bent = study.machine.coupled[name]
-                table["coupling"] = "as commanded" if as_bent else "as bent"
+                as_deflected = study.machine.coupled[name]
+                table["coupling"] = "as commanded" if as_deflected else "as deflected"
         if f"mass.{name}" in found:
             table["mass_kg"] = table.get("mass_kg", 0.0) * (1.0 + found[f"mass.{name}"])
         parts.append(table)

@@ -250,10 +250,10 @@ class PoseMachine:
         return result
 
 
-def with_coupling(chain: Chain, joint: str, *, as_bent: bool) -> Chain:
+def with_coupling(chain: Chain, joint: str, *, as_deflected: bool) -> Chain:
     """The machine with a coupled joint that passes on what bends, or does not."""
     parts = tuple(
-        replace(part, coupling=replace(part.coupling, as_bent=as_bent))
+        replace(part, coupling=replace(part.coupling, as_deflected=as_deflected))
         if isinstance(part, Joint) and part.coupling is not None and part.name == joint
         else part
         for part in chain.parts

@@ -282,7 +282,7 @@ class Study(ABC):
             return self.machine
         chain = self.machine.chain
         for joint in bent:
-            chain = with_coupling(chain, joint, as_bent=not self.machine.coupled[joint])
+            chain = with_coupling(chain, joint, as_deflected=not self.machine.coupled[joint])
         return self._machine(chain, self.machine.as_modelled)
 
     def _machine(self, chain: Chain, as_modelled: Collection[tuple[str, str]]) -> PoseMachine:

@@ -83,7 +83,7 @@ def test_a_file_of_a_tree_is_the_machine_that_it_says():
     tilt, chest, right = (next(part for part in chain.parts if part.name == n) for n in ("tilt", "chest", "right"))
     assert [joint.kind for joint in (tilt, chest, right)] == ["actuated", "coupled", "sprung"]
     assert (tilt.compliance, tilt.lateral, tilt.limits) == (1e-8, (2e-9, 0.0), (-2.0, 2.0))
-    assert chest.coupling.as_bent
+    assert chest.coupling.as_deflected
     assert right.preload == 1e3
     model = TreeModel(chain)
     assert model.joints == ("tilt", "left", "right")

@@ -189,11 +189,11 @@ def test_a_zero_length_spring_balances_a_link_in_every_posture():
 
 
 def test_a_coupling_as_bent_passes_on_what_bends():
-    def machine(as_bent: bool) -> TreeModel:
+    def machine(as_deflected: bool) -> TreeModel:
         parts = (
             Joint("tilt", AXES["y"], compliance=1e-6),
             RigidOffset("a", translation([0, 0, 300.0])),
-            Joint("chest", AXES["y"], coupling=JointCoupling((("tilt", -1.0),), as_bent=as_bent)),
+            Joint("chest", AXES["y"], coupling=JointCoupling((("tilt", -1.0),), as_deflected=as_deflected)),
             RigidOffset("b", translation([0, 0, 300.0]), 4.0, np.array([0, 0, 300.0])),
         )
         return TreeModel(Chain("torso", parts))

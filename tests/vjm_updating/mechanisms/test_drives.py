@@ -111,7 +111,7 @@ def test_every_kind_of_joint_is_a_drive(kind, axis):
             "elbow", axis, compliance=1e-6 + c, coupling=JointCoupling((("shoulder", 2.0),))
         ),
         "as commanded": lambda c: Joint(
-            "elbow", axis, compliance=1e-6 + c, coupling=JointCoupling((("shoulder", 2.0),), as_bent=False)
+            "elbow", axis, compliance=1e-6 + c, coupling=JointCoupling((("shoulder", 2.0),), as_deflected=False)
         ),
     }[kind]
 
