@@ -16,7 +16,6 @@ import numpy as np
 from vjm.analysis import trace
 from vjm.errors import NoConvergenceError
 from vjm.model.applied_loads import NO_LOADS, AppliedLoads
-from vjm.model.assembly import Assembly
 from vjm.model.chain import Chain
 from vjm.model.kinematics import Kinematics
 from vjm.model.load_case import Load, LoadCase
@@ -137,6 +136,7 @@ class LinearState:
         wrench: ``(6,)`` on the end: what holds it, or nothing beside ``loading``.
         loading: dead and follower wrenches, weight among them.
         moved: ``(6,)`` displacement of the end from the unloaded posture, mm and rad.
+        stable: whether the equilibrium is stable with its end free; of a held end it is not examined.
     """
 
     question: Question
@@ -145,11 +145,12 @@ class LinearState:
     wrench: Array
     loading: AppliedLoads
     moved: Array
+    stable: bool = True
 
     @cached_property
-    def built(self) -> Assembly:
-        """Its joints and bodies, with each part's own coordinates."""
-        return Assembly(self.model.chain)
+    def tree(self) -> TreeModel:
+        """The same machine as its equilibria with a free end are found."""
+        return TreeModel(self.model.chain, split=False)
 
     @property
     def n(self) -> int:
@@ -211,7 +212,7 @@ class LinearState:
     def _wrenches(self) -> list[tuple[Kinematics, Array, bool]]:
         """All wrenches on its bodies: loads, what holds its end, and its closures' on both their bodies."""
         found = [*self._acting(self.loading), (self.end, self.wrench, False)]
-        joints, frames = closure_sites(self.model.chain, self.built)
+        joints, frames = closure_sites(self.model.chain, self.model.built)
         row = self.n
         for closure, (first, second), own in zip(self.model.chain.closures, joints, frames, strict=True):
             force = np.zeros(6)
@@ -227,7 +228,7 @@ class LinearState:
         """Both ends of each spring between points, its axis, length, stiffness and pull."""
         found = []
         for joints, points, (stiffness, free, preload) in zip(
-            *point_springs(self.model.chain, self.built), strict=True
+            *point_springs(self.model.chain, self.model.built), strict=True
         ):
             first, second = (self.at(int(j), p) for j, p in zip(joints, points, strict=True))
             apart = second.end[:3, 3] - first.end[:3, 3]
@@ -350,8 +351,10 @@ def free_motions(constraints: Array, unit: Array) -> Array:
     return unit[:, None] * V[rank:n].T
 
 
-def state_of(asked: Question) -> LinearState:
+def state_of(asked: Question, near: LinearState | None = None) -> LinearState:
     """The equilibrium of a machine under loads, or held in a pose.
+
+    The models of a state ``near``, of the same machine in the same posture under other loads, serve again.
 
     Raises:
         NoConvergenceError: there is none near.
@@ -359,12 +362,12 @@ def state_of(asked: Question) -> LinearState:
     """
     if asked.displacement is not None:
         return _held(asked, asked.displacement)
-    chain = asked.engine.split(asked.machine.at(asked.posture))
-    model = LumpedModel(chain)
+    model = LumpedModel(asked.engine.split(asked.machine.at(asked.posture))) if near is None else near.model
+    chain = model.chain
     x0 = model.configuration(chain.posture(asked.posture))
     if not asked.acting and asked.gravity is None and not model.strained(x0):
         return LinearState(asked, model, x0, np.zeros(6), NO_LOADS, np.zeros(6))
-    tree = TreeModel(chain, split=False)
+    tree = TreeModel(chain, split=False) if near is None else near.tree
     q = dict(zip((joint.name for joint in chain.joints), chain.posture(asked.posture).tolist(), strict=True))
     q |= {joint.name: joint.held_at for joint in chain.held_joints}
     found = equilibria(tree, q, gravity=asked.gravity, loads=asked.acting, compliance=False)
@@ -374,7 +377,7 @@ def state_of(asked: Question) -> LinearState:
         )
     x = np.concatenate([x0[: model.coordinates] + found.x[0], found.closures[0]])
     moved = found.deflection[0, tree.ends.index(asked.end)]
-    return LinearState(asked, model, x, np.zeros(6), loading(asked, model, x0), moved)
+    return LinearState(asked, model, x, np.zeros(6), loading(asked, model, x0), moved, bool(found.stable[0]))
 
 
 def loading(asked: Question, model: LumpedModel, x0: Array) -> AppliedLoads:

@@ -123,7 +123,7 @@ def _contributions(state: LinearState, part: Part) -> Iterator[Array]:
 
 
 def _rigid(state: LinearState, part: RigidOffset) -> Array:
-    site = state.built.begins[part.name]
+    site = state.model.built.begins[part.name]
     k = state.at(site.joint, (site.frame @ np.append(part.centre_of_mass, 1.0))[:3])
     J = k.jacobian[:, : state.n]
     inertia = np.zeros((3, 3))
@@ -160,7 +160,7 @@ def _segments(state: LinearState, beam: Beam) -> Iterator[Segment]:
     Raises:
         ValueError: it has no spring.
     """
-    model, built = state.model, state.built
+    model, built = state.model, state.model.built
     pieces = [piece for piece in built.pieces if piece.part == beam.name]
     springs = list(_springs(state, beam))
     if not springs:
@@ -180,7 +180,7 @@ def _segments(state: LinearState, beam: Beam) -> Iterator[Segment]:
 
 def _springs(state: LinearState, beam: Beam) -> Iterator[tuple[int, int]]:
     """First and last joint of each spring of a beam."""
-    span, built = state.built.spans[beam.name], state.built
+    span, built = state.model.built.spans[beam.name], state.model.built
     count = beam.segments or 1
     width = len(span) // count
     for k in range(count if width else 0):

@@ -180,7 +180,16 @@ def modes(
         machine, posture, displacement=displacement, wrench=wrench, gravity=gravity, loads=loads, end=end,
         engine=engine,
     )  # fmt: skip
-    state = state_of(asked)
+    return modes_of(state_of(asked), number)
+
+
+def modes_of(state: LinearState, number: int) -> Modes:
+    """The lowest natural frequencies about an equilibrium that is known; see `modes`.
+
+    Raises:
+        ValueError: as `modes`.
+    """
+    asked = state.question
     values, motions = eigenmodes(state, number)
     omega = np.sqrt(values.astype(complex))
     frequencies, growth = omega.real / (2.0 * np.pi), np.abs(omega.imag)
@@ -192,11 +201,11 @@ def modes(
         "wrench" if asked.displacement is None else "displacement", state.moved, frequencies, growth, motions,
         state.model.shape(state.kinematics), np.array(shapes).reshape(len(values), -1, 3),
         tuple((station.part, station.fraction) for station in state.model.stations),
-        _lines(state), total_mass(state), massless(state),
+        station_lines(state), total_mass(state), massless(state),
     )  # fmt: skip
 
 
-def _lines(state: LinearState) -> tuple[tuple[int, int], ...]:
+def station_lines(state: LinearState) -> tuple[tuple[int, int], ...]:
     """Stations between which parts lie: along each part, and from the last station before it to its first."""
     chain = state.model.chain
     last: dict[str, int] = {}

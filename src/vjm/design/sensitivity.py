@@ -237,12 +237,11 @@ def value_of(state: LinearState, quantity: Quantity, along: str) -> float:
             moved = _moved(state)
             return float(moved[COMPONENTS.index(along)] if along else np.linalg.norm(moved[:3]))
         case Quantity.STIFFNESS:
-            N, k = state.motions, COMPONENTS.index(along)
-            J = state.jacobian[k] @ N
-            compliance = float(J @ np.linalg.lstsq(N.T @ state.tangent @ N, J, rcond=CARRIED)[0])
-            if not compliance > 0.0:
+            k = COMPONENTS.index(along)
+            soft = float(compliance(state)[k, k])
+            if not soft > 0.0:
                 raise ValueError(f"{state.model.name}: its end does not deflect along {along}, or it is unstable")
-            return 1.0 / compliance
+            return 1.0 / soft
         case Quantity.FREQUENCY:
             value = float(np.real(eigenmodes(state, 1)[0][0]))
             if value < 0.0:
@@ -252,6 +251,14 @@ def value_of(state: LinearState, quantity: Quantity, along: str) -> float:
             return total_mass(state)
         case _:
             assert_never(quantity)
+
+
+def compliance(state: LinearState) -> Array:
+    """Derivative ``(6, 6)`` of the free end's pose by a wrench on it, mm/N, 1/N, rad/(N mm), world axes."""
+    N = state.motions
+    J = state.jacobian @ N
+    result: Array = J @ np.linalg.lstsq(N.T @ state.tangent @ N, J.T, rcond=CARRIED)[0]
+    return result
 
 
 def _moved(state: LinearState) -> Array:
@@ -330,12 +337,12 @@ def _lacking(state: LinearState) -> Array:
 def _gaps(state: LinearState) -> Array:
     """What closures and couplings miss ``(c,)``, in the order of `LinearState.constraints`; mm and rad."""
     chain, gaps = state.model.chain, []
-    joints, frames = closure_sites(chain, state.built)
+    joints, frames = closure_sites(chain, state.model.built)
     for closure, on, own in zip(chain.closures, joints, frames, strict=True):
         first, second = (state.kinematics.behind[j + 1] @ T for j, T in zip(on, own, strict=True))
         gaps.append(displacement_between(first, second)[: closure.rows])
     for coupling in chain.couplings:
-        terms = (weight * state.x[state.built.spans[joint].start] for joint, weight in coupling.terms)
+        terms = (weight * state.x[state.model.built.spans[joint].start] for joint, weight in coupling.terms)
         gaps.append(np.array([sum(terms) - coupling.total]))
     return np.concatenate(gaps) if gaps else np.zeros(0)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, assert_never
 
 import numpy as np
 
-from vjm.design.linear_state import CARRIED, LinearState, free_motions, loading, question, state_of
+from vjm.design.linear_state import CARRIED, LinearState, Question, free_motions, loading, question, state_of
 from vjm.model.joints import ActuatedJoint, CoupledJoint, SprungJoint
 from vjm.model.load_case import Load
 from vjm.model.parts import Actuator, Beam, Mount, Part, PassiveJoint, RigidOffset
@@ -189,7 +189,21 @@ def shares(
         machine, posture, displacement=displacement, wrench=wrench, gravity=gravity, loads=loads, end=end,
         engine=engine,
     )  # fmt: skip
-    rest = state_of(asked.unloaded)
+    return shares_of(state_of(asked.unloaded), asked)
+
+
+def shares_of(rest: LinearState, asked: Question, loaded: LinearState | None = None) -> Shares:
+    """The shares of a machine whose equilibrium without loads is known; see `shares`.
+
+    Args:
+        rest: without loads.
+        asked: what is done to it.
+        loaded: the equilibrium then, where it is known too.
+
+    Raises:
+        ValueError: as `shares`.
+        NoConvergenceError: as `shares`.
+    """
     if asked.displacement is None:
         acting_loads = loading(asked, rest.model, rest.x)
         if not len(acting_loads):
@@ -201,7 +215,7 @@ def shares(
         if not any(asked.displacement):
             raise ValueError(f"{asked.machine.name}: a displacement of zero has no shares: give another one")
         motion, acting = _at(rest, np.array(asked.displacement))
-    loaded, length = state_of(asked), rest.model.characteristic_length
+    loaded, length = loaded or state_of(asked, rest), rest.model.characteristic_length
     linear, large = rest.jacobian @ motion, loaded.moved - rest.moved
     unit = np.repeat([1.0, length], 3)
     whole = np.abs(linear * unit).max()
@@ -295,7 +309,7 @@ def _unit_loads(rest: LinearState, *, held: bool) -> tuple[Array, Array]:
 def _coordinates(state: LinearState) -> Iterator[tuple[str, str, range]]:
     """Name, kind and coordinates of whatever deflects."""
     for part in state.model.chain.parts:
-        span = state.built.spans[part.name]
+        span = state.model.built.spans[part.name]
         across = _across(part)
         kind = _kind(part)
         if across:

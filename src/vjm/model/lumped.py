@@ -44,12 +44,13 @@ class LumpedModel:
         closure_joints: last joints ``(c, 2)`` before the two frames of each closure, −1 for the base.
         closure_frames: those frames ``(c, 2, 4, 4)``, mm, behind these joints.
         applied_loads: the loads on its bodies.
+        built: its joints and bodies, with each part's own coordinates.
     """
 
     def __init__(self, chain: Chain) -> None:
         self.chain = chain
         self.applied_loads = NO_LOADS
-        self._built = built = Assembly(chain)
+        self.built = built = Assembly(chain)
         self.coordinates = built.size
         self.size = built.size + sum(closure.rows for closure in chain.closures) + len(chain.couplings)
         self.parent = built.parent
@@ -139,11 +140,11 @@ class LumpedModel:
 
     def span(self, part: str) -> range:
         """The coordinates of a part."""
-        return self._built.spans[part]
+        return self.built.spans[part]
 
     def end_of(self, part: str) -> Site:
         """Where a part ends."""
-        return self._built.ends[part]
+        return self.built.ends[part]
 
     def carried_by(self, joint: int) -> np.ndarray:
         """Which joints ``(m,)`` a joint moves, itself included; −1, the base, all."""
@@ -165,7 +166,7 @@ class LumpedModel:
         if not part:
             return self.last, self.tail[:3, 3]
         if part in self.chain.ends:
-            site = self._built.ends[self.chain.ends[part]]
+            site = self.built.ends[self.chain.ends[part]]
             return site.joint, site.frame[:3, 3]
         own = [piece for piece in self.pieces if piece.part == part]
         if not own:
@@ -208,7 +209,7 @@ class LumpedModel:
         count = len(loads)
         ground = np.array([[-1, self.last]]), np.stack([np.eye(4), self.tail])[None]
         pieces = machine_pieces(
-            self._built, self.coordinate_scale[: self.coordinates], float(self.wrench_scale[3]),
+            self.built, self.coordinate_scale[: self.coordinates], float(self.wrench_scale[3]),
             self.characteristic_length,
             springs=(self._spring_joints, self._spring_points, self._spring_laws),
             closures=(
@@ -359,7 +360,7 @@ class LumpedModel:
             first, second = (self.motion(kinematics, j, point)[: closure.rows] for j in joints)
             rows.append(second - first)
         couplings = np.zeros((len(self.chain.couplings), self.size))
-        couplings[:, : self.coordinates] = coupling_rows(self.chain, self._built)
+        couplings[:, : self.coordinates] = coupling_rows(self.chain, self.built)
         rows.append(couplings)
         return np.concatenate(rows)
 

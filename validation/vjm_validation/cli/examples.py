@@ -33,6 +33,11 @@ EXAMPLES = {
         "validate stiffness ur10 --wrench 0,0,-100,0,0,0 --shares",
         "docs/design.md",
     ),
+    "explore": (
+        "validate explore ur10 --posture 0.3,-1.2,1.4,-0.5,1.5,0 --wrench 0,0,-100,0,0,0",
+        "validate stiffness ur10 --wrench 0,0,-100,0,0,0 --shares",
+        "docs/explore.md",
+    ),
     "sensitivity": (
         "validate sensitivity planar-2r --posture bent --wrench 0,-50,0,0,0,0 --plot tornado.png",
         "validate stiffness planar-2r --wrench 0,-50,0,0,0,0 --shares",

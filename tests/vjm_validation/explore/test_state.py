@@ -1,0 +1,166 @@
+"""The explorer says what the commands say, for every kind of machine."""
+
+import json
+import shlex
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.command import validate
+
+from vjm.errors import NoConvergenceError
+from vjm_validation.explore.sliders import Slider, round_number
+from vjm_validation.explore.state import Explorer, Setting
+
+ARMS = ("ur10", "planar-2r", "double-pantograph", "palletiser")
+PLATFORMS = ("delta", "hexapod")
+HELD = ("orthoglide-chain", "parallelogram")
+SAME = 1e-6
+"""Relative: two ways to an equilibrium end within the tolerances of their solvers, 1e-9 of forces and lengths."""
+
+
+def moved(explorer, *, load=0.3, coordinates=0.02, sizes=1.0, weighed=False):
+    """A setting away from where the sliders begin."""
+    stands = tuple(
+        round(each.value + coordinates * (each.high - each.low) * (1 if each.value < 0.5 * each.high else -1), 6)
+        for each in explorer.coordinates
+    )
+    acting = tuple(round(load * each.high, 6) if k in (1, 2) else 0.0 for k, each in enumerate(explorer.load))
+    first = explorer.sizes[0]
+    changed = {first.name: first.value * sizes} if sizes != 1.0 else {}
+    return Setting(stands, acting, weighed, changed)
+
+
+def said(explorer, setting, model=""):
+    """What the command says that the page shows."""
+    found = validate(*shlex.split(explorer.command(setting, model))[1:], "--json")
+    assert found.status == 0, found.err
+    return json.loads(found.out)
+
+
+def assert_same(answer, document, explorer):
+    """Deflection, stiffness and shares; components that are rounding beside the largest are of no account."""
+    unit = np.repeat([1.0, explorer.extent], 3)
+    ours, theirs = np.array(answer.deflection) * unit, np.array(document["displacement"]) * unit
+    np.testing.assert_allclose(ours, theirs, rtol=SAME, atol=SAME * np.abs(theirs).max())
+    if document["stiffness_loaded"] is not None:
+        scale = 1.0 / np.outer(unit, unit)
+        ours, theirs = answer.stiffness * scale, np.array(document["stiffness_loaded"]) * scale
+        np.testing.assert_allclose(ours, theirs, atol=1e2 * SAME * np.abs(theirs).max())
+    (shares,) = document["shares"]
+    energies = [part["energy"] for part in shares["parts"]]
+    assert [part["part"] for part in shares["parts"]] == [row.part for row in answer.shares.rows]
+    np.testing.assert_allclose(answer.shares.energies, energies, atol=1e-9)
+
+
+@pytest.mark.parametrize("model", [*ARMS, *PLATFORMS, *HELD])
+def test_it_says_what_the_command_says(model):
+    explorer = Explorer(model)
+    setting = moved(explorer)
+    assert_same(explorer.answer(setting), said(explorer, setting), explorer)
+
+
+def test_the_weight_is_that_of_the_command():
+    explorer = Explorer("palletiser")
+    setting = moved(explorer, weighed=True)
+    assert "--gravity=0,0,-9.81" in explorer.command(setting)
+    assert_same(explorer.answer(setting), said(explorer, setting), explorer)
+
+
+def test_an_end_frame_that_is_not_there_is_refused():
+    with pytest.raises(ValueError, match=r"no end frame 'hand' \(it has none\)"):
+        Explorer("palletiser", end="hand")
+
+
+@pytest.mark.parametrize("model", ["ur10", "planar-2r", "hexapod"])
+def test_the_frequency_is_that_of_the_command(model):
+    explorer = Explorer(model)
+    setting = moved(explorer)
+    words = shlex.split(explorer.command(setting))[2:]
+    words.remove("--shares")
+    document = json.loads(validate("modes", *words, "--number", "1", "--json").out)
+    answer = explorer.answer(setting)
+    assert answer.frequency == pytest.approx(document["modes"][0]["frequency_Hz"], rel=SAME)
+    assert answer.mass == pytest.approx(document["mass_kg"])
+
+
+@pytest.mark.parametrize("model", ["planar-2r", "delta", "palletiser"])
+def test_a_saved_machine_with_other_sizes_is_the_one_that_was_shown(model, tmp_path):
+    explorer = Explorer(model)
+    key = next(each.name for each in explorer.sizes if each.name.endswith((".wall_mm", ".EIy_Nmm2")))
+    setting = replace(moved(explorer), sizes={key: 1.1 * explorer.files.number(key)})
+    answer = explorer.answer(setting)
+    files = explorer.save(setting, tmp_path / "other.toml", "here")
+    assert files[0] == tmp_path / "other.toml"
+    assert_same(answer, said(explorer, setting, str(files[0])), explorer)
+    before = explorer.answer(replace(setting, sizes={}))
+    assert np.abs(answer.deflection - before.deflection).max() > 1e-3 * np.abs(before.deflection).max()
+    # the posture is in the file, too
+    kept = Explorer(str(files[0]), "here")
+    again = kept.answer(replace(kept.start, load=setting.load))
+    np.testing.assert_allclose(again.deflection, answer.deflection, atol=SAME * np.abs(answer.deflection).max())
+
+
+def test_without_a_load_nothing_is_shared_and_it_says_so():
+    explorer = Explorer("planar-2r")
+    answer = explorer.answer(explorer.start)
+    assert answer.shares is None
+    assert answer.said == ("No shares: set a load.",)
+    assert not answer.deflection.any()
+
+
+def test_without_masses_there_is_no_frequency_and_it_says_so():
+    explorer = Explorer("delta")
+    answer = explorer.answer(moved(explorer))
+    assert answer.frequency is None
+    assert "No frequency: no part that moves has a mass" in answer.said[0]
+
+
+def test_what_is_out_of_reach_leaves_the_machine_as_it_was():
+    explorer = Explorer("delta")
+    setting = moved(explorer)
+    before = explorer.answer(setting)
+    with pytest.raises(ValueError, match="out of reach"):
+        explorer.answer(replace(setting, coordinates=(0.0, 0.0, -2000.0)))
+    np.testing.assert_array_equal(explorer.answer(setting).deflection, before.deflection)
+
+
+def test_sizes_that_make_no_machine_are_refused_and_leave_it_as_it_was():
+    explorer = Explorer("planar-2r")
+    setting = moved(explorer)
+    before = explorer.answer(setting)
+    with pytest.raises(ValueError, match="leaves no hole"):
+        explorer.answer(replace(setting, sizes={"upper.section.wall_mm": 40.0}))
+    np.testing.assert_array_equal(explorer.answer(setting).deflection, before.deflection)
+
+
+def test_an_unstable_equilibrium_is_not_shown():
+    # far beyond the critical force of the stretched arm, some 2000 N
+    explorer = Explorer("planar-2r", "stretched")
+    with pytest.raises(NoConvergenceError, match=r"unstable|no equilibrium"):
+        explorer.answer(replace(explorer.start, load=(-1e5, 0.0, 0.0, 0.0, 0.0, 0.0)))
+
+
+def test_a_held_end_takes_no_wrench():
+    with pytest.raises(ValueError, match="carries no load on a free end"):
+        Explorer("orthoglide-chain", wrench=(1.0, 0, 0, 0, 0, 0))
+
+
+def test_the_critical_force_of_a_stretched_arm_is_that_of_a_column_on_its_own_springs():
+    explorer = Explorer("planar-2r", "stretched")
+    found = explorer.critical(explorer.start)
+    # two springs of 2e6 and 1e6 N mm/rad, arms of 500 and 400 mm; the beams' own compliance makes it softer
+    a, b, k1, k2 = 500.0, 400.0, 2e6, 1e6
+    K = np.array([[k1 + k2, -k2], [-k2, k2]])
+    rigid = float(np.min(np.linalg.eigvals(np.linalg.solve(np.diag([a, b]), K)).real))
+    assert 0.9 * rigid < found.force < rigid
+    assert abs(found.direction[0]) == pytest.approx(1.0, abs=1e-2)
+
+
+def test_sliders_end_on_multiples_of_their_step():
+    slider = Slider("elbow", "rad", -2.6, 2.6, 0.0)
+    assert slider.step == pytest.approx(0.01)
+    assert slider.ends == pytest.approx((-2.6, 2.6))
+    assert Slider("x", "mm", -3.14159, 3.14159, 0.0).ends == pytest.approx((-3.14, 3.14))
+    assert round_number(0.02) == pytest.approx(0.02)
+    assert round_number(0.021) == pytest.approx(0.05)
