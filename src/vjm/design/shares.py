@@ -192,13 +192,16 @@ def shares(
     return shares_of(state_of(asked.unloaded), asked)
 
 
-def shares_of(rest: LinearState, asked: Question, loaded: LinearState | None = None) -> Shares:
+def shares_of(
+    rest: LinearState, asked: Question, loaded: LinearState | None = None, *, both: bool = True
+) -> Shares:
     """The shares of a machine whose equilibrium without loads is known; see `shares`.
 
     Args:
         rest: without loads.
         asked: what is done to it.
         loaded: the equilibrium then, where it is known too.
+        both: whether the strain energies of the loaded equilibrium are wanted; they are nan else.
 
     Raises:
         ValueError: as `shares`.
@@ -223,7 +226,7 @@ def shares_of(rest: LinearState, asked: Question, loaded: LinearState | None = N
     return Shares(
         asked.machine.name, asked.machine.sha256, asked.engine.label, asked.posture, asked.end,
         "wrench" if asked.displacement is None else "displacement", acting, asked.gravity,
-        linear, large, length, nonlinear, tuple(_rows(rest, loaded, motion)),
+        linear, large, length, nonlinear, tuple(_rows(rest, loaded if both else None, motion)),
     )  # fmt: skip
 
 
@@ -270,8 +273,8 @@ def _at(rest: LinearState, displacement: Array) -> tuple[Array, Array]:
     return N @ y[:m], -y[m:] * energy / unit
 
 
-def _rows(rest: LinearState, loaded: LinearState, motion: Array) -> Iterator[Share]:
-    """The shares, from the motion ``(n,)`` of the linear case."""
+def _rows(rest: LinearState, loaded: LinearState | None, motion: Array) -> Iterator[Share]:
+    """The shares, from the motion ``(n,)`` of the linear case; energies of the loaded one where it is given."""
     held = rest.question.displacement is not None
     unit_motions, left = _unit_loads(rest, held=held)
     forces = rest.spring_stiffness @ unit_motions
@@ -280,12 +283,13 @@ def _rows(rest: LinearState, loaded: LinearState, motion: Array) -> Iterator[Sha
         bearing = rest.spring_stiffness[np.ix_(index, index)]
         yield Share(
             part, kind, forces[index].T @ motion[index],
-            0.5 * float(motion[index] @ bearing @ motion[index]), _gained(rest, loaded, index),
+            0.5 * float(motion[index] @ bearing @ motion[index]),
+            float("nan") if loaded is None else _gained(rest, loaded, index),
         )  # fmt: skip
     springs = rest.model.chain.point_springs
     extension = rest.stretching @ motion
     pulls = rest.point_stiffness[:, None] * (rest.stretching @ unit_motions)
-    change = loaded.lengths - rest.lengths
+    change = np.full(len(springs), np.nan) if loaded is None else loaded.lengths - rest.lengths
     for k, spring in enumerate(springs):
         linear, gained = 0.5 * spring.stiffness * np.array([extension[k], change[k]]) ** 2
         yield Share(spring.name, SPRING, pulls[k] * extension[k], float(linear), float(gained))
