@@ -91,7 +91,10 @@ def all_kinds(as_deflected: bool) -> Chain:
         Joint("pan", AXES["z"], compliance=1e-8, lateral=(2e-9, 3e-9)), link("a", 200.0, 0),
         Joint("boom", AXES["x"], slides=True, compliance=1e-4), link("b", 150.0, 1),
         Joint("spring", AXES["y"], passive=True, compliance=2.5e-08, preload=2e5), link("c", 180.0, 2),
-        Joint("follower", AXES["y"], compliance=2e-8, coupling=JointCoupling((("pan", -0.5),), as_deflected=as_deflected)),
+        Joint(
+            "follower", AXES["y"], compliance=2e-8,
+            coupling=JointCoupling((("pan", -0.5),), as_deflected=as_deflected),
+        ),
         link("d", 120.0, 3), Joint("wrist", AXES["x"], matrix=matrix), link("e", 60.0, 4),
     )  # fmt: skip
     held = {"home": {"pan": 0.4, "boom": 35.0, "spring": 0.3, "wrist": -0.5}}

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, assert_never
 
 import numpy as np
 
-from vjm.design.linear_state import CARRIED, LinearState, free_motions, loading, question, state_of
+from vjm.design.linear_state import CARRIED, LinearState, Question, free_motions, loading, question, state_of
 from vjm.model.joints import Joint, JointKind
 from vjm.model.load_case import Load
 from vjm.model.parts import Beam, Part, RigidOffset
@@ -193,17 +193,24 @@ def shares(
         machine, posture, displacement=displacement, wrench=wrench, gravity=gravity, loads=loads, end=end,
         engine=engine,
     )  # fmt: skip
-    rest = state_of(asked.unloaded)
-    return shares_of(rest, state_of(asked, rest))
+    return shares_of(state_of(asked.unloaded), asked)
 
 
-def shares_of(rest: LinearState, loaded: LinearState) -> Shares:
-    """The shares of a machine of which both equilibria are known, without loads and with them; see `shares`.
+def shares_of(
+    rest: LinearState, asked: Question, loaded: LinearState | None = None, *, both: bool = True
+) -> Shares:
+    """The shares of a machine whose equilibrium without loads is known; see `shares`.
+
+    Args:
+        rest: without loads.
+        asked: what is done to it.
+        loaded: the equilibrium then, where it is known too.
+        both: whether the strain energies of the loaded equilibrium are wanted; they are nan else.
 
     Raises:
         ValueError: as `shares`.
+        NoConvergenceError: as `shares`.
     """
-    asked = loaded.question
     if asked.displacement is None:
         acting_loads = loading(asked, rest.model, rest.x)
         if not len(acting_loads):
@@ -215,7 +222,7 @@ def shares_of(rest: LinearState, loaded: LinearState) -> Shares:
         if not any(asked.displacement):
             raise ValueError(f"{asked.machine.name}: a displacement of zero has no shares: give another one")
         motion, acting = _at(rest, np.array(asked.displacement))
-    length = rest.model.characteristic_length
+    loaded, length = loaded or state_of(asked, rest), rest.model.characteristic_length
     linear, large = rest.jacobian @ motion, loaded.moved - rest.moved
     unit = np.repeat([1.0, length], 3)
     whole = np.abs(linear * unit).max()
@@ -223,7 +230,7 @@ def shares_of(rest: LinearState, loaded: LinearState) -> Shares:
     return Shares(
         asked.machine.name, asked.machine.sha256, asked.engine.label, asked.posture, asked.end,
         "wrench" if asked.displacement is None else "displacement", acting, asked.gravity,
-        linear, large, length, nonlinear, tuple(_rows(rest, loaded, motion)),
+        linear, large, length, nonlinear, tuple(_rows(rest, loaded if both else None, motion)),
     )  # fmt: skip
 
 
@@ -270,8 +277,8 @@ def _at(rest: LinearState, displacement: Array) -> tuple[Array, Array]:
     return N @ y[:m], -y[m:] * energy / unit
 
 
-def _rows(rest: LinearState, loaded: LinearState, motion: Array) -> Iterator[Share]:
-    """The shares, from the motion ``(n,)`` of the linear case."""
+def _rows(rest: LinearState, loaded: LinearState | None, motion: Array) -> Iterator[Share]:
+    """The shares, from the motion ``(n,)`` of the linear case; energies of the loaded one where it is given."""
     held = rest.question.displacement is not None
     unit_motions, left = _unit_loads(rest, held=held)
     forces = rest.spring_stiffness @ unit_motions
@@ -280,12 +287,13 @@ def _rows(rest: LinearState, loaded: LinearState, motion: Array) -> Iterator[Sha
         bearing = rest.spring_stiffness[np.ix_(index, index)]
         yield Share(
             part, kind, forces[index].T @ motion[index],
-            0.5 * float(motion[index] @ bearing @ motion[index]), _gained(rest, loaded, index),
+            0.5 * float(motion[index] @ bearing @ motion[index]),
+            float("nan") if loaded is None else _gained(rest, loaded, index),
         )  # fmt: skip
     springs = rest.model.chain.point_springs
     extension = rest.stretching @ motion
     pulls = rest.point_stiffness[:, None] * (rest.stretching @ unit_motions)
-    change = loaded.lengths - rest.lengths
+    change = np.full(len(springs), np.nan) if loaded is None else loaded.lengths - rest.lengths
     for k, spring in enumerate(springs):
         linear, gained = 0.5 * spring.stiffness * np.array([extension[k], change[k]]) ** 2
         yield Share(spring.name, SPRING, pulls[k] * extension[k], float(linear), float(gained))

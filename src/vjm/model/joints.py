@@ -59,9 +59,9 @@ class JointCoupling:
     Attributes:
         ratios: names of other joints and the ratios to them.
         offset: mm or rad.
-        as_deflected: the coupling passes on what the other joints' springs add about their own axes too, as a belt or
-            gears between the joints' shafts do; else only what they are commanded, as a controller does. Neither
-            passes on the bending of links. A parallel linkage does: it is a manipulator of legs.
+        as_deflected: the coupling passes on what the other joints' springs add about their own axes too, as a belt
+            or gears between the joints' shafts do; else only what they are commanded, as a controller does. Neither
+            passes on the deflection of links. A parallel linkage does: it is a manipulator of legs.
     """
 
     ratios: tuple[tuple[str, float], ...]

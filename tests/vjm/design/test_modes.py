@@ -244,7 +244,7 @@ def test_the_mass_matrix_is_the_kinetic_energy_of_moving_points(six_joints):
             places = []
             for s in (h, -h):
                 k = state.model.kinematics(state.x + s * rate)
-                site = state.built.begins[part.name]
+                site = state.model.built.begins[part.name]
                 places.append((k.behind[site.joint + 1] @ site.frame @ np.append(part.centre, 1.0))[:3])
             energy += 0.5 * part.mass * np.sum(((places[0] - places[1]) / (2.0 * h)) ** 2)
     assert 0.5 * rate @ mass_matrix(state) @ rate == pytest.approx(energy, rel=1e-8)
@@ -279,7 +279,11 @@ def test_the_mass_matrix_of_a_urdf_is_pinocchio_s(tmp_path, name):
         i = robot.getJointId(joint)
         q[robot.joints[i].idx_q] = chain.held["home"][label]
         rows.append(
-            (robot.joints[i].idx_v, state.built.spans[label].start, 1e3 if chain_slides(chain, label) else 1.0)
+            (
+                robot.joints[i].idx_v,
+                state.model.built.spans[label].start,
+                1e3 if chain_slides(chain, label) else 1.0,
+            )
         )
     theirs, ours, unit = (np.array(column) for column in zip(*rows, strict=True))
     M = pinocchio.crba(robot, data, q)

@@ -15,6 +15,29 @@ from vjm_validation.explore.state import Explorer, Setting
 ARMS = ("ur10", "planar-2r", "double-pantograph", "palletiser")
 PLATFORMS = ("delta", "hexapod")
 HELD = ("orthoglide-chain", "parallelogram")
+CANTILEVER = """
+format = 1
+name = "cantilever"
+title = "A square bar"
+source = "made up"
+[units]
+length = "mm"
+force = "N"
+angle = "rad"
+[[parts]]
+kind = "beam"
+name = "bar"
+length_mm = 1000.0
+[parts.section]
+shape = "rectangle"
+width_mm = 20.0
+thickness_mm = 20.0
+youngs_modulus_MPa = 210000.0
+poissons_ratio = 0.3
+density_kg_per_m3 = 7850.0
+[postures]
+straight = []
+"""
 SAME = 1e-6
 """Relative: two ways to an equilibrium end within the tolerances of their solvers, 1e-9 of forces and lengths."""
 
@@ -114,6 +137,8 @@ def test_without_masses_there_is_no_frequency_and_it_says_so():
     answer = explorer.answer(moved(explorer))
     assert answer.frequency is None
     assert "No frequency: no part that moves has a mass" in answer.said[0]
+    weighed = explorer.answer(moved(explorer, weighed=True))
+    assert "No part has a mass: the weight is nothing." in weighed.said
 
 
 def test_what_is_out_of_reach_leaves_the_machine_as_it_was():
@@ -164,3 +189,16 @@ def test_sliders_end_on_multiples_of_their_step():
     assert Slider("x", "mm", -3.14159, 3.14159, 0.0).ends == pytest.approx((-3.14, 3.14))
     assert round_number(0.02) == pytest.approx(0.02)
     assert round_number(0.021) == pytest.approx(0.05)
+
+
+def test_two_springs_in_a_beam_are_enough_for_its_frequency_and_its_deflection(tmp_path):
+    file = tmp_path / "cantilever.toml"
+    file.write_text(CANTILEVER)
+    explorer = Explorer(str(file))
+    E, length, side, rho = 210000.0, 1000.0, 20.0, 7850e-9
+    inertia, area = side**4 / 12.0, side**2
+    # Bernoulli's cantilever: β L = 1.8751; 1 N/mm over 1 kg is 1000 /s²
+    expected = 1.875104**2 / (2.0 * np.pi) * np.sqrt(1000.0 * E * inertia / (rho * area * length**4))
+    answer = explorer.answer(replace(explorer.start, load=(0.0, 0.0, 1e-3, 0.0, 0.0, 0.0)))
+    assert answer.frequency == pytest.approx(expected, rel=1e-3)
+    assert answer.deflection[2] == pytest.approx(1e-3 * length**3 / (3.0 * E * inertia), rel=1e-6)

@@ -48,7 +48,7 @@ def explore_(
     from vjm_validation.explore.page import serve
     from vjm_validation.explore.state import Explorer
 
-    considered(model, strict, weighed=True)
+    considered(model, strict)
     explorer = Explorer(model, posture, wrench=on_end, gravity=weight, end=end, options=options, segments=segments)
 
     def said(address: str) -> None:

@@ -19,7 +19,7 @@ from vjm.rotations import Array
 from vjm_validation.explore.drawing import BEAM, BODY, FREE, HELD, RIGID, Drawing, ellipsoid
 from vjm_validation.explore.sliders import Slider
 from vjm_validation.explore.state import Answer, Explorer, Setting
-from vjm_validation.explore.words import critical_words, numbers
+from vjm_validation.explore.words import command_words, critical_words, numbers
 
 HOST = "127.0.0.1"
 """Nobody outside this computer sees the page."""
@@ -120,7 +120,7 @@ class Page:
             self._critical = gui.add_markdown(first)
         with tabs.add_tab("Keep"):
             gui.add_button("copy as command").on_click(self._show_command)
-            self._command = gui.add_markdown("")
+            self._command = gui.add_html("")
             self._name = gui.add_text("file", f"{explorer.files.document.content['name']}-explored.toml")
             gui.add_button("save as model").on_click(lambda _: self._save(""))
             self._label = gui.add_text("posture's label", "explored")
@@ -202,10 +202,10 @@ class Page:
 
     def _show_command(self, _: object) -> None:
         setting = self.setting()
-        words = f"```\n{self.explorer.command(setting, self._name.value if setting.sizes else '')}\n```"
-        if setting.sizes:
-            words += f"\nSave the model first: sizes are changed, and the command reads {escape(self._name.value)}."
-        self._command.content = words
+        name = self._name.value.strip() if setting.sizes else ""
+        self._command.content = command_words(
+            self.explorer.command(setting, name), "Sizes are changed: save the model first." if name else ""
+        )
 
     def _save(self, posture: str) -> None:
         name = self._name.value.strip()

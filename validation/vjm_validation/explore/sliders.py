@@ -132,11 +132,12 @@ def force_sliders(softest: float, extent: float, wrench: Sequence[float] | None)
         extent: of the machine, mm.
         wrench: ``(6,)`` to begin with, N and N mm; zeros if left out.
     """
-    force = round_number(FULL_LOAD * extent * (softest if np.isfinite(softest) else 1.0))
-    moment = round_number(force * extent)
-    start = (0.0,) * 6 if wrench is None else wrench
+    start = (0.0,) * 6 if wrench is None else tuple(float(value) for value in wrench)
+    force = FULL_LOAD * extent * (softest if np.isfinite(softest) else 1.0)
+    force = round_number(max(force, *(abs(value) for value in start[:3])))
+    moment = round_number(max(force * extent, *(abs(value) for value in start[3:])))
     return [
-        Slider(name, unit, min(-full, value), max(full, value), float(value))
+        Slider(name, unit, -full, full, value)
         for name, unit, full, value in (
             (f"{kind}{axis}", unit, full, start[3 * turns + k])
             for turns, (kind, unit, full) in enumerate((("f", "N", force), ("m", "N mm", moment)))

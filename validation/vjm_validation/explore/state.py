@@ -14,6 +14,7 @@ import numpy as np
 
 from vjm.analysis import stiffness
 from vjm.design.linear_state import LinearState, Question, question, state_of
+from vjm.design.masses import total_mass
 from vjm.design.modes import Modes, modes_of
 from vjm.design.sensitivity import compliance
 from vjm.design.shares import Shares, shares_of
@@ -72,7 +73,7 @@ class Answer:
         stiffness: ``(6, 6)`` K^F, N/mm, N, N mm; nan where the end is rigid in a direction.
         principal: ``(3,)`` stiffnesses of the end against a force, N/mm, the softest first; infinite where rigid.
         axes: ``(3, 3)`` their directions, in columns.
-        shares: of the parts in the deflection; None without a load.
+        shares: of the parts in the deflection, to first order; None without a load.
         modes: the lowest mode; None where there is none.
         mass: kg of all parts.
         rest: without loads.
@@ -209,7 +210,7 @@ class Explorer:
             K, wrench = _inverse(C), np.array(setting.load)
         shares = None
         try:
-            shares = shares_of(rest, loaded)
+            shares = shares_of(rest, asked, loaded, both=False)
         except ValueError as error:
             said.append(_no_shares(error, setting, held=self.held))
         modes = None
@@ -217,7 +218,9 @@ class Explorer:
             modes = modes_of(loaded, 1)
         except ValueError as error:
             said.append(f"No frequency: {_sentence(error, loaded.model.name)}")
-        mass = modes.mass if modes is not None else 0.0
+        mass = total_mass(loaded)
+        if setting.weighed and not mass:
+            said.append("No part has a mass: the weight is nothing.")
         return Answer(
             asked.posture, loaded.moved, wrench, K, stiff, axes, shares, modes, mass, rest, loaded, tuple(said)
         )

@@ -53,6 +53,12 @@ def bars(answer: Answer) -> str:
     return f"<table id='shares' style='width:100%'>{head}{''.join(rows)}</table>"
 
 
+def command_words(command: str, remark: str) -> str:
+    """A command as HTML that one click marks as a whole, so that it can be copied."""
+    code = f"<code id='command' style='user-select:all;overflow-wrap:anywhere'>{escape(command)}</code>"
+    return f"<div style='padding:0 0.8em;font-size:0.85em'>{code}<div>{escape(remark)}</div></div>"
+
+
 def critical_words(found: Weakest) -> str:
     """What a search for the smallest critical force says."""
     if not np.isfinite(found.force):
