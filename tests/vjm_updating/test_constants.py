@@ -12,7 +12,6 @@ MOST_TUNED = 9
 
 TUNED = {
     "observation/significance": "FALSE_ALARMS",
-    "diagnosis/equivalence_classes": "APART UNSURE SURE",
     "diagnosis/screening": "FAR_OFF",
     "diagnosis/verdict": "OFFSET SLOPE",
     "inference/outliers": "LONELY APART",
