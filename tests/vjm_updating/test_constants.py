@@ -39,7 +39,7 @@ NUMERICS = {
     "diagnosis/run": "AGAIN",
     "diagnosis/critical": "LEAST",
     "diagnosis/discrepancy": "NODES WEIGHTS",
-    "diagnosis/estimates": "DRAWS",
+    "diagnosis/estimates": "DRAWS THINNED",
     "inference/fitting": "FARTHER ROUNDING",
     "inference/forward": "MARGIN KEPT ROUNDS",
     "inference/load_forward": "KEPT",
@@ -57,6 +57,7 @@ NUMERICS = {
     "inference/refit": "WORSE",
     "inference/trust_region": "ROUNDS STEPS HALVINGS ENOUGH LEARNT RENEWED PATIENT HOPE LOST POOR GOOD "
     "SHRINKS GROWS SMALLEST",
+    "inference/truncated_normal": "CHAINS SWEEPS SETTLING SEED FAR",
     "diagnosis/unmodelled": "SIZES OVERLAP",
     "diagnosis/verdict": "RIVALS",
     "calibration/calibrated_model": "ALIKE",
