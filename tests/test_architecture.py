@@ -51,7 +51,6 @@ LONGEST_MODULE = 400
 LONGER = {
     "src/vjm/model/lumped.py": "one model: its geometry, springs, loads and closures share their arrays",
     "src/vjm/baselines/msa.py": "one assembly of elements, bodies, joints and conditions",
-    "src/vjm_updating/poses/readings.py": "one table of columns, with every message on what is wrong with it",
     "src/vjm_updating/poses/study.py": "one study: its halves use what the study holds",
     "tests/helpers/virtual_work.py": "an independent solver that shares nothing with any other module",
 }

@@ -121,11 +121,31 @@ class DiagnosisResult(Result[D]):
         return lines_of_poses(found) if isinstance(found, PoseDiagnosis) else lines_of_ramps(found)
 
     def rows(self) -> list[dict[str, Any]]:
-        """One row a candidate of ramps, causes and probability; of poses a rung of the ladder."""
-        found = self.found
-        if isinstance(found, PoseDiagnosis):
-            return [{"added": row.added or found.baseline, "held_out_mm": row.random_mm} for row in found.ladder]
-        return [{"causes": " + ".join(row.causes), "probability": row.probability} for row in found.candidates]
+        """One row a cause: what is said of it, the probability that it acts, its share of what the model misses."""
+        return [
+            {
+                "cause": row.cause,
+                "said": str(row.word),
+                "probability": row.probability,
+                "share": row.share,
+                "places": ", ".join(place.place for place in row.places),
+            }
+            for row in self.found.findings.causes
+        ]
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """A bar for each cause, as long as the probability that it acts.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        from vjm.notebook import axes_or_new
+
+        ax = axes_or_new(ax)
+        from vjm_updating.findings_figure import bars
+
+        bars(ax, self.found.findings)
+        return ax
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -12,7 +12,6 @@ MOST_TUNED = 9
 
 TUNED = {
     "observation/significance": "FALSE_ALARMS",
-    "diagnosis/equivalence_classes": "APART UNSURE SURE",
     "diagnosis/screening": "FAR_OFF",
     "diagnosis/verdict": "OFFSET SLOPE",
     "inference/outliers": "LONELY APART",
@@ -40,7 +39,7 @@ NUMERICS = {
     "diagnosis/run": "AGAIN",
     "diagnosis/critical": "LEAST",
     "diagnosis/discrepancy": "NODES WEIGHTS",
-    "diagnosis/estimates": "DRAWS",
+    "diagnosis/estimates": "DRAWS THINNED",
     "inference/fitting": "FARTHER ROUNDING",
     "inference/forward": "MARGIN KEPT ROUNDS",
     "inference/load_forward": "KEPT",
@@ -58,6 +57,7 @@ NUMERICS = {
     "inference/refit": "WORSE",
     "inference/trust_region": "ROUNDS STEPS HALVINGS ENOUGH LEARNT RENEWED PATIENT HOPE LOST POOR GOOD "
     "SHRINKS GROWS SMALLEST",
+    "inference/truncated_normal": "CHAINS SWEEPS SETTLING SEED FAR",
     "diagnosis/unmodelled": "SIZES OVERLAP",
     "diagnosis/verdict": "RIVALS",
     "calibration/calibrated_model": "ALIKE",

@@ -119,6 +119,16 @@ def test_a_diagnosis_shows_and_writes_itself(tmp_path: Path):
     found.write(tmp_path)
     assert json.loads((tmp_path / "diagnosis.json").read_text()) == found.document()
     assert (tmp_path / "diagnosis.html").read_text() == found.page()
+    matplotlib.use("agg")
+    (chart,) = found.plot().containers
+    lengths = [bar.get_width() for bar in chart]
+    findings = found.found.findings
+    assert lengths == [*(row["probability"] for row in found.rows()), findings.nothing, findings.unknown]
+    # the joint also has backlash and hardening, which nobody may name here: more than noise is left
+    assert findings.more_than_noise
+    assert not findings.trusted
+    assert {row["said"] for row in found.rows()} <= {"may act"}
+    assert "What acts, what may, and what is left" in found.page()
 
 
 def test_columns_of_different_lengths_are_refused():

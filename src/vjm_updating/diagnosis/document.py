@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from vjm_output.documents import DoubtRow
+from vjm_updating.findings import FindingsRow
 
 
 class Row(BaseModel):
@@ -142,6 +143,7 @@ class Diagnosis(Row):
     """What a diagnosis found."""
 
     verdict: Literal["none", "named", "class", "unknown"]
+    findings: FindingsRow = Field(FindingsRow(), description="what acts, what may, and what is left")
     causes: list[str]
     candidates: list[CandidateRow]
     parameters: dict[str, ValueRow | str]

@@ -12,11 +12,14 @@ from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.normal_equations import inverse
 from vjm_updating.inference.parameters import of_effect, release_key
+from vjm_updating.inference.truncated_normal import FAR, truncated_draws
 from vjm_updating.observation.distributions import latin_hypercube, normal_quantile
 from vjm_updating.observation.significance import NORMAL_95
 
 DRAWS = 512
 """Of the coordinates, from which an interval follows."""
+THINNED = 15
+"""Of the draws from a truncated distribution, each how many-th is taken: about as many."""
 DIRECTION = "direction_rad"
 """Last word of parameters that are angles all round."""
 
@@ -49,6 +52,7 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
     reported, which may be no straight function of them: a vector's size grows by errors in whatever direction.
     """
     covariance = _covariance(fitter, fit)
+    push = _beyond_bounds(fitter, fit)
     result: dict[str, Estimate] = {}
     for i, effect in enumerate(fit.hypothesis):
         key = release_key(effect)
@@ -68,15 +72,25 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, Estimate]:
                 slopes[name][k] = (value - here[name]) / h
         block = covariance[np.ix_(own, own)]
         low, high = (np.array([getattr(fit.found[k], end) for k in own]) for end in ("low", "high"))
-        drawn = [_with(fit, own, np.clip(z + d, low, high), i, force) for d in _normal(block)]
+        bounded, errors = _errors(block, low - z, high - z, push[own])
+        drawn = [_with(fit, own, z + d, i, force) for d in errors]
         for name, value in here.items():
             std = max(float(slopes[name] @ block @ slopes[name]), 0.0) ** 0.5
             off = np.array([there[name] for there in drawn]) - value
             if name.endswith(DIRECTION):
                 off = np.angle(np.exp(1j * off))
             least, most = (float(v) for v in np.quantile(off, [0.025, 0.975]))
-            # a size that errors in whatever direction make larger is smaller by what lies along it
-            least, most = least if least < 0.0 else -NORMAL_95 * std, most if most > 0.0 else NORMAL_95 * std
+            if bounded and effect.extent == 1:
+                # what ends at a bound has an interval to one side
+                if off.min() >= 0.0:
+                    least, most = 0.0, float(np.quantile(off, 0.95))
+                elif off.max() <= 0.0:
+                    least, most = float(np.quantile(off, 0.05)), 0.0
+                least, most = min(least, 0.0), max(most, 0.0)
+            else:
+                # a size that errors in whatever direction make larger is smaller by what lies along it
+                least = least if least < 0.0 else -NORMAL_95 * std
+                most = most if most > 0.0 else NORMAL_95 * std
             result[name] = Estimate(value, std, value + least, value + most)
     return result
 
@@ -87,6 +101,27 @@ def joined(here: Mapping[str, Estimate], others: Sequence[Mapping[str, Estimate]
     for other in others:
         result |= {name: result[name].joined(other[name]) for name in result.keys() & other.keys()}
     return result
+
+
+def _errors(covariance: Array, low: Array, high: Array, push: Array) -> tuple[bool, Array]:
+    """Errors ``(n, k)`` of coordinates, and whether a bound is so near that it cuts them off.
+
+    Args:
+        covariance: ``(k, k)`` of the coordinates without bounds.
+        low: ``(k,)`` and
+        high: ``(k,)`` the bounds, from where the coordinates are.
+        push: ``(k,)`` how far they would go if there were no bounds.
+    """
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    free = sd > 0.0
+    if not ((-low < FAR * sd) | (high < FAR * sd))[free].any():
+        return False, _normal(covariance)
+    s = sd[free]
+    unit = covariance[np.ix_(free, free)] / np.outer(s, s)
+    drawn = truncated_draws(push[free] / s, unit, low[free] / s, high[free] / s, np.zeros(len(s)))[::THINNED]
+    errors = np.zeros((len(drawn), len(sd)))
+    errors[:, free] = drawn * s
+    return True, errors
 
 
 def _normal(covariance: Array) -> Array:
@@ -123,9 +158,20 @@ def _named(fit: Fit, index: int, name: str) -> str:
     return f"{effect.cause}.{effect.part}.{name}" if inside else f"{effect.cause}.{name}"
 
 
+def _beyond_bounds(fitter: Fitter, fit: Fit) -> Array:
+    """How far ``(n_z,)`` the coordinates would go if those that press against bounds had none."""
+    pressure = fitter.pressure(fit)
+    low = np.array([c.low for c in fit.found])
+    result: Array = _inverse(fitter, fit) @ np.where(fit.at.z <= low, -pressure, pressure)
+    return result
+
+
+def _inverse(fitter: Fitter, fit: Fit) -> Array:
+    return inverse(fitter.normal(fit), np.array([c.sigma != 0.0 for c in fit.found]))
+
+
 def _covariance(fitter: Fitter, fit: Fit) -> Array:
-    A = fitter.normal(fit)
-    covariance = inverse(A, np.array([c.sigma != 0.0 for c in fit.found]))
+    covariance = _inverse(fitter, fit)
     rows = int(fitter.whitening.present.sum())
     inflation = max(1.0, fitter.squares(fit.found, fit.at) / max(rows - fit.free, 1))
     result: Array = covariance * inflation

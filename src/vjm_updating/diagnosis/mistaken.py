@@ -12,6 +12,7 @@ from dataclasses import replace
 from vjm_updating.diagnosis.document import AlternativeRow, CandidateRow, Diagnosis, ValueRow
 from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment.mistakes import TITLES, Mistake
+from vjm_updating.findings import CauseRow, Word, words
 from vjm_updating.observation.significance import FALSE_ALARMS
 
 
@@ -35,6 +36,7 @@ def unless_unexplained(verdict: Verdict, mistakes: Sequence[Mistake]) -> Verdict
         places=(),
         confidence=max(0.5, 1.0 - verdict.confidence),
         others=(*named, *verdict.others),
+        more_than_noise=True,
         doubt=f"a mistake of the instruments alone is a guess: without it what fits best {left}",
     )
 
@@ -59,6 +61,12 @@ def with_mistakes(document: Diagnosis, mistakes: Sequence[Mistake]) -> Diagnosis
             parameters[f"{mistake.cause}.columns"] = " and ".join(mistake.exchanged)
         for name, value in mistake.parameters.items():
             parameters[name] = ValueRow(value=value, std=0.0, interval95=[value, value])
+    found = document.findings
+    if found.trusted:
+        # found before anything was fitted, and named where the readings without it leave noise alone
+        rows_of = [CauseRow(cause=cause, probability=1.0, share=None, word=Word.ACTS) for cause in causes]
+        found = found.model_copy(update={"causes": [*rows_of, *found.causes]})
+        document = document.model_copy(update={"findings": found.model_copy(update={"words": words(found)})})
     undone = "undone before anything was fitted: " + ", ".join(TITLES[cause] for cause in causes)
     residual = "; ".join(text for text in (document.residual, undone) if text)
     if document.verdict == "unknown":

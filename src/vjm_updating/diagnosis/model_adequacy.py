@@ -13,7 +13,8 @@ from itertools import pairwise
 import numpy as np
 
 from vjm.rotations import Array
-from vjm_updating.diagnosis.screening import Projection, projection
+from vjm_updating.diagnosis.discrepancy import softened
+from vjm_updating.diagnosis.screening import Projection
 from vjm_updating.inference.fitting import Fit, Fitter, prior
 from vjm_updating.inference.residual_basis import smooth_shapes, sudden_shapes
 from vjm_updating.observation.distributions import chi2_isf, chi2_sf
@@ -52,9 +53,15 @@ class Block:
     directions: Array
 
 
-def misfit(fitter: Fitter, fit: Fit) -> Misfit:
-    """Test a fit's residual."""
-    space = projection(fitter, fit)
+def misfit(fitter: Fitter, fit: Fit, law_error: float = 0.0) -> Misfit:
+    """Test a fit's residual.
+
+    Args:
+        fitter: of the test.
+        fit: whose residual is asked.
+        law_error: relative error of the causes' laws, standard deviation: what it may do is noise.
+    """
+    space = softened(fitter, fit, law_error)
     smooth = _blocks(fitter, space, *smooth_shapes(fitter.forward.observed))
     blocks = blocks_of(fitter, space, smooth)
     if not blocks:

@@ -15,6 +15,7 @@ from vjm_updating.diagnosis.preprocess import Prepared
 from vjm_updating.diagnosis.summary_text import CONFIDENCE, placed, unseen
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.mistakes import TITLES
+from vjm_updating.findings_figure import picture
 from vjm_updating.inference.fitting import Fit
 
 HEADLINES = {
@@ -110,6 +111,7 @@ def write_page(measurement: Measurement, prepared: Prepared, fit: Fit, document:
             postures=list(dict.fromkeys(observed.readings.posture.tolist())),
             channels=[*observed.pose_channels, *observed.wrench_channels],
             errors=_channels(prepared, fit, before),
+            chart=picture(document.findings),
             pictures=drawn,
             step=STEPS.get(document.verdict, ""),
             extended=FILE,

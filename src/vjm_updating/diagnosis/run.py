@@ -183,6 +183,7 @@ def _document(
     channels = {name: observed.columns.index(name) for name in observed.wrench_channels}
     return Diagnosis(
         verdict=verdict.kind,
+        findings=verdict.findings,
         causes=sorted({cause for c in candidates for cause in c.causes}),
         candidates=list(candidates),
         parameters=candidates[0].parameters if candidates else {},

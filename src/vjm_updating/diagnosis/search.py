@@ -124,7 +124,7 @@ class Search:
         self._near_null = self.fitter.near(self.null, STRAINED)
         self.first = self._scores(replace(null, fit=self._near_null))
         self.alarm = threshold(self.first)
-        self._something = any(score.p < self.alarm for score in self.first) or self._is_wrong(self.null)
+        self._something = any(score.p < self.alarm for score in self.first) or self.is_wrong(self.rest(self.null))
         best, beam, pairs = null, [null], list[Move]()
         while beam and len(beam[0].labels) < MOST_CAUSES:
             size = len(beam[0].labels) + 1
@@ -152,12 +152,11 @@ class Search:
         return best if self.significant(best) else null
 
     def rest(self, fit: Fit) -> Misfit:
-        """What a fit leaves."""
-        return misfit(self.fitter, fit)
+        """What a fit leaves beyond the noise, and beyond what its causes' laws may be wrong by."""
+        return misfit(self.fitter, fit, self.costs.law_error)
 
-    def _is_wrong(self, fit: Fit) -> bool:
+    def is_wrong(self, rest: Misfit) -> bool:
         """Whether what a fit leaves, or what it takes of the nuisances, is rarer than an alarm."""
-        rest = self.rest(fit)
         return min(rest.p, rest.strained) < self.alarm
 
     def settled(self, ranked: Ranked) -> Ranked:
@@ -169,13 +168,14 @@ class Search:
             ranked = self.tried[ranked.labels]
         return ranked
 
-    def singles(self) -> list[float]:
+    def singles(self) -> dict[Effect, float]:
         """Criterion of every cause alone: of its fit where there is one, else to first order."""
         null = frozenset[str]()
         lower = self.tried[null].criterion - self.known[null].criterion if self.known else 0.0
         fitted = {labels: r.criterion + lower for labels, r in self.known.items()}
         fitted |= {labels: r.criterion for labels, r in self.tried.items()}
-        return [fitted.get(move.labels, move.promise) for move in self._forward(self.tried[null])]
+        moves = self._forward(self.tried[null])
+        return {move.hypothesis[0]: fitted.get(move.labels, move.promise) for move in moves}
 
     def significant(self, ranked: Ranked) -> bool:
         """Whether what causes explain is rare without any, over the whole catalogue."""

@@ -17,6 +17,7 @@ def lines(found: Diagnosis) -> list[str]:
     """The verdict, its parameters, its gain and what to measure next."""
     named = f": {', '.join(found.causes)}" if found.causes else ""
     result = [f"verdict: {found.verdict}{named} (confidence {found.confidence:.2f})"]
+    result += found.findings.words
     if found.residual:
         result.append(found.residual)
     for candidate in found.candidates:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import expit, logit
 
-from vjm_updating.diagnosis.equivalence_classes import best_verdict
 from vjm_updating.diagnosis.evidence import RARER
 from vjm_updating.diagnosis.model_adequacy import Misfit
 from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.search import RIVAL, Search
 from vjm_updating.diagnosis.unmodelled import unmodelled
-from vjm_updating.observation.distributions import normal_sf
+from vjm_updating.findings import SURE, FindingsRow, Hypothesis, by_hypotheses, findings_of, groups_of
+from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.observation.significance import NORMAL_95
 
 RIVALS = 12
@@ -37,6 +37,8 @@ class Verdict:
         places: of each member the hypotheses that have its causes elsewhere: the likeliest, see
             `credible_places`.
         doubt: why causes that fit are not named, in words; empty where that is not so.
+        posterior: that it follows from.
+        more_than_noise: whether the best leaves more than noise, or takes more than the sheet's tolerances.
     """
 
     kind: str
@@ -47,56 +49,183 @@ class Verdict:
     rest: Misfit
     places: tuple[tuple[Ranked, ...], ...] = ()
     doubt: str = ""
+    posterior: Posterior | None = None
+    more_than_noise: bool = False
+
+    @property
+    def findings(self) -> FindingsRow:
+        """What the posterior says in words; nothing is said to act where the verdict is unknown."""
+        if self.posterior is None:
+            return FindingsRow()
+        found = self.posterior
+        p, places = by_hypotheses(found.hypotheses)
+        return findings_of(
+            p,
+            found.shares,
+            groups_of(found.hypotheses),
+            explained=found.explained,
+            left=found.left,
+            more_than_noise=self.more_than_noise,
+            trusted=self.kind != "unknown",
+            places=places,
+            nothing=found.nothing,
+            unknown=found.unknown,
+        )
 
 
 def judge(search: Search, best: Ranked) -> Verdict:
-    """The verdict on a search's best hypothesis."""
+    """The verdict on a search's best hypothesis, and the findings that it follows from."""
     fitter = search.fitter
     # among as many causes as the catalogue has
     choice = 2.0 * float(np.log(len({effect.cause for effect in search.effects}) or 1))
-    strange = search.null.objective + unmodelled(fitter, search.null) + choice
-    best = _settled(search, best, strange)
+    alone = search.null.objective + unmodelled(fitter, search.null) + choice
+    best = _settled(search, best, alone)
     rest = search.rest(best.fit)
     if best.labels:
         for near in [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]:
             search.settled(near)
+    # or an unknown one acts beside the causes found
+    further = choice + RARER + unmodelled(fitter, best.fit, search.costs.law_error) if best.labels else np.inf
+    posterior = posterior_of(search, best, alone, best.criterion + further)
     weights = _weights(search, best)
-    if best.labels:
-        # or one acts beside the causes found
-        further = unmodelled(fitter, best.fit, search.costs.law_error) + choice + RARER
-        strange = min(strange, best.criterion + further)
-    unknown = float(expit(0.5 * (best.criterion - strange)))
-    if unknown > 0.5 or (best.labels and not best.fit.converged):
-        return Verdict("unknown", (), (), confidence(max(0.5, unknown)), _others(weights, []), rest)
+    wrong = posterior.unknown > 0.5 or search.is_wrong(rest)
+    bare = Verdict(
+        "none", (), (), confidence(posterior.nothing), (), rest, posterior=posterior, more_than_noise=wrong
+    )
+    if posterior.unknown > 0.5 or (best.labels and (wrong or not best.fit.converged)):
+        sure = confidence(max(0.5, posterior.unknown))
+        return replace(bare, kind="unknown", confidence=sure, others=_others(weights, []))
     if not best.labels:
-        return Verdict("none", (), (), confidence(surely_nothing(search, strange)), _others(weights, [best]), rest)
-    rivals: list[Ranked] = []
-    for rival in sorted(weights, key=lambda r: r.criterion):
-        if not rival.labels or rival.criterion > best.criterion + RIVAL or len(rivals) == RIVALS:
-            continue
-        # of a cause that can sit in several places the likeliest
-        if (
-            rival.fit.converged
-            and all(rival.causes != m.causes for m in rivals)
-            and not any(needless(other, rival) for other in (best, *rivals))
-        ):
-            rivals.append(rival)
-    # and in whichever place it is, it is that cause
-    total = {r: sum(w for other, w in weights.items() if other.causes == r.causes) for r in rivals}
-    chosen, sure = best_verdict(fitter, [r.fit for r in rivals], np.array([total[r] for r in rivals]))
-    members = [rivals[i] for i in chosen]
+        return replace(bare, others=_others(weights, [best]))
+    # in whichever place it is, it is that cause
+    total = {r: sum(w for other, w in weights.items() if other.causes == r.causes) for r in weights}
+    members = credible_causes(best, total)
     own = np.array([total[m] for m in members])
     share = own / own.sum()
-    kind = "class" if len(members) > 1 else "named"
-    return Verdict(
-        kind,
-        tuple(members),
-        tuple(float(v) for v in share),
-        confidence(sure * (1.0 - unknown)),
-        _others(weights, members),
-        rest,
-        tuple(credible_places(weights, member) for member in members),
+    return replace(
+        bare,
+        kind="class" if len(members) > 1 else "named",
+        members=tuple(members),
+        probabilities=tuple(float(v) for v in share),
+        confidence=confidence(float(own.sum()) * (1.0 - posterior.unknown)),
+        others=_others(weights, members),
+        places=tuple(credible_places(weights, member) for member in members),
     )
+
+
+def credible_causes(best: Ranked, total: Mapping[Ranked, float]) -> list[Ranked]:
+    """The fewest sets of causes of which one is right with 95 %, the best one among them and first.
+
+    Of sets that say the same with more causes or parameters none counts, nor one without a cause.
+
+    Args:
+        best: the likeliest hypothesis.
+        total: of every hypothesis, the probability of its causes in whichever places.
+    """
+    members, held = [best], total[best]
+    for rival in sorted(total, key=lambda r: (-total[r], r.criterion)):
+        if held >= SURE or len(members) == RIVALS:
+            break
+        if (
+            rival.labels
+            and rival.fit.converged
+            and all(rival.causes != m.causes for m in members)
+            and not any(needless(other, rival) for other in members)
+        ):
+            members.append(rival)
+            held += total[rival]
+    return sorted(members, key=lambda m: -total[m])
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Probabilities of all hypotheses of a search, nothing and the unknown among them.
+
+    Attributes:
+        hypotheses: causes in their places; those beside which an unknown cause acts are among them.
+        nothing: that nothing acts.
+        unknown: that something acts that no catalogue has, alone or beside the best.
+        shares: of what the nominal model misses, by cause, in the likeliest hypothesis with it.
+        explained: of that, by the best.
+        left: root mean square of what the best leaves, over the noise.
+    """
+
+    hypotheses: tuple[Hypothesis, ...]
+    nothing: float
+    unknown: float
+    shares: Mapping[str, float]
+    explained: float
+    left: float
+
+
+def posterior_of(search: Search, best: Ranked, alone: float, beside: float) -> Posterior:
+    """Probabilities of what was tried, of single causes that were not, and of an unknown one.
+
+    Args:
+        search: what was tried.
+        best: the likeliest.
+        alone: criterion of an unknown cause by itself.
+        beside: of one beside the best's.
+    """
+    tried = {r.labels: r for r in search.tried.values() if r.fit.converged or not r.labels}
+    places = {labels: _places(r.fit.hypothesis) for labels, r in tried.items()}
+    criteria = {labels: r.criterion for labels, r in tried.items()}
+    for effect, value in search.singles().items():
+        labels = frozenset([effect.label])
+        # what was not worth a fit is not worth more than its promise
+        criteria.setdefault(labels, value)
+        places.setdefault(labels, _places((effect,)))
+    values = np.array([*criteria.values(), alone, beside])
+    w = np.exp(-0.5 * np.minimum(values - values.min(), 1400.0))
+    *own, only, further = (w / w.sum()).tolist()
+    known = [Hypothesis(places[labels], v) for labels, v in zip(criteria, own, strict=True) if labels]
+    known.append(Hypothesis(_places(best.fit.hypothesis), further))
+    nothing = next(v for labels, v in zip(criteria, own, strict=True) if not labels)
+    fitter = search.fitter
+    number = int(fitter.whitening.present.sum())
+    squares = {labels: fitter.squares(r.fit.found, r.fit.at) for labels, r in tried.items()}
+    missed = squares[frozenset()] - number
+    shares: dict[str, float] = {}
+    for r in sorted(tried.values(), key=lambda r: r.criterion):
+        for cause, share in _shares(r, squares, missed).items():
+            shares.setdefault(cause, share)
+    at = fitter.whitening.flat(best.fit.at.residual)
+    return Posterior(
+        hypotheses=tuple(known),
+        nothing=nothing,
+        unknown=only + further,
+        shares=shares,
+        explained=_explained(squares[best.labels], squares, missed),
+        left=float(np.sqrt(at @ at / max(number - len(best.fit.found), 1))),
+    )
+
+
+def _places(hypothesis: Sequence[Effect]) -> dict[str, list[str]]:
+    places: dict[str, list[str]] = {}
+    for effect in hypothesis:
+        places.setdefault(effect.cause, []).append(effect.place)
+    return places
+
+
+def _explained(left: float, squares: Mapping[frozenset[str], float], missed: float) -> float:
+    """Share of what the nominal model misses beyond its noise; none where it misses nothing."""
+    return float(np.clip((squares[frozenset()] - left) / missed, 0.0, 1.0)) if missed > 0.0 else 0.0
+
+
+def _shares(ranked: Ranked, squares: Mapping[frozenset[str], float], missed: float) -> dict[str, float]:
+    """What each cause of a hypothesis explains: what is missed without it, of all that they explain together.
+
+    Where it is not known what is missed without one of them, none has a share.
+    """
+    lost: dict[str, float] = {}
+    for effect in ranked.fit.hypothesis:
+        less = ranked.labels - {effect.label}
+        if less not in squares:
+            return {}
+        lost[effect.cause] = lost.get(effect.cause, 0.0) + max(squares[less] - squares[ranked.labels], 0.0)
+    together = sum(lost.values())
+    explained = _explained(squares[ranked.labels], squares, missed)
+    return {cause: explained * part / together if together > 0.0 else 0.0 for cause, part in lost.items()}
 
 
 def _settled(search: Search, best: Ranked, strange: float) -> Ranked:
@@ -140,7 +269,16 @@ def _unknown(verdict: Verdict, why: str) -> Verdict:
     named = tuple(zip(verdict.members, verdict.probabilities, strict=True))
     doubt = f"{' + '.join(sorted(verdict.members[0].causes))} fits, but {why}"
     sure = max(0.5, 1.0 - verdict.confidence)
-    return Verdict("unknown", (), (), sure, (*named, *verdict.others), verdict.rest, doubt=doubt)
+    return replace(
+        verdict,
+        kind="unknown",
+        members=(),
+        probabilities=(),
+        confidence=sure,
+        others=(*named, *verdict.others),
+        places=(),
+        doubt=doubt,
+    )
 
 
 def needless(best: Ranked, rival: Ranked) -> bool:
@@ -159,18 +297,6 @@ def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:
     return {r: float(v) for r, v in zip(ranked, w / w.sum(), strict=True)}
 
 
-def surely_nothing(search: Search, strange: float) -> float:
-    """Posterior probability that there is nothing, beside single causes and unknown ones.
-
-    Args:
-        search: that found nothing.
-        strange: criterion of an unknown cause.
-    """
-    others = np.array([*search.singles(), strange])
-    null = search.tried[frozenset()].criterion
-    return float(1.0 / (1.0 + np.sum(np.exp(-0.5 * (others - null)))))
-
-
 def credible_places(weights: Mapping[Ranked, float], member: Ranked) -> tuple[Ranked, ...]:
     """The likeliest hypotheses that have a member's causes elsewhere: with it, a credible set of 95 %.
 
@@ -183,8 +309,7 @@ def credible_places(weights: Mapping[Ranked, float], member: Ranked) -> tuple[Ra
     elsewhere = sorted((r for r in weights if in_other_places(r, member)), key=lambda r: -weights[r])
     w = np.array([weights[member], *(weights[r] for r in elsewhere)])
     before = np.cumsum(w)[:-1] / w.sum()
-    enough = 1.0 - 2.0 * float(normal_sf(NORMAL_95))
-    return tuple(r for r, held in zip(elsewhere, before, strict=True) if held < enough)
+    return tuple(r for r, held in zip(elsewhere, before, strict=True) if held < SURE)
 
 
 def in_other_places(ranked: Ranked, member: Ranked) -> bool:

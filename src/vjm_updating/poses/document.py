@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from vjm_output.documents import DoubtRow
+from vjm_updating.findings import FindingsRow
 
 
 class Row(BaseModel):
@@ -180,6 +181,7 @@ class PoseDiagnosis(PoseCalibration):
     """A diagnosis by poses or deflections."""
 
     verdict: Literal["none", "named", "class", "partly", "unknown"]
+    findings: FindingsRow = Field(description="what acts, what may, and what is left")
     causes: list[str]
     alternatives: list[list[str]]
     rivals: list[str] = Field(description="families that miss what they have to save by no more than its noise")

@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
+from vjm_updating.poses.marginals import marginals
 from vjm_updating.poses.study import State, Study
-from vjm_updating.poses.truncated import marginals
 
 LEARNT = 0.9
 """Posterior over prior standard deviation above which the data say nothing of a member."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from vjm_output.plot_style import Picture, drawing_of, figure
 from vjm_output.templating import environment
+from vjm_updating.findings_figure import picture
 from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.poses.ladder import Step
 from vjm_updating.poses.sheet import RobotSheet
@@ -34,6 +35,7 @@ def page(sheet: RobotSheet, study: Study, steps: Sequence[Step], found: PoseCali
         found=found, diagnosis=diagnosis, ladder=diagnosis.ladder if diagnosis else [found.before, found.after],
         headline=HEADLINES[diagnosis.verdict] if diagnosis else f"Calibration by {found.kind}.",
         tone=TONES[diagnosis.verdict] if diagnosis else "cause",
+        chart=picture(diagnosis.findings) if diagnosis else None,
         interval=interval, pictures=[_ladder(steps, found.baseline), _residuals(steps, found.baseline)],
     )  # fmt: skip
 

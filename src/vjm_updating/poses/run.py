@@ -18,6 +18,7 @@ from vjm_updating.experiment.mistakes import columns_mistaken, refuse_mistaken
 from vjm_updating.poses import document as rows
 from vjm_updating.poses.contrasts import contrasts, correlations
 from vjm_updating.poses.families import TITLES
+from vjm_updating.poses.findings import pose_findings
 from vjm_updating.poses.halves import Halves, halves
 from vjm_updating.poses.identifiability import MemberEstimate, estimates
 from vjm_updating.poses.kinds import PreparedTest
@@ -115,6 +116,7 @@ def diagnose_poses(
             "halves": None if verdict.halves is None else _halves(verdict.halves),
         },
         verdict=verdict.kind,
+        findings=pose_findings(study, steps, verdict),
         causes=list(verdict.causes),
         alternatives=[list(names) for names in verdict.alternatives],
         rivals=list(verdict.rivals),

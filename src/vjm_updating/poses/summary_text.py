@@ -58,7 +58,7 @@ def _errors(found: PoseCalibration) -> list[str]:
 
 def _diagnosis(found: PoseDiagnosis) -> list[str]:
     named = f": {', '.join(found.causes)}" if found.causes else ""
-    result = [f"verdict: {found.verdict}{named}"]
+    result = [f"verdict: {found.verdict}{named}", *found.findings.words]
     result += [f"  as good: {', '.join(row)}" for row in found.alternatives]
     if found.rivals:
         result.append(f"  within the noise of being added: {', '.join(found.rivals)}")

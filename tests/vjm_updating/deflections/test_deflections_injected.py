@@ -14,6 +14,7 @@ from hidden_effects.poses.robots import UR10, document
 
 from vjm.io.model_file import load_chain
 from vjm.io.toml_text import toml_text
+from vjm_updating.findings import Word
 from vjm_updating.poses.identifiability import estimates
 from vjm_updating.poses.kinds import read_test
 from vjm_updating.poses.study import Hypothesis
@@ -81,6 +82,16 @@ def test_joint_compliance_is_named_and_its_size_found(diagnosed):
         assert abs(row.value - truth) < 4.0 * row.std
     # the noise is 0.01 mm a coordinate, its distance sqrt(8/π) of that in the mean
     assert found.after.random_mm == pytest.approx(NOISE * np.sqrt(8.0 / np.pi), rel=0.2)
+
+
+def test_what_was_hidden_acts_and_explains_what_the_model_missed(diagnosed):
+    found, out = diagnosed
+    (acts,) = (row for row in found.findings.causes if row.word is Word.ACTS)
+    assert (acts.cause, acts.share) == ("joint_compliance", pytest.approx(found.explained))
+    assert acts.probability > 0.999
+    assert found.findings.trusted
+    assert not found.findings.more_than_noise
+    assert "What acts, what may, and what is left" in (out / "diagnosis.html").read_text()
 
 
 def test_the_written_model_predicts_as_said(diagnosed, plain):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from vjm_updating.diagnosis.equivalence_classes import distance
 from vjm_updating.diagnosis.evidence import beyond_bounds, criterion, narrowed
 from vjm_updating.inference.instrument import InstrumentZero
 from vjm_updating.inference.parameters import coordinates
@@ -52,18 +51,6 @@ def test_what_is_not_seen_costs_nothing_beside_what_is():
     both = np.linalg.inv(seen * np.ones((2, 2)) + np.diag(prior**2))
     # rounding of an inverse of condition 1e4
     assert narrowed(both, prior, np.ones(2)) == pytest.approx(one, abs=1e-6)
-
-
-@pytest.mark.parametrize(("high", "left"), [(10.0, 0.0), (2.0, 3.0), (5.0, 0.0)])
-def test_a_refit_stays_within_bounds(high, left):
-    """One reading of unit slope: the other hypothesis needs 3 more of its coordinate, if there is so much."""
-    own = Coordinate("effect", "effect", "0", 1.0, sigma=np.inf, high=high)
-    flat = SimpleNamespace(whitening=SimpleNamespace(flat=lambda raw: raw), nuisances=[])
-    truth = SimpleNamespace(hypothesis=(), at=SimpleNamespace(z=np.zeros(1), residual=np.array([3.0])))
-    at = SimpleNamespace(z=np.array([2.0]), residual=np.zeros(1))
-    other = SimpleNamespace(found=[own], at=at, jacobian=np.array([[1.0]]))
-    # rounding of a few operations on numbers about three
-    assert distance(flat, truth, other) == pytest.approx(left, abs=1e-12)
 
 
 def test_what_either_is_or_is_not_has_no_parameter_to_pay_for():

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import truncnorm
 
 from vjm_updating.diagnosis.estimates import Estimate, estimates, joined
 from vjm_updating.inference.parameters import coordinates
@@ -25,6 +26,7 @@ def known(effect, z, *errors):
         normal=lambda fit: normal,
         whitening=SimpleNamespace(present=np.ones((100, 1), dtype=bool)),
         squares=lambda found, at: 90.0,
+        pressure=lambda fit: np.zeros(len(found)),
     )
     return fitter, SimpleNamespace(hypothesis=(effect,), found=found, at=at, free=len(found))
 
@@ -66,3 +68,30 @@ def test_an_interval_takes_in_what_other_places_say():
     here, there = Estimate(1.0, 0.1, 0.8, 1.2), Estimate(1.3, 0.1, 1.1, 1.5)
     both = joined({"x": here, "only here": here}, [{"x": there, "only there": there}])
     assert both == {"x": Estimate(1.0, 0.1, 0.8, 1.5), "only here": here}
+
+
+def bounded(best):
+    """Value and interval, in standard deviations, of a compliance that is best at ``best`` without a bound."""
+    effect = ActuatorCompliance()
+    fitter, fit = known(effect, [max(best, 0.0)], 1.0)
+    fitter.pressure = lambda fit: np.array([max(-best, 0.0)])
+    (found,) = estimates(fitter, fit, 0.0).values()
+    unit = effect.quantities()[0].scale
+    return found.value / unit, found.low / unit, found.high / unit
+
+
+@pytest.mark.parametrize("best", [0.0, -1.0, -9.0])
+def test_a_size_at_its_bound_has_the_truncated_interval_to_one_side(best):
+    value, low, high = bounded(best)
+    assert (value, low) == (0.0, 0.0)
+    # 534 of 8,000 draws: the 95 % quantile has a standard error of a twentieth of its distance, times four
+    assert high == pytest.approx(truncnorm.ppf(0.95, -best, np.inf, loc=best), rel=0.2)
+
+
+@pytest.mark.parametrize("best", [0.5, 1.5])
+def test_an_interval_stays_within_its_bounds(best):
+    value, low, high = bounded(best)
+    assert value == pytest.approx(best)
+    assert low >= 0.0
+    # the same errors of quantiles: a standard error of 0.06 standard deviations at the upper end, times four
+    assert [low, high] == pytest.approx(truncnorm.ppf([0.025, 0.975], -best, np.inf, loc=best), abs=0.25)

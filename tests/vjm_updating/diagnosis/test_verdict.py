@@ -8,11 +8,11 @@ from vjm_updating.diagnosis.model_adequacy import Misfit
 from vjm_updating.diagnosis.scored_hypothesis import Ranked
 from vjm_updating.diagnosis.verdict import (
     Verdict,
+    credible_causes,
     credible_places,
     in_other_places,
     needless,
     proved,
-    surely_nothing,
 )
 from vjm_updating.inference.instrument import InstrumentZero, ThermalDrift
 from vjm_updating.inference.parameters import coordinates
@@ -69,17 +69,6 @@ def test_what_was_held_out_counts_where_a_right_model_would_do_better(after, exp
         assert found.doubt.endswith("predicts what was held out worse than no cause does")
 
 
-def test_nothing_is_less_sure_the_nearer_another_comes():
-    def sure(*promises, strange=200.0):
-        null = {frozenset(): SimpleNamespace(criterion=100.0)}
-        return surely_nothing(SimpleNamespace(singles=lambda: list(promises), tried=null), strange)
-
-    assert sure() == pytest.approx(1.0)
-    # one that is as good, and three
-    assert sure(100.0) == pytest.approx(0.5)
-    assert sure(100.0, 100.0, strange=100.0) == pytest.approx(0.25)
-
-
 def test_a_cause_may_sit_in_another_place():
     def at(*parts, converged=True):
         found = ranked(*(ThermalDrift(part=part, by="K", span=1.0) for part in parts))
@@ -106,3 +95,21 @@ def test_places_are_credible_up_to_what_an_interval_holds():
     assert credible_places({first: 0.96, others[0]: 0.04}, first) == ()
     # of many that are as likely, as many as make 95 in a hundred
     assert len(credible_places({first: 0.25, others[0]: 0.25, others[1]: 0.25, others[2]: 0.25}, first)) == 3
+
+
+def test_the_fewest_sets_of_causes_that_hold_95_in_a_hundred_are_a_class_with_the_likeliest_first():
+    best, near, far = ranked(DRIFT), ranked(LINEAR), ranked(ZERO)
+    for one in (best, near, far):
+        one.fit.converged = True
+    assert credible_causes(best, {best: 0.96, near: 0.03, far: 0.01}) == [best]
+    assert credible_causes(best, {best: 0.5, near: 0.46, far: 0.04}) == [best, near]
+    assert credible_causes(best, {far: 0.06, best: 0.5, near: 0.44}) == [best, near, far]
+    # two runners-up that are alike do not put the leader out
+    assert credible_causes(best, {best: 0.4, near: 0.3, far: 0.3})[0] is best
+
+
+def test_a_set_that_says_the_same_with_more_is_no_member_of_a_class():
+    best, contained = ranked(LINEAR), ranked(HARDENING)
+    for one in (best, contained):
+        one.fit.converged = True
+    assert credible_causes(best, {best: 0.6, contained: 0.4}) == [best]

@@ -5,8 +5,9 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm, truncnorm
 
+from vjm_updating.inference.truncated_normal import truncated_draws
 from vjm_updating.poses.fit import blocks_of, solve
-from vjm_updating.poses.truncated import marginals, truncated_draws
+from vjm_updating.poses.marginals import marginals
 
 G = 60
 

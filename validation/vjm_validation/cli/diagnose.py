@@ -12,6 +12,7 @@ from vjm_output import terminal
 from vjm_output.documents import as_json
 from vjm_output.optional_page import page_line
 from vjm_updating import diagnose, load_data
+from vjm_updating.mechanisms.catalogue import plug_in
 from vjm_validation.cli.doubts import Strict
 from vjm_validation.cli.effect_files import EffectFiles, tell_what_runs
 from vjm_validation.cli.telling import telling
@@ -43,10 +44,11 @@ def diagnose_(
 ) -> int:
     """Show what the model gets wrong, name the cause, extend the model and measure the gain."""
     tell_what_runs(effects)
+    makers = [plug_in(path) for path in effects]
     with telling("diagnosis", out, quiet=json) as (told, tell):
         found = diagnose(
             load_data(data, sheet),
-            effects=effects,
+            effects=makers,
             only=only,
             without=without,
             beside=[load_data(*files) for files in beside],
