@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vjm.rotations import Array
+from vjm.rotations import Array, cross
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class Kinematics:
         force, moment = wrench[:3], wrench[3:]
         turning = np.where(self.rotary[:, None], self.axes, 0.0)
         # f · (w_i × J_j) = (f × w_i) · J_j, i at or before j
-        linear = np.cross(force, turning) @ self.joint_jacobian[:3]
+        linear = cross(force, turning) @ self.joint_jacobian[:3]
         H: Array = np.triu(linear, 1).T + np.triu(linear)
-        angular = np.cross(moment, turning) @ turning.T
+        angular = cross(moment, turning) @ turning.T
         result: Array = self.drive.T @ (H + np.triu(angular, 1).T) @ self.drive
         return result

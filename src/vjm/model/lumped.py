@@ -21,7 +21,7 @@ from vjm.model.kinematics import Kinematics
 from vjm.model.packing import Loads, packed
 from vjm.model.pieces import closure_sites, coupling_rows, machine_pieces, point_springs
 from vjm.model.springs import LinearSpring, Spring
-from vjm.rotations import Array, translation
+from vjm.rotations import Array, cross, translation
 
 DEPENDENT = 1e-9
 """Singular value over the largest below which motions, or what closures hold, depend on one another."""
@@ -321,7 +321,7 @@ class LumpedModel:
     def _joint_jacobian(self, behind: Array, axes: Array, point: Array, moving: np.ndarray) -> Array:
         """Velocity ``(6, m)`` of a point by the joints, those that do not move it being zero."""
         turning = self.joint_rotary[:, None]
-        shifts = np.where(turning, np.cross(axes, point - behind[1:, :3, 3]), axes)
+        shifts = np.where(turning, cross(axes, point - behind[1:, :3, 3]), axes)
         turns = np.where(turning, axes, 0.0)
         result: Array = (np.concatenate([shifts, turns], axis=1) * moving[:, None]).T
         return result

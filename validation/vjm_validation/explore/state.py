@@ -148,6 +148,7 @@ class Explorer:
         self._machine = machine = self.files.machine({})
         self._sizes: dict[str, float] = {}
         self._built: tuple[object, LinearState] | None = None
+        self._stands: tuple[object, tuple[Chain, str]] | None = None
         engine = engine_by_name("vjm", options or EngineOptions(int(segments)), machine)
         assert isinstance(engine, VjmEngine)
         self.engine = engine
@@ -264,7 +265,10 @@ class Explorer:
         if sizes != self._sizes:
             # what is refused leaves the last machine as it is
             self._machine, self._sizes = self.files.machine(sizes), sizes
-        return in_posture(self._machine, self.posture(setting))
+        key = (self.posture(setting), tuple(sorted(sizes.items())))
+        if self._stands is None or self._stands[0] != key:
+            self._stands = (key, in_posture(self._machine, key[0]))
+        return self._stands[1]
 
     def posture(self, setting: Setting) -> str:
         """As ``--posture`` takes it: the label where the machine stands in that posture."""
