@@ -24,6 +24,7 @@ def first_losses(model: TreeModel, q: np.ndarray, directions: np.ndarray, most: 
     none = np.zeros((k, len(model.ends), 6))
     at = equilibria(model, rows, wrench=none)
     assert at.stable.all()
+    assert at.compliance is not None
     x, closures, moved, C = at.x.copy(), at.closures.copy(), at.deflection[:, 0].copy(), at.compliance[:, 0].copy()
     good, bad = np.zeros(k), np.full(k, np.inf)
     going = np.arange(k)
@@ -35,6 +36,7 @@ def first_losses(model: TreeModel, q: np.ndarray, directions: np.ndarray, most: 
         now = equilibria(
             model, rows[going], wrench=wrench, start=x[going], start_closures=closures[going], gradual=False
         )
+        assert now.compliance is not None
         step = np.hstack([directions[going], np.zeros((len(going), 3))]) * (ahead - good[going])[:, None]
         foreseen = np.linalg.norm(scale * np.einsum("kab,kb->ka", C[going], step), axis=1)
         gone = np.linalg.norm(scale * (now.deflection[:, 0] - moved[going]), axis=1)

@@ -67,6 +67,8 @@ HALVINGS = 6
 SHORT = 0.02
 """Of a critical force: by how much the last equilibrium of this check falls short of it. Of the stiffness without
 a force: below it the signs of other modes, which may vanish together with it, are not asked for."""
+BESIDE = 0.1
+"""Of a chart's unit: how far from a critical equilibrium the eigenvalues are counted at most."""
 INVERSE = 6
 """Iterations to the softest mode where stability is lost on the way."""
 
@@ -80,12 +82,15 @@ class Weakest:
         direction: ``(3,)`` unit vector, world axes.
         why: empty, or why there is none.
         negative: numbers of negative eigenvalues at a little more and a little less stiffness than none.
+        error: N, by what is left of the stiffness and of the quadratic model. It is large where a path keeps a
+            little stiffness over a range of forces, as beside a bifurcation.
     """
 
     force: float
     direction: Array
     why: str = ""
     negative: tuple[int, int] = (-1, -1)
+    error: float = float("nan")
 
 
 @dataclass
@@ -267,12 +272,18 @@ class CriticalForce:
             if reached > most or reached > LIKELY * most * max(1.0 - left, TOLERANCE):
                 return no_force("beyond")
             if abs(left) < TOLERANCE and remainder < EXACT:
-                slope = model.at(theta)[1][3]
+                slopes = model.at(theta)[1]
+                slope = slopes[3]
                 beside = SHORT * full / (slope @ slope) * slope
+                # where the stiffness hardly changes the points stay near by
+                beside *= min(1.0, BESIDE / float(np.linalg.norm(beside)))
                 sides = self._evaluated(now, theta + np.array([beside, -beside]), chart, pattern)
                 if sides[0].negative != 0 or sides[1].negative < 1:
                     return None
-                return Weakest(reached, there.force / reached, "", (0, sides[1].negative))
+                # at the least force it falls with the stiffness that is left
+                falls = float(np.linalg.norm(there.force @ slopes[:3])) / reached / float(np.linalg.norm(slope))
+                error = abs(there.value) * falls + remainder**2 * size
+                return Weakest(reached, there.force / reached, "", (0, sides[1].negative), error)
             # the device pushes along the mode that is softest now
             now, pattern = there, self._pattern(there.mode)
             again = self._evaluated(now, np.zeros((1, 3)), self._chart(now, size), pattern)[0]

@@ -136,7 +136,9 @@ def test_no_direction_of_many_is_weaker_for_platforms(machine: str):
 def held_to_directions(found: Weakest, model: TreeModel, q: np.ndarray) -> None:
     """Forces that go up along it, along those beside it and along 60 anywhere."""
     assert not found.why
+    assert found.negative[0] == 0
     assert found.negative[1] >= 1
+    assert found.error < 1e-4 * found.force
     rng = np.random.default_rng(3)
     beside, anywhere = found.direction + 0.05 * rng.standard_normal((12, 3)), rng.standard_normal((60, 3))
     directions = np.vstack([found.direction, beside, anywhere])
