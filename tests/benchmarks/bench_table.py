@@ -39,6 +39,15 @@ MEANING = {
     "platform_equilibria_a_minute": "platforms on the paper's chains with inverse kinematics, stiffness and "
     "stability, two processes",
     "platform_equilibrium_us": "processor time of one of these",
+    "ur10_100000_equilibria_s": "100,000 postures of a 6R arm under its weight: equilibrium and loaded stiffness",
+    "delta_pose_ms": "a pose of the Delta, one spring per beam: closing, equilibrium and loaded stiffness",
+    "par2_pose_ms": "the same of the Par2",
+    "hexapod_pose_ms": "the equilibrium and loaded stiffness of the hexapod",
+    **{
+        f"{name}_critical_force_s": f"smallest critical force over all directions, one pose of `{name}`"
+        for name in ("delta", "par2", "hexapod", "palletiser", "ur10")
+    },
+    "tree_n256_over_n32": "equilibrium and stiffness of a tree of 256 springs over one of 32",
     "equilibria_speedup_2_workers": "two processes against one at that",
     "weakest_speedup_2_workers": "the same of smallest critical forces over all directions",
     "map_21_stiffness_s": "21³ poses of the Orthoglide: stiffness, from the start of two processes to the files",

@@ -325,6 +325,9 @@ def eliminate(model: MachineArrays, command: Floats, natural: Floats, x: Floats,
                     up[u, 2, c] += f2 * X[i, c]
                 for c in range(OWN - 1, width):
                     f = d * X[i, c]
+                    # most units touch few places of the border
+                    if f == 0.0:
+                        continue
                     for b in range(c, width):
                         P[limb, c, b] += f * X[i, b]
         if above >= 0:

@@ -111,7 +111,7 @@ def equilibria(
     # under a share of their stress the springs' forces differ from posture to posture
     springs = arrays.spring[None] if share == 1.0 or not len(arrays.spring) else _eased_springs(model, q, share)
     equilibria_of(
-        *_objects(arrays), commands, naturals, np.zeros((1, n)), F, springs, gradual, x, closures, verdict, forces,
+        *objects(arrays), commands, naturals, np.zeros((1, n)), F, springs, gradual, x, closures, verdict, forces,
         R, p, moved, C, K,
     )  # fmt: skip
     lost = verdict == LOST
@@ -151,7 +151,7 @@ def free_equilibria(
     g, e = p.shape[:2]
     none = np.zeros((0, e, 6, 6))
     equilibria_of(
-        *_objects(arrays), commands, naturals, np.zeros((1, x.shape[1])), wrench, arrays.spring[None], True, x,
+        *objects(arrays), commands, naturals, np.zeros((1, x.shape[1])), wrench, arrays.spring[None], True, x,
         closures, verdict, forces, R, p, np.zeros((g, e, 6)), none, none,
     )  # fmt: skip
 
@@ -160,7 +160,7 @@ def _arrays(model: TreeModel, gravity: Gravity | None, loads: Sequence[Load], wr
     return model.arrays(gravity, loads, moments=bool(np.any(wrench[..., 3:])))
 
 
-def _objects(arrays: MachineArrays) -> tuple[MachineArrays, Work]:
+def objects(arrays: MachineArrays) -> tuple[MachineArrays, Work]:
     """A machine and a workspace as the kernels take them; what they overwrite of the machine is a copy."""
     return machine_object(arrays._replace(spring=arrays.spring.copy())), work_object(workspace(arrays))
 
@@ -209,7 +209,7 @@ def sensitivities(
             own[:, i, :, 3:] += 0.5 * share * np.stack(pairs, axis=-1)
     moved = np.zeros((g, k, e, 6))
     responses_of(
-        *_objects(arrays), model.values(q), model.naturals(q), np.zeros((1, n)), F, x, found.closures, right, gap,
+        *objects(arrays), model.values(q), model.naturals(q), np.zeros((1, n)), F, x, found.closures, right, gap,
         moved,
     )  # fmt: skip
     return np.moveaxis(moved + own, 1, -1)
@@ -245,7 +245,7 @@ def _residuals(
     g, e = len(q), len(model.ends)
     r, gap, R, p = np.zeros_like(x), np.zeros_like(found.closures), np.zeros((g, e, 3, 3)), np.zeros((g, e, 3))
     residuals_of(
-        *_objects(_arrays(changed, gravity, loads, wrench)), changed.values(q), changed.naturals(q),
+        *objects(_arrays(changed, gravity, loads, wrench)), changed.values(q), changed.naturals(q),
         np.zeros((1, model.size)), wrench, x, found.closures, r, gap, R, p,
     )  # fmt: skip
     return r, gap, R, p
@@ -269,7 +269,7 @@ def frames_of(model: TreeModel, q: Array, joint: np.ndarray, R_own: Array, p_own
     """
     commands = model.values(q)
     R, p = np.zeros((len(q), len(joint), 3, 3)), np.zeros((len(q), len(joint), 3))
-    frames_at(*_objects(model.arrays()), commands, joint, R_own, p_own, R, p)
+    frames_at(*objects(model.arrays()), commands, joint, R_own, p_own, R, p)
     return R, p
 
 

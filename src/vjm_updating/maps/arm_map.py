@@ -18,12 +18,12 @@ from vjm.model.chain import Chain
 from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import Load
 from vjm.rotations import Array
+from vjm.tree.critical_force import CriticalForce
 from vjm.tree.equilibria import equilibria, unloaded_frames
 from vjm.tree.inverse_kinematics import ClosedPostures, ReachError, followed, ranges_of
 from vjm.tree.model import Gravity, TreeModel
 from vjm.vjm_engine import VjmEngine
 from vjm_output.optional_page import why_not
-from vjm_updating.maps.arm_critical import WeakestForce
 from vjm_updating.maps.by_engine import rows_by
 from vjm_updating.maps.evaluate import COLUMNS, OK, SHOWN, TITLES, Quantity, principal
 from vjm_updating.maps.pose_grid import MOST, grid_axis
@@ -166,7 +166,7 @@ def map_arm(
         for row, each in zip(np.flatnonzero(reached), own, strict=True):
             why[row] = each
     elif quantity is Quantity.CRITICAL:
-        search = WeakestForce(model, index, most, gravity=gravity, loads=loads)
+        search = CriticalForce(model, index, most, gravity=gravity, loads=loads)
         for row in np.flatnonzero(reached):
             weak = search.weakest(q[row])
             values[row], why[row] = [weak.force, *weak.direction], weak.why or OK

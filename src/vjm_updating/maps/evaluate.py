@@ -99,12 +99,8 @@ def evaluate(task: MapTask) -> MapRows:
         case Quantity.DEFLECTION:
             values[good] = moved(found.displacement[good])
         case Quantity.CRITICAL:
-            weak = batch.weakest(task.poses[good], task.most)
-            values[good] = np.column_stack([weak.force, weak.direction])
-            none = np.flatnonzero(good)[~np.isfinite(weak.force)]
-            values[none] = np.nan
-            for k in none:
-                why[k] = f"no critical force up to {task.most:g} N"
+            for k, weak in zip(np.flatnonzero(good), batch.weakest(task.poses[good], task.most), strict=True):
+                values[k], why[k] = [weak.force, *weak.direction], weak.why
         case _:
             assert_never(task.quantity)
     return MapRows(task.index, values, [said or OK for said in why])

@@ -10,7 +10,7 @@ from vjm.io.joint_tables import CoupledTable
 from vjm.io.model_file import build_chain
 from vjm.io.model_plausibility import model_findings
 from vjm.io.renamed import RENAMED, UNTIL
-from vjm.model.joints import CoupledJoint
+from vjm.model.joints import Joint
 
 UNITS = {"length": "mm", "force": "N", "angle": "rad"}
 
@@ -28,11 +28,15 @@ def arm(coupling: str) -> dict:
 
 @pytest.mark.parametrize(("old", "new"), RENAMED["coupling"].items())
 def test_an_old_word_is_read_and_said(old, new):
-    joints = [
-        next(part for part in build_chain(arm(word), "arm.toml").parts if isinstance(part, CoupledJoint))
+    couplings = [
+        next(
+            part.coupling
+            for part in build_chain(arm(word), "arm.toml").parts
+            if isinstance(part, Joint) and part.coupling is not None
+        )
         for word in (old, new)
     ]
-    assert all(joint.as_deflected for joint in joints)
+    assert all(coupling.as_deflected for coupling in couplings)
     said = " ".join(map(str, model_findings(arm(old), "arm.toml")))
     assert f"arm.toml: part 'b', coupling: '{old}' is now called '{new}'" in said
     assert "is now called" not in " ".join(map(str, model_findings(arm(new), "arm.toml")))

@@ -1,138 +1,15 @@
-"""The smallest critical force of arms and closed loops: closed forms, and a search over all angles."""
-
-from __future__ import annotations
+"""Maps of the smallest critical force of arms, and their command."""
 
 import json
 
-import numpy as np
 import pytest
 
 import vjm
-from vjm.model.chain import Chain
-from vjm.model.joints import Joint
-from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
-from vjm.model.parts import RigidOffset
-from vjm.rotations import AXES, translation
-from vjm.tree.model import TreeModel
+from vjm.tree.critical_force import CriticalForce
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.arm_critical import TOLERANCE, WeakestForce
 from vjm_updating.maps.arm_map import map_arm
 from vjm_updating.maps.evaluate import Quantity
 from vjm_validation.cli.main import run
-
-C, L = 1e-8, 400.0
-SLACK = 5.0 * TOLERANCE
-"""The last turn of a direction costs the tolerance, and the force is known to it: a few of them."""
-
-
-def links(n: int) -> Chain:
-    """Rigid links of 400 mm on gears about z."""
-    parts = [
-        part
-        for i in range(n)
-        for part in (
-            Joint(f"j{i}", AXES["z"], compliance=C),
-            RigidOffset(f"l{i}", translation([L, 0.0, 0.0])),
-        )
-    ]
-    held = {f"j{i}": 0.0 for i in range(n)}
-    return Chain("links", tuple(parts), postures={"p": np.zeros(0)}, held={"p": held})
-
-
-def weakest(chain: Chain, q) -> tuple[float, np.ndarray]:
-    found = WeakestForce(TreeModel(chain), 0, 1e9).weakest(np.array(q))
-    assert not found.why
-    return found.force, found.direction
-
-
-def test_a_link_on_a_gear_falls_over_under_a_push_towards_the_gear():
-    """``F = 1/(c L)``: a rigid strut on a torsion spring."""
-    force, direction = weakest(links(1), [0.7])
-    assert force == pytest.approx(1.0 / (C * L), rel=SLACK)
-    assert -direction @ [np.cos(0.7), np.sin(0.7), 0.0] > np.cos(0.05)
-
-
-@pytest.mark.parametrize("n", [2, 3])
-def test_links_in_a_row_buckle_as_a_chain_of_struts(n: int):
-    """The smallest eigenvalue of the gears' stiffness over that of the push along the row."""
-    K = (2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)) / C
-    K[-1, -1] = 1.0 / C
-    force, direction = weakest(links(n), np.zeros(n))
-    assert force == pytest.approx(np.linalg.eigvalsh(K)[0] / L, rel=SLACK)
-    assert -direction[0] > np.cos(0.05)
-
-
-class TwoLinks:
-    """The same arm of two links by two equations, for a search of its own over all angles of a force."""
-
-    def __init__(self, elbow: float) -> None:
-        self.elbow = elbow
-
-    def softest(self, force: float, angles: np.ndarray) -> np.ndarray:
-        """Smallest eigenvalue over ``1/c`` ``(k,)`` where the force along each angle has grown from zero."""
-        d = np.column_stack([np.cos(angles), np.sin(angles)])
-        x = np.zeros((len(angles), 2))
-        lowest = np.full(len(angles), np.inf)
-        for share in np.linspace(0.0, 1.0, 301)[1:]:
-            for _ in range(12):
-                a = x[:, 0]
-                b = a + self.elbow + x[:, 1]
-                p1, p2 = (L * np.column_stack([np.cos(angle), np.sin(angle)]) for angle in (a, b))
-                along = [np.einsum("ki,ki->k", p, d) for p in (p1 + p2, p2)]
-                across = [d[:, 1] * p[:, 0] - d[:, 0] * p[:, 1] for p in (p1 + p2, p2)]
-                r = x / C - share * force * np.column_stack(across)
-                H = np.empty((len(angles), 2, 2))
-                H[:, 0, 0], H[:, 0, 1] = along[0], along[1]
-                H[:, 1, 0], H[:, 1, 1] = along[1], along[1]
-                H = np.eye(2) / C + share * force * H
-                x = x - np.linalg.solve(H, r[:, :, None])[:, :, 0]
-            lowest = np.minimum(lowest, np.linalg.eigvalsh(H)[:, 0] * C)
-        return lowest
-
-    def critical(self, low: float, high: float) -> float:
-        """The force at which the least of them over all angles is zero: by a straight line from below."""
-        values = []
-        for force in (low, 0.5 * (low + high)):
-            around, width = np.linspace(0.0, 2.0 * np.pi, 721), np.pi / 360.0
-            for _ in range(4):
-                softest = self.softest(force, around)
-                best = around[int(np.argmin(softest))]
-                around, width = np.linspace(best - 2.0 * width, best + 2.0 * width, 41), 0.1 * width
-            values.append(float(softest.min()))
-        slope = (values[1] - values[0]) / (0.5 * (high - low))
-        return low - values[0] / slope
-
-
-def test_a_bent_arm_loses_its_stability_under_the_force_that_a_search_over_all_angles_finds():
-    elbow = 0.5
-    force, direction = weakest(links(2), [0.0, elbow])
-    # the straight line is drawn over two tenths before the end, along which it bends by a hundredth of that
-    assert force == pytest.approx(TwoLinks(elbow).critical(0.9 * force, 0.99 * force), rel=0.01)
-    assert abs(direction[2]) < 0.05
-
-
-def test_a_search_that_loses_its_way_gives_no_number():
-    """The arm is bent more: the search comes too late to the narrow dip of the stiffness, and says so."""
-    found = WeakestForce(TreeModel(links(2)), 0, 1e9).weakest(np.array([0.0, 1.0]))
-    if found.why:
-        assert "was lost, but along no single direction" in found.why
-        assert np.isnan(found.force)
-    else:
-        assert found.force == pytest.approx(TwoLinks(1.0).critical(0.9 * found.force, 0.99 * found.force), rel=0.01)
-
-
-def test_along_the_direction_found_a_path_loses_its_stability_there():
-    """The palletiser: a closed loop, an elastic forearm and a spring between points."""
-    chain, engine = vjm.load("palletiser"), VjmEngine(2)
-    model = engine.tree_model(chain)
-    found = WeakestForce(model, 0, 1e6).weakest(model.posture("home"))
-    load = Load((*found.direction, 0.0, 0.0, 0.0))
-    case = LoadCase("home", 1.3 * found.force, "load", loads=(load,), free=COMPONENTS, control=TO_LIMIT)
-    path = vjm.trace(chain, case, engine)
-    softest = [point.eigenvalue for point in path.points]
-    # the direction is known to 0.04 rad: beside the point of loss the path keeps a little of its stiffness
-    near = [e for p, e in zip(path.points, softest, strict=True) if abs(p.ramp / found.force - 1.0) < 0.15]
-    assert path.events or min(near) < 0.1 * softest[0]
 
 
 def test_a_map_of_critical_forces_and_its_command(tmp_path, capsys):
@@ -140,7 +17,7 @@ def test_a_map_of_critical_forces_and_its_command(tmp_path, capsys):
     assert found.why == ["ok", "ok", "out of reach: elbow = 2.8 exceeds its limit 2.6 by 0.2 rad"]
     model = VjmEngine(2).tree_model(vjm.load("planar-2r"))
     for q, row in zip(found.q[:2], found.values[:2], strict=True):
-        alone = WeakestForce(model, 0, 20_000.0).weakest(q)
+        alone = CriticalForce(model, 0, 20_000.0).weakest(q)
         assert row == pytest.approx([alone.force, *alone.direction])
     words = ["map", "planar-2r", "--posture", "bent", "--grid", "elbow=0.4:1.6:2", "--quantity", "critical"]
     assert run([*words, "--engine", "vjm-2", "--out", str(tmp_path / "map"), "--json"]) == 0
@@ -148,9 +25,3 @@ def test_a_map_of_critical_forces_and_its_command(tmp_path, capsys):
     assert document["columns"][0] == "F_cr_N"
     assert document["values"][0] == pytest.approx(found.values[0].tolist())
     assert (tmp_path / "map" / "map.png").stat().st_size > 5000
-
-
-def test_a_force_that_is_not_tried_is_no_answer():
-    found = WeakestForce(TreeModel(links(1)), 0, 1e4).weakest(np.array([0.0]))
-    assert np.isnan(found.force)
-    assert found.why == "no critical force up to 10000 N"

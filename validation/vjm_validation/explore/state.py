@@ -27,9 +27,9 @@ from vjm.model.chain import Chain
 from vjm.postures import in_posture
 from vjm.rotations import Array, displacement_between
 from vjm.threads import single_threaded
+from vjm.tree.critical_force import CriticalForce, Weakest
 from vjm.tree.model import Gravity
 from vjm.vjm_engine import VjmEngine
-from vjm_updating.maps.arm_critical import Weakest, WeakestForce
 from vjm_validation.explore.machine_files import MachineFiles
 from vjm_validation.explore.sliders import (
     displacement_sliders,
@@ -239,7 +239,7 @@ class Explorer:
         asked = self._asked(setting)
         model = VjmEngine(*asked.machine.usual_segments).tree_model(asked.machine)
         end = model.ends.index(asked.end) if asked.end else 0
-        search = WeakestForce(model, end, MOST, gravity=asked.gravity)
+        search = CriticalForce(model, end, MOST, gravity=asked.gravity)
         return search.weakest(model.posture(asked.posture))
 
     def _asked(self, setting: Setting) -> Question:

@@ -6,7 +6,7 @@ from html import escape
 
 import numpy as np
 
-from vjm_updating.maps.arm_critical import Weakest
+from vjm.tree.critical_force import Weakest
 from vjm_validation.explore.state import Answer
 
 BARS = 8
