@@ -7,7 +7,7 @@ Example:
     >>> import vjm_updating
     >>> folder = files("vjm_validation") / "examples/soft-springs"
     >>> vjm_updating.load_data(folder / "readings.csv", folder / "sheet.toml")
-    ?
+    <DataSet ramps of orthoglide-chain: 120 readings of time_s, posture, run, ux_mm, fx_N, fy_N, fz_N>
 """
 
 from __future__ import annotations

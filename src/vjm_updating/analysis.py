@@ -54,7 +54,13 @@ def diagnose(
     Example:
         >>> from importlib.resources import files
         >>> from vjm_updating import diagnose, load_data
-        >>> folder = files("vjm_validation") / "examples/joint-test"
+        >>> folder = files("vjm_validation") / "examples/fanuc-deflections"
+        >>> data = load_data(folder / "readings.csv", folder / "sheet.toml")
+        >>> found = diagnose(data, only=("joint_compliance",))
+        >>> [(row["cause"], row["said"]) for row in found.rows()]
+        [('joint_compliance', 'may act')]
+        >>> found.found.findings.more_than_noise
+        True
     """
     match data.test:
         case Measurement():

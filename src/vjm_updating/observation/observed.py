@@ -17,7 +17,7 @@ from vjm_updating.mechanisms.joint_motions import motions_of_readings
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of
 from vjm_updating.mechanisms.series_elements import History
 from vjm_updating.observation.noise import Memory, Noise, memory_of, noise_of
-from vjm_updating.observation.ramp_regression import Steady, steady
+from vjm_updating.observation.ramp_regression import Steady, steadiest
 
 SCORED = ("N", "mm", "Nmm", "rad")
 """Units of channels, those first whose errors say most of a machine."""
@@ -153,7 +153,9 @@ def observe(measurement: Measurement) -> Observed:
 
 
 def straightened(observed: Observed) -> Observed:
-    """The same with lines in time in place of what a gauge read, where a test went steadily.
+    """The same with straight lines in place of what a gauge read, where a test went steadily.
+
+    The lines are straight in time or over the order of the readings.
 
     See `vjm_updating.observation.ramp_regression`. Others stay as they are: controlled by force, with several
     displacements that were read, or by a drive that does not go straight.
@@ -162,8 +164,8 @@ def straightened(observed: Observed) -> Observed:
     if observed.measurement.sheet.test.control != "displacement" or len(driven) != 1:
         return observed
     readings, noise, pose, k = observed.readings, observed.noise, observed.pose.copy(), driven[0]
-    order = readings.row.astype(float) if observed.clock is None else observed.clock
-    path = steady(readings.sequence, order, pose[:, k], float(noise.pose[k]), observed.wrench, noise.wrench)
+    times = [readings.row.astype(float)] if observed.clock is None else [observed.clock, readings.row.astype(float)]
+    path = steadiest(readings.sequence, times, pose[:, k], float(noise.pose[k]), observed.wrench, noise.wrench)
     if path is None:
         return observed
     pose[:, k] = path.steered(pose[:, k])

@@ -97,6 +97,33 @@ def steady(
     return None
 
 
+def steadiest(
+    sequence: np.ndarray, times: Sequence[Array], read: Array, sigma: float, wrench: Array, noise: Array
+) -> Steady | None:
+    """The lines over the time, of several, over which they are the straightest; None where none is believed.
+
+    A drive may go at a steady rate while readings are taken now and then, or by even steps that take their time:
+    lines are then straight over the clock, or over the order of the readings. Over the other one they are only
+    nearly so, and forces do not always tell.
+
+    Args:
+        sequence: number ``(n,)`` of each reading's sequence.
+        times: a clock ``(n,)``, the order of the readings.
+        read: displacement ``(n,)`` as its gauge read it.
+        sigma: of one such reading.
+        wrench: forces and moments ``(n, 6)``, nan where there is none.
+        noise: of one ``(6,)``.
+    """
+    found = [steady(sequence, when, read, sigma, wrench, noise) for when in times]
+    price = float(np.log(len(read))) * (1.0 + MEMORY) / (1.0 - MEMORY)
+
+    def cost(path: Steady) -> tuple[bool, float]:
+        off = (read - path.lines @ (path.lines.T @ read))[path.moved < 1.0] / sigma
+        return not path.throughout, float(off @ off) + price * path.lines.shape[1]
+
+    return min((path for path in found if path is not None), key=cost, default=None)
+
+
 def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list[Piece]:
     """Readings between turns, and whether the displacement changes there.
 
