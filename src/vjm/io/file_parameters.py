@@ -143,10 +143,10 @@ class MachineFiles:
         return replace(self, document=self.document._replace(content=own), legs=legs)
 
     def machine(self, posture: str = "") -> Chain:
-        """The machine of the files, with its loops closed in a posture.
+        """The machine of the files, with its loops closed.
 
         Args:
-            posture: label or coordinates, see `vjm.in_posture`; the first one if left out.
+            posture: label or coordinates, see `vjm.in_posture`; all that the files name if left out.
 
         Raises:
             ModelFileError: the numbers make no machine, or its loops do not close.
@@ -155,8 +155,8 @@ class MachineFiles:
         content = self.document.content
         if content.get("kind") == MANIPULATOR:
             poses = content["poses"]
-            # loops take time to close: in this pose, and at home, from which poses count
-            kept = {label: at for label, at in poses.items() if label == posture or not any(at)}
+            # loops take time to close: in the pose that is wanted, and at home, from which poses count
+            kept = {label: at for label, at in poses.items() if posture in ("", label) or not any(at)}
             document = self.document._replace(content={**content, "poses": kept or poses})
             chain = build_machine(document, self.legs)
         else:

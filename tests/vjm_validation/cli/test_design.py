@@ -222,6 +222,21 @@ def test_an_optimum_is_written_as_a_file_that_keeps_its_limit(validate, tmp_path
     assert deflection == pytest.approx(5.9, rel=2e-6)
 
 
+def test_a_platform_is_swept_in_postures_by_label_and_by_hand(validate):
+    found = SweepDocument.model_validate_json(
+        validate(
+            "sweep", "delta", "--vary", "delta-rod.rod.section.EA_N=8e6:12e6:2", "--of", "deflection",
+            "--segments", "1",
+            "--posture", "low", "--posture", "-10,0,-20", "--wrench", "0,0,-50,0,0,0", "--json",
+        ).out
+    )  # fmt: skip
+    assert [[case.posture for case in row.cases] for row in found.rows] == [["low", "-10,0,-20"]] * 2
+    for row in found.rows:
+        # the worst of both
+        assert row.values[0] == max(case.values[0] for case in row.cases)
+    assert found.rows[1].values[0] < found.rows[0].values[0]
+
+
 def test_an_optimum_of_legs_is_written_with_its_chain_files(validate, tmp_path):
     best = tmp_path / "best.toml"
     found = OptimumDocument.model_validate_json(
